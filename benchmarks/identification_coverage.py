@@ -39,8 +39,9 @@ from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.errors import ValidationError
 from validation.identification.estimates import estimate_all
 from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Problem, search
+from validation.identification.fit import Problem
 from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
+from validation.identification.minima import search
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.outcome.result import IDENTIFIED
 from validation.identification.scatter import lacking
@@ -193,7 +194,7 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
         true = p.physical(start, truth[e.name])
         rows.append(
             {
-                "name": e.name, "true_z": truth[e.name], "z": e.z, "u": e.z_u, "u_form": e.u_form,
+                "name": e.name, "true_z": truth[e.name], "z": e.z, "u": e.z_u, "u_lacking": e.u_form,
                 "u_jackknife": e.u_jackknife, "inside": bool(e.low <= true <= e.high), "profiled": e.profiled,
                 "interval": e.interval, "verdict": e.verdict,
             }

@@ -142,6 +142,6 @@ def _actions() -> Iterator[Fault]:
         ("contact10.friction.A", 2.0),
         ("hammer.mass", 1.03),
     ):
-        # nothing names it: the set of single changes is no finding
+        # nothing names it: the set of compatible changes is no finding
         yield Fault("parameter", f"{path} × {factor:g}", frozenset(), NONE, play={"friction": (path, factor)})
     yield Fault("parameter", "force gain × 1.01", frozenset(), NONE, louder(1.01))

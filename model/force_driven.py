@@ -16,18 +16,21 @@ from model.errors import InputError
 from model.files.force_table import check_force_table
 from model.inside.observe_motion import observe
 from model.parameters.action import Action
-from model.parameters.effects import column
+from model.parameters.effects import STRING_EFFECT, column
 from model.scene.build import Scene, build_scene
+from model.scene.string_terms import with_modes
+from model.simulation.giving_motion import giving_motion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
-from model.simulation.solution import EnergyAudit, Solution
+from model.simulation.solution import MISSED, EnergyAudit, Solution
 from model.simulation.statics import RestState, solve_rest
-from model.simulation.string_motion import lost_meanwhile, string_motion
+from model.simulation.string_motion import lost_meanwhile, modes_of, string_motion
 
 Array = NDArray[np.float64]
 
 COMPANION = 0.1  # tolerance of the run that an error is estimated with, of the requested one
+SECOND_COMPANION = 0.01  # of another one, where the first leaves doubt
 
 
 def output_times(start: float, end: float, rate_hz: float) -> Array:
@@ -85,7 +88,8 @@ def simulate(
     Parameters
     ----------
     action : parameter set
-    time_s, force_n : (k,) force table, linear between its points; with the effect ``motor_arm`` the motor's torque, N m
+    time_s, force_n : (k,) force table, linear between its points; with an effect that presses the key
+        its input: torque of ``motor_arm``, N m; command of ``motor_drive``, V; motion of ``finger``, m
     initial : where to start; by default at rest without force
     tolerance : requested largest error of any angle, rad; by default 1e-5
     output_time_s : (m,) increasing, within the table; by default the table's own times
@@ -124,16 +128,27 @@ def simulate(
     options = ForceDrivenOptions(**keywords)
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(options.output_time_s, times)
-    scene = build_scene(options.choice.on(action), options.choice)
+    scene, fewer = strung_scenes(options.choice.on(action), options)
     if isinstance(initial, State):
         state = initial.copy()
     else:
         angle = solve_rest(scene) if initial is None else initial.angle_rad
         state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(scene.size))
     run = ForceDrivenRun(
-        scene, times, forces, outputs, options.tolerance, options.method, options.choice.outputs, options.estimate_error
-    )
+        scene, times, forces, outputs, options.tolerance, options.method, options.choice.outputs,
+        options.estimate_error, fewer,
+    )  # fmt: skip
     return run.from_state(state)
+
+
+def strung_scenes(action: Action, options: ForceDrivenOptions) -> tuple[Scene, Scene | None]:
+    """The scene, its string with as many modes as the tolerance asks, and the one to judge it by where it was so."""
+    choice = options.choice
+    if STRING_EFFECT not in choice.effects or action["string.modes"] != 0.0:
+        return build_scene(action, choice), None
+    scene = build_scene(with_modes(action, options.tolerance), choice)
+    fewer = build_scene(with_modes(action, options.tolerance, 0.5), choice) if options.estimate_error else None
+    return scene, fewer
 
 
 @dataclass(frozen=True)
@@ -148,6 +163,8 @@ class ForceDrivenRun:
     tolerance, method : as for `simulate`
     outputs : beyond angles and speeds, as in a `SceneChoice`
     estimate_error : also integrate with a tenth of the tolerance and compare
+    fewer_modes : the scene with half the modes, where the tolerance chose them: what its companions take, so that the
+        estimate holds what the modes left out are worth, three times
     """
 
     scene: Scene
@@ -158,20 +175,22 @@ class ForceDrivenRun:
     method: str
     outputs: tuple[str, ...] = ()
     estimate_error: bool = False
+    fewer_modes: Scene | None = None
 
     def from_state(self, state: State) -> Solution:
         """The motion from ``state``, which is left as it is."""
         energy = "energy" in self.outputs
-        under_way = Simulation(self.scene, state.copy(), self.tolerance, self.method, energy=energy)
+        under_way = self._run(state, energy=energy)
         stored = under_way.stored_energy() if energy else 0.0
         angles, speeds = under_way.advance(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
         solution = self.solution(under_way, angles, speeds)
         if energy:
             given, *lost = map(float, under_way.audit)
-            lost[-1] += lost_meanwhile(
+            audit = EnergyAudit(given, under_way.stored_energy() - stored, *lost)
+            ringing = lost_meanwhile(
                 self.scene, (state.time_s, under_way.state.time_s), (state.memory, under_way.state.memory)
             )
-            audit = EnergyAudit(given, under_way.stored_energy() - stored, *lost)
+            audit = replace(audit, lost_in_string=audit.lost_in_string + ringing)
             solution = replace(solution, energy=audit)
         if "inside" in self.outputs:
             solution = replace(solution, inside=self._inside(state))
@@ -182,14 +201,34 @@ class ForceDrivenRun:
     def _end(self) -> float:
         return float(self.output_time_s[-1]) if len(self.output_time_s) else float(self.time_s[-1])
 
-    def planned(self, state: State, tolerance: float | None = None) -> tuple[Simulation, Plan]:
-        """The run from ``state``, and what its step loop is to be given; to its own tolerance or another."""
-        under_way = Simulation(self.scene, state.copy(), tolerance or self.tolerance, self.method)
+    def planned(self, state: State, *, companion: bool = False) -> tuple[Simulation, Plan]:
+        """The run from ``state`` or its companion, and what the step loop is to be given."""
+        under_way = self.companion(state) if companion else self._run(state)
         return under_way, under_way.plan(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
 
-    def companion_tolerance(self) -> float:
-        """Tolerance of the run that an error is estimated with, rad."""
-        return max(COMPANION * self.tolerance, SMALLEST_TOLERANCE)
+    def _run(self, state: State, *, energy: bool = False) -> Simulation:
+        return Simulation(self.scene, state.copy(), self.tolerance, self.method, energy=energy)
+
+    def companion(self, state: State, share: float = COMPANION) -> Simulation:
+        """The run that an error is estimated with: every bound on its local errors is a ``share`` of the run's own."""
+        tolerance = max(share * self.tolerance, SMALLEST_TOLERANCE)
+        scene = self.scene if self.fewer_modes is None or len(state.memory) else self.fewer_modes
+        return Simulation(scene, state.copy(), tolerance, self.method, creep=share)
+
+    def judged(self, first: State, angles: Array, error: float) -> float:
+        """The error that one companion found; in doubt, above the request but no miss yet, a second one is asked.
+
+        Where small errors grow, a companion may happen to go wrong the same way.
+        """
+        if not self.tolerance < error <= MISSED * self.tolerance:
+            return error
+        other, _ = self.companion(first, SECOND_COMPANION).advance(
+            self._until(first), self.time_s, self.force_n, output_time_s=self.output_time_s
+        )
+        return max(error, self.largest_difference(angles, other))
+
+    def _until(self, first: State) -> float:
+        return float(self.output_time_s[-1]) if len(self.output_time_s) else first.time_s
 
     def largest_difference(self, angles: Array, others: Array) -> float:
         """Largest difference of an angle (rad) between two motions, columns that are no angles left out."""
@@ -210,9 +249,10 @@ class ForceDrivenRun:
             contacts=contacts,
             contact_normal_n=normal,
             contact_friction_n=tangential,
-            counters=under_way.work(),
+            counters=under_way.work() | modes_of(self.scene),
             tolerance=self.tolerance,
             string=string_motion(self.scene, self.output_time_s, under_way.remembered),
+            give=giving_motion(self.scene, under_way.remembered),
         )
 
     def _error(self, first: State, angles: Array) -> float:
@@ -220,16 +260,15 @@ class ForceDrivenRun:
 
         The tighter run contains what no local estimate knows: how much the errors of early steps grow.
         """
-        companion = Simulation(self.scene, first.copy(), self.companion_tolerance(), self.method)
-        end = float(self.output_time_s[-1]) if len(self.output_time_s) else first.time_s
-        other, _ = companion.advance(end, self.time_s, self.force_n, output_time_s=self.output_time_s)
-        return self.largest_difference(angles, other)
+        until = self._until(first)
+        other, _ = self.companion(first).advance(until, self.time_s, self.force_n, output_time_s=self.output_time_s)
+        return self.judged(first, angles, self.largest_difference(angles, other))
 
     def _inside(self, first: State) -> Inside:
         """Inside view of the motion from ``first``, which is integrated again for the times that the view needs."""
 
         def states(at: Array) -> tuple[Array, Array]:
-            again = Simulation(self.scene, first.copy(), self.tolerance, self.method)
+            again = self._run(first)
             until = float(at[-1]) if len(at) else first.time_s
             return again.advance(until, self.time_s, self.force_n, output_time_s=at)
 
@@ -237,9 +276,13 @@ class ForceDrivenRun:
 
 
 def _contact_forces(run: Simulation, angles: Array, speeds: Array) -> tuple[tuple[str, ...], Array, Array]:
-    """Names (c,), normal and friction forces (m, c) of all contacts, the motor arm's tip as one of them."""
+    """Names (c,), normal and friction forces (m, c) of all contacts, the tip of motor arm or finger as one of them."""
     normal, tangential = run.contact_forces(angles, speeds)
     if not len(run.scene.tables.probe):
         return run.scene.contacts, normal, tangential
     tip = run.probe_forces(angles, speeds)
-    return (*run.scene.contacts, "motor_arm"), np.hstack([normal, tip]), np.hstack([tangential, np.zeros_like(tip)])
+    return (
+        (*run.scene.contacts, run.scene.presser),
+        np.hstack([normal, tip]),
+        np.hstack([tangential, np.zeros_like(tip)]),
+    )

@@ -47,7 +47,9 @@ def hammer_height_from_angle(action: Action, hammer_rad: ArrayLike) -> NDArray[n
     return gap / length - action[f"{STRING}.first.radius"]
 
 
-def hammer_height_m(action: Action, angle_rad: ArrayLike, shank_rad: ArrayLike | None = None) -> NDArray[np.float64]:
+def hammer_height_m(
+    action: Action, angle_rad: ArrayLike, shank_rad: ArrayLike | None = None, give_m: ArrayLike | None = None
+) -> NDArray[np.float64]:
     """Distance from the hammer's striking surface to the string, 0 at touch.
 
     Where the shank bends, ``shank_rad`` is the head's angle from the straight shank; without it the height is that of a
@@ -58,6 +60,7 @@ def hammer_height_m(action: Action, angle_rad: ArrayLike, shank_rad: ArrayLike |
     action : geometry
     angle_rad : (m, n) angles of the bodies, rad
     shank_rad : (m,) bend of the shank, rad; by default none
+    give_m : (m, 2) how far the hammer's joint gives, to the right and up, m; by default not
 
     Returns
     -------
@@ -73,6 +76,8 @@ def hammer_height_m(action: Action, angle_rad: ArrayLike, shank_rad: ArrayLike |
     48 mm at rest
     """
     theta = _column(angle_rad, "hammer")
+    if give_m is not None:
+        return hammer_height_m(action, angle_rad, shank_rad) + along_string_normal(action, give_m)
     if shank_rad is None:
         return hammer_height_from_angle(action, theta)
     # the head turned about the hinge: as a whole hammer turned by both angles, its pivot moved along
@@ -82,6 +87,29 @@ def hammer_height_m(action: Action, angle_rad: ArrayLike, shank_rad: ArrayLike |
     normal = complex(action[f"{STRING}.second.normal.x"], action[f"{STRING}.second.normal.y"])
     along = np.real(way * normal.conjugate()) / abs(normal)
     return np.asarray(hammer_height_from_angle(action, turned) + along)
+
+
+def along_string_normal(action: Action, way: ArrayLike) -> NDArray[np.float64]:
+    """Component of vectors (..., 2) along the normal of the string, which points at the hammer.
+
+    Parameters
+    ----------
+    action : geometry
+    way : (..., 2) to the right and up, in any unit
+
+    Returns
+    -------
+    ndarray
+        (...,), in the same unit.
+
+    Examples
+    --------
+    >>> import model
+    >>> float(model.observables.along_string_normal(model.load_action(), [0.0, 1e-3]))
+    -0.001
+    """
+    normal = np.array([action[f"{STRING}.second.normal.x"], action[f"{STRING}.second.normal.y"]])
+    return np.asarray(np.asarray(way, dtype=float) @ (normal / np.hypot(*normal)))
 
 
 def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDArray[np.float64]:

@@ -34,7 +34,7 @@ TABLES = (
     "scorecard",
     "marked",
     "findings",
-    "single_changes",
+    "compatible_changes",
     "motion_driven",
     "channels",
     "phases",
@@ -70,9 +70,9 @@ class SessionTables:
         Samples left out of the scores, because the key lifts.
     findings : DataFrame
         Faults of the session that were recognised.
-    single_changes : DataFrame
-        Changes of model or force each of which alone would take away most of the difference; no faults, and no trial
-        tells them apart.
+    compatible_changes : DataFrame
+        Sets of changes of model or force that explain the difference, all of the smallest size; no faults. Empty where
+        nothing was looked for, nothing need have changed, or no part of the model explains it.
     channels : DataFrame
         One row per channel: RMSE, repeatability, and the share of the window in which model and trials differ.
     phases : DataFrame
@@ -114,7 +114,7 @@ class SessionTables:
     scorecard: pd.DataFrame
     marked: pd.DataFrame
     findings: pd.DataFrame
-    single_changes: pd.DataFrame
+    compatible_changes: pd.DataFrame
     channels: pd.DataFrame
     phases: pd.DataFrame
     events: pd.DataFrame

@@ -21,9 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.errors import ModelError
 from model.files.force_table import check_force_table
-from model.force_driven import ForceDrivenRun, check_output_times
+from model.force_driven import ForceDrivenRun, check_output_times, strung_scenes
 from model.parameters.action import Action
-from model.scene.build import build_scene
+from model.scene.build import Scene
 from model.simulation.options import ForceDrivenOptions
 from model.simulation.run import State
 from model.simulation.solution import Solution
@@ -119,11 +119,15 @@ def _row(array: Array) -> Array:
 
 def _writable(run: ForceDrivenRun) -> ForceDrivenRun:
     """The run with arrays that kernels accept; what comes from another process may be read-only."""
-    scene = run.scene
+    fewer = None if run.fewer_modes is None else _writable_scene(run.fewer_modes)
+    return replace(run, scene=_writable_scene(run.scene), fewer_modes=fewer)
+
+
+def _writable_scene(scene: Scene) -> Scene:
     if all(array.flags.writeable for array in (scene.vector, *scene.tables)):
-        return run
+        return scene
     tables = type(scene.tables)(*(np.require(table, requirements=["C", "W"]) for table in scene.tables))
-    return replace(run, scene=replace(scene, vector=_row(scene.vector), tables=tables))
+    return replace(scene, vector=_row(scene.vector), tables=tables)
 
 
 def _tables(
@@ -176,10 +180,10 @@ def make_jobs(
     choice = options.choice
     jobs = []
     for label, overrides in parameter_sets.items():
-        scene, start, failure = None, None, None
+        scene, fewer, start, failure = None, None, None, None
         try:
             changed = choice.on(action.with_values(overrides) if overrides else action)
-            scene = build_scene(changed, choice)
+            scene, fewer = strung_scenes(changed, options)
             start = solve_rest(scene) if initial is None else np.array(initial.angle_rad, dtype=float)
         except ModelError as problem:
             failure = problem
@@ -195,6 +199,7 @@ def make_jobs(
                     options.method,
                     choice.outputs,
                     options.estimate_error,
+                    fewer,
                 )
             jobs.append(Job(trial, label, run, start, failure or unusable))
     return jobs

@@ -7,6 +7,7 @@ another order (docs/decisions/0083-model-lanes.md).
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -20,7 +21,7 @@ from model.integrators.rosenbrock import integrate
 from model.kernels.codegen.load import lane_kernels_of
 from model.kernels.lanes.width import LANES, lanes_pay
 from model.scene.build import Scene
-from model.simulation.run import Plan, Simulation
+from model.simulation.run import Plan, Simulation, State
 from model.simulation.side_by_side import advance_together
 
 # of one structure and method. Lanes win from 2 members on; loading what is compiled takes as long as 15 to 20 members
@@ -33,8 +34,8 @@ def can(job: Job) -> bool:
     """Whether lanes give all that a job asks for."""
     if job.run is None or job.failure is not None or not set(job.run.outputs) <= SUPPORTED:
         return False
-    if job.run.scene.remembers:
-        return False  # the kernels for lanes know no memory
+    if job.run.scene.remembers or job.run.scene.wound:
+        return False  # the kernels for lanes know no memory and no amplifier
     return job.run.method in METHODS and METHODS[job.run.method].loop is integrate
 
 
@@ -67,10 +68,24 @@ def choose(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
         if kind is not None:
             count[kind] += 1
     least = 1 if lanes else LEAST_MEMBERS
+    _tell_of_memory([job for job, kind in zip(jobs, of_job, strict=True) if kind is None], least)
     return [
         replace(job, in_lanes=True) if kind is not None and count[kind] >= least else job
         for job, kind in zip(jobs, of_job, strict=True)
     ]
+
+
+def _tell_of_memory(alone: Sequence[Job], least: int) -> None:
+    """Say in one line which of the members that cannot go into lanes only their felt or string keeps out."""
+    kept = [scene for job in alone if job.run is not None and (scene := job.run.scene).remembers]
+    if len(kept) < least:
+        return
+    why = sorted({name for scene in kept for name in scene.what_remembers})
+    warnings.warn(
+        f"lanes: members with {', '.join(why)} are computed one by one, more slowly; "
+        "lanes know no felt with memory and no string",
+        stacklevel=3,
+    )
 
 
 def units(jobs: Sequence[Job], todo: Iterable[int], workers: int) -> list[list[int]]:
@@ -109,24 +124,25 @@ def warm(scene: Scene) -> None:
 def run_together(jobs: Sequence[Job], hashes: Sequence[str]) -> list[Member]:
     """Compute jobs of one kind side by side; members in the order of the jobs, each failure that of its own member."""
     members: list[Member | None] = [None] * len(jobs)
-    seated: list[tuple[int, ForceDrivenRun, list[tuple[Simulation, Plan]]]] = []
+    seated: list[tuple[int, ForceDrivenRun, State, list[tuple[Simulation, Plan]]]] = []
     for i, job in enumerate(jobs):
         run, state = from_rest(job)
         try:
-            wanted = [None, run.companion_tolerance()] if run.estimate_error else [None]
-            seated.append((i, run, [run.planned(state, tolerance) for tolerance in wanted]))
+            wanted = (False, True) if run.estimate_error else (False,)
+            seated.append((i, run, state, [run.planned(state, companion=each) for each in wanted]))
         except ModelError as problem:
             members[i] = Member(job.trial, job.parameters, hashes[i], error=problem)
-    plans = [plan for _, _, runs in seated for _, plan in runs]
+    plans = [plan for _, _, _, runs in seated for _, plan in runs]
     ends = iter(advance_together(seated[0][1].scene.tables, plans, LANES) if plans else [])
-    for i, run, runs in seated:
+    for i, run, state, runs in seated:
         reached = [next(ends) for _ in runs]
         job, sha256 = jobs[i], hashes[i]
         try:
             motions = [one.reached(plan, *end) for (one, plan), end in zip(runs, reached, strict=True)]
             solution = run.solution(runs[0][0], *motions[0])
             if run.estimate_error:
-                solution = replace(solution, error_rad=run.largest_difference(motions[0][0], motions[1][0]))
+                error = run.largest_difference(motions[0][0], motions[1][0])
+                solution = replace(solution, error_rad=run.judged(state, motions[0][0], error))
         except ModelError as problem:
             members[i] = Member(job.trial, job.parameters, sha256, error=problem)
             continue

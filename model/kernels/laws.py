@@ -1,9 +1,9 @@
-"""Force laws with their derivatives: felt (eqs. 2.4, 2.5), friction (eqs. 2.10, 2.12), springs (eq. A.3).
+"""Force laws with their derivatives: felt (eqs. 2.4, 2.5), friction (eqs. 2.10, 2.12), springs (eq. A.3), an amplifier.
 
 The normal force is clamped at zero: felt cannot pull, while eq. 2.4 would for fast separation.
 """
 
-from math import exp
+from math import exp, sqrt
 
 from model.kernels.compile import inlined
 
@@ -40,3 +40,31 @@ def friction(s, per, a, b1, b2):
         value += b1 * z / d
         slope += b1 * (1.0 - 3.0 * b2 * z4) / (d * d)
     return a * value, a * slope * per
+
+
+@inlined
+def soft_limit(x, limit, share):
+    """``x`` held between -limit and limit, and its slope.
+
+    Exactly ``x`` up to (1 - share) limit; four continuous derivatives there, so that a step keeps its order.
+    """
+    size = abs(x)
+    width = share * limit
+    if size <= limit - width:
+        return x, 1.0
+    s = (size - limit) / width + 1.0
+    fourth = 1.0 + s * s * s * s
+    root = sqrt(sqrt(fourth))
+    value = limit - width + width * s / root
+    return (value if x > 0.0 else -value), 1.0 / (fourth * root)
+
+
+@inlined
+def amplifier(u, current, loop, supply, limit, hold, share):
+    """Voltage of an amplifier, its derivatives by the source ``u`` (V) and by the current; (V, 1, V/A).
+
+    It gives ``u`` less what its current loop takes, and gives way beyond the largest current; within its supply.
+    """
+    allowed, slope = soft_limit(current, limit, share)
+    volts, of_source = soft_limit(u - loop * current - hold * (current - allowed), supply, share)
+    return volts, of_source, -of_source * (loop + hold * (1.0 - slope))

@@ -18,7 +18,7 @@ GROUND, GUIDED = -1, -2
 CIRCLE, LINE, HYBRID = 0, 1, 2
 
 # drives: what the scalar input u(t) does
-FORCE_DOWN, JOINT_TORQUE = 0, 1
+FORCE_DOWN, JOINT_TORQUE, AMPLIFIER = 0, 1, 2
 
 # p[0:3]
 GRAVITY, V_T, OMEGA_T = 0, 1, 2
@@ -41,12 +41,20 @@ CONTACT_SIZE = REACH + 4
 # per drive: point of a force in the body's frame
 DRIVE_X, DRIVE_Y = 0, 1
 DRIVE_SIZE = 2
+# an amplifier acts on a winding; its coordinate is the charge that has passed (its speed is the current, its inertia
+# the inductance), the motor that it turns is the one before. Alone in its scene. Ohm, N m/A, then as `laws.amplifier`
+WINDING_R, WINDING_K, WINDING_AMPLIFIER = 0, 1, 2
+WINDING_SIZE = 7
 
 # per probe (one-sided vertical contact between a point of body A and a point of body B)
 PROBE_SIZE = 8  # A x, A y, B x, B y, a, b, c, D
 
 # per damper: torque on the joint = -d v
 DAMPER_SIZE = 1
+
+# per direction in which a joint gives: force on the body = load - k d - c dd/dt
+PIN_K, PIN_C, PIN_LOAD = range(3)
+PIN_SIZE = 3
 
 # laws of felt with memory; what a contact remembers is one state each (`Tables.memory`), with two numbers
 STULOV, HYSTERESIS = 1, 2
@@ -89,9 +97,12 @@ class Tables(NamedTuple):
     side: np.ndarray  # (c, MAX_CHAIN) +1 where the coordinate moves A, -1 where it moves B
     drive: np.ndarray  # (d, 2) kind, body
     probe: np.ndarray  # (b, 2) body A, body B; both hang from ground
-    offset: np.ndarray  # (8,) where springs, contacts, drives, probes, motion, dampers, memories, string start in p
+    offset: (
+        np.ndarray
+    )  # (9,) where springs, contacts, drives, probes, motion, dampers, memories, string, pins start in p
     prescribed: np.ndarray  # (n,) 1 where a coordinate follows the motion in p; such come last and carry no other body
     damper: np.ndarray  # (k,) body of each damper
     rail: np.ndarray  # (0,) or (1,) contact on which a guided body rests
     string: np.ndarray  # (0,) or (1,) contact in which a string stands for the bar
     memory: np.ndarray  # (z, 2) contact and law of each state of felt that remembers; those of one contact together
+    pin: np.ndarray  # (g, 2) body whose joint gives, and in which direction of the world: 0 right, 1 up

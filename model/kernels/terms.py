@@ -172,6 +172,24 @@ def lift_of_second(nx, ny, distance, r, x_j):
 
 
 @inlined
+def slide_of_first(nx, ny, distance, r, x_j):
+    """The same when a pin that gives to the right carries body A."""
+    kappa = 0.0
+    if distance != 0.0:
+        kappa = -ny / distance
+    return kappa, 1.0 + 0.5 * x_j * nx + r * kappa * ny, 0.5 * x_j * ny - r * kappa * nx
+
+
+@inlined
+def slide_of_second(nx, ny, distance, r, x_j):
+    """The same when it carries body B."""
+    kappa = 0.0
+    if distance != 0.0:
+        kappa = ny / distance
+    return kappa, 0.5 * x_j * nx + r * kappa * ny, 0.5 * x_j * ny - r * kappa * nx
+
+
+@inlined
 def turn_of_arm(side, mx, my, nx, ny, kappa, lx, ly):
     """Change of a joint's generalised normal and tangential direction when its arm moves by (mx, my)."""
     return (

@@ -24,10 +24,11 @@ GRIP = SLIDE_RATE + MAX_CONTACTS  # (MAX_CONTACTS,) acceleration of a joint by f
 U = GRIP + MAX_CONTACTS  # (MAX_STAGES, 2, WIDTH) stages: angle part, speed part
 AUDIT_Q = U + MAX_STAGES * 2 * WIDTH  # state at which energies and powers are asked for
 AUDIT_V = AUDIT_Q + WIDTH
-ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS, POWER_RAIL, POWER_SHANK, POWER_STRING = range(
-    AUDIT_V + WIDTH, AUDIT_V + WIDTH + 8
-)  # J, W; the last three only where a scene has the effect
-STATIC = ENERGY + WIDTH  # 1 leaves (dM/dq) a out of K, for statics
+(
+    ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS, POWER_RAIL, POWER_SHANK, POWER_PINS, POWER_STRING,
+    POWER_DRIVE,
+) = range(AUDIT_V + WIDTH, AUDIT_V + WIDTH + 10)  # fmt: skip  # J, W; the last five only where a scene has the effect
+STATIC = ENERGY + 2 * WIDTH  # 1 leaves (dM/dq) a out of K, for statics
 PIECE = STATIC + 1  # piece of the prescribed motion found last
 SIZE = STATIC + WIDTH
 # where members advance side by side in lanes, each of these places is a row of lanes, and their kernels also read:
@@ -35,9 +36,10 @@ INPUT, INPUT_RATE, STAGE_STEP, STEP_RATE, IDLE, NEEDED = range(SIZE, SIZE + 6)
 # input u; weight of du/dt; gamma h; 1/h; 1 in a lane without a member; contacts that the member itself needs
 LANE_SIZE = SIZE + WIDTH
 # where contacts remember (`layout.Tables.memory`), their states lie beyond all of these, in rows of their own:
-MOST_FELT, LINKS = 40, 4  # three for each of thirteen contacts; joints of a contact (`layout.MAX_CHAIN`)
+MOST_FELT, LINKS = 40, 16  # three for each of thirteen contacts; coordinates that move a contact, pins among them
 MOST_MODES = 100
-MOST_MEMORIES = MOST_FELT + 2 + 2 * MOST_MODES  # of felt, then of a string
+MOST_PINS = 10  # two directions of five joints
+MOST_MEMORIES = MOST_FELT + 2 * MOST_PINS + 2 + 2 * MOST_MODES  # of felt, of joints that give, of a string
 Z, Z1, Z_RATE, Z_FADE, Z_EASE, Z_INPUT, Z_WEIGHT, AUDIT_Z = (LANE_SIZE + MOST_MEMORIES * k for k in range(8))
 # state, at the end of the step, its rate (1/s), d rate / d state, 1 / (1/(gamma h) - that), d rate / d input,
 # error of a speed that one unit of it is worth, state at which energies are asked for
@@ -55,4 +57,8 @@ S_ALONG, S_ANGLES, S_SPEEDS = (NOW + 8 + LINKS * k for k in range(3))
 S_NUMBERS = NOW + 8 + 3 * LINKS  # (3, MOST_MODES) gain, stiffness, damping of each mode
 S_EASE, S_BACK = (S_NUMBERS + MOST_MODES * k for k in (3, 4))
 S_TURN, S_COUPLED = (S_NUMBERS + MOST_MODES * k for k in (5, 7))  # (2, MOST_MODES) at a stage; known sides
-WITH_MEMORY = S_COUPLED + 2 * MOST_MODES
+# where joints give, equations of all coordinates, their directions after the others: K, D, M, factors, M at a stage
+WIDE = WIDTH + MOST_PINS
+P_STIFF, P_DAMP, P_MASS, P_LU, P_HERE, P_WORK = (S_COUPLED + 2 * MOST_MODES + WIDE * WIDE * k for k in range(6))
+P_ACC, P_INPUT, P_FORCE, P_WAY, P_KNOWN, P_ALLOWANCE = (P_WORK + WIDE * WIDE + WIDE * k for k in range(6))
+WITH_MEMORY = P_ALLOWANCE + WIDE

@@ -25,8 +25,8 @@ from model.force_driven import check_output_times
 from model.motion_driven.prescribed_key import PrescribedRun, rest_angle, run_prescribed
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
 from model.parameters.action import Action
-from model.scene.build import check_prescribed_key
 from model.scene.key_motion import KeyMotion
+from model.scene.selection import check_prescribed_key
 from model.simulation.options import SimulationKeywords, SimulationOptions
 from model.simulation.rail_reaction import RailTension, tensions
 

@@ -51,6 +51,22 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "contact_b": (0.0, 1e12, False),
     "contact_c": (0.0, 1e9, False),
     "contact_damping": (0.0, 1e3, False),
+    "motor_drive.resistance": (0.0, 1e4, False),
+    "motor_drive.inductance": (0.0, 10.0, True),
+    "motor_drive.torque_constant": (0.0, 100.0, False),
+    "motor_drive.current_gain": (-1e3, 1e3, False),
+    "motor_drive.loop_gain": (0.0, 1e6, False),
+    "motor_drive.voltage_gain": (-1e3, 1e3, False),
+    "motor_drive.supply": (0.0, 1e6, True),
+    "motor_drive.current_limit": (0.0, 1e4, True),
+    "motor_drive.limit_gain": (0.0, 1e6, False),
+    "motor_drive.limit_softness": (1e-3, 0.5, False),
+    "finger.stiffness": (0.0, 1e9, False),
+    "finger.damping": (0.0, 1e6, False),
+    "finger.pad_a": (0.0, 1e15, False),
+    "finger.pad_b": (0.0, 1e12, False),
+    "finger.pad_c": (0.0, 1e9, False),
+    "finger.pad_damping": (0.0, 1e3, False),
     "string.length": (0.01, 3.0, False),
     "string.mass": (1e-5, 1.0, False),
     "string.tension": (1.0, 1e4, False),
@@ -58,7 +74,8 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "string.b1": (0.0, 100.0, False),
     "string.b2": (0.0, 0.1, False),
     "string.struck_at": (1e-3, 0.999, False),
-    "string.modes": (1.0, 100.0, False),
+    "string.modes": (0.0, 100.0, False),
+    "string.unisons": (1.0, 3.0, False),
     "stulov.epsilon": (0.0, 0.9999, False),
     "stulov.tau": (1e-9, 10.0, False),
     "hysteresis.beta": (0.0, 1.0, False),
@@ -67,6 +84,13 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "hysteresis.eta": (1e-3, 0.4, False),  # up to where it is passive (0148-felt-laws-with-memory.md)
     "hysteresis.eta2": (1e-3, 0.4, False),
     "hysteresis.eta3": (1e-3, 0.4, False),
+    **{
+        f"{body}_pin.{name}": allowed
+        for body in ("key", "whippen", "jack", "repetition", "hammer")
+        for name, allowed in (("stiffness", (1e3, 1e9, False)), ("damping", (0.0, 1e5, False)))
+    },
+    "load.x": (-1e3, 1e3, False),
+    "load.y": (-1e3, 1e3, False),
 }
 
 

@@ -9,7 +9,6 @@ motion of the key is prescribed, the other bodies are solved for and the input i
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,14 +17,17 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.kernels import layout as L
+from model.kernels import workspace as W
 from model.kernels.codegen.structure import solved_contacts
 from model.parameters.action import CONTACTS, STRING, Action
-from model.parameters.effects import KEY_LIFT, MOTOR, RAIL, SHANK, STRING_EFFECT
+from model.parameters.effects import ARM, FINGER, KEY_LIFT, MOTOR, MOTOR_DRIVE, RAIL, SHANK, STRING_EFFECT, WINDING
+from model.scene import pressing
 from model.scene.contacts import chain_of, reach_of, read_contact
 from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.felt_memory import memories_of
+from model.scene.giving_joints import AXES, pins_and_numbers
 from model.scene.key_motion import KeyMotion
-from model.scene.selection import SceneChoice
+from model.scene.selection import SceneChoice, check_prescribed_key
 from model.scene.string_terms import string_numbers
 
 # rest angles of the printed action, to two digits: the solver needs a start on the right side of each contact
@@ -44,6 +46,7 @@ class Scene:
     tables: L.Tables
     vector: NDArray[np.float64]
     start: NDArray[np.float64]  # (size,) rad, where the search for the rest state begins
+    command: pressing.Command | None = None  # how the input of a run reaches the kernels; None as it is
 
     @property
     def size(self) -> int:
@@ -61,13 +64,19 @@ class Scene:
     def refuse_memory(self, what: str) -> None:
         """Refuse a scene whose felt remembers, for what knows the thesis's law alone."""
         if len(self.tables.memory):
-            names = ", ".join(dict.fromkeys(self.contacts[c] for c, _ in self.tables.memory))
+            names = ", ".join(name for name in self.what_remembers if name in self.contacts)
             raise InputError(
                 f"{what}: found felt that remembers ({names}), allowed the law hunt-crossley; "
                 "take that law for these contacts"
             )
         if len(self.tables.string):
             raise InputError(f"{what}: found the effect string, allowed the rigid bar; leave the effect out")
+        if self.pins:
+            names = ", ".join(dict.fromkeys(f"{body}_pin" for body, _ in self.pins))
+            raise InputError(f"{what}: found joints that give ({names}), allowed rigid joints; leave these effects out")
+        if self.command is not None:
+            effect = MOTOR_DRIVE if WINDING in self.bodies else FINGER
+            raise InputError(f"{what}: found the effect {effect}, allowed a force on the key or the effect motor_arm")
 
     @cached_property
     def static_tables(self) -> L.Tables:
@@ -75,9 +84,30 @@ class Scene:
         return self.tables._replace(memory=np.zeros((0, 2), dtype=np.int64), string=np.zeros(0, dtype=np.int64))
 
     @property
+    def what_remembers(self) -> tuple[str, ...]:
+        """Contacts whose felt has a law with memory; then the string, where there is one."""
+        felts = dict.fromkeys(self.contacts[c] for c, _ in self.tables.memory)
+        return (*felts, *(("string",) if len(self.tables.string) else ()))
+
+    @property
+    def presser(self) -> str:
+        """Effect whose tip presses the key, as a name among contacts; empty where a force on the key drives it."""
+        return FINGER if FINGER in self.bodies else ARM if MOTOR in self.bodies else ""
+
+    @cached_property
+    def wound(self) -> tuple[int, ...]:
+        """Coordinate of the winding's charge, which has no place of rest; none for most scenes."""
+        return (self.bodies.index(WINDING),) if WINDING in self.bodies else ()
+
+    @property
     def remembers(self) -> bool:
-        """Whether the scene has states beside angles and speeds: felt with memory, a string."""
-        return len(self.tables.memory) + len(self.tables.string) > 0
+        """Whether the scene has states beside angles and speeds: felt with memory, a string, joints that give."""
+        return len(self.tables.memory) + len(self.tables.string) + len(self.tables.pin) > 0
+
+    @cached_property
+    def pins(self) -> tuple[tuple[str, str], ...]:
+        """Body and direction, x or y, of each way in which a joint gives."""
+        return tuple((self.bodies[body], AXES[axis]) for body, axis in self.tables.pin.tolist())
 
     @cached_property
     def solved_contacts(self) -> int:
@@ -85,21 +115,17 @@ class Scene:
         return len(solved_contacts(self.tables))
 
 
-def check_prescribed_key(choice: SceneChoice) -> None:
-    """Refuse a choice whose key cannot follow a prescribed motion."""
-    for effect in ("motor_arm", RAIL):
-        if effect in choice.effects:
-            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
-    if len(choice.bodies) == 1:
-        raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")
-
-
 def _coordinates(choice: SceneChoice, key_motion: KeyMotion | None) -> list[str]:
     """Names of the coordinates in order: bodies, then what effects add; a prescribed key comes last."""
     out = [*choice.bodies]
-    for effect, coordinate in (("motor_arm", MOTOR), (RAIL, KEY_LIFT), ("shank", SHANK)):
+    effects = ((ARM, MOTOR), (MOTOR_DRIVE, WINDING), (FINGER, FINGER), (RAIL, KEY_LIFT), ("shank", SHANK))
+    for effect, coordinate in effects:  # the winding follows the motor that it turns
         if effect in choice.effects:
             out.append(coordinate)
+    if len(out) > W.WIDTH:
+        raise InputError(
+            f"scene: found {len(out)} coordinates ({', '.join(out)}), allowed {W.WIDTH}; leave an effect out"
+        )
     if key_motion is None:
         return out
     check_prescribed_key(choice)
@@ -109,7 +135,7 @@ def _coordinates(choice: SceneChoice, key_motion: KeyMotion | None) -> list[str]
 def _parent(action: Action, bodies: list[str], body: str) -> int:
     if body == KEY_LIFT:
         return L.GUIDED
-    name = {"key": KEY_LIFT, SHANK: "hammer", MOTOR: "ground"}.get(body)
+    name = {"key": KEY_LIFT, SHANK: "hammer", MOTOR: "ground", WINDING: "ground", FINGER: "ground"}.get(body)
     if body == "key" and KEY_LIFT not in bodies:
         name = None
     name = action.structure[f"{body}.parent"] if name is None else name
@@ -121,12 +147,10 @@ def _body(action: Action, bodies: list[str], body: str) -> list[float]:
     if body == KEY_LIFT:
         friction = action[f"{RAIL}.guide_friction.A"]
         return [action["key.pivot.x"], action["key.pivot.y"], 0.0, 0.0, 0.0, 0.0, friction, 0.0, 0.0]
-    if body == MOTOR:
-        x, y = action["drive.point.x"], action["drive.point.y"]
-        c, s = math.cos(PRINTED_REST["key"]), math.sin(PRINTED_REST["key"])
-        tip_x, tip_y = action["key.pivot.x"] + c * x - s * y, action["key.pivot.y"] + s * x + c * y
-        rotor = [action["motor_arm.inertia"], action["motor_arm.joint_friction"], 0.0, 0.0]
-        return [tip_x + action["motor_arm.length"], tip_y, 0.0, 0.0, 0.0, *rotor]
+    if body in (MOTOR, FINGER):
+        return pressing.pressing_body(action, body, PRINTED_REST["key"])
+    if body == WINDING:
+        return pressing.winding_body(action)
     if body == SHANK:
         mass, x, y, inertia = parts_of_hammer(action)[1]
         return [action["shank.hinge.x"], action["shank.hinge.y"], x, y, mass, inertia, 0.0, 0.0, 0.0]
@@ -148,9 +172,9 @@ def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tup
         numbers = [action[f"{b}_spring.{k}"] for k in ("torque", "stiffness", "angle")]
         if numbers[0] != 0.0 or numbers[1] != 0.0:
             out.append((bodies.index(b), numbers))
-    if MOTOR in bodies:
-        torque = action["motor_arm.preload_n"] * action["motor_arm.length"]
-        out.append((bodies.index(MOTOR), [torque, action["motor_arm.spring_stiffness"], 0.0]))
+    presser = pressing.presser_of(bodies)
+    if presser is not None:
+        out.append((bodies.index(presser), pressing.pressing_spring(action, presser)))
     if SHANK in bodies:
         out.append((bodies.index(SHANK), [0.0, bending(action)[0], 0.0]))
     return out
@@ -171,7 +195,7 @@ def _ancestors(parent: list[int]) -> NDArray[np.int64]:
 def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
     """Scene of the whole action, or of what ``choice`` leaves out and adds.
 
-    Driven by a force on the key, by the torque of the motor where the choice has one, or by the motion of the key.
+    Driven by a force on the key, by what presses it where the choice has that, or by the motion of the key.
 
     Parameters
     ----------
@@ -198,7 +222,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     choice.check(action)
     bodies = _coordinates(choice, key_motion)
     parent = [_parent(action, bodies, b) for b in bodies]
-    n, key, motor = len(bodies), bodies.index("key"), MOTOR in bodies
+    n, key, presser = len(bodies), bodies.index("key"), pressing.presser_of(bodies)
     vector: list[float] = [action["gravity.g"], action["friction_threshold.v_t"], action["friction_threshold.omega_t"]]
     for b in bodies:
         vector += _body(action, bodies, b)
@@ -229,28 +253,26 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         sides.append([s for _, s in chain] + [0] * pad)
         vector += [*numbers, *(reach_of(parent, pivot, first, point, b) for b, _ in chain), *[0.0] * pad]
     offsets.append(len(vector))
-    px, py = action["drive.point.x"], action["drive.point.y"]
-    drives = [[L.JOINT_TORQUE, bodies.index(MOTOR)]] if motor else [[L.FORCE_DOWN, key]]
-    vector += [0.0, 0.0] if motor else [px, py]
+    drive, numbers = pressing.drive_numbers(action, bodies)
+    vector += numbers
     offsets.append(len(vector))
     probes: list[list[int]] = []
-    if motor:
-        probes = [[bodies.index(MOTOR), key]]
-        law = [action[f"motor_arm.contact_{k}"] for k in ("a", "b", "c", "damping")]
-        vector += [-action["motor_arm.length"], 0.0, px, py, *law]
+    if presser is not None:
+        probes = [[bodies.index(presser), key]]
+        vector += pressing.tip_contact(action, presser)
     offsets.append(len(vector))
     prescribed = np.zeros(n, dtype=np.int64)
     if key_motion is not None:
-        prescribed[key] = 1
-        vector += key_motion.packed()
+        prescribed[key], vector = 1, [*vector, *key_motion.packed()]
     offsets.append(len(vector))
-    dampers: list[int] = []
-    if SHANK in bodies:
-        dampers = [bodies.index(SHANK)]
-        vector.append(bending(action)[1])
+    dampers, given = pressing.dampers_of(action, bodies)
+    vector += given
+    pins_at = len(vector)
+    pins, given = pins_and_numbers(action, choice, bodies, key_motion is not None)
+    vector += given
     offsets.append(len(vector))
     vector += remembered
-    offsets.append(len(vector))
+    offsets += [len(vector), pins_at]
     strung = STRING_EFFECT in choice.effects
     vector += string_numbers(action) if strung else []
     tables = L.Tables(
@@ -260,7 +282,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         contact=_table(contacts, 4),
         chain=_table(chains, L.MAX_CHAIN),
         side=_table(sides, L.MAX_CHAIN),
-        drive=_table(drives, 2),
+        drive=_table([drive], 2),
         probe=_table(probes, 2),
         offset=np.array(offsets, dtype=np.int64),
         prescribed=prescribed,
@@ -268,6 +290,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         rail=np.array([names.index(RAIL)] if RAIL in names else [], dtype=np.int64),
         string=np.array([names.index(STRING)] if strung else [], dtype=np.int64),
         memory=_table(memories, 2),
+        pin=_table(pins, 2),
     )
     start = np.array([PRINTED_REST.get(b, 0.0) for b in bodies[: n - int(prescribed.sum())]])
-    return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start)
+    return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start, pressing.command_of(action, bodies))

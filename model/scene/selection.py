@@ -26,7 +26,7 @@ from typing import Any
 
 from model.errors import InputError
 from model.parameters.action import BODIES, CONTACTS, LAW, STRING, Action
-from model.parameters.effects import EFFECTS, effect_defaults, effect_of
+from model.parameters.effects import EFFECTS, FINGER, PINS, RAIL, effect_defaults, effect_of
 from model.parameters.felt_laws import check_law, law_defaults, law_of
 from model.parameters.quantity import check_value
 
@@ -64,13 +64,18 @@ class SceneChoice:
             raise InputError("scene: bodies: found no key, allowed scenes with the key, on which the force acts")
         if "shank" in self.effects and "hammer" not in self.bodies:
             raise InputError("scene: effects: shank needs the hammer; add hammer or leave out shank")
+        if "motor_drive" in self.effects and "motor_arm" not in self.effects:
+            raise InputError("scene: effects: motor_drive turns the motor_arm; add motor_arm or leave out motor_drive")
+        if "finger" in self.effects and "motor_arm" in self.effects:
+            raise InputError("scene: effects: found finger and motor_arm, allowed one of them on the key")
         if "string" in self.effects and ("hammer" not in self.bodies or STRING in self.without):
             raise InputError(f"scene: effects: string needs the hammer and {STRING}; add them or leave out string")
 
     @property
     def input_column(self) -> str:
         """Column of the input table: name and unit."""
-        return "torque_nm" if "motor_arm" in self.effects else "force_n"
+        columns = {"motor_drive": "command_v", "finger": "finger_m", "motor_arm": "torque_nm"}
+        return next((column for effect, column in columns.items() if effect in self.effects), "force_n")
 
     def on(self, action: Action) -> Action:
         """The action with this scene's values; values that the user set by path take precedence."""
@@ -101,8 +106,21 @@ SCENES = {
     "lifting-key": SceneChoice(effects=("balance_rail",)),
     "flexible-shank": SceneChoice(effects=("shank",)),
     "motor-arm": SceneChoice(effects=("motor_arm",)),
+    "motor-drive": SceneChoice(effects=("motor_arm", "motor_drive")),
+    "motor-voltage": SceneChoice(
+        effects=("motor_arm", "motor_drive"),
+        values=(
+            ("motor_drive.current_gain", 0.0),
+            ("motor_drive.loop_gain", 0.0),
+            ("motor_drive.voltage_gain", 2.0),
+        ),
+    ),
+    "compliant-tip": SceneChoice(effects=("motor_arm",), values=(("motor_arm.contact_c", 4.0e3),)),
+    "finger": SceneChoice(effects=("finger",)),
     "string": SceneChoice(effects=("string",)),
     "lifting-key-flexible-shank": SceneChoice(effects=("balance_rail", "shank")),
+    "giving-hammer": SceneChoice(effects=("hammer_pin",)),
+    "giving-joints": SceneChoice(effects=("balance_rail", *PINS)),
 }
 
 
@@ -224,3 +242,12 @@ def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield from _flat(item, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", item
+
+
+def check_prescribed_key(choice: SceneChoice) -> None:
+    """Refuse a choice whose key cannot follow a prescribed motion."""
+    for effect in ("motor_arm", FINGER, RAIL):
+        if effect in choice.effects:
+            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
+    if len(choice.bodies) == 1:
+        raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")

@@ -17,8 +17,9 @@ from model.kernels.trajectory.prescribed_load import load_along
 from model.motion_driven.prescribed_key import LONGEST_STEP_S
 from model.motion_driven.spline_fit import fit_key_motion
 from model.parameters.action import Action, load_action
-from model.scene.build import build_scene, check_prescribed_key
+from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion
+from model.scene.selection import check_prescribed_key
 from model.sensitivity.observed import force_slopes
 from model.sensitivity.options import SensitivityOptions
 from model.sensitivity.parameter_names import directions, find_parameters, stated_uncertainty

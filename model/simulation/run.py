@@ -25,8 +25,9 @@ from model.kernels.signatures import Account, InputTable, Limits, Outputs, Scene
 from model.kernels.trajectory.contact_forces import forces_along, probe_forces_along
 from model.scene.build import Scene
 from model.scene.felt_memory import share_left
+from model.simulation.giving_motion import contacts_along, tip_forces
 from model.simulation.state import State as State
-from model.simulation.state import with_memory
+from model.simulation.state import check_input, with_memory
 from model.simulation.string_motion import string_force, swung_on
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
@@ -50,7 +51,6 @@ REST_SHARE = 0.1  # share of the requested tolerance that an action taken to be 
 STEPS_AT_LEAST, STEPS_PER_SECOND = 20_000, 200_000
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
-TIME_SLACK = 1e-9  # s, rounding of times computed in different ways
 
 _ADVICE = {
     STEP_TOO_SMALL: "the step fell below 1e-12 s; check that no bodies overlap at the start, "
@@ -85,6 +85,7 @@ class Simulation:
     largest_step_s : upper bound of a step, s
     max_steps : most steps of one `advance`; by default in proportion to the time to cover
     energy : also integrate work and losses along the motion
+    creep : share of the bound that creep under friction sets to errors; a run that judges another needs less of it
     """
 
     scene: Scene
@@ -95,7 +96,8 @@ class Simulation:
     max_steps: int | None = None
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
     energy: bool = False
-    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(7))
+    creep: float = 1.0
+    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(9))
     times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
     remembered: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     """(m, z) what felt remembered at the output times of the last `advance`; none for most scenes."""
@@ -164,7 +166,9 @@ class Simulation:
         out_v = np.full((len(outputs), self.scene.size), np.nan)
         times = np.require(input_time_s, float, ["C", "W"])
         values = np.require(input_value, float, ["C", "W"])
-        self._check(float(until), times, values, outputs)
+        check_input((self.state.time_s, float(until)), times, values, outputs)
+        if self.scene.command is not None:
+            times, values = self.scene.command.table(times, values, held)
         # what rounding puts just past the end, `_check` lets through, the step loop would not reach
         outputs = np.minimum(outputs, max(float(until), self.state.time_s))
         out_z = np.full((len(outputs), len(self.state.memory)), np.nan)
@@ -208,7 +212,7 @@ class Simulation:
         """Largest error of a speed, rad/s, that cannot shake loose what friction holds."""
         p, start = self.scene.vector, int(self.scene.tables.offset[1])
         friction = p[start + L.MU_A :: L.CONTACT_SIZE][: len(self.scene.contacts)]
-        return CREEP_SHARE * float(p[L.V_T]) / LEVER_M if np.any(friction) else np.inf
+        return self.creep * CREEP_SHARE * float(p[L.V_T]) / LEVER_M if np.any(friction) else np.inf
 
     def _extremes(self) -> str:
         """Largest speed and contact force of the present state, for a message: most often bodies overlap."""
@@ -219,28 +223,6 @@ class Simulation:
             normal = self.contact_forces(q[None], v[None], self.state.memory[None])[0][0]
             words += f", {self.scene.contacts[int(np.argmax(normal))]} presses with {normal.max():.3g} N"
         return words + ")"
-
-    def _check(
-        self,
-        until: float,
-        times: NDArray[np.float64],
-        values: NDArray[np.float64],
-        outputs: NDArray[np.float64],
-    ) -> None:
-        """Refuse input that would silently give a wrong answer."""
-        now = self.state.time_s
-        if not until >= now - TIME_SLACK or np.isinf(until):
-            raise InputError(f"end of the run: found {until:g} s, allowed a finite time from now on ({now:g} s)")
-        if times.ndim != 1 or times.shape != values.shape or len(times) == 0:
-            raise InputError(f"input: found shapes {times.shape} and {values.shape}, allowed two equal rows of numbers")
-        if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
-            raise InputError("input: found a time or value that is not finite; remove or repair the row")
-        if np.any(np.diff(times) <= 0.0):
-            raise InputError("input: times found that do not increase; allowed increasing times")
-        if len(outputs) and not (
-            np.all(np.diff(outputs) >= 0.0) and outputs[0] >= now - TIME_SLACK and outputs[-1] <= until + TIME_SLACK
-        ):
-            raise InputError(f"output times: allowed increasing, from now ({now:g} s) to the end ({until:g} s)")
 
     def stored_energy(self) -> float:
         """Kinetic, potential and elastic energy of the present state, J; zero of heights at the ground's origin."""
@@ -266,11 +248,14 @@ class Simulation:
         self.scene.check_whole(angle_rad, "contact forces")
         normal = np.zeros((len(angle_rad), len(self.scene.contacts)))
         tangential = np.zeros_like(normal)
-        forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
+        rows = self.remembered if memory is None else memory
+        if self.scene.remembers and len(rows) != len(angle_rad):
+            raise InputError(f"contact forces: found {len(rows)} rows of memories, allowed {len(angle_rad)}")
+        if self.scene.pins:
+            normal, tangential = np.moveaxis(contacts_along(self.scene, angle_rad, speed_rad_per_s, rows)[0], 2, 0)
+        else:
+            forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
         if self.scene.remembers:
-            rows = self.remembered if memory is None else memory
-            if len(rows) != len(angle_rad):
-                raise InputError(f"contact forces: found {len(rows)} rows of memories, allowed {len(angle_rad)}")
             share = share_left(self.scene.tables, self.scene.vector, normal, rows)
             normal, tangential = normal * share, tangential * share
             if len(self.scene.tables.string):
@@ -281,6 +266,10 @@ class Simulation:
     def probe_forces(self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force of each one-sided probe (the motor arm on the key) at given states; (m, n) in, (m, b) out, N."""
         self.scene.check_whole(angle_rad, "probe forces")
+        if self.scene.pins:
+            if len(self.remembered) != len(angle_rad):
+                raise InputError(f"probe forces: found {len(angle_rad)} states, allowed those last given out")
+            return tip_forces(self.scene, angle_rad, speed_rad_per_s, self.remembered)
         force = np.zeros((len(angle_rad), len(self.scene.tables.probe)))
         probe_forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, force)
         return force

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters.effects import column
+from model.simulation.giving_motion import GivingMotion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.string_motion import StringMotion
 
@@ -30,13 +31,15 @@ class EnergyAudit:
     lost_in_joint_friction: float
     lost_in_rail: float = 0.0  # felt of the balance rail and friction on its pin
     lost_in_shank: float = 0.0
+    lost_in_pins: float = 0.0  # in the bushings of joints that give
     lost_in_string: float = 0.0
+    lost_in_drive: float = 0.0  # the motor's winding, or the finger's joint
 
     @property
     def residual(self) -> float:
         """Work that is not accounted for, J: an error of the integration, zero for an exact one."""
         lost = self.lost_in_felt + self.lost_in_contact_friction + self.lost_in_joint_friction
-        lost += self.lost_in_rail + self.lost_in_shank + self.lost_in_string
+        lost += self.lost_in_rail + self.lost_in_shank + self.lost_in_pins + self.lost_in_string + self.lost_in_drive
         return self.work_in - self.stored_change - lost
 
 
@@ -49,7 +52,8 @@ class Solution:
     bodies : (n,) names, order of the columns
     time_s : (m,)
     angle_rad : (m, n) key, whippen and hammer from ground, jack and repetition from the whippen; then what effects
-        add: ``key_lift`` in m above the balance rail, ``shank`` the head's angle from the straight shank
+        add: ``key_lift`` in m above the balance rail, ``shank`` the head's angle from the straight shank,
+        ``winding`` the charge (C) that has passed, its rate the current (A)
     speed_rad_per_s : (m, n) and its rates
     contacts : names of the contacts in the scene
     contact_normal_n, contact_friction_n : (m, c) N, or None where forces were not asked for
@@ -58,6 +62,7 @@ class Solution:
     energy : where the work went, or None where it was not asked for
     inside : what acts at contacts, joints and bodies, or None where it was not asked for
     string : the string's motion, or None where the scene has the rigid bar
+    give : how far joints give and the forces of their bushings, or None where joints are rigid
     error_rad : estimate of the largest error of any angle at the output times, or None where it was not asked for
     """
 
@@ -74,6 +79,7 @@ class Solution:
     inside: Inside | None = None
     error_rad: float | None = None
     string: StringMotion | None = None
+    give: GivingMotion | None = None
 
     @property
     def misses_tolerance(self) -> bool:
@@ -114,6 +120,8 @@ class Solution:
                 out[f"{name}_friction_n"] = self.contact_friction_n[:, i]
         if self.string is not None:
             out["string_m"] = self.string.way_m
+        if self.give is not None:
+            out |= self.give.columns()
         if self.inside is not None:
             out |= self.inside.columns()
         return out

@@ -16,16 +16,19 @@ from model.kernels.codegen.load import kernels_of
 from model.kernels.codegen.structure import solved_contacts
 from model.scene.build import Scene
 from model.scene.felt_memory import rested
+from model.simulation.statics import with_pins
 from model.simulation.string_motion import straight
 
+TIME_SLACK = 1e-9  # s, rounding of times computed in different ways
 LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
 
 
 @dataclass
 class State:
-    """State of a run: time (s), angles (n,) rad, speeds (n,) rad/s, next step to try (s), memories (z,) of felt.
+    """State of a run: time (s), angles (n,) rad, speeds (n,) rad/s, next step to try (s), memories (z,).
 
-    Without memories a run starts with felt that has rested at these angles.
+    Memories are those of felt, then how far joints give (m) and how fast (m/s), then those of a string. Without them a
+    run starts with felt that has rested at these angles, joints in balance with it, and a straight string.
     """
 
     time_s: float
@@ -65,22 +68,46 @@ def with_memory(scene: Scene, state: State) -> State:
     ------
     InputError : memories of another scene
     """
-    string = straight(scene)
-    count, found = len(scene.tables.memory) + len(string), np.shape(state.memory)
+    string, give = straight(scene), len(scene.pins)
+    count, found = len(scene.tables.memory) + 2 * give + len(string), np.shape(state.memory)
     if count and found == (0,):
-        felt = _rested(scene, state) if len(scene.tables.memory) else np.empty(0)
-        return replace(state, memory=np.concatenate([felt, string]))
+        whole = with_pins(scene, state.angle_rad, 0.0) if give else state.angle_rad
+        felt = _rested(scene, state, whole) if len(scene.tables.memory) else np.empty(0)
+        return replace(state, memory=np.concatenate([felt, whole[scene.size :], np.zeros(give), string]))
     if found != (count,) or not np.all(np.isfinite(state.memory)):
         raise InputError(f"state: found memories {state.memory}, allowed {count} finite numbers, or none")
     return state
 
 
-def _rested(scene: Scene, state: State) -> NDArray[np.float64]:
-    """Memories (z,) of felt that has rested at the angles of the state."""
-    w = np.zeros(W.SIZE)
+def _rested(scene: Scene, state: State, whole: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Memories (z,) of felt that has rested at the angles of the state, followed in ``whole`` by what joints give."""
+    w = np.zeros(W.WITH_MEMORY if scene.pins else W.SIZE)
     w[W.Q : W.Q + scene.size] = state.angle_rad
+    w[W.Z : W.Z + len(scene.pins)] = whole[scene.size :]  # the static scene remembers nothing else
     kernels_of(scene.static_tables).linearise(w, scene.vector, state.time_s)
     depth = np.zeros(len(scene.contacts))
     for place, contact in enumerate(solved_contacts(scene.tables)):
         depth[contact] = -w[W.GAP + place]
     return rested(scene.tables, scene.vector, depth.tolist())
+
+
+def check_input(
+    span_s: tuple[float, float],
+    times: NDArray[np.float64],
+    values: NDArray[np.float64],
+    outputs: NDArray[np.float64],
+) -> None:
+    """Refuse input that would silently give a wrong answer, for a run over ``span_s``."""
+    now, until = span_s
+    if not until >= now - TIME_SLACK or np.isinf(until):
+        raise InputError(f"end of the run: found {until:g} s, allowed a finite time from now on ({now:g} s)")
+    if times.ndim != 1 or times.shape != values.shape or len(times) == 0:
+        raise InputError(f"input: found shapes {times.shape} and {values.shape}, allowed two equal rows of numbers")
+    if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
+        raise InputError("input: found a time or value that is not finite; remove or repair the row")
+    if np.any(np.diff(times) <= 0.0):
+        raise InputError("input: times found that do not increase; allowed increasing times")
+    if len(outputs) and not (
+        np.all(np.diff(outputs) >= 0.0) and outputs[0] >= now - TIME_SLACK and outputs[-1] <= until + TIME_SLACK
+    ):
+        raise InputError(f"output times: allowed increasing, from now ({now:g} s) to the end ({until:g} s)")

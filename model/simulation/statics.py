@@ -20,6 +20,8 @@ from model.kernels.codegen.load import kernels_of
 from model.kernels.trajectory.contact_forces import forces_along, penetrations
 from model.parameters.action import Action
 from model.scene.build import Scene, build_scene
+from model.scene.pressing import steady_current
+from model.simulation.giving_motion import contacts_along
 
 LARGEST_TURN = 0.05  # rad per iteration
 KICK = 1e-3  # rad, off a saddle
@@ -42,12 +44,21 @@ class RestState:
 def balance(
     scene: Scene, q: NDArray[np.float64], u: float, v: NDArray[np.float64] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Generalised force (n,) N m, stiffness and mass matrix (n, n) at angles ``q``, at rest or at speeds ``v``."""
+    """Generalised force (n,) N m, stiffness and mass matrix (n, n) at angles ``q``, at rest or at speeds ``v``.
+
+    Where joints give, what they give follows the angles; by default it is what holds these angles.
+    """
+    if scene.pins:
+        return _wide_balance(scene, q if len(q) > scene.size else with_pins(scene, q, u), u, v)
     n = scene.size
     w = np.zeros(W.SIZE)
     w[W.Q : W.Q + n] = q
     if v is not None:
         w[W.V : W.V + n] = v
+    if scene.command is not None:
+        u = scene.command.value(u)
+        if v is None and scene.wound:
+            w[W.V + scene.wound[0]] = steady_current(scene.vector[scene.tables.offset[2] :], u)
     w[W.STATIC] = 1.0
     kernels_of(scene.static_tables).linearise(w, scene.vector, u)
     mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
@@ -56,6 +67,28 @@ def balance(
             mass[i, parent] = mass[parent, i] = w[W.M_UP + i]
     stiff = w[W.STIFF : W.STIFF + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n]
     return mass @ w[W.ACC : W.ACC + n], stiff, mass
+
+
+def _wide_balance(
+    scene: Scene, q: NDArray[np.float64], u: float, v: NDArray[np.float64] | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    n, count = scene.size, len(scene.pins)
+    w = np.zeros(W.WITH_MEMORY)
+    w[W.Q : W.Q + n], w[W.Z : W.Z + count] = q[:n], q[n:]
+    if v is not None:
+        w[W.V : W.V + n] = v[:n]
+    w[W.STATIC] = 1.0
+    kernels_of(scene.static_tables).linearise(w, scene.vector, u)
+    k = n + count
+    lower, stiff = (w[at : at + W.WIDE**2].reshape(W.WIDE, W.WIDE)[:k, :k] for at in (W.P_MASS, W.P_STIFF))
+    mass = np.tril(lower) + np.tril(lower, -1).T
+    return mass @ w[W.P_ACC : W.P_ACC + k], stiff, mass
+
+
+def with_pins(scene: Scene, q: NDArray[np.float64], u: float) -> NDArray[np.float64]:
+    """Angles (n,), followed by what the joints give (g,) while bodies are held at these angles."""
+    n = scene.size
+    return solve_rest(scene, u, np.append(q, np.zeros(len(scene.pins))), tuple(range(n)), whole=True)
 
 
 def _free_part(
@@ -73,9 +106,16 @@ def _moved(q: NDArray[np.float64], free: NDArray[np.int64], step: NDArray[Any]) 
 
 
 def solve_rest(
-    scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None = None, held: tuple[int, ...] = ()
+    scene: Scene,
+    u: float = 0.0,
+    start: NDArray[np.float64] | None = None,
+    held: tuple[int, ...] = (),
+    *,
+    whole: bool = False,
 ) -> NDArray[np.float64]:
     """Angles (n,) at which the scene rests under the constant input ``u``; coordinates ``held`` stay at ``start``.
+
+    With ``whole``, what joints give (g,) follows.
 
     Raises
     ------
@@ -85,9 +125,11 @@ def solve_rest(
     if not abs(u) <= LARGEST_INPUT:
         raise InputError(f"rest state: input found {u:g}, allowed a finite number up to {LARGEST_INPUT:g}")
     q = np.array(scene.start if start is None else start, dtype=float)
-    if q.shape != (scene.size,) or not np.all(np.isfinite(q)):
+    if q.shape == (scene.size,):
+        q = np.append(q, np.zeros(len(scene.pins)))
+    if q.shape != (scene.size + len(scene.pins),) or not np.all(np.isfinite(q)):
         raise InputError(f"rest state: start found {q}, allowed {scene.size} finite angles")
-    free = np.array([i for i in range(scene.size) if i not in held], dtype=np.int64)
+    free = np.array([i for i in range(len(q)) if i not in (*held, *scene.wound)], dtype=np.int64)
     for _ in range(MOST_ESCAPES):
         q, f, stiff = _descend(scene, q, u, free)
         for _ in range(20):
@@ -98,7 +140,7 @@ def solve_rest(
             q, f, stiff = _moved(q, free, step), f_new, stiff_new
         value, direction = np.linalg.eigh(-0.5 * (stiff + stiff.T))
         if value[0] > 0.0:
-            return q
+            return q if whole else q[: scene.size]
         q = _moved(q, free, KICK * direction[:, 0])  # off the saddle; the next descent leaves it for good
     raise StaticsError("rest state: the balance found is not stable; check springs and geometry")
 
@@ -139,7 +181,8 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     Parameters
     ----------
     action : parameter set
-    force_n : N, positive downwards on the key (with a motor arm in ``scene``: the motor's torque, N m)
+    force_n : N, positive downwards on the key (with a motor arm, its drive or a finger in
+        ``scene``: torque, N m; command, V; way of the hand, m)
     scene : what takes part; by default the whole action without effects
 
     Returns
@@ -160,14 +203,20 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     48.0 mm
     """
     scene = build_scene(action) if scene is None else scene
-    q = solve_rest(scene, force_n)
+    found = solve_rest(scene, force_n, whole=True)
+    q, give = found[: scene.size], found[scene.size :]
     scene.check_whole(q, "rest state")
-    forces, _, _ = balance(scene, q, force_n)
+    forces, _, _ = balance(scene, found, force_n)
     still = np.zeros(scene.size)
     normal, tangential = (np.zeros((1, len(scene.contacts))) for _ in range(2))
-    forces_along(q[None], still[None], scene.vector, scene.tables, normal, tangential)
     depth = np.zeros(len(scene.contacts))
-    penetrations(q, still, scene.vector, scene.tables, depth)
+    if len(give):
+        rows = np.concatenate([np.zeros(len(scene.tables.memory)), give, np.zeros(len(give))])[None]
+        pressed, deep = contacts_along(scene, q[None], still[None], rows)
+        normal[0], depth = pressed[0, :, 0], deep[0, :, 0]
+    else:
+        forces_along(q[None], still[None], scene.vector, scene.tables, normal, tangential)
+        penetrations(q, still, scene.vector, scene.tables, depth)
     return RestState(
         bodies=scene.bodies,
         angle_rad=q,

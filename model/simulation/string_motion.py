@@ -16,8 +16,14 @@ from model.kernels import layout as L
 from model.kernels.string_modes import AWAKE
 from model.kernels.trajectory.contact_forces import depths_along
 from model.scene.build import Scene
+from model.simulation.giving_motion import contacts_along
 
 Array = NDArray[np.float64]
+
+
+def modes_of(scene: Scene) -> dict[str, int | float]:
+    """How many modes of a string are stepped, as a counter; nothing where the scene has the bar."""
+    return {"string_modes": int(scene.vector[scene.tables.offset[7]])} if len(scene.tables.string) else {}
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,7 @@ def _numbers(scene: Scene) -> tuple[int, Array, float]:
     """Place of the string's states in a row, rows (3, k) of gains, stiffnesses, dampings, what the others give way."""
     p = scene.vector[scene.tables.offset[7] :]
     count = round(float(p[0]))
-    return len(scene.tables.memory), p[L.STRING_HEAD :].reshape(3, count), float(p[L.STRING_GIVE])
+    return len(scene.tables.memory) + 2 * len(scene.pins), p[L.STRING_HEAD :].reshape(3, count), float(p[L.STRING_GIVE])
 
 
 def straight(scene: Scene) -> Array:
@@ -107,7 +113,10 @@ def string_force(scene: Scene, angle_rad: Array, speed_rad_per_s: Array, rows: A
     """Force (m,) between hammer and string, N, at states (m, n) with rows (m, z) of memories."""
     contact = int(scene.tables.string[0])
     depth, rate = np.zeros(len(angle_rad)), np.zeros(len(angle_rad))
-    depths_along(angle_rad, speed_rad_per_s, scene.vector, scene.tables, contact, depth, rate)
+    if scene.pins:
+        depth, rate = contacts_along(scene, angle_rad, speed_rad_per_s, rows)[1][:, contact].T
+    else:
+        depths_along(angle_rad, speed_rad_per_s, scene.vector, scene.tables, contact, depth, rate)
     at, (gain, _, _), give = _numbers(scene)
     first, count = at + L.STRING_STATES, len(gain)
     awake = rows[:, at + L.SINCE] < 0.5 * AWAKE

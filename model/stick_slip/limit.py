@@ -109,6 +109,7 @@ def compare(
     (0.001,)
     """
     times, forces = check_force_table(time_s, force_n)
+    marched, coarse = (simulate(action, times, forces, step) for step in (step_s, 2.0 * step_s))  # refuses at once
     ratio = action["friction_threshold.omega_t"] / action["friction_threshold.v_t"]
     smoothed = []
     for v_t in thresholds:
@@ -116,6 +117,5 @@ def compare(
         smoothed.append(
             simulate_smoothed(action.with_values(values), times, forces, tolerance=TOLERANCE, contact_forces=True)
         )
-    marched, coarse = (simulate(action, times, forces, step) for step in (step_s, 2.0 * step_s))
     measures = [measure_blow(action, solution, forces) for solution in (*smoothed, marched.solution)]
     return Limit(action, tuple(thresholds), tuple(smoothed), marched, coarse, tuple(measures))

@@ -1,11 +1,15 @@
+from . import equal_loss as equal_loss
 from . import figure as figure
 from .blow_measures import BlowMeasures as BlowMeasures
 from .blow_measures import measure_blow as measure_blow
+from .equal_loss import effects_at_equal_loss as effects_at_equal_loss
 from .felt_and_string import Effect as Effect
 from .felt_and_string import felt_law_effects as felt_law_effects
 from .felt_and_string import string_effects as string_effects
 from .figure import draw_study as draw_study
 from .figure import draw_thesis as draw_thesis
+from .giving_joints import joint_effects as joint_effects
+from .giving_joints import joint_sweep as joint_sweep
 from .thesis import Observation as Observation
 from .thesis import ThesisStudy as ThesisStudy
 from .thesis import thesis_studies as thesis_studies

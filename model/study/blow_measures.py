@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.observables import hammer_height_m
+from model.observables import along_string_normal, hammer_height_m
 from model.parameters.action import BACK_CHECK, BODIES, LEVER_KNUCKLE, STRING, Action
 from model.simulation.solution import Solution
 from model.touch.hammer_speed import approach_speed, touches
@@ -77,7 +77,8 @@ def measure_blow(action: Action, solution: Solution, force_n: Array) -> BlowMeas
     time = solution.time_s
     normal = solution.contact_normal_n
     assert normal is not None, "a blow is measured with its contact forces"
-    height = hammer_height_m(action, solution.angle_rad)
+    give, gives = (None, None) if solution.give is None else solution.give.of("hammer")
+    height = hammer_height_m(action, solution.angle_rad, give_m=give)
     met = touches(height) if STRING in solution.contacts else np.empty(0, dtype=np.int64)
     strike = speed = math.nan
     if len(met):
@@ -85,6 +86,7 @@ def measure_blow(action: Action, solution: Solution, force_n: Array) -> BlowMeas
         strike = float(time[k] + (time[k + 1] - time[k]) * height[k] / (height[k] - height[k + 1]))
         at = solution.angle_rad[k : k + 1, HAMMER], solution.speed_rad_per_s[k : k + 1, HAMMER]
         speed = float(approach_speed(action, *at)[0])
+        speed -= 0.0 if gives is None else float(along_string_normal(action, gives[k]))
     after = strike if len(met) else float(time[np.argmax(force_n)])
     release = _release(time, force_n, after + AFTER_STRIKE_S)
     window = (time >= max(after + AFTER_STRIKE_S, release - HOLD_WINDOW_S)) & (time <= release)

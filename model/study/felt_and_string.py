@@ -92,12 +92,12 @@ def felt_law_effects(
     """
     plain = action.with_laws(dict.fromkeys(CONTACTS, HUNT_CROSSLEY))
     blow = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
-    out = [_effect("all felts", HUNT_CROSSLEY, [plain], lambda a: _marks(a, blow))]
+    out = [effect_of("all felts", HUNT_CROSSLEY, [plain], lambda a: touch_and_blow(a, blow))]
     for name, contacts in felts.items():
         for law, numbers in NUMBERS.items():
             given = plain.with_laws(dict.fromkeys(contacts, law))
             paths = [[f"{contact}.{number}" for contact in contacts] for number in numbers]
-            out.append(_effect(name, law, [given, *_varied(given, paths)], lambda a: _marks(a, blow)))
+            out.append(effect_of(name, law, [given, *varied_by_u(given, paths)], lambda a: touch_and_blow(a, blow)))
     return out
 
 
@@ -128,15 +128,15 @@ def string_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> lis
     blow = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
     strung, paths = load_scene("string"), [[f"string.{name}"] for name in OF_THE_STRING]
     return [
-        _effect("string", "bar", [action], lambda a: _blow_marks(a, blow, SceneChoice())),
-        _effect("string", "modes", [action, *_varied(action, paths)], lambda a: _blow_marks(a, blow, strung)),
+        effect_of("string", "bar", [action], lambda a: _blow_marks(a, blow, SceneChoice())),
+        effect_of("string", "modes", [action, *varied_by_u(action, paths)], lambda a: _blow_marks(a, blow, strung)),
     ]
 
 
 Marks = dict[str, float]
 
 
-def _varied(action: Action, paths: Sequence[Sequence[str]]) -> list[Action]:
+def varied_by_u(action: Action, paths: Sequence[Sequence[str]]) -> list[Action]:
     """For each group of paths the action with all of them down by u, then up, within what is allowed."""
     out = []
     for group in paths:
@@ -147,7 +147,7 @@ def _varied(action: Action, paths: Sequence[Sequence[str]]) -> list[Action]:
     return out
 
 
-def _effect(of: str, law: str, actions: Sequence[Action], marks: Callable[[Action], Marks]) -> Effect:
+def effect_of(of: str, law: str, actions: Sequence[Action], marks: Callable[[Action], Marks]) -> Effect:
     """Marks of the first action; half of what each pair of the others differ, added in squares."""
     found = [marks(action) for action in actions]
     value = {name: x for name, x in found[0].items() if name != "held"}
@@ -156,7 +156,7 @@ def _effect(of: str, law: str, actions: Sequence[Action], marks: Callable[[Actio
     return Effect(of, law, value, u, bool(found[0]["held"]))
 
 
-def _marks(action: Action, blow: tuple[Array, Array]) -> Marks:
+def touch_and_blow(action: Action, blow: tuple[Array, Array]) -> Marks:
     """Of the blow, and of a slow press."""
     out = _blow_marks(action, blow, SceneChoice())
     try:

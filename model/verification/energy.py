@@ -14,8 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.errors import InputError
 from model.parameters.action import BODIES, Action
-from model.parameters.effects import KEY_LIFT, RAIL, SHANK
+from model.parameters.effects import KEY_LIFT, PINS, RAIL, SHANK
 from model.scene.effect_terms import ON_THE_HEAD, bending, parts_of_hammer, sink_m
 
 Array = NDArray[np.float64]
@@ -204,6 +205,8 @@ def energy_terms(
     powers : power (W), (m,) each: ``input`` of the force and, positive when lost, ``joint_friction``,
         ``contact_friction``, ``felt_damping``, ``rail`` (its felt and the friction on its pin), ``shank``
     """
+    if giving := [e for e in effects if e in PINS]:
+        raise InputError(f"energy terms: found joints that give ({', '.join(giving)}), allowed rigid joints")
     q, v = np.atleast_2d(np.asarray(angle_rad, float)), np.atleast_2d(np.asarray(speed_rad_per_s, float))
     with np.errstate(all="ignore"):  # a state far outside gives inf or nan, which the caller sees
         motion = _Motion(action, q, v, effects)

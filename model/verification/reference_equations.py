@@ -15,15 +15,30 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.parameters.action import BODIES, CONTACTS, Action
+from model.parameters.effects import PINS
 from model.parameters.felt_laws import HUNT_CROSSLEY
 
 Vector = NDArray[np.float64]
 
-_COORDINATE = {"motor_arm": "motor", "balance_rail": "key_lift", "shank": "shank"}
+_COORDINATE = {
+    "motor_arm": "motor",
+    "motor_drive": "winding",
+    "finger": "finger",
+    "balance_rail": "key_lift",
+    "shank": "shank",
+}
 _ARM_LEVEL = 0.029  # rad, key at which the motor's arm is level: near rest
 _ARM = (
     *("inertia", "length", "joint_friction", "spring_stiffness", "preload_n"),
     *(f"contact_{k}" for k in ("a", "b", "c", "damping")),
+)
+_DRIVE = (
+    *("resistance", "inductance", "torque_constant", "loop_gain"),
+    *("supply", "current_limit", "limit_gain", "limit_softness"),
+)
+_FINGER = (
+    *("mass", "stiffness", "damping", "length", "preload_n"),
+    *(f"pad_{k}" for k in ("a", "b", "c", "damping")),
 )
 _BEYOND_HINGE = ("contact04", "contact12", "contact13")
 
@@ -39,12 +54,17 @@ def _turn(vector: Vector) -> Vector:
 
 
 class Twin:
-    """Right-hand side of one action; the input is the force on the key (N, downwards) or the motor's torque."""
+    """Right-hand side of one action; the input is the force on the key (N, downwards), or what an effect takes.
+
+    Of ``motor_arm`` and ``finger`` the torque on the joint, N m; of ``motor_drive`` the amplifier's source, V.
+    """
 
     def __init__(self, action: Action, effects: Sequence[str] = ()) -> None:
         remembering = [c for c in CONTACTS if action.law(c) != HUNT_CROSSLEY]
         if remembering:
             raise InputError(f"reference equations: found felt that remembers ({', '.join(remembering)}), allowed none")
+        if giving := [e for e in effects if e in PINS]:
+            raise InputError(f"reference equations: found joints that give ({', '.join(giving)}), allowed `FreeBodies`")
         self.action = action
         self.bodies = [*BODIES, *(["shank"] if "shank" in effects else [])]
         self.coordinates = [*BODIES, *(c for e, c in _COORDINATE.items() if e in effects)]
@@ -189,7 +209,10 @@ class Twin:
             i, s = BODIES.index(body), f"{body}_spring"
             f[i] += a[f"{s}.torque"] - a[f"{s}.stiffness"] * (q[i] - a[f"{s}.angle"])
         if "motor" in self.coordinates:
-            self._press_by_motor(v, force_n, mass, f)
+            wound = "winding" in self.coordinates
+            self._press("motor", v, self._torque_of_winding(v, force_n, mass, f) if wound else force_n, mass, f)
+        elif "finger" in self.coordinates:
+            self._press("finger", v, force_n, mass, f)
         else:
             f += self._point_jacobian("key", self._point("key", "drive.point")).T @ np.array([0.0, -force_n])
         for name in self.contacts:
@@ -203,11 +226,38 @@ class Twin:
             f[i] += self.rail_force(q[i], v[i]) - friction
         return f, mass
 
-    def _press_by_motor(self, v: Vector, torque_nm: float, mass: NDArray[np.float64], f: Vector) -> None:
-        """Add rotor, arm and their contact with the key to ``mass`` and ``f``."""
-        a, i = {k: self.action[f"motor_arm.{k}"] for k in _ARM}, self.coordinates.index("motor")
+    def _torque_of_winding(self, v: Vector, source_v: float, mass: NDArray[np.float64], f: Vector) -> float:
+        """Add the winding's inductance and voltages to ``mass`` and ``f``; the torque of its current, N m."""
+        d = {k: self.action[f"motor_drive.{k}"] for k in _DRIVE}
+        i, current = self.coordinates.index("winding"), v[self.coordinates.index("winding")]
+        share = d["limit_softness"]
+
+        def held(x: float, limit: float) -> float:
+            over = (abs(x) - (1.0 - share) * limit) / (share * limit)
+            return x if over <= 0.0 else np.sign(x) * limit * (1.0 - share + share * over / (1.0 + over**4) ** 0.25)
+
+        beyond = current - held(current, d["current_limit"])
+        volts = held(source_v - d["loop_gain"] * current - d["limit_gain"] * beyond, d["supply"])
+        mass[i, i] += d["inductance"]
+        f[i] += volts - d["resistance"] * current - d["torque_constant"] * v[self.coordinates.index("motor")]
+        return float(d["torque_constant"] * current)
+
+    def _arm(self, coordinate: str) -> dict[str, float]:
+        """Numbers of the motor arm, or of the finger as one."""
+        if coordinate == "motor":
+            return {k: self.action[f"motor_arm.{k}"] for k in _ARM} | {"damping": 0.0}
+        g = {k: self.action[f"finger.{k}"] for k in _FINGER}
+        square = g["length"] ** 2
+        return g | {
+            "inertia": g["mass"] * square, "spring_stiffness": g["stiffness"] * square, "joint_friction": 0.0,
+            "damping": g["damping"] * square, **{f"contact_{k}": g[f"pad_{k}"] for k in ("a", "b", "c", "damping")},
+        }  # fmt: skip
+
+    def _press(self, coordinate: str, v: Vector, torque_nm: float, mass: NDArray[np.float64], f: Vector) -> None:
+        """Add rotor and arm, or finger, and their contact with the key to ``mass`` and ``f``."""
+        a, i = self._arm(coordinate), self.coordinates.index(coordinate)
         level = self._local("key.pivot") + _rotate(_ARM_LEVEL, self._local("drive.point"))
-        arm = _rotate(self.turned["motor"], np.array([-a["length"], 0.0]))
+        arm = _rotate(self.turned[coordinate], np.array([-a["length"], 0.0]))
         tip, point = level + np.array([a["length"], 0.0]) + arm, self._point("key", "drive.point")
         closing = self._point_jacobian("key", point)[1]  # of the penetration, per unit speed
         closing[i] -= _turn(arm)[1]
@@ -215,8 +265,8 @@ class Twin:
         static = max(0.0, a["contact_a"] * x**3 + a["contact_b"] * x**2 + a["contact_c"] * x) if x > 0.0 else 0.0
         f -= closing * static * max(0.0, 1.0 + a["contact_damping"] * rate)
         mass[i, i] += a["inertia"]
-        f[i] += torque_nm + a["preload_n"] * a["length"] - a["spring_stiffness"] * self.turned["motor"]
-        f[i] -= a["joint_friction"] * np.tanh(v[i] / self.action["friction_threshold.omega_t"])
+        f[i] += torque_nm + a["preload_n"] * a["length"] - a["spring_stiffness"] * self.turned[coordinate]
+        f[i] -= a["damping"] * v[i] + a["joint_friction"] * np.tanh(v[i] / self.action["friction_threshold.omega_t"])
 
     def rail_force(self, lift: float, rate: float) -> float:
         """Force of the balance rail on the key (N) at a height (m) of its pivot above its place in the set."""

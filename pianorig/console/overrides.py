@@ -6,10 +6,11 @@ numbers hold no blanks, so blanks separate and nothing inside needs a quote.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import model
+from model.parameters.action import LAW
 from pianorig.errors import CommandInputError
 
 _EXAMPLES = {
@@ -40,10 +41,27 @@ def read_settings(settings: Sequence[str], option: str = "--set") -> dict[str, f
     return out
 
 
-def load_changed(action: str, set_: Sequence[str] | None, scale: Sequence[str] | None) -> model.Action:
-    """The action with what ``--set`` gives, then with what ``--scale`` multiplies."""
-    values, factors = read_settings(set_ or []), read_settings(scale or [], "--scale")
-    return model.scaled(model.load_action(action, values), factors)
+def split_laws(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+    """The laws of felt among settings, contact to law as in ``contact12.law=stulov``, and the other settings."""
+    laws: dict[str, str] = {}
+    others = []
+    for setting in settings:
+        path, equals, law = (part.strip() for part in setting.partition("="))
+        contact, dot, last = path.rpartition(".")
+        if not (equals and dot and last == LAW):
+            others.append(setting)
+            continue
+        if contact in laws:
+            raise CommandInputError(f"--set {path}: given twice; allowed once")
+        laws[contact] = law
+    return laws, others
+
+
+def load_changed(action: str, set_: Sequence[str] | None, scale: Sequence[str] | None = None) -> model.Action:
+    """The action with what ``--set`` gives, laws of felt first, then with what ``--scale`` multiplies."""
+    laws, others = split_laws(set_ or [])
+    values, factors = read_settings(others), read_settings(scale or [], "--scale")
+    return model.scaled(model.load_action(action).with_laws(laws).with_values(values), factors)
 
 
 def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, float], dict[str, float]]:
@@ -57,6 +75,17 @@ def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, f
     example = 'allowed "name: --set path=value --scale name=factor"'
     if not colon or not name:
         raise CommandInputError(f"{called} {text!r}: has no name; {example}")
+    given = _options_of(name, rest, called, example)
+    laws, others = split_laws(given["--set"])
+    if laws:
+        raise CommandInputError(
+            f"{called} {name}: found a law of felt ({', '.join(laws)}), allowed numbers; "
+            "laws are compared by study felt-law, or by validate with one --action for each"
+        )
+    return name, read_settings(others), read_settings(given["--scale"], "--scale")
+
+
+def _options_of(name: str, rest: str, called: str, example: str) -> dict[str, list[str]]:
     given: dict[str, list[str]] = {"--set": [], "--scale": []}
     words = iter(rest.split())
     for word in words:
@@ -66,29 +95,37 @@ def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, f
         given[option].append(value if equals else next(words, ""))
     if not any(given.values()):
         raise CommandInputError(f"{called} {name}: changes nothing; {example}")
-    return name, read_settings(given["--set"]), read_settings(given["--scale"], "--scale")
+    return given
 
 
-def load_model(text: str, changes: Mapping[str, float]) -> model.Action:
+def load_model(text: str, settings: Sequence[str] = ()) -> model.Action:
     """The model of ``validate --action``: an action, or ``action: --set path=value --scale name=factor``.
 
     Parameters
     ----------
     text : str
-        A colon counts only where a blank and an option follow it, so that ``C:\\mine.toml`` is a path.
-    changes : mapping
-        Values of ``--set`` beside it, for every model; those of the text go before them.
+        A colon counts only where a blank and an option follow it, so that ``C:\\mine.toml`` is a path. A law of felt is
+        set as ``contact12.law=stulov``.
+    settings : sequence of str
+        ``--set`` beside it, for every model; those of the text go before them.
 
     Raises
     ------
     CommandInputError : something else than --set and --scale follows the colon, or a value given twice
     """
     name, rest = split_model(text)
+    laws, others = split_laws(settings)
+    changes = read_settings(others)
     if not rest:
-        return model.load_action(text, changes)
-    _, values, factors = read_variant(f"{name}: {rest}", "--action")
-    action = model.scaled(model.load_action(name, {**changes, **values}), factors)
-    said = [f"{path}={value:g}" for path, value in values.items()]
+        return model.load_action(text).with_laws(laws).with_values(changes)
+    example = 'allowed "action: --set path=value --scale name=factor"'
+    given = _options_of(name, rest, "--action", example)
+    own, numbers = split_laws(given["--set"])
+    values, factors = read_settings(numbers), read_settings(given["--scale"], "--scale")
+    started = model.load_action(name).with_laws({**laws, **own}).with_values({**changes, **values})
+    action = model.scaled(started, factors)
+    said = [f"{contact}.{LAW}={law}" for contact, law in own.items()]
+    said += [f"{path}={value:g}" for path, value in values.items()]
     said += [f"{path} × {factor:g}" for path, factor in factors.items()]
     return replace(action, name=f"{action.name} ({', '.join(said)})")
 

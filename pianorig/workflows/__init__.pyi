@@ -80,6 +80,7 @@ from .model.simulate_motion import print_motion as print_motion
 from .model.study import study_thesis as study_thesis
 from .model.study import study_variants as study_variants
 from .model.study_felt_law import study_felt_law as study_felt_law
+from .model.study_joints import study_joints as study_joints
 from .model.study_string import study_string as study_string
 from .reports import find_report as find_report
 from .reports import show_in_browser as show_in_browser

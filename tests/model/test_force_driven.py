@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import model
+from model.force_driven import ForceDrivenRun
 from model.integrators.methods import METHODS
 from tests.model.conftest import read_table
 
@@ -306,3 +307,39 @@ def test_an_error_that_grows_is_said(action: model.Action) -> None:
     blow = model.simulate(action, time, force, output_time_s=rows[:, 0], estimate_error=True)
     error = float(np.abs(blow.angle_rad - rows[:, 1:6]).max())
     assert blow.error_rad == pytest.approx(error, rel=1.0) and not blow.misses_tolerance
+
+
+def test_the_run_that_an_error_is_estimated_with_is_bound_ten_times_tighter_in_all_ways(action: model.Action) -> None:
+    """Friction with a tiny threshold bounds errors of speeds by itself: both runs made the same error, unseen."""
+    sharp = action.with_values({"friction_threshold.v_t": 1e-5})
+    scene = model.build_scene(sharp)
+    state = model.State(0.0, scene.start.copy(), np.zeros(5))
+    run = ForceDrivenRun(scene, *model.force_table("forte"), np.array([0.5]), 1e-5, "rodas4p")
+    own, judge = (run.planned(state, companion=which)[1].limits for which in (False, True))
+    assert own.speed < 1e-5  # bound by the threshold
+    assert judge.speed <= 0.1 * own.speed and judge.angle <= 0.1 * own.angle
+
+
+def test_an_error_in_doubt_is_judged_by_a_second_companion(
+    action: model.Action, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where errors grow, one companion may go wrong as the run does: 3 of 900 random actions were off unseen."""
+    scene = model.build_scene(action)
+    state = model.State(0.0, model.rest_state(action).angle_rad, np.zeros(5))
+    run = ForceDrivenRun(scene, *model.force_table("forte"), np.array([0.12]), 1e-5, "rodas4p", estimate_error=True)
+    for found, asked, said in (
+        ([0.5e-5], 1, 0.5e-5),
+        ([3e-5, 2e-4], 2, 2e-4),
+        ([3e-5, 1e-5], 2, 3e-5),
+        ([2e-4], 1, 2e-4),
+    ):
+        answers = iter(found)
+        calls: list[float] = []
+
+        def difference(*_: object) -> float:
+            calls.append(next(answers))  # noqa: B023
+            return calls[-1]  # noqa: B023
+
+        monkeypatch.setattr(ForceDrivenRun, "largest_difference", difference)
+        assert run.from_state(state).error_rad == said and len(calls) == asked
+    assert run.companion(state, 0.01).tolerance == pytest.approx(1e-7)

@@ -30,8 +30,6 @@ from validation.findings.signals.force_drift import force_drift
 from validation.findings.signals.force_saturation import force_saturation
 from validation.findings.signals.force_sign_and_unit import force_sign_and_unit
 from validation.findings.signals.stuck_bits import stuck_bits
-from validation.findings.single_changes import SingleChange, in_words, single_changes
-from validation.measurement.session import representative
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import PredictedSession
@@ -40,13 +38,12 @@ from validation.scores.session import ScoredSession
 
 @dataclass(frozen=True)
 class SessionFindings:
-    """Faults, trials and channels that no pooled figure counts, notes, single changes that may explain the model's
-    difference, which are no faults, and the trials of each kind of stroke where there are two."""
+    """Faults, trials and channels that no pooled figure counts, notes, and the trials of each kind of stroke where
+    there are two."""
 
     faults: tuple[SessionFinding, ...]
     left_out: frozenset[tuple[int, str]]
     notes: tuple[str, ...]
-    changes: tuple[SingleChange, ...] = ()
     kinds: tuple[tuple[int, ...], ...] = ()
 
 
@@ -55,10 +52,8 @@ def find_faults(
     events: SessionEvents,
     scored: ScoredSession,
     tested: ModelUnderTest,
-    *,
-    search_changes: bool,
 ) -> SessionFindings:
-    """Faults of the session, wiring first; single changes of the model are tried on a trial without any."""
+    """Faults of the session, wiring first."""
     trials, traces = predicted.trials, scored.traces
     found = rates(trials) + short_records(trials) + duplicates(trials)
     found += _single_trials(predicted, events, tested)
@@ -74,17 +69,10 @@ def find_faults(
         of_kind = _only(numbers, predicted, events, scored)
         odd = _odd_trials(*of_kind, tested, found)
         found += odd + _residuals(*of_kind[:2], tested, [*found, *odd])
-    sound = sound_trials(trials, found)
-    changes: list[SingleChange] = []
-    if sound and search_changes:
-        m = representative(sound)
-        release = events.trial[m.number]["key_release"]
-        until = release.value if release.status == "found" else float(m.time_s[-1])
-        changes = single_changes(tested, m, until)
     without = left_out(found)
-    notes = [*with_and_without(traces.base_s, traces.encoder, found, without), *in_words(changes)]
+    notes = with_and_without(traces.base_s, traces.encoder, found, without)
     apart = () if kinds is None else (kinds.weak, kinds.strong)
-    return SessionFindings(tuple(found), without, tuple(notes), tuple(changes), apart)
+    return SessionFindings(tuple(found), without, tuple(notes), apart)
 
 
 def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest) -> list[SessionFinding]:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from validation.conventions import Array
 from validation.identification.observations import CHANNELS, ObservedTrial
@@ -35,6 +36,7 @@ class Block:
     own : (3 m, k) columns of the trial's own force: its offset, and its noise in parts
     white : (3 m,) variance of sensor noise, rad²
     size : (3, m) size of the response: root of the sum of squares of the columns of laws
+    load : (m,) force on the key, of its greatest
     """
 
     session: int
@@ -45,6 +47,7 @@ class Block:
     own: Array
     white: Array
     size: Array
+    load: Array
 
 
 def rows(curves: Array) -> Array:
@@ -61,7 +64,7 @@ def make_blocks(
     trials: Sequence[ObservedTrial],
     jacobian: Sequence[Array],
     force_columns: Sequence[Array],
-    laws: Array,
+    laws: NDArray[np.bool_],
     held: Sequence[Array] = (),
 ) -> list[Block]:
     """The linear model of every trial.
@@ -95,9 +98,18 @@ def make_blocks(
                 own=rows(force_columns[k]),
                 white=np.repeat(t.u_white_rad**2, m),
                 size=_size(np.hstack([moved[:, laws], fixed]), m),
+                load=_load(t),
             )
         )
     return out
+
+
+def _load(t: ObservedTrial) -> Array:
+    """Force on the key at the phases, of its greatest, (m,); zero where none was measured."""
+    if t.force_n.size == 0:
+        return np.zeros(t.time_s.size)
+    force = np.interp(t.time_s, t.force_time_s, t.force_n) - t.preload_n
+    return np.asarray(force / max(float(np.abs(force).max()), 1e-9))
 
 
 def bend(blocks: Sequence[Block], here: Sequence[Array], there: Sequence[Array], step: Array) -> float:

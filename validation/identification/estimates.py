@@ -18,12 +18,12 @@ from validation.identification.outcome.result import (
     Estimate,
 )
 from validation.identification.profiles import Profile, profile
-from validation.identification.scatter import LEAST_TRIALS, factors, forms, jackknife, lacking
+from validation.identification.scatter import LEAST_TRIALS, factors, jackknife, of_lacking, widened
 
 NEAR_BOUND = 0.02
 NORMAL = 1.96
 LACKING = 0.01
-"""Size of the discrepancy, of what all laws together could do, above which no value is called identified."""
+"""Size of the discrepancy, of what all laws together could do, above which the model is said to lack something."""
 
 
 def estimate_all(
@@ -43,7 +43,8 @@ def estimate_all(
     say : called with a line of text
     keep : called with each profile
     """
-    factor, jack, form = factors(fitted), jackknife(fitted), forms(fitted)
+    factor, jack, lack = factors(fitted), jackknife(fitted), of_lacking(fitted)
+    width = widened(np.sqrt(np.diag(fitted.covariance)), jack, len(problem.trials))
     out = []
     for j, parameter in enumerate(problem.unknowns.asked):
         made = None
@@ -52,18 +53,19 @@ def estimate_all(
             made = profile(problem, fitted, j, float(factor[j]))
             if keep is not None:
                 keep(made)
-        out.append(_estimate(problem, fitted, j, (float(factor[j]), float(jack[j]), float(form[j])), made))
+        out.append(
+            _estimate(problem, fitted, j, (float(factor[j]), float(width[j]), float(jack[j]), float(lack[j])), made)
+        )
     return out
 
 
 def _estimate(
-    problem: Problem, fitted: Fitted, j: int, spread: tuple[float, float, float], made: Profile | None
+    problem: Problem, fitted: Fitted, j: int, spread: tuple[float, float, float, float], made: Profile | None
 ) -> Estimate:
-    """One estimate; ``spread`` is Student factor, jackknife u, and u of the discrepancy's form."""
+    """One estimate; ``spread`` is Student factor, u, jackknife u, and u from what the model lacks."""
     parameter, action = problem.unknowns.asked[j], problem.action
-    factor, jack, form = spread
-    z, width = float(fitted.z[j]), float(np.hypot(np.sqrt(fitted.covariance[j, j]), form))
-    width = max(width, jack) if np.isfinite(jack) else width  # trials that pull apart count, whatever was learnt
+    factor, width, jack, lack = spread
+    z = float(fitted.z[j])
     low, high = z - factor * width, z + factor * width
     if made is not None:  # a profile made of few points is not taken to be narrower than the linear model
         low, high = min(low, made.low), max(high, made.high)
@@ -78,9 +80,8 @@ def _estimate(
     elif min(z - least, most - z) < NEAR_BOUND:
         verdict = AT_BOUND
     elif (high - low) / (2.0 * NORMAL) >= HALF or interval != "two-sided":
-        verdict = NOT_IDENTIFIABLE
-    elif lacking(fitted) > LACKING:
-        verdict = DOUBTFUL
+        else_u = float(np.sqrt(max(width**2 - lack**2, 0.0)))
+        verdict = DOUBTFUL if interval == "two-sided" and factor * else_u < HALF * NORMAL else NOT_IDENTIFIABLE
     ends = sorted(parameter.physical(action, v) for v in (max(low, least), min(high, most)))
     return Estimate(
         name=parameter.name,
@@ -97,6 +98,6 @@ def _estimate(
         profiled=made is not None,
         interval=interval,
         u_jackknife=jack,
-        u_form=form,
+        u_form=lack,
         verdict=verdict,
     )

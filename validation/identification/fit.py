@@ -1,8 +1,7 @@
 """The most probable values: Gauss–Newton in a box, everything linear taken out, sizes of noise learnt on the way.
 
 Conventions: z in prior standard uncertainties, see `priors`. Each step minimises the linear model in the box; it is
-damped (Marquardt) until it lowers the objective and the model can run there. Several starts, drawn by a Latin
-hypercube within one prior standard uncertainty, show whether there is one minimum.
+damped (Marquardt) until it lowers the objective and the model can run there. `minima` fits from several starts.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm, qmc
+from numpy.typing import NDArray
 
 import model
 from model.errors import ModelError
@@ -26,13 +25,17 @@ from validation.identification.noise import (
     Sizes,
     box_step,
     dampings,
+    family_of,
     largest_step,
+    learn,
     likeliest,
 )
-from validation.identification.observations import ObservedTrial
+from validation.identification.observations import CHANNELS, ObservedTrial
 from validation.identification.unknowns.priors import Unknowns
 
 MOST_STEPS = 30
+MOST_TIGHT = 12
+TIGHT_STEPS, HOPELESS = 3, 20.0  # a fit as if nothing were lacking ends where it is so far off, per datum, by then
 FIRST_FLOOR = 0.1  # of the discrepancy in the first step; then what the last step showed the linear model to be worth
 MOST_LEARNINGS = 6  # of the sizes, near the minimum
 CLOSE = 0.1  # of a posterior standard uncertainty: a step below it is the last
@@ -41,9 +44,10 @@ LEAST_GAIN = (
     0.05  # of twice the negative log posterior: a step that gains less has come to a kink, or to the runs' error
 )
 NEAR = 2.0
-AFAR = 0.3  # how far z may move before columns of force noise are found again
-ROUNDS, LAST_ROUNDS = 6, 40
-START_SEED = 125
+SLIGHT = 0.05  # of the response: a discrepancy that is no reason to look for another minimum
+NEAR_FLOOR = 0.01  # a linear model that is off by no more is near enough to the minimum
+AFAR = 1.0  # how far z may move before columns of force noise are found again
+ROUNDS, LAST_ROUNDS = 4, 30
 
 
 @dataclass(frozen=True)
@@ -66,15 +70,31 @@ class Problem:
     held: tuple[Array, ...] = ()
 
     @property
-    def laws(self) -> Array:
-        """What scatters from trial to trial: laws among what moves, and the h columns of fixed ones, (p + h,) bool."""
+    def families(self) -> NDArray[np.intp]:
+        """Family of everything that moves and of the h fixed laws that scatter, (p + h,); -1 for what is no law."""
         held = self.held[0].shape[2] if self.held else 0
-        return np.array([p.factor for p in self.unknowns.moved] + held * [True])
+        return np.array([family_of(p) for p in (*self.unknowns.moved, *self.unknowns.held[:held])], dtype=np.intp)
+
+    @property
+    def laws(self) -> NDArray[np.bool_]:
+        """What scatters from trial to trial: laws among what moves, and the h columns of fixed ones, (p + h,) bool."""
+        return self.families >= 0
+
+    @property
+    def watched(self) -> NDArray[np.intp]:
+        """Places in z of what must have settled: what is asked for, and errors of the force, which bend a stroke."""
+        n = len(self.unknowns.asked)
+        return np.array([j for j, p in enumerate(self.unknowns.moved) if j < n or not p.paths], dtype=np.intp)
 
     @property
     def sessions(self) -> int:
         """Number of sessions."""
         return 1 + max(t.session for t in self.trials)
+
+    @property
+    def seen(self) -> Array:
+        """1 where a session measured a channel, else 0, (sessions, channels)."""
+        return np.ones((self.sessions, CHANNELS))
 
     def box(self) -> tuple[Array, Array]:
         """Smallest and largest z, (p,) each."""
@@ -108,12 +128,12 @@ class Fitted:
     @property
     def badness(self) -> float:
         """Twice the negative log marginal likelihood, sizes included, so that fits of the same trials compare."""
-        return -2.0 * self.marginal.log_likelihood(self.linear)
+        return -2.0 * self.marginal.log_evidence(self.linear)
 
     @property
     def settled(self) -> bool:
         """Whether it has converged where the model lacks next to nothing."""
-        return self.converged and float(self.marginal.sizes.common.max()) <= 2.0 * FLOOR
+        return self.converged and float(self.marginal.sizes.discrepancy.max()) <= SLIGHT
 
     @property
     def covariance(self) -> Array:
@@ -183,12 +203,12 @@ def fit(
         raise ValidationInputError("identify: the model cannot run at the start; use other values with --set")
     columns = Columns(problem) if columns is None else columns
     first = Sizes.tight if tight else Sizes.start
-    sizes, steps, converged = first(problem.laws, problem.sessions), 0, False
-    floor, largest = (FLOOR, 0.0) if tight else (FIRST_FLOOR, np.inf)
-    asked, damping, learnings = len(problem.unknowns.asked), 0.0, 0
+    sizes, steps, converged = first(problem.families, problem.seen), 0, False
+    floor, largest, most = (FLOOR, 0.0, MOST_TIGHT) if tight else (FIRST_FLOOR, np.inf, MOST_STEPS)
+    watched, damping, learnings = problem.watched, 0.0, 0
     while True:
         try:
-            near = floor <= NEAR * FLOOR
+            near = floor <= NEAR_FLOOR
             blocks = columns.blocks(z, near)
         except ModelError as error:
             raise ValidationInputError(f"identify: {error}") from None
@@ -197,14 +217,15 @@ def fit(
         # near the minimum sizes are kept until the values have settled, so that there is one function to minimise
         rounds = LAST_ROUNDS if near else ROUNDS
         kept = near and largest < NEAR or (tight and learnings == 0)
-        marginal = Marginal(blocks, sizes) if kept else likeliest(blocks, linear, sizes, rounds, floor)
-        largest = largest_step(marginal, here, z, (low, high), asked)
+        marginal = Marginal(blocks, sizes) if kept else learn(blocks, linear, sizes, rounds, floor)
+        largest = largest_step(marginal, here, z, (low, high), watched)
         if near and largest < CLOSE:
-            marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds), learnings + 1
-            largest = largest_step(marginal, here, z, (low, high), asked)
+            marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds, learnings == 0), learnings + 1
+            largest = largest_step(marginal, here, z, (low, high), watched)
             converged = largest < (CLOSE if learnings < MOST_LEARNINGS else STALLED)
         sizes = marginal.sizes
-        if converged or steps == MOST_STEPS or learnings >= MOST_LEARNINGS:
+        hopeless = tight and steps == TIGHT_STEPS and marginal.objective(here, z) > HOPELESS * sum(r.size for r in here)
+        if converged or hopeless or steps == most or learnings >= MOST_LEARNINGS:
             break
         steps += 1
         attempt = _attempt(problem, marginal, here, z, damping)
@@ -213,8 +234,8 @@ def fit(
             said = f"step {steps}: largest change {largest:.2g} u, damped by {damping:g}; linear to {worth:.2g}"
             say(said if taken else f"step {steps}: no step from here lowers the objective")
         if near and largest < NEAR and attempt.gain < LEAST_GAIN:
-            marginal, learnings = likeliest(blocks, linear, sizes, rounds), learnings + 1
-            converged = largest_step(marginal, here, z, (low, high), asked) < STALLED
+            marginal, learnings = likeliest(blocks, linear, sizes, rounds, learnings == 0), learnings + 1
+            converged = largest_step(marginal, here, z, (low, high), watched) < STALLED
             if converged or learnings >= MOST_LEARNINGS:
                 break
             sizes = marginal.sizes
@@ -224,7 +245,7 @@ def fit(
         elif near:
             break
         floor = max(FLOOR, 0.5 * (worth if taken else min(worth, floor)))
-        damping = damping / 10.0 if damping > LEAST_DAMPING else 0.0
+        damping = damping / 10.0 if damping > LEAST_DAMPING and worth > FLOOR else 0.0
     return Fitted(z, curves, marginal, linear, marginal.objective(here, z), steps, converged)
 
 
@@ -258,43 +279,3 @@ def _attempt(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Arr
 def _one(problem: Problem, z: Array) -> list[Array] | None:
     """Curves at one point."""
     return problem.response.curves([z])[0]
-
-
-def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns: Columns | None) -> list[Fitted]:
-    """Fits from several starts, the likeliest first.
-
-    A fit that has not settled, or after which the model seems to lack something, may stand in a wrong minimum where
-    the discrepancy explains what a parameter should. It is followed by one from where it ended and one from the
-    action's values, both of which take the model to lack nothing until they have settled.
-
-    Parameters
-    ----------
-    problem : Problem
-    n : how many points of `starts` to start from in any case
-    say : called with a line after each step
-    columns : derivatives at the action's values, found already
-    """
-    points = starts(problem, n)
-    fits = [fit(problem, z, say, None if k else columns) for k, z in enumerate(points)]
-    for from_there in (True, False):
-        best = min(fits, key=lambda f: f.badness)
-        if best.settled:
-            break
-        if say is not None:
-            say("once more " + ("from there" if from_there else "from the start") + ", as if the model lacked nothing")
-        at, known = (best.z, None) if from_there else (points[0], columns)
-        fits.append(fit(problem, at, say, known, tight=True))
-    return sorted(fits, key=lambda f: f.badness)
-
-
-def starts(problem: Problem, n: int) -> list[Array]:
-    """Points to start from: the action's own values, then a Latin hypercube of the asked ones within the prior."""
-    p, asked = len(problem.unknowns.moved), len(problem.unknowns.asked)
-    out = [np.zeros(p)]
-    if n > 1:
-        drawn = qmc.LatinHypercube(asked, seed=START_SEED).random(n - 1)
-        for row in drawn:
-            z = np.zeros(p)
-            z[:asked] = norm.ppf(0.16 + 0.68 * row)
-            out.append(z)
-    return out

@@ -15,8 +15,9 @@ from validation.conventions import ENCODER_CHANNELS, Array
 from validation.errors import ValidationInputError
 from validation.identification.estimates import LACKING, estimate_all
 from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Columns, Fitted, Problem, search
+from validation.identification.fit import Columns, Fitted, Problem
 from validation.identification.identifiability import directions, warnings_of
+from validation.identification.minima import search
 from validation.identification.noise import FLOOR, Sizes, learn
 from validation.identification.observations import ObservedTrial
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
@@ -168,7 +169,7 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
                 f"--parameters {name}: has no effect in these strokes (no angle moves by {LEAST_EFFECT_RAD:g} rad); "
                 "leave it out, or record a stroke in which it acts"
             )
-    sizes = Sizes.start(problem.laws, problem.sessions)
+    sizes = Sizes.start(problem.families, problem.seen)
     marginal = learn(blocks, [b.moved @ zero for b in blocks], sizes, 0, FLOOR)
     n = len(names)
     return columns, warnings_of(names, marginal.covariance[:n, :n])
@@ -204,7 +205,7 @@ def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]
     if share > LACKING:
         said.append(
             f"the model lacks something: trials differ from it alike by {100 * share:.0f} % of what all its laws "
-            "together could do; no value is called identified"
+            "together could do; intervals hold what that may do to a value"
         )
     apart = [f.badness - best.badness for f in fits]
     if max(apart) > SAME:
@@ -236,6 +237,6 @@ def _provenance(
         "converged": best.converged,
         "discrepancy": {
             f"session {s + 1}": dict(zip(ENCODER_CHANNELS, map(float, row), strict=True))
-            for s, row in enumerate(best.marginal.sizes.common)
+            for s, row in enumerate(best.marginal.sizes.discrepancy)
         },
     }

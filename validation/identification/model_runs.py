@@ -137,7 +137,7 @@ class ModelRuns:
         points = [here, replace(here, offset_n=OFFSET_N)] + [replace(here, bump=i) for i in range(1, SEGMENTS + 1)]
         steps = np.array([OFFSET_N] + SEGMENTS * [BUMP_N])
         unit = self._differences(self.run(points), steps, ["force offset", *SEGMENTS * ["force noise"]])
-        scale = [np.concatenate([[t.u_offset_n], _slow_noise_n(t)]) for t in self.trials]
+        scale = [np.concatenate([[t.u_offset_n], slow_noise_n(t)]) for t in self.trials]
         return [columns * by for columns, by in zip(unit, scale, strict=True)]
 
     def _differences(self, found: list[list[Array] | None], steps: Array, names: list[str]) -> list[Array]:
@@ -205,7 +205,7 @@ def noise_knots(trial: ObservedTrial) -> Array:
     return np.concatenate([[begin - BEFORE_S], rise, np.linspace(up, end, SEGMENTS + 1 - first)[1:]])
 
 
-def _slow_noise_n(trial: ObservedTrial) -> Array:
+def slow_noise_n(trial: ObservedTrial) -> Array:
     """Standard deviation of white force noise, averaged around each knot but the first, N."""
     step = float(np.median(np.diff(trial.force_time_s)))
     knots = noise_knots(trial)

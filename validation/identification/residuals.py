@@ -20,7 +20,7 @@ from validation.errors import ValidationInputError
 from validation.identification.blocks import residuals, rows
 from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Columns, Problem, linear_residuals
-from validation.identification.noise import Marginal, Sizes, likeliest
+from validation.identification.noise import Marginal, Sizes, learn
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
 from validation.identification.sources import collect
 from validation.identification.unknowns.priors import unknowns
@@ -142,5 +142,5 @@ def problem_at_start(problem: Problem) -> ResidualProblem:
         raise ValidationInputError("residual: the model cannot run at the action's values; use others")
     blocks = Columns(problem).blocks(zero)
     linear = linear_residuals(problem, blocks, curves, zero)
-    sizes = Sizes.start(problem.laws, problem.sessions)
-    return ResidualProblem(problem, likeliest(blocks, linear, sizes, ROUNDS))
+    sizes = Sizes.start(problem.families, problem.seen)
+    return ResidualProblem(problem, learn(blocks, linear, sizes, ROUNDS))

@@ -1,24 +1,25 @@
 """How far the result hangs on single trials: jackknife, and the Student factor of few trials.
 
-The sizes of noise are learnt from few trials, so that intervals need more than 1.96 standard uncertainties: the part of
-the variance that comes from scatter between trials has as many degrees of freedom as trials less sessions; that of the
-discrepancy as many as independent values of it are seen (Welch–Satterthwaite). Source: JCGM 100, G.4.
+The sizes of noise are learnt from few trials, so that intervals need more than 1.96 standard uncertainties. The
+variance of a value is a sum of shares of all sizes; the information on the sizes says how well each share is known, and
+so how many degrees of freedom the variance has (as Welch and Satterthwaite's, with sizes that are learnt together).
+Source: JCGM 100, G.4; Kackar and Harville (1984).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
+from scipy.stats import chi2
 from scipy.stats import t as student
 
 from validation.conventions import Array
 from validation.identification.fit import Fitted
-from validation.identification.noise import FORMS_S, LEAST, Marginal, Sizes, learn
-from validation.identification.observations import CHANNELS
+from validation.identification.noise import Marginal
+from validation.identification.noise.learning import scores
 
 LEAST_TRIALS = 3
-ROUNDS = 15
+LEAST_FREEDOM = 2.0
+BY_CHANCE = 0.99  # probability: a jackknife that is larger than chance makes it widens an interval
 
 
 def jackknife(fitted: Fitted) -> Array:
@@ -40,39 +41,31 @@ def jackknife(fitted: Fitted) -> Array:
     return np.asarray(np.sqrt((m - 1) / m * ((np.array(found) - np.mean(found, axis=0)) ** 2).sum(axis=0)))
 
 
+def widened(width: Array, jack: Array, trials: int) -> Array:
+    """Standard uncertainties, as large as the jackknife where trials pull apart by more than chance.
+
+    The jackknife of few trials is itself known to a third only: the larger of the two would always be too large.
+    """
+    most = np.sqrt(chi2.ppf(BY_CHANCE, max(trials - 1, 1)) / max(trials - 1, 1))
+    return np.where(np.isfinite(jack) & (jack > most * width), jack, width)
+
+
 def factors(fitted: Fitted) -> Array:
     """Student factor (p,) of the 95 % interval of each parameter."""
-    marginal = fitted.marginal
-    sizes, blocks = marginal.sizes, marginal.blocks
-    whole = np.diag(marginal.covariance)[: marginal.p]
-
-    def share(other: Sizes) -> Array:
-        """Share of the variance that is gone with these sizes, (p,)."""
-        return np.clip(1.0 - np.diag(Marginal(blocks, other).covariance)[: marginal.p] / whole, 0.0, 1.0)
-
-    still = replace(sizes, scatter=np.minimum(sizes.scatter, LEAST), own=np.minimum(sizes.own, LEAST))
-    right = replace(sizes, common=np.minimum(sizes.common, LEAST))
-    first = {b.session: b for b in blocks}
-    between = max(len(blocks) - len(first), 1)
-    # a discrepancy is as many independent values as correlation times fit into a stroke, in each channel
-    values = sum(CHANNELS * (1.0 + float(np.ptp(b.time_s)) / sizes.correlated_s) for b in first.values())
-    within = max(values - float(np.sum(whole < 0.25)), 1.0)
-    freedom = 1.0 / np.maximum(share(still) ** 2 / between + share(right) ** 2 / within, 1e-6)
-    return np.asarray(student.ppf(0.975, freedom))
+    found = scores(fitted.marginal)
+    _, spread = fitted.marginal.sizes.belief()
+    unknown = np.linalg.inv(found.information + np.diag(1.0 / spread**2))  # covariance of the logarithms of sizes
+    varied = np.einsum("pi,ij,pj->p", found.shares, unknown, found.shares)
+    return np.asarray(student.ppf(0.975, np.clip(0.5 / np.maximum(varied, 1e-9), LEAST_FREEDOM, None)))
 
 
-def forms(fitted: Fitted) -> Array:
-    """How far z (p,) moves at most with the assumed form of what the model lacks: with other correlation times."""
-    marginal = fitted.marginal
-    here = marginal.mean(fitted.linear)[: marginal.p]
-    moved = np.zeros(marginal.p)
-    for correlated_s in FORMS_S:
-        sizes = replace(marginal.sizes, correlated_s=correlated_s)
-        other = learn(marginal.blocks, fitted.linear, sizes, ROUNDS)
-        moved = np.maximum(moved, np.abs(other.mean(fitted.linear)[: marginal.p] - here))
-    return moved
+def of_lacking(fitted: Fitted) -> Array:
+    """Standard uncertainty (p,) of z that comes from what the model lacks."""
+    sizes = fitted.marginal.sizes
+    shares = scores(fitted.marginal).shares[:, -sizes.common.size :].sum(axis=1)
+    return np.asarray(np.sqrt(np.minimum(shares, 1.0) * np.diag(fitted.covariance)))
 
 
 def lacking(fitted: Fitted) -> float:
     """Largest learnt size of the discrepancy in any session and channel, of what all laws together could do."""
-    return float(fitted.marginal.sizes.common.max())
+    return float(fitted.marginal.sizes.discrepancy.max())

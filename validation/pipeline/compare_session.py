@@ -7,6 +7,8 @@ with its reason and the rest goes on.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Unpack
 
@@ -14,18 +16,23 @@ import model
 from rig.session import Session
 from validation.cache.result_store import ResultStore
 from validation.events.session import find_session_events
-from validation.findings.session import find_faults
-from validation.measurement.session import measure_session, open_session
+from validation.findings.pooling import sound_trials
+from validation.findings.session import SessionFindings, find_faults
+from validation.identification.difference.explain import Explained, explain_difference
+from validation.measurement.session import measure_session, open_session, representative
+from validation.measurement.trial import MeasuredTrial
 from validation.options import CompareOptions, ComparisonOptions
 from validation.pipeline.fitted_before import identified_warnings, prediction_lines
 from validation.pipeline.provenance import provenance
 from validation.pipeline.verdict import Standing, outcome, verdict_lines
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import predict_session
-from validation.result import ValidationResult
+from validation.result import AGREES, ValidationResult
 from validation.scores.session import score_session
 from validation.statistics.null_comparison import null_closer
 from validation.tables.session import make_tables
+
+FINER = "; the verdict's test, which looks at the largest difference alone, does not resolve it"
 
 
 def compare(
@@ -47,7 +54,8 @@ def compare(
         budget : bool, default True
             Make the uncertainty budget of the events, some fifty runs of one trial.
         suspect : bool, default True
-            Try which single changes of model or force explain the difference, some 200 runs of one trial.
+            Find the sets of changes of model or force that explain the difference: some 200 runs of one trial, up to
+            a thousand more where the difference is large.
         by_motion : bool, default False
             Also drive the model by the key's measured motion and compare the force, in the trial of median peak force.
         keep_predictions : bool, default True
@@ -96,13 +104,21 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     predicted = predict_session(measured, tested, chosen.say)
     events = find_session_events(predicted, tested)
     scored = score_session(predicted, events, tested.store)
-    findings = find_faults(predicted, events, scored, tested, search_changes=chosen.suspect)
-    tables = make_tables(predicted, events, scored, findings, tested, chosen)
+    findings = find_faults(predicted, events, scored, tested)
+    explained = Explained()
+    if chosen.suspect:
+        chosen.say("which part of the model explains the difference")
+        explained = explain_difference(tested, of_one_kind(predicted.trials, findings))
+    changes = [asdict(change) for change in explained.changes]
+    tables = make_tables(predicted, events, scored, findings, tested, chosen, changes)
     tables.warnings.extend(identified_warnings(action))
     name = session.info.name or session.path.name
     closer = null_closer(scored.scores, findings.left_out)
     standing = Standing(tables.judgement, tables.budget, closer, tables.phases)
     found, sentence = outcome(tables.channels, tables.phases, findings.faults, tables.judgement)
+    if explained.sentence:
+        finer = found == AGREES and not explained.nothing
+        tables.warnings.append(explained.sentence + (FINER if finer else ""))
     head, *rest = verdict_lines(
         name, action.name, tables.channels, tables.event_summary, len(predicted.trials), findings.faults, standing
     )
@@ -116,6 +132,16 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         sentence=sentence,
         **vars(tables),
     )
+
+
+def of_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings) -> list[MeasuredTrial]:
+    """Trials without faults; where there are two kinds of stroke, those of the median trial's kind."""
+    sound = sound_trials(trials, findings.faults)
+    if not sound or not findings.kinds:
+        return sound
+    first = representative(sound)
+    (kind,) = [kind for kind in findings.kinds if first.number in kind]
+    return [m for m in sound if m.number in kind]
 
 
 def model_under_test(session: Session, action: model.Action, chosen: ComparisonOptions) -> ModelUnderTest:

@@ -18,7 +18,7 @@ from validation.events.definitions import EVENTS
 from validation.side_by_side import SideBySide
 
 SCHEMA = "piano-action-rig results"
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 
 
 def results_json(side: SideBySide) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import pandas as pd
 
@@ -34,7 +35,7 @@ from validation.tables.scorecard import NO_CEILING, scorecard, with_repeatabilit
 from validation.tables.trials import lift_table, trial_table, uncertainty_table
 
 FINDING_COLUMNS = ["kind", "trial", "channel", "value", "limit", "text"]
-CHANGE_COLUMNS = ["trial", "cause", "change", "unit", "taken_away"]
+CHANGE_COLUMNS = ["set", "changes", "cause", "change", "u", "unit", "log_odds", "left"]
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,12 @@ def make_tables(
     findings: SessionFindings,
     tested: ModelUnderTest,
     options: ComparisonOptions,
+    changes: Sequence[Mapping[str, Any]] = (),
 ) -> SessionTables:
-    """Make every table, with the further runs that were asked for, and save what was computed for the next run."""
+    """Make every table, with the further runs that were asked for, and save what was computed for the next run.
+
+    ``changes`` are rows of `CHANGE_COLUMNS`: what explains the model's difference.
+    """
     traces, without = scored.traces, findings.left_out
     uncertainty = uncertainty_table(predicted.trials, traces.film)
     u_sample = uncertainty.groupby("channel")["u_rad"].mean().to_dict()
@@ -84,7 +89,7 @@ def make_tables(
         scorecard=card,
         marked=lift_table(events.lifts),
         findings=pd.DataFrame([asdict(f) for f in findings.faults], columns=FINDING_COLUMNS),
-        single_changes=pd.DataFrame([asdict(c) for c in findings.changes], columns=CHANGE_COLUMNS),
+        compatible_changes=pd.DataFrame(changes, columns=CHANGE_COLUMNS),
         channels=with_scores(channels, scored.scores, card, without),
         phases=phase_table(_in_verdict(judgement, findings), summary, channels, events.window),
         events=event_table(events.trial, events.model),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.bodies.outlines import Body, check_bodies, signed_distance
+from vision.each import Each, in_turn
 from vision.errors import BodyError
 from vision.film.source import SATURATED_SHARE
 
@@ -52,10 +53,12 @@ def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray
     return masks_of(bodies, outline_distances(bodies, height, width))
 
 
-def outline_distances(bodies: Sequence[Body], height: int, width: int) -> list[NDArray[np.float32]]:
+def outline_distances(
+    bodies: Sequence[Body], height: int, width: int, each: Each = in_turn
+) -> list[NDArray[np.float32]]:
     """`signed_distance` from each body's outline; raises `BodyError` for bodies that do not fit together."""
     check_bodies(bodies)
-    return [signed_distance(body.polygon_px, height, width) for body in bodies]
+    return each(lambda body: signed_distance(body.polygon_px, height, width), bodies)
 
 
 def masks_of(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:

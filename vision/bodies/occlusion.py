@@ -73,12 +73,16 @@ class Occlusion:
     """Which body can hide which; bodies, templates and the distances from their outlines are in the same order."""
 
     def __init__(
-        self, bodies: Sequence[Body], templates: Sequence[Template], distances: Sequence[NDArray[np.float32]]
+        self,
+        bodies: Sequence[Body],
+        templates: Sequence[Template],
+        distances: Sequence[NDArray[np.float32]] | NDArray[np.float32],
     ) -> None:
         self._bodies, self._templates = bodies, templates
         self._centres = [np.array(template.centre_px) for template in templates]
-        self._groups = [_groups(template.offset_px) for template in templates]
-        self._distances = distances
+        self.groups = [_groups(template.offset_px) for template in templates]
+        # of all bodies, (m, height, width)
+        self.distances = distances if isinstance(distances, np.ndarray) else np.stack(distances)
         self.in_front = [
             [j for j, other in enumerate(bodies) if j != i and other.layer >= body.layer]
             for i, body in enumerate(bodies)
@@ -86,7 +90,7 @@ class Occlusion:
 
     def with_templates(self, templates: Sequence[Template]) -> Occlusion:
         """The same for other pixels of the same bodies."""
-        return Occlusion(self._bodies, templates, self._distances)
+        return Occlusion(self._bodies, templates, self.distances)
 
     def covered(self, body: int, pose: NDArray[np.float64], poses: dict[int, NDArray[np.float64]]) -> NDArray[np.uint8]:
         """Template pixels of a body, at ``pose``, that bodies in front hide at theirs; shape (n,), 1 is hidden."""
@@ -100,6 +104,6 @@ class Occlusion:
             x, y = centre_x + shift_x - other_x - x0, centre_y + shift_y - other_y - y0
             seen = (turn - turn0, cosine * x + sine * y, cosine * y - sine * x)
             mark_covered(
-                template.offset_px, self._groups[body], seen, self._distances[other], self._centres[other], covered
+                template.offset_px, self.groups[body], seen, self.distances[other], self._centres[other], covered
             )
         return covered

@@ -1,11 +1,16 @@
-"""Phantom .cine films, read lazily: grey, uncompressed 8 or 16 bit, or packed 12 bit.
+"""Phantom .cine films, read lazily: grey or interpolated colour of 8 or 16 bit, or grey packed to 10 or 12 bit.
 
 Format: Vision Research, The Cine File Format (2011 and later). Little-endian without padding: a file header (magic
 ``CI``) with the places of a Windows bitmap header, of the camera's settings (magic ``ST`` at byte 140), and of a table
 with one 64-bit place per image; before its pixels each image has a note whose first word is its length and whose last
 is the size of the pixels. Rows of uncompressed images run from the bottom to the top, those of packed ones downwards.
 Between settings and table lie tagged blocks, among them the time of each image (kind 1002: seconds since 1970 in units
-of 2^-32). What this reader does not know (colour, compressed, 10 bit, flipped for display) is refused, not guessed.
+of 2^-32). What this reader does not know (the raw mosaic of a colour sensor, compressed, flipped for display) is
+refused, not guessed.
+
+Cameras pack to 10 bit with the curve of ITU-R BT.709 between code 64 (black) and 1014 (white); values are read back
+linear, of 12 bit with black at 64 and white at 4064. The format's table of 1,024 values differs from the curve by at
+most two counts of 4,095 (`tests/vision/film/test_cine_reader.py` against pycine), a quarter of a code at the top.
 """
 
 from __future__ import annotations
@@ -20,7 +25,7 @@ from numpy.typing import NDArray
 from vision.errors import FilmError
 from vision.film.mmap_window import FileWindow
 from vision.film.mraw_reader import unpack12_region
-from vision.film.source import Film
+from vision.film.source import Film, grey_of
 
 FILE_HEADER = struct.Struct("<2sHHHiIiIIIIQ")
 BITMAP_HEADER = struct.Struct("<IiiHHI")
@@ -29,7 +34,9 @@ SETTINGS = {"flip_h": (756, "i"), "flip_v": (760, "i"), "rate": (768, "I"), "shu
             "bits": (896, "I"), "shutter_ns": (1568, "I")}  # fmt: skip
 """Place and type of what is used of the camera's settings; the last ones only newer files have."""
 IMAGE_TIMES = 1002
-PLAIN, PACKED_12 = 0, 1024
+PLAIN, PACKED_10, PACKED_12 = 0, 256, 1024
+BLACK_CODE, WHITE_CODE, FULL_CODE = 64, 1014, 1015
+BLACK_GREY, WHITE_GREY, FULL_GREY = 64, 4064, 4095
 MOST_FRAMES = 50_000_000
 
 
@@ -41,15 +48,18 @@ class CineFilm(Film):
     path : Path
     allow_truncated : bool
         Read up to the last whole image instead of refusing a file that was cut short.
+    channel : {"red", "green", "blue"}, optional
+        Of a colour film, take this channel; weighted as the eye does when None.
 
     Raises
     ------
     FilmError
-        The file is damaged, cut short, or of a kind that is not read.
+        A channel of a grey film is asked for; the file is damaged, cut short, or of a kind that is not read.
     """
 
-    def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
+    def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
         self.path = path
+        self._channel = channel
         self._file = FileWindow(path)
         try:
             self._read_headers(allow_truncated)
@@ -72,14 +82,23 @@ class CineFilm(Film):
         self._refuse_unknown(compression, bits, packing, settings)
         if not (0 < self.width <= 65_536 and 0 < self.height <= 65_536 and 0 < n <= MOST_FRAMES):
             raise FilmError(f"{self.path}: the header says {n} images of {self.width} x {self.height}; it is damaged")
-        self._packed = packing == PACKED_12
-        self._pixel_bytes = 1 if bits == 8 else 2
+        self._packing = packing
+        self._colours = 3 if bits in (24, 48) else 1
+        if self._channel is not None and self._colours == 1:
+            raise FilmError(f"{self.path}: is a grey film; leave the channel ({self._channel}) out")
+        self._value_bytes = 1 if bits in (8, 24) else 2
         stated = settings["bits"]
-        self.bit_depth = 12 if self._packed else 8 if bits == 8 else stated if 8 < stated <= 16 else 16
+        plain = 8 if self._value_bytes == 1 else stated if 8 < stated <= 16 else 16
+        self.bit_depth = plain if packing == PLAIN else 12
         self.frame_rate_hz = float(settings["rate"]) or None
         self.exposure_s = settings["shutter_ns"] * 1e-9 or settings["shutter_us"] * 1e-6 or None
         pixels = self.width * self.height
-        self._image_bytes = (pixels + 1) // 2 * 3 if self._packed else pixels * self._pixel_bytes
+        self._row_bytes = self.width * self._colours * self._value_bytes
+        self._image_bytes = {
+            PLAIN: self._row_bytes * self.height,
+            PACKED_10: (pixels + 3) // 4 * 5,
+            PACKED_12: (pixels + 1) // 2 * 3,
+        }[packing]
         self._first = first
         self._place = self._places(at_table, n, allow_truncated)
         self.n_frames = len(self._place)
@@ -104,15 +123,23 @@ class CineFilm(Film):
         self._check_index(index)
         self._check_region(y0, y1, x0, x1)
         start = self._pixels_at(int(self._place[index]), index)
-        if self._packed:
+        if self._packing == PACKED_10:
+            first, last = y0 * self.width, y1 * self.width
+            data = self._file.view(start + first // 4 * 5, start + (last + 3) // 4 * 5)
+            rows = _unpack10(data)[first % 4 : first % 4 + last - first].reshape(y1 - y0, self.width)
+            return LINEAR[rows[:, x0:x1]]
+        if self._packing == PACKED_12:
             low, high = y0 * self.width, y1 * self.width
             data = self._file.view(start + low // 2 * 3, start + (high + 1) // 2 * 3)
             return unpack12_region(data, low % 2, self.width, y1 - y0, x0, x1)
-        row_bytes = self.width * self._pixel_bytes
         # the last row is stored first
-        data = self._file.view(start + (self.height - y1) * row_bytes, start + (self.height - y0) * row_bytes)
-        rows = data.view("<u2" if self._pixel_bytes == 2 else np.uint8).reshape(y1 - y0, self.width)
-        return rows[::-1, x0:x1]
+        below, above = (self.height - y1) * self._row_bytes, (self.height - y0) * self._row_bytes
+        data = self._file.view(start + below, start + above).reshape(y1 - y0, self._row_bytes)
+        rows = data.view("<u2" if self._value_bytes == 2 else np.uint8)[::-1]
+        if self._colours == 1:
+            return rows[:, x0:x1]
+        colour = rows.reshape(y1 - y0, self.width, 3)[:, x0:x1]
+        return grey_of(np.ascontiguousarray(colour), self._channel)
 
     def close(self) -> None:
         """Close the file; frames already read stay valid."""
@@ -134,18 +161,17 @@ class CineFilm(Film):
 
     def _refuse_unknown(self, compression: int, bits: int, packing: int, settings: dict[str, int]) -> None:
         words = None
-        if compression != 0 or settings["cfa"] != 0 or bits not in (8, 16):
-            words = f"colour or compressed (compression {compression}, colour filter {settings['cfa']}, {bits} bit)"
-        elif packing not in (PLAIN, PACKED_12):
-            words = (
-                f"packed as kind {packing}, whose grey values are not linear"
-                if packing == 256
-                else f"packed as {packing}"
-            )
+        colour = bits in (24, 48)
+        if compression != 0 or bits not in (8, 16, 24, 48):
+            words = f"compressed (kind {compression}) or of unknown pixels ({bits} bit)"
+        elif settings["cfa"] != 0 and not colour:
+            words = f"the raw mosaic of a colour sensor (colour filter {settings['cfa']})"
+        elif packing not in (PLAIN, PACKED_10, PACKED_12) or (packing != PLAIN and colour):
+            words = f"packed as {packing} with {bits} bit"
         elif settings["flip_h"] or settings["flip_v"]:
             words = "flipped for display, and the file does not tell whether its pixels are"
         if words is not None:
-            raise FilmError(f"{self.path}: {words}; save it as uncompressed grey .cine or as .tif pages")
+            raise FilmError(f"{self.path}: {words}; save it uncompressed, in grey or interpolated colour")
 
     def _places(self, at: int, n: int, allow_truncated: bool) -> NDArray[np.int64]:
         """Byte at which the note of each image begins."""
@@ -198,3 +224,24 @@ class CineFilm(Film):
                 return time_s
             at += size
         return None
+
+
+def _unpack10(packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """Five bytes hold four codes, the highest bits first."""
+    five = packed.reshape(-1, 5).astype(np.uint16)
+    codes = np.empty((len(five), 4), dtype=np.uint16)
+    for i in range(4):
+        codes[:, i] = ((five[:, i] << (2 + 2 * i)) | (five[:, i + 1] >> (6 - 2 * i))) & 0x3FF
+    return codes.reshape(-1)
+
+
+def _linear_grey() -> NDArray[np.uint16]:
+    """Grey value of each 10-bit code (ITU-R BT.709-6, item 1.2, solved for the light)."""
+    signal = (np.arange(1024) - BLACK_CODE) / (WHITE_CODE - BLACK_CODE)
+    light = np.where(signal < 0.081, signal / 4.5, ((np.maximum(signal, 0.0) + 0.099) / 1.099) ** (1.0 / 0.45))
+    grey = np.rint(BLACK_GREY + (WHITE_GREY - BLACK_GREY) * light)
+    grey[FULL_CODE:] = FULL_GREY
+    return grey.astype(np.uint16)
+
+
+LINEAR = _linear_grey()

@@ -119,6 +119,14 @@ class MrawFilm(Film):
             region = region >> (16 - self.bit_depth)
         return region
 
+    def frames(self, start: int, end: int) -> NDArray[Any] | None:
+        """Frames ``start..end-1`` as they lie in the file, read-only; None where grey values are packed or shifted."""
+        bits, size = self.header.colour_bit, self.width * self.height * self.header.colour_bit // 8
+        if bits not in (8, 16) or (bits == 16 and self.header.bit_side == "higher" and self.bit_depth < 16):
+            return None
+        data = self._file.view(start * size, end * size).view(np.uint16 if bits == 16 else np.uint8)
+        return data.reshape(end - start, self.height, self.width)
+
     def close(self) -> None:
         """Close the file; frames already read stay valid."""
         self._file.close()

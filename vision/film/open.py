@@ -59,12 +59,12 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
         raise FilmError(f"channel {channel!r} is not known; choose {', '.join(CHANNELS)}, or none")
     if path.is_dir():
         return PictureFolder(path, allow_truncated=allow_truncated, channel=channel)
-    if channel is not None and suffix in (*MRAW_SUFFIXES, ".cine"):
+    if channel is not None and suffix in MRAW_SUFFIXES:
         raise FilmError(f"{path}: films of this format are read in grey; leave the channel ({channel}) out")
     if suffix in MRAW_SUFFIXES:
         return MrawFilm(path, allow_truncated=allow_truncated)
     if suffix == ".cine":
-        return CineFilm(path, allow_truncated=allow_truncated)
+        return CineFilm(path, allow_truncated=allow_truncated, channel=channel)
     if suffix == ".avi":
         avi = AviFilm(path, allow_truncated=allow_truncated, channel=channel)
         if avi.readable:

@@ -59,6 +59,7 @@ class VideoFilm(Film):
         rate = float(self._capture.get(cv2.CAP_PROP_FPS))
         self.frame_rate_hz = rate if 0.0 < rate < 1e9 else None
         self.codec = _four_letters(int(self._capture.get(cv2.CAP_PROP_FOURCC)))
+        depth = _stored_bits(int(self._capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)))
         self._next = 0
         self._last: tuple[int, NDArray[Any]] | None = None
         if self.codec.strip().upper() not in INTRA_CODECS:
@@ -66,6 +67,12 @@ class VideoFilm(Film):
             warnings.warn(
                 f"{path}: codec {self.codec} predicts frames from their neighbours, so angles will be worse than "
                 "stated; export raw or MJPEG film",
+                VisionWarning,
+                stacklevel=3,
+            )
+        if depth > 8:
+            warnings.warn(
+                f"{path}: stores {depth} bits a pixel, of which 8 are read; export it as .tif pages to keep them",
                 VisionWarning,
                 stacklevel=3,
             )
@@ -139,3 +146,12 @@ class VideoFilm(Film):
 def _four_letters(code: int) -> str:
     text = code.to_bytes(4, "little", signed=code < 0).decode("latin-1")
     return text if text.isprintable() and text.strip("\0") else ""
+
+
+def _stored_bits(pixel_format: int) -> int:
+    """Bits of a stored value; FFmpeg's codes of deeper formats are ``Y``, a digit, the kind, and the number of bits."""
+    letters = (pixel_format & 0xFFFFFFFF).to_bytes(4, "little")
+    for code in (letters, letters[::-1]):
+        if code[0:1] == b"Y" and code[1:2].isdigit() and 8 < code[3] <= 16:
+            return code[3]
+    return 8

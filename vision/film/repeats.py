@@ -28,6 +28,11 @@ class Repeats:
         # a codec that predicts frames from others repeats what stands still
         self.meaningful = film.compression is None or film.compression.steps is not None
 
+    @property
+    def line(self) -> tuple[int, int, int]:
+        """Row y and columns x0..x1-1 that differ between nearly all frames that are not repeated."""
+        return self._kept[0], self._box[2], self._box[3]
+
     def at(self, index: int) -> bool:
         """True when frame ``index`` repeats frame ``index - 1``."""
         if not self.meaningful or index < 1:

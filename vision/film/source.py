@@ -200,3 +200,11 @@ class ArrayFilm(Film):
         """Whole frame, shape (height, width)."""
         self._check_index(index)
         return self._frames[index]
+
+    def frames(self, start: int, end: int) -> NDArray[Any] | None:
+        """Frames ``start..end-1`` as they lie in memory, read-only; None where they do not lie one after the other."""
+        frames = self._frames[start:end]
+        if not frames.flags.c_contiguous:
+            return None
+        frames.flags.writeable = False
+        return frames

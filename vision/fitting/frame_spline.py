@@ -49,6 +49,16 @@ class FrameSpline:
             y0, y1, x0, x1 = zip(*boxes, strict=True)
             self._expected = (index, (min(y0), max(y1), min(x0), max(x1)))
 
+    def take(self, index: int, box: Box, coefficient: NDArray[np.float32], n_saturated: int) -> None:
+        """Take over the coefficients of a rectangle of frame ``index``, with which an array of compiled code begins."""
+        picture = np.ascontiguousarray(self.film.read_region(index, *box))
+        part = coefficient[: picture.size].reshape(picture.shape)
+        self._newest = (index, FilteredPart(box, part, picture, n_saturated))
+
+    def newest(self, index: int) -> FilteredPart | None:
+        """The rectangle of frame ``index`` that was filtered last, None where it was another frame's."""
+        return self._newest[1] if self._newest is not None and self._newest[0] == index else None
+
     def part(self, index: int, box: Box) -> FilteredPart:
         """A filtered rectangle of frame ``index`` that holds ``box``, valid until the next one is asked for."""
         if self._newest is not None and self._newest[0] == index and _inside(box, self._newest[1].box):

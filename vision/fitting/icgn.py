@@ -21,6 +21,7 @@ from vision.fitting.assessment import TOO_FEW, Assessed, BodyFacts, assess
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.coherence import N_LEVELS, UNKNOWN, Ratios, blocks_of, ratios_of
+from vision.fitting.fit_memory import Begun, FitMemory
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.kernel_records import Places, Region, RigidFit, Settings, State, Subset
 from vision.fitting.kernels import fit_rigid, place_pixels, sample, tukey_weights
@@ -37,6 +38,8 @@ STOP_U = 0.1
 of 0.002 px is a small part of that, and asking for it loses frames."""
 MAX_ITERATIONS = 80
 """Most fits take two; where noise in the template holds a body of weak texture back, the steps shrink slowly."""
+FAR_PX = MARGIN_PX - 9
+"""A fit that ends further than this from where it began is repeated from there."""
 CHANGE_SUSPECTED = 2.0
 """Ratio of `vision.fitting.coherence` over the largest blocks from which light and scale are looked at."""
 CHANGE_ROUNDS = 5
@@ -47,19 +50,24 @@ SCALE_FLOOR_GREY = 0.5
 """Smallest noise the weights assume: below it there is only the rounding to whole grey values."""
 
 
+def fit_settings() -> Settings:
+    """How all bodies are fitted."""
+    return Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
+
+
 class IcgnFitter:
     """Fits one body; carries the weights of its pixels over from frame to frame."""
 
     has_cautious_start = True
 
-    def __init__(self, template: Template, frames: FrameSpline | None = None) -> None:
+    def __init__(self, template: Template, frames: FrameSpline | None = None, memory: FitMemory | None = None) -> None:
         self.template = template
         self._frames = frames
         self._slow: SlowChanges | None = None
         self._light = LocalLight(template)
         self._followed = self._clipped = False
-        self._settings = Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
-        self._blocks = blocks_of(template.offset_px)
+        self._settings = fit_settings()
+        self.blocks = blocks_of(template.offset_px)
         self._facts = BodyFacts(
             template.columns,
             template.noise_normal,
@@ -69,8 +77,8 @@ class IcgnFitter:
             PATTERN_EXCESS,
             TUKEY_FACTOR,
         )
-        self._work = np.zeros((5, template.n_pixels), dtype=np.float32)
-        self._at = np.zeros(template.n_pixels, dtype=np.int32)
+        memory = FitMemory.empty(template.n_pixels) if memory is None else memory
+        self._weight, self._work, self._at, self._scale, self._apart = memory
         self._uncovered = np.zeros(template.n_pixels, dtype=np.uint8)
         self.reset()
 
@@ -81,32 +89,51 @@ class IcgnFitter:
         suggest: equal ones mislead a fit where much of the body is hidden, the others one that starts further away.
         """
         self._cautious = cautious
-        self._weight = np.ones(self.template.n_pixels, dtype=np.float32)
-        self._scale = 2.0
+        self._weight.fill(1.0)
+        self._scale[0] = 2.0
         self._changes: Changes = UNCHANGED
         self._light.reset()
+        self._note_apart()
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Weights, noise, light and scale of the newest frame."""
-        own = {"weight": self._weight, "scale": np.array(self._scale), "changes": np.array(self._changes)}
+        own = {"weight": self._weight, "scale": np.array(self._scale[0]), "changes": np.array(self._changes)}
         return own | self._light.state()
 
     def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Continue from the weights and noise of another frame."""
-        self._weight, self._scale = np.array(arrays["weight"], dtype=np.float32), float(arrays["scale"])
+        self._weight[:], self._scale[0] = arrays["weight"], float(arrays["scale"])
         self._changes = tuple(arrays["changes"].tolist())
         self._light.restore(arrays)
+        self._note_apart()
 
-    def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
-        """Fit the body in frame ``index``, starting from ``pose``."""
-        result = self._fit_once(film, index, pose, covered)
-        if result.converged and max(abs(result.pose[1] - pose[1]), abs(result.pose[2] - pose[2])) > MARGIN_PX - 9:
+    def fit(
+        self,
+        film: FrameSource,
+        index: int,
+        pose: NDArray[np.float64],
+        covered: NDArray[np.uint8] | None,
+        begun: Begun | None = None,
+    ) -> Fit:
+        """Fit the body in frame ``index``, starting from ``pose``; ``begun`` is the first fit where that is done."""
+        result = self._fit_once(film, index, pose, covered, begun)
+        if result.converged and max(abs(result.pose[1] - pose[1]), abs(result.pose[2] - pose[2])) > FAR_PX:
             # the fit ended where the border of the spline filter spoils the samples
             result = self._fit_once(film, index, result.pose, covered)
+        self._note_apart()
         return result
 
+    def _note_apart(self) -> None:
+        """Note whether the next fit needs more than the compiled loop."""
+        self._apart[0] = self._cautious or self._changes != UNCHANGED or self._light.is_looked_for
+
     def _fit_once(
-        self, film: FrameSource, index: int, start: NDArray[np.float64], covered: NDArray[np.uint8] | None
+        self,
+        film: FrameSource,
+        index: int,
+        start: NDArray[np.float64],
+        covered: NDArray[np.uint8] | None,
+        begun: Begun | None = None,
     ) -> Fit:
         template = self.template
         region = region_of(template, start, film.height, film.width)
@@ -124,7 +151,10 @@ class IcgnFitter:
                 coefficient = np.where(saturated, np.float32(np.nan), coefficient)
         self._clipped = part.n_saturated > 0
         hidden = self._uncovered if covered is None else covered
-        result = self._solve(coefficient, (y0, x0), start, hidden)
+        if begun is None:
+            result = self._solve(coefficient, (y0, x0), start, hidden)
+        else:
+            result = self._concluded(begun.found, begun.pose, begun)
         self._followed = False
         for _ in range(CHANGE_ROUNDS):
             if not result.converged or not self._changed(result):
@@ -185,14 +215,17 @@ class IcgnFitter:
         if self._cautious:
             self._weigh(region, subset, pose)
             self._cautious = False
-        state = State(pose, self._weight, self._work, self._at, self._scale)
-        found = fit_rigid(region, subset, self._settings, state)
+        state = State(pose, self._weight, self._work, self._at, float(self._scale[0]))
+        return self._concluded(fit_rigid(region, subset, self._settings, state), pose)
+
+    def _concluded(self, found: RigidFit, pose: NDArray[np.float64], begun: Begun | None = None) -> Fit:
+        """What the last iteration of a fit says, unless it broke down."""
         if found.iterations <= 0 or not math.isfinite(sum(pose.tolist())):
             self.reset()
             return FAILED
-        self._scale = found.sums.scale
-        fit = self._assess(found, pose)
-        if changed:
+        self._scale[0] = found.sums.scale
+        fit = self._assess(found, pose, begun)
+        if self._changes != UNCHANGED:
             root = np.sqrt(self._slow_changes().variance_factor(self._changes))
             fit = replace(fit, covariance=fit.covariance * root[:, None] * root)
         return self._light.widened(fit)
@@ -207,8 +240,8 @@ class IcgnFitter:
         if seen.any():
             difference = value - subset.columns[3]
             difference -= np.median(difference[seen])
-            self._scale = max(1.4826 * float(np.median(np.abs(difference[seen]))), SCALE_FLOOR_GREY)
-            tukey_weights(difference, self._scale, self._weight)
+            self._scale[0] = max(1.4826 * float(np.median(np.abs(difference[seen]))), SCALE_FLOOR_GREY)
+            tukey_weights(difference, float(self._scale[0]), self._weight)
 
     def _under(self, marked: NDArray[np.bool_], pose: NDArray[np.float64], y0: int, x0: int) -> int:
         """Number of the body's pixels at a pose that are marked in the region whose corner is (y0, x0)."""
@@ -219,16 +252,19 @@ class IcgnFitter:
         inside = (rows >= 0) & (rows < marked.shape[0]) & (columns >= 0) & (columns < marked.shape[1])
         return int(np.count_nonzero(marked[rows[inside], columns[inside]]))
 
-    def _assess(self, found: RigidFit, pose: NDArray[np.float64]) -> Fit:
+    def _assess(self, found: RigidFit, pose: NDArray[np.float64], begun: Begun | None = None) -> Fit:
         """Quality figures and covariance from the sums of the last iteration."""
         sums, n = found.sums, self.template.n_pixels
-        figures, inverse, covariance = np.empty(2), np.empty((5, 5)), np.empty((3, 3))
-        coherence = Ratios(np.empty((N_LEVELS, 3)), np.empty((N_LEVELS, 3)))
-        out = Assessed(figures, covariance, inverse, *coherence)
-        lacking = assess(self._facts, self._blocks, found, self._work, self._weight, out)
+        if begun is None:
+            ratios = np.empty((N_LEVELS, 3)), np.empty((N_LEVELS, 3))
+            out = Assessed(np.empty(2), np.empty((3, 3)), np.empty((5, 5)), *ratios)
+            lacking = assess(self._facts, self.blocks, found, self._work, self._weight, out)
+        else:
+            out, lacking = begun.out, begun.lacking
         if lacking == TOO_FEW:
             return FAILED
-        variance, zncc = figures.tolist()
+        covariance, coherence = out.covariance, Ratios(out.ratio, out.blocks)
+        variance, zncc = out.figures.tolist()
         if lacking:
             covariance, coherence = self._assess_at_length(found, variance)
         return Fit(
@@ -252,4 +288,4 @@ class IcgnFitter:
             return covariance, UNKNOWN
         white = covariance.diagonal() * (1.0 + gain**2 / template.n_averaged)
         influence = inverse[:3] / gain
-        return covariance, ratios_of(self._blocks, template.columns, self._work, self._weight, influence, white)
+        return covariance, ratios_of(self.blocks, template.columns, self._work, self._weight, influence, white)

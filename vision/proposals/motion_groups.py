@@ -18,16 +18,37 @@ from vision.proposals.point_tracks import PointTracks
 NEIGHBOURS = 9
 SEEDS = 160
 KEY_FRAMES = 20
-RESTS_PX = 0.8
-SAME_PX = 3.0
-"""Distance up to which two motions are one: points drift by as much along an edge or along the grain of wood."""
-KEEPS_PX = 1.8
-"""Distance from a motion, in four of five frames, up to which a point belongs to it."""
 FOLLOWED = 0.4
 """Share of the frames in which a point must be known."""
 LEAST_POINTS = 10
 MOST_BODIES = 8
 F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Distances:
+    """How far apart places may be and still count as the same, px.
+
+    Attributes
+    ----------
+    rests_px : float
+        Up to which a point rests.
+    keeps_px : float
+        From a motion, in four of five frames, up to which a point belongs to it.
+    same_px : float
+        Up to which two motions are one: points drift by as much along an edge or along the grain of wood.
+    """
+
+    rests_px: float = 0.8
+    keeps_px: float = 1.8
+    same_px: float = 3.0
+
+    def scaled(self, factor: float) -> Distances:
+        """All of them times a factor."""
+        return Distances(self.rests_px * factor, self.keeps_px * factor, self.same_px * factor)
+
+
+USUAL = Distances()
 
 
 @dataclass(frozen=True)
@@ -49,14 +70,15 @@ class Motion:
 @dataclass(frozen=True)
 class Groups:
     """Motions, the first of them rest; ``group`` (n,) of every point, -1 where it keeps to none; ``key``, the steps of
-    the tracks that are looked at."""
+    the tracks that are looked at; ``within``, the distances they were sorted by."""
 
     motions: list[Motion]
     group: NDArray[np.intp]
     key: NDArray[np.intp]
+    within: Distances = USUAL
 
 
-def group_by_motion(tracks: PointTracks) -> Groups:
+def group_by_motion(tracks: PointTracks, within: Distances = USUAL) -> Groups:
     """Rest, and the rigid motions that enough points share, those of most points first."""
     key = np.unique(np.linspace(1, tracks.frame.size - 1, KEY_FRAMES).astype(int))
     place, first = tracks.place_px[:, key], tracks.place_px[:, 0]
@@ -64,17 +86,17 @@ def group_by_motion(tracks: PointTracks) -> Groups:
     usable = known.mean(axis=1) > FOLLOWED
     rest = Motion(np.tile(np.eye(2), (key.size, 1, 1)), np.zeros((key.size, 2)))
     group = np.full(len(first), -1, dtype=np.intp)
-    group[usable & (_off(rest, first, place) < RESTS_PX)] = 0
+    group[usable & (_off(rest, first, place) < within.rests_px)] = 0
     motions, free = [rest], usable & (group < 0)
     while len(motions) <= MOST_BODIES:
-        found = _most_shared(first, place, free)
+        found = _most_shared(first, place, free, within.keeps_px)
         if found is None:
             break
-        keeps = free & (_off(found, first, place) < KEEPS_PX)
+        keeps = free & (_off(found, first, place) < within.keeps_px)
         motions.append(found)
         group[keeps] = len(motions) - 1
         free &= ~keeps
-    return _settled(Groups(motions, group, key), first, place, usable)
+    return _settled(Groups(motions, group, key, within), first, place, usable)
 
 
 def rigid(first: F64, place: F64) -> Motion | None:
@@ -105,7 +127,7 @@ def _off(motion: Motion, first: F64, place: F64) -> F64:
     return np.asarray(distance[np.arange(len(first)), at])
 
 
-def _most_shared(first: F64, place: F64, free: NDArray[np.bool_]) -> Motion | None:
+def _most_shared(first: F64, place: F64, free: NDArray[np.bool_], keeps_px: float) -> Motion | None:
     """The motion that most of the free points share; None where too few share any."""
     at = np.flatnonzero(free)
     if at.size < LEAST_POINTS:
@@ -117,7 +139,7 @@ def _most_shared(first: F64, place: F64, free: NDArray[np.bool_]) -> Motion | No
         for _ in range(3):  # from the neighbours outwards
             if motion is None:
                 break
-            keeps = at[_off(motion, first[at], place[at]) < KEEPS_PX]
+            keeps = at[_off(motion, first[at], place[at]) < keeps_px]
             if keeps.size < LEAST_POINTS // 2:
                 break
             if best is None or keeps.size > best[0]:
@@ -130,7 +152,11 @@ def _settled(groups: Groups, first: F64, place: F64, usable: NDArray[np.bool_]) 
     """Motions that are one joined, those of few points left out, and every point with the one it keeps to best."""
     motions, group = groups.motions, groups.group.copy()
     for i in range(len(motions) - 1, 0, -1):
-        same = [j for j in range(i) if apart(motions[i], motions[j], first[(group == i) | (group == j)]) < SAME_PX]
+        same = [
+            j
+            for j in range(i)
+            if apart(motions[i], motions[j], first[(group == i) | (group == j)]) < groups.within.same_px
+        ]
         if same:
             group[group == i] = same[0]
     kept = [i for i in range(1, len(motions)) if np.count_nonzero(group == i) >= LEAST_POINTS]
@@ -138,8 +164,8 @@ def _settled(groups: Groups, first: F64, place: F64, usable: NDArray[np.bool_]) 
     motions = [motions[0], *(motion for motion in fitted if motion is not None)]
     off = np.stack([_off(motion, first, place) for motion in motions])
     best = np.argmin(off, axis=0)
-    best[~usable | (off.min(axis=0) > 2.0 * KEEPS_PX)] = -1
-    return Groups(motions, np.asarray(best, dtype=np.intp), groups.key)
+    best[~usable | (off.min(axis=0) > 2.0 * groups.within.keeps_px)] = -1
+    return Groups(motions, np.asarray(best, dtype=np.intp), groups.key, groups.within)
 
 
 def apart(one: Motion, other: Motion, points: F64) -> float:

@@ -8,7 +8,7 @@ so that a short motion in a long film is not stepped over.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -59,6 +59,10 @@ class PointTracks:
     reference: Picture
     pictures: NDArray[np.uint8]
     noise_grey: float
+
+    def beginning(self, n: int) -> PointTracks:
+        """The same points in the first ``n`` of the frames."""
+        return replace(self, frame=self.frame[:n], place_px=self.place_px[:, :n], pictures=self.pictures[:n])
 
 
 def track_points(film: FrameSource) -> PointTracks:

@@ -19,7 +19,7 @@ from vision.film.source import ArrayFilm
 from vision.fitting.base import Fit
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template, build_template
-from vision.proposals.motion_groups import LEAST_POINTS, SAME_PX, Groups, Motion, apart, rigid
+from vision.proposals.motion_groups import LEAST_POINTS, Groups, Motion, apart, rigid
 from vision.proposals.point_tracks import PointTracks
 
 PIXELS = 3000
@@ -37,7 +37,7 @@ def refined(tracks: PointTracks, groups: Groups) -> Groups:
     first = tracks.place_px[:, 0]
     for i in range(len(motions) - 1, 0, -1):
         for j in range(i):
-            if apart(motions[i], motions[j], first[(group == i) | (group == j)]) < SAME_PX:
+            if apart(motions[i], motions[j], first[(group == i) | (group == j)]) < groups.within.same_px:
                 group[group == i] = j
                 break
     kept = [0, *(i for i in range(1, len(motions)) if np.count_nonzero(group == i) >= LEAST_POINTS)]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from vision.angles import picture_to_ccw
 from vision.camera.projection import Projection
+from vision.each import Each, in_turn
 from vision.errors import TrackingError
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.reference.grey_steps import in_coarse_steps
@@ -114,6 +115,7 @@ def assemble_result(
     time_s: NDArray[np.float64],
     settings: FitSettings,
     info: dict[str, Any],
+    each: Each = in_turn,
 ) -> TrackResult:
     """Angles, uncertainties and budget from the poses; ``time_s`` of all frames of the film, shape (n_frames,)."""
     film, bodies, reference = ready.film, ready.bodies, ready.reference
@@ -152,7 +154,7 @@ def assemble_result(
         flag=flag,
         predicted_u_rad=predicted,
         covariance=table.covariance,
-        budget=budget_of(ready, settings.camera_model, tracked, settings.u_time_s),
+        budget=budget_of(ready, settings.camera_model, tracked, settings.u_time_s, each),
         n_still=reference.n_averaged,
         method=ready.method,
         film=str(film.path),

@@ -9,6 +9,7 @@ again.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -52,23 +53,22 @@ MAX_SEARCHED_IN_A_ROW = 60
 @dataclass
 class BodyTracker:
     """State of one body while a film is tracked: ``absolute`` in the picture, ``relative`` in its parent's axes;
-    ``looks_far``: whether it is looked for in the whole picture once it is lost."""
+    ``usual`` correlation and gain; ``looks_far``: whether it is looked for in the whole picture once it is lost."""
 
     fitter: Fitter
     parent: BodyTracker | None = None
     absolute: PlacementHistory = field(default_factory=PlacementHistory)
     relative: PlacementHistory = field(default_factory=PlacementHistory)
-    fit: Fit = FAILED
+    usual: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 1.0]))
     flag: FrameFlag = FrameFlag.NOT_CONVERGED
     lost_in_a_row: int = 0
-    usual_zncc: float = 0.0
-    usual_gain: float = 1.0
     searches: int = 0
     looks_far: bool = True
     least_zncc: float = field(init=False)
     common_contrast: float = field(init=False)
 
     def __post_init__(self) -> None:
+        self._fit: Fit | Callable[[], Fit] = FAILED
         template = self.fitter.template
         texture = max(float(np.var(template.columns[3])) - template.noise_grey**2 / template.n_averaged, 0.0)
         expected = math.sqrt(texture / (texture + template.noise_grey**2)) if texture > 0.0 else 0.0
@@ -81,6 +81,23 @@ class BodyTracker:
     def template(self) -> Template:
         """The body's template."""
         return self.fitter.template
+
+    @property
+    def fit(self) -> Fit:
+        """The newest fit."""
+        if not isinstance(self._fit, Fit):
+            self._fit = self._fit()
+        return self._fit
+
+    @property
+    def usual_zncc(self) -> float:
+        """Running mean of the correlation, 0 before the first fit."""
+        return float(self.usual[0])
+
+    @property
+    def usual_gain(self) -> float:
+        """Running mean of the gain."""
+        return float(self.usual[1])
 
     def start(self) -> None:
         """Place the body where it is in the reference, at rest."""
@@ -110,13 +127,17 @@ class BodyTracker:
         expected: NDArray[np.float64],
         covered: NDArray[np.uint8] | None,
         search: bool = True,
+        begun: Callable[[], Fit] | None = None,
     ) -> Fit:
-        """Fit the body in frame ``index``, the ``step``-th tracked one, from its `predict` pose, and remember it."""
-        fit = self.fitter.fit(film, index, expected, covered)
+        """Fit the body in frame ``index``, the ``step``-th tracked one, from its `predict` pose, and remember it.
+
+        ``begun`` gives the fit from that pose where it is done already.
+        """
+        fit = self.fitter.fit(film, index, expected, covered) if begun is None else begun()
         flag = self._flags_of(fit, expected)
         if flag is not GOOD and flag & FAILURE:
             fit, flag = self._retry(film, index, step, covered, flag, search)
-        self.fit, self.flag = fit, flag
+        self._fit, self.flag = fit, flag
         if flag is not GOOD and flag & FAILURE:
             self.lost_in_a_row += 1
             self.fitter.reset()
@@ -124,14 +145,19 @@ class BodyTracker:
         if fit.seen - fit.inlier > COVERED_SHARE:
             self.flag |= FrameFlag.COVERED
         self.lost_in_a_row = 0
-        self.usual_zncc = fit.zncc if self.usual_zncc == 0.0 else 0.9 * self.usual_zncc + 0.1 * fit.zncc
-        self.usual_gain += 0.1 * (fit.gain - self.usual_gain)
+        usual_zncc, usual_gain = self.usual.tolist()
+        self.usual[0] = fit.zncc if usual_zncc == 0.0 else 0.9 * usual_zncc + 0.1 * fit.zncc
+        self.usual[1] = usual_gain + 0.1 * (fit.gain - usual_gain)
         self.place(step, fit.pose)
         return fit
 
+    def fitted(self, fit: Callable[[], Fit]) -> None:
+        """Take over a fit that passed every test and is placed already; it is made when it is asked for."""
+        self._fit, self.flag, self.lost_in_a_row = fit, GOOD, 0
+
     def skip(self, step: int, flag: FrameFlag) -> None:
         """Pass over a frame that says nothing: lost, but the motion goes on as predicted."""
-        self.fit, self.flag = FAILED, flag
+        self._fit, self.flag = FAILED, flag
         self.place(step, self.predict(step))
 
     def _retry(

@@ -88,7 +88,7 @@ class Checkpoint:
 
 def _state(body: BodyTracker) -> dict[str, NDArray[Any]]:
     arrays: dict[str, NDArray[Any]] = {
-        "figures": np.array([body.usual_zncc, body.usual_gain]),
+        "figures": body.usual,
         "counts": np.array([body.lost_in_a_row, body.searches]),
     }
     for name, history in (("absolute", body.absolute), ("relative", body.relative)):
@@ -99,7 +99,7 @@ def _state(body: BodyTracker) -> dict[str, NDArray[Any]]:
 
 
 def _restore(body: BodyTracker, arrays: dict[str, NDArray[Any]]) -> None:
-    body.usual_zncc, body.usual_gain = (float(v) for v in arrays["figures"])
+    body.usual[:] = arrays["figures"]
     body.lost_in_a_row, body.searches = (int(v) for v in arrays["counts"])
     for name, history in (("absolute", body.absolute), ("relative", body.relative)):
         history.clear()

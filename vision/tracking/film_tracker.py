@@ -6,7 +6,8 @@ because another body is in front.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,15 +15,42 @@ from numpy.typing import NDArray
 
 from vision.bodies.outlines import parents_first
 from vision.film.repeats import Repeats
-from vision.fitting.base import Fitter, region_of
+from vision.film.source import SATURATED_SHARE, saturated_grey
+from vision.fitting.base import MARGIN_PX, Fit, region_of
 from vision.fitting.ecc import EccFitter
+from vision.fitting.fit_memory import Begun
 from vision.fitting.frame_spline import FrameSpline
-from vision.fitting.icgn import IcgnFitter
-from vision.fitting.template import Template
+from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET, IcgnFitter
+from vision.fitting.light.local_light import HIDDEN_SUSPECTED
+from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR
+from vision.frame_fit.compiled import DOUBTFUL, NOT_BEGUN, OUTSIDE
+from vision.frame_fit.frame_fit import FrameFit
+from vision.frame_fit.in_memory import Watch, frames_around
+from vision.frame_fit.records import Film, Limits, Rows
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
+from vision.results.pose_table import PoseTable
+from vision.tracking import body_tracker
 from vision.tracking.body_tracker import BodyTracker
+from vision.tracking.pose_prediction import PlacementHistory
 
+LIMITS = Limits(
+    usual_share=body_tracker.USUAL_SHARE,
+    noise_only=body_tracker.NOISE_ONLY,
+    least_gain=body_tracker.MIN_GAIN,
+    least_inlier=body_tracker.MIN_INLIER,
+    most_turn=body_tracker.MAX_JUMP_RAD,
+    most_jump_px=body_tracker.MAX_JUMP_PX,
+    most_shift_px=float(FAR_PX),
+    most_hidden=min(body_tracker.COVERED_SHARE, HIDDEN_SUSPECTED),
+    suspected=CHANGE_SUSPECTED,
+    saturated_share=SATURATED_SHARE,
+    margin_px=MARGIN_PX,
+    quiet=QUIET,
+    excess=PATTERN_EXCESS,
+    factor=TUKEY_FACTOR,
+)
+"""What compiled code may accept without a second look."""
 NOISE_SHOWN_BY = 5
 """Still frames compared to see whether the film has noise."""
 
@@ -32,7 +60,7 @@ class FilmTracker:
 
     def __init__(self, ready: PreparedFilm) -> None:
         self.ready = ready
-        self.order = parents_first(ready.bodies)
+        self.order, self._parents = parents_first(ready.bodies), ready.parents
         self._frames = FrameSpline(ready.film)
         self._searches = 0
         self.trackers: list[BodyTracker] = []
@@ -41,15 +69,17 @@ class FilmTracker:
     def restart(self) -> None:
         """Put every body back to its place in the reference."""
         self._searches += sum(tracker.searches for tracker in self.trackers)
-        self.trackers = [BodyTracker(self._fitter(template)) for template in self.ready.templates]
-        parents = self.ready.parents
+        parents = self._parents
+        self._together: FrameFit | None = None
+        if self.ready.method == "ecc":
+            self.trackers = [BodyTracker(EccFitter(template)) for template in self.ready.templates]
+        else:
+            self._together = FrameFit(self.ready.templates, self.ready.occlusion, self.order, parents, LIMITS)
+            self.trackers = trackers_in(self._together, self._frames)
         for i in self.order:
             parent = parents[i]
             self.trackers[i].parent = None if parent is None else self.trackers[parent]
             self.trackers[i].start()
-
-    def _fitter(self, template: Template) -> Fitter:
-        return EccFitter(template) if self.ready.method == "ecc" else IcgnFitter(template, self._frames)
 
     def clear_histories(self) -> None:
         """Forget where the bodies were; they are placed anew before the next step."""
@@ -64,7 +94,10 @@ class FilmTracker:
 
     def step(self, index: int, step: int, search: bool = True) -> None:
         """Fit all bodies in frame ``index``, the ``step``-th tracked one, parents first."""
-        film, trackers, parents = self.ready.film, self.trackers, self.ready.parents
+        if self._together is not None and self._together.expect(step):
+            self._step_together(self._together, index, step, search)
+            return
+        film, trackers = self.ready.film, self.trackers
         expected = [tracker.predict(step) for tracker in trackers]
         boxes = [
             region_of(body.template, pose, film.height, film.width)
@@ -72,12 +105,87 @@ class FilmTracker:
         ]
         self._frames.expect(index, [box for box in boxes if box is not None])
         for i in self.order:
-            covered = self._covered(i, step, expected)
-            trackers[i].step(film, index, step, expected[i], covered, search)
-            for child, parent in enumerate(parents):
-                if parent == i:
-                    # now through the parent's pose in this frame
-                    expected[child] = trackers[child].predict(step)
+            self._step_alone(i, index, step, search, expected)
+
+    def _step_together(self, together: FrameFit, index: int, step: int, search: bool) -> None:
+        """As `step`, in one compiled call while every body's fit is good."""
+        regions = together.regions()
+        self._frames.expect(index, [region for region in regions if region is not None])
+        first = regions[self.order[0]]
+        if first is not None:
+            self._frames.part(index, first)
+        self._finish(together, index, step, search)
+
+    def _finish(
+        self, together: FrameFit, index: int, step: int, search: bool, position: int = 0, ended: int | None = None
+    ) -> None:
+        """Fit the bodies of a frame from the ``position``-th in order on, where compiled code ``ended``."""
+        expected = list(together.found.expected)
+        while position < len(self.order):
+            if ended is None:
+                part, start, ended = self._frames.newest(index), position, NOT_BEGUN
+                if part is not None:
+                    position, ended = together.go_on(part, start, step)
+                self._fitted(together, self.order[start:position])
+            if ended == OUTSIDE:
+                self._frames.part(index, together.region(self.order[position]))
+            elif position < len(self.order):
+                i = self.order[position]
+                self._step_alone(i, index, step, search, expected, together.begun(i) if ended == DOUBTFUL else None)
+                together.found.pose[i] = self.trackers[i].fit.pose
+                position += 1
+            ended = None
+
+    def _fitted(self, together: FrameFit, bodies: Sequence[int]) -> None:
+        """Let trackers know of fits that compiled code has accepted."""
+        for i in bodies:
+            self.trackers[i].fitted(partial(together.fit_of, i))
+
+    def walk(self, table: PoseTable, rows: range, first_step: int, watch: Watch, search: bool = True) -> int:
+        """Track and store rows of a table in compiled code; returns how many are done.
+
+        0 where the film or the next row is not for compiled code. The first row is the ``first_step``-th tracked.
+        """
+        index = table.frame[rows.start : rows.stop]
+        span = frames_around(self.ready.film, index)
+        if self._together is None or span is None or self._frames.newest(int(index[0])) is not None:
+            return 0
+        together, (first, frames, n), stop = self._together, span, self._together.stop
+        film = Film(frames, first, saturated_grey(self.ready.film.bit_depth), watch.first, *watch.line)
+        columns = (getattr(table, name) for name in Rows._fields[3:])
+        done = together.walk(film, Rows(index[:n], rows.start, first_step, *columns))
+        if done:
+            self._fitted(together, self.order)
+        ended, position = int(stop.begun[0]), int(stop.at[0])
+        if done < n and ended:
+            now, box, expected = int(index[done]), tuple(stop.box.tolist()), tuple(stop.expected.tolist())
+            self._fitted(together, self.order[:position])
+            self._frames.expect(now, [expected])
+            self._frames.take(now, box, together.states.coefficient, int(stop.n_saturated[0]))
+            self._finish(together, now, first_step + done, search and now >= watch.n_still, position, ended)
+            self.store(table, rows.start + done)
+            done += 1
+        return done
+
+    def _step_alone(
+        self,
+        i: int,
+        index: int,
+        step: int,
+        search: bool,
+        expected: list[NDArray[np.float64]],
+        begun: Begun | None = None,
+    ) -> None:
+        """Fit one body from its ``expected`` pose, ``begun`` or not, and expect its children anew."""
+        film, tracker, covered = self.ready.film, self.trackers[i], self._covered(i, step, expected)
+        started: Callable[[], Fit] | None = None
+        if begun is not None and isinstance(tracker.fitter, IcgnFitter):
+            started = partial(tracker.fitter.fit, film, index, expected[i], covered, begun)
+        tracker.step(film, index, step, expected[i], covered, search, started)
+        for child, parent in enumerate(self._parents):
+            if parent == i:
+                # now through the parent's pose in this frame
+                expected[child][:] = self.trackers[child].predict(step)
 
     def skip(self, step: int, flag: FrameFlag) -> None:
         """Pass over a frame that says nothing, with a flag for all bodies."""
@@ -106,6 +214,11 @@ class FilmTracker:
         poses = {j: o.fit.pose if o.absolute.newest_step() == step else expected[j] for j, o in others.items()}
         return self.ready.occlusion.covered(i, expected[i], poses)
 
+    def store(self, table: PoseTable, row: int) -> None:
+        """Store the newest fits of all bodies in a row of a table."""
+        for i, body in enumerate(self.trackers):
+            table.store(row, i, body.fit, body.flag)
+
     def searches(self) -> int:
         """Number of wide searches."""
         return self._searches + sum(tracker.searches for tracker in self.trackers)
@@ -121,6 +234,23 @@ class FilmTracker:
             "noise_grey": self.ready.reference.noise_grey,
             "wide_searches": self.searches(),
         }
+
+
+def trackers_in(together: FrameFit, frames: FrameSpline) -> list[BodyTracker]:
+    """Trackers of all bodies, whose state is in the arrays of the compiled frame fit."""
+    trackers, facts, states = [], [], together.states
+    for i, template in enumerate(together.templates):
+        one = slice(i, i + 1)
+        absolute, relative = (
+            PlacementHistory(history.known[one], history.step[i], history.place[i])
+            for history in (states.absolute, states.relative)
+        )
+        fitter = IcgnFitter(template, frames, together.memory(i))
+        tracker = BodyTracker(fitter, absolute=absolute, relative=relative, usual=states.usual[i])
+        trackers.append(tracker)
+        facts.append((fitter.blocks, tracker.least_zncc, tracker.common_contrast))
+    together.know(facts)
+    return trackers
 
 
 def first_poses(tracker: FilmTracker, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -23,7 +23,7 @@ from vision.tracking.stretches import (
     SHARED_ROWS,
     agree,
     first_rows,
-    forward_step,
+    forward_rows,
     later_stretches,
     several_may_read,
     store,
@@ -61,10 +61,12 @@ def track_forward(tracker: FilmTracker, table: PoseTable, run: Run) -> int:
 
     def go_on(start: int, end: int) -> None:
         repeats = newest.repeats()
-        for row in range(max(start, done), end):
+        row = max(start, done)
+        while row < end:
             crew.check()
-            forward_step(newest, repeats, table, row, row, run.n_still)
-            keeper.rows_done(row + 1, newest)
+            new = forward_rows(newest, repeats, table, range(row, end), row, run.n_still)
+            row += new
+            keeper.rows_done(row, newest, new)
 
     with workers(run.threads if len(rows) > 1 else 1) as crew:
         first = crew.submit(go_on, 0, rows[1] if len(rows) > 1 else n)
@@ -93,10 +95,13 @@ class _Keeper:
         self._at_rest = run.at_rest
         self._call_at_rest(done)
 
-    def rows_done(self, rows: int, tracker: FilmTracker) -> None:
-        """The first ``rows`` rows are in the table, and the tracker is where they end."""
+    def rows_done(self, rows: int, tracker: FilmTracker, new: int = 1) -> None:
+        """The first ``rows`` rows are in the table, of which ``new`` are told of, and the tracker is where they end."""
         self._call_at_rest(rows)
         n, checkpoint = self._table.frame.size, self._run.checkpoint
+        if self._run.progress is not None:
+            for before in range(rows - new + 1, rows):
+                self._run.progress(before, n)
         if checkpoint is not None and rows - self._kept >= EVERY_ROWS and rows < n:
             checkpoint.save(rows, self._table, tracker)
             self._kept = rows
@@ -166,8 +171,7 @@ def _backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> Po
         body = tracker.trackers[i]
         body.absolute.clear()
         body.relative.clear()
-        body.usual_zncc = float(table.zncc[starts[i][-1], i])
-        body.usual_gain = float(table.gain[starts[i][-1], i])
+        body.usual[:] = table.zncc[starts[i][-1], i], table.gain[starts[i][-1], i]
     for back_step in (-3, -2, -1):
         for i in tracker.order:
             row = end - 1 - back_step

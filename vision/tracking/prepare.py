@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from vision.bodies.masks import masks_of, outline_distances, unsaturated
 from vision.bodies.occlusion import Occlusion
 from vision.bodies.outlines import Body
+from vision.each import Each, in_turn
 from vision.errors import VisionInputError, VisionWarning
 from vision.film.open import open_film
 from vision.film.source import FrameSource
@@ -40,26 +42,28 @@ def prepare(
     n_still: int | None = None,
     max_pixels: int | None = MAX_PIXELS,
     method: str = "icgn",
+    each: Each = in_turn,
 ) -> PreparedFilm:
-    """Average the still frames and build the bodies' templates.
+    """Average the still frames and build the bodies' templates, ``each`` on its own.
 
     Warns
     -----
     VisionWarning
         When fewer than ten still frames are found.
     """
-    distances = outline_distances(bodies, film.height, film.width)
+    distances = outline_distances(bodies, film.height, film.width, each)
     masks = masks_of(bodies, distances)
     region = np.logical_or.reduce(masks)
-    if not isinstance(film, WithoutDefects | WithoutPattern | WithoutRowFlicker):
-        film = without_row_flicker(without_defects(film), _around(region))
+    film, still = _film_and_still(film, region, n_still, each)
 
     def prepared(reference: Reference) -> PreparedFilm:
         usable = unsaturated(bodies, masks, reference.saturated)
-        templates = [
-            build_template(body.name, reference.picture, mask, reference.n_averaged, max_pixels, reference.noise_grey)
-            for body, mask in zip(bodies, usable, strict=True)
-        ]
+        templates = each(
+            lambda i: build_template(
+                *(bodies[i].name, reference.picture, usable[i], reference.n_averaged, max_pixels, reference.noise_grey)
+            ),
+            range(len(bodies)),
+        )
         occlusion = Occlusion(bodies, templates, distances)
         found = PreparedFilm(film, bodies, reference, templates, occlusion, method)
         box = _around(region)
@@ -67,7 +71,7 @@ def prepare(
         return replace(found, skips_blocks=skips, grey_step=grey_step(film, box))
 
     if n_still is None:
-        candidates = average_still_frames(film, region).n_averaged
+        candidates = still.n_averaged
         first = prepared(average_still_frames(film, region, min(FIRST_AVERAGED, candidates)))
         pose, u = first_poses(FilmTracker(first), candidates)
         n_still = still_count(pose.reshape(candidates, -1), u.reshape(candidates, -1))
@@ -77,7 +81,23 @@ def prepare(
                 VisionWarning,
                 stacklevel=4,
             )
-    return prepared(average_still_frames(film, region, n_still))
+        still = average_still_frames(film, region, n_still)
+    return prepared(still)
+
+
+def _film_and_still(
+    film: FrameSource, region: NDArray[np.bool_], n_still: int | None, each: Each
+) -> tuple[FrameSource, Reference]:
+    """The film, less its defect pixels and its rows' flicker where it has any, and the average of its still frames."""
+    if isinstance(film, WithoutDefects | WithoutPattern | WithoutRowFlicker):
+        return film, average_still_frames(film, region, n_still)
+    # most films have none, so that the average need not wait for the answer
+    found: list[Any] = each(
+        lambda work: work(), [lambda: without_defects(film), lambda: average_still_frames(film, region, n_still)]
+    )
+    without, still = found
+    cleaned = without_row_flicker(without, _around(region))
+    return cleaned, still if cleaned is film else average_still_frames(cleaned, region, n_still)
 
 
 def _around(region: NDArray[np.bool_]) -> tuple[int, int, int, int]:

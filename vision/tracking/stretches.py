@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from vision.film.repeats import Repeats
 from vision.film.source import Film, FrameSource
+from vision.frame_fit.in_memory import watch
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
@@ -51,10 +52,21 @@ def forward_step(
     store(tracker, table, row)
 
 
+def forward_rows(
+    tracker: FilmTracker, repeats: Repeats, table: PoseTable, rows: range, step: int, n_still: int, search: bool = True
+) -> int:
+    """As `forward_step` for as many of the rows as one compiled call fits, at least one; returns how many. The first of
+    them is the ``step``-th tracked."""
+    done = tracker.walk(table, rows, step, watch(repeats, n_still), search)
+    if done:
+        return done
+    forward_step(tracker, repeats, table, rows.start, step, n_still, search)
+    return 1
+
+
 def store(tracker: FilmTracker, table: PoseTable, row: int) -> None:
     """Store the newest fits of all bodies."""
-    for i, body in enumerate(tracker.trackers):
-        table.store(row, i, body.fit, body.flag)
+    tracker.store(table, row)
 
 
 def agree(one: PoseTable, row: int, other: PoseTable, other_row: int, body: int, radius_px: float) -> bool:
@@ -122,9 +134,11 @@ def _tracked(
         tracker.place(from_row - back, pose)
     table = PoseTable.empty(frame[from_row:], len(ready.bodies))
     repeats = tracker.repeats()
-    for row in range(table.frame.size):
+    row, joining = 0, slice(SHARED_ROWS - COMPARED_ROWS, SHARED_ROWS)
+    while row < table.frame.size:
         crew.check()
-        forward_step(tracker, repeats, table, row, from_row + row, n_still, search=row >= SHARED_ROWS)
-        if SHARED_ROWS - COMPARED_ROWS <= row < SHARED_ROWS and table.failed[row].any():
+        rows = range(row, SHARED_ROWS if row < SHARED_ROWS else table.frame.size)
+        row += forward_rows(tracker, repeats, table, rows, from_row + row, n_still, search=row >= SHARED_ROWS)
+        if row == SHARED_ROWS and table.failed[joining].any():
             break  # it cannot join the stretch before, which goes on through it
     return Stretch(first, frame.size, table, tracker)

@@ -38,9 +38,9 @@ from vision.tracking.passes import Run, confirm_backward, track_forward
 from vision.tracking.prepare import frame_times, prepare
 from vision.tracking.renewed_reference import renew
 from vision.tracking.sensor_pattern import WithoutPattern, held_back, left_over, residual_variance
-from vision.tracking.stretches import first_rows
+from vision.tracking.stretches import first_rows, several_may_read
 from vision.tracking.without_pattern import TRACKED_AGAIN, better, pattern_by_sample, pattern_is_suspected
-from vision.tracking.workers import usable_threads
+from vision.tracking.workers import usable_threads, workers
 from vision.uncertainty.budget_terms import expected_budget
 from vision.uncertainty.coherence_widening import widened
 
@@ -130,7 +130,9 @@ def _track(
             VisionWarning,
             stacklevel=3,
         )
-    ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
+    threads = settings.threads or usable_threads()
+    with workers(threads if several_may_read(film) else 1) as crew:
+        ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method, crew.each)
     if settings.expected is not None:
         settings.expected(expected_budget(ready, camera, settings.u_time_s))
     frame = np.arange(0, film.n_frames, settings.every)
@@ -180,7 +182,8 @@ def _track(
         "skips_blocks": ready.skips_blocks,
         "moving_parts": {name: asdict(parts) for name, parts in apart.items()},
     }
-    result = assemble_result(ready, done.zero, table, time_s, settings, info)
+    with workers(threads) as crew:
+        result = assemble_result(ready, done.zero, table, time_s, settings, info, crew.each)
     if checkpoint is not None:
         checkpoint.clear()
     return result

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
+from vision.each import in_turn
+
 MOST_THREADS = 8
+A = TypeVar("A")
+B = TypeVar("B")
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -39,6 +43,10 @@ class Workers:
         future: Future[T] = Future()
         future.set_result(work(*arguments, **named))
         return future
+
+    def each(self, work: Callable[[A], B], items: Iterable[A], /) -> list[B]:
+        """Have work done for each of several items; an error is that of the first item that has one."""
+        return in_turn(work, items) if self._pool is None else in_turn(result_of, [self.submit(work, i) for i in items])
 
     def check(self) -> None:
         """Raise `StoppedError` when the run has ended."""

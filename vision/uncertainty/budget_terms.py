@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.camera.model import CameraModel
+from vision.camera.projection import Projection
+from vision.each import Each, in_turn
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.reference.prepared_film import PreparedFilm
@@ -86,11 +88,13 @@ def expected_budget(
     return ErrorBudget(tuple(b.name for b in ready.bodies), absolute, relative, camera.description())
 
 
-def budget_of(ready: PreparedFilm, camera: CameraModel, tracked: TrackedAngles, u_time_s: float) -> ErrorBudget:
+def budget_of(
+    ready: PreparedFilm, camera: CameraModel, tracked: TrackedAngles, u_time_s: float, each: Each = in_turn
+) -> ErrorBudget:
     """Budget of every tracked frame; ``u_time_s`` is the standard uncertainty of the frame times."""
     parents = ready.parents
     angle_rad, u_noise_rad = tracked.angle_rad, tracked.u_noise_rad
-    absolute, relative = _camera_terms(ready, camera, tracked.pose)
+    absolute, relative = _camera_terms(ready, camera, tracked.pose, each)
     absolute["noise"] = u_noise_rad
     absolute["reference"] = np.where(np.isfinite(u_noise_rad), tracked.u_common_rad, np.nan)
     typical = np.array([rms(u_noise_rad[:, i]) for i in range(u_noise_rad.shape[1])])
@@ -139,25 +143,27 @@ def _speed_and_acceleration(
 
 
 def _camera_terms(
-    ready: PreparedFilm, camera: CameraModel, pose: NDArray[np.float64]
+    ready: PreparedFilm, camera: CameraModel, pose: NDArray[np.float64], each: Each = in_turn
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
     """Tilt and distortion of absolute and relative angles."""
     width, height = ready.film.width, ready.film.height
     n, m = pose.shape[:2]
     parents = ready.parents
-    responses = [PoseResponse(template) for template in ready.templates]
-    nominal = camera.nominal(width, height)
-    base = np.zeros((n, m))
-    if nominal is not None:
-        base = np.column_stack([r.error(nominal, pose[:, i])[:, 0] for i, r in enumerate(responses)])
+    responses = each(PoseResponse, ready.templates)
+
+    def turned(projection: Projection) -> NDArray[np.float64]:
+        return np.column_stack([r.error(projection, pose[:, i])[:, 0] for i, r in enumerate(responses)])
+
+    nominal, variants = camera.nominal(width, height), list(camera.variants(width, height))
+    base = np.zeros((n, m)) if nominal is None else turned(nominal)
     absolute = {name: np.zeros((n, m)) for name in ("tilt", "distortion")}
     relative = {name: np.full((n, m), np.nan) for name in ("tilt", "distortion")}
     for i, parent in enumerate(parents):
         if parent is not None:
             for name in relative:
                 relative[name][:, i] = 0.0
-    for variant in camera.variants(width, height):
-        off = np.column_stack([r.error(variant.projection, pose[:, i])[:, 0] for i, r in enumerate(responses)]) - base
+    for variant, found in zip(variants, each(turned, [variant.projection for variant in variants]), strict=True):
+        off = found - base
         absolute[variant.term] += variant.weight * off**2
         for i, parent in enumerate(parents):
             if parent is not None:

@@ -72,7 +72,7 @@ _f, _i = types.float64, types.int64
 _numbers, _table = types.Array(_f, 1, "C"), types.Array(_f, 2, "C")
 _integers, _integer_table = types.Array(_i, 1, "C"), types.Array(_i, 2, "C")
 TABLES = types.NamedTuple(
-    [_integers, _integer_table, _integers, *[_integer_table] * 5, *[_integers] * 5, _integer_table], Tables
+    [_integers, _integer_table, _integers, *[_integer_table] * 5, *[_integers] * 5, *[_integer_table] * 2], Tables
 )
 SOURCES = types.NamedTuple([_integers] * 5 + [_numbers], Sources)
 LOAD_SPACE = types.NamedTuple([_table, _table, _numbers, _numbers], LoadSpace)

@@ -10,6 +10,13 @@ from collections.abc import Iterable
 
 from model.kernels import layout as L
 from model.kernels import workspace as W
+from model.kernels.codegen.giving_bodies import (
+    giving_derivatives,
+    giving_forces,
+    giving_mass,
+    moved_pivot,
+    stored_mass,
+)
 from model.kernels.codegen.structure import Structure
 
 
@@ -32,8 +39,8 @@ def bundle(texts: Iterable[str]) -> str:
 def joint_friction(s: Structure, slopes: bool) -> list[str]:
     """Friction of each joint as ``torque`` and, where asked for, its slope ``e``; of all at once, where vectors pay."""
     out, laws = [], (L.JF_A, L.JF_B1, L.JF_B2)
-    joints = [i for i in range(s.free) if i not in s.guided]
-    for i in range(s.free):
+    joints = [i for i in range(s.own) if i not in s.guided]
+    for i in range(s.own):
         if not s.bundles or i in s.guided:
             per = "per_v" if i in s.guided else "per_omega"
             law = ", ".join(s.body(i, k) for k in laws)
@@ -61,6 +68,7 @@ def pose(s: Structure) -> list[str]:
         else:
             out += [f"dx{i} = c{w} * {px} - s{w} * {py}", f"dy{i} = s{w} * {px} + c{w} * {py}"]
             out += [f"x{i} = x{w} + dx{i}", f"y{i} = y{w} + dy{i}", f"w{i} = v{i} + w{w}"]
+        out += moved_pivot(s, i)
         cx, cy = s.body(i, L.COM_X), s.body(i, L.COM_Y)
         out += [f"rx{i} = c{i} * {cx} - s{i} * {cy}", f"ry{i} = s{i} * {cx} + c{i} * {cy}"]
     return out
@@ -69,7 +77,7 @@ def pose(s: Structure) -> list[str]:
 def mass(s: Structure) -> list[str]:
     """Diagonal and child-parent entries of the mass matrix of what is solved for."""
     out = []
-    for i in range(s.free):
+    for i in range(s.own):
         if i in s.guided:
             out.append(f"md{i} = {s.body(i, L.MASS)}")
             continue
@@ -82,11 +90,18 @@ def mass(s: Structure) -> list[str]:
                 continue
             out += [f"h{i} = {m} * (dx{i} * rx{i} + dy{i} * ry{i})", f"mu{i} = md{i} + h{i}"]
             out.append(f"md{w} += md{i} + {m} * (dx{i} * dx{i} + dy{i} * dy{i}) + 2.0 * h{i}")
-    return out
+    return [*out, *giving_mass(s)]
 
 
-def solve_mass(s: Structure) -> list[str]:
-    """Accelerations of what is solved for: M a = f, children eliminated into their parents."""
+def solve_mass(s: Structure, at: int = W.P_HERE) -> list[str]:
+    """Accelerations of what is solved for: M a = f, children eliminated into their parents.
+
+    Where joints give, the mass matrix is written to ``at``.
+    """
+    if s.pin:
+        n = range(s.free)
+        out = [*stored_mass(s, at), *(f"w[{W.P_FORCE + i}] = f{i}" for i in n), f"accelerated(w, {at}, {s.free})"]
+        return [*out, *(f"a{i} = w[{W.P_FORCE + i}]" for i in n)]
     out = []
     for i, w in enumerate(s.parent):
         if w >= 0:
@@ -110,9 +125,10 @@ def forces(s: Structure, slopes: bool) -> list[str]:
     """Generalised forces of everything but contacts; with the slopes of joint friction where asked for."""
     out = [f"g = p[{L.GRAVITY}]", *thresholds()]
     out += joint_friction(s, slopes)
-    for i in range(s.free):
+    for i in range(s.own):
         weight = "" if i in s.guided else f" * rx{i}"
         out.append(f"f{i} = -torque{i} - {s.body(i, L.MASS)} * g{weight}")
+    out += giving_forces(s)
     for i, w in enumerate(s.parent):
         if w >= 0:
             m = s.body(i, L.MASS)
@@ -133,13 +149,25 @@ def forces(s: Structure, slopes: bool) -> list[str]:
             continue
         if kind == L.FORCE_DOWN:
             out.append(f"f{i} -= u * (c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])")
-            if s.guide(i) >= 0:
-                out.append(f"f{s.guide(i)} -= u")
+            if s.vertical(i) >= 0:
+                out.append(f"f{s.vertical(i)} -= u")
+        elif kind == L.AMPLIFIER:
+            out += winding(i, o)
         else:
             out.append(f"f{i} += u")
     for k, i in enumerate(s.damper):
         out.append(f"f{i} -= p[{s.offset[5] + L.DAMPER_SIZE * k}] * v{i}")
     return out
+
+
+def winding(i: int, o: int) -> list[str]:
+    """Voltages in a winding and the torque of its current on the motor before it; the amplifier's ``volts``."""
+    numbers = ", ".join(f"p[{o + k}]" for k in range(L.WINDING_AMPLIFIER, L.WINDING_SIZE))
+    return [
+        f"volts, volts_u, volts_i = amplifier(u, v{i}, {numbers})",
+        f"f{i} += volts - p[{o + L.WINDING_R}] * v{i} - p[{o + L.WINDING_K}] * v{i - 1}",
+        f"f{i - 1} += p[{o + L.WINDING_K}] * v{i}",
+    ]
 
 
 def derivatives(s: Structure) -> list[str]:
@@ -177,12 +205,17 @@ def derivatives(s: Structure) -> list[str]:
         if kind == L.FORCE_DOWN:
             x, y = f"p[{o + L.DRIVE_X}]", f"p[{o + L.DRIVE_Y}]"
             out += [f"u{i} -= c{i} * {x} - s{i} * {y}", f"{s.stiffness(i, i)} += u * (s{i} * {x} + c{i} * {y})"]
-            if s.guide(i) >= 0:
-                out.append(f"u{s.guide(i)} -= 1.0")
+            if s.vertical(i) >= 0:
+                out.append(f"u{s.vertical(i)} -= 1.0")
+        elif kind == L.AMPLIFIER:
+            turn = f"p[{o + L.WINDING_K}]"
+            out += [f"u{i} += volts_u", f"{s.damping(i, i)} += volts_i - p[{o + L.WINDING_R}]"]
+            out += [f"{s.damping(i, i - 1)} -= {turn}", f"{s.damping(i - 1, i)} += {turn}"]
         else:
             out.append(f"u{i} += 1.0")
     for k, i in enumerate(s.damper):
         out.append(f"{s.damping(i, i)} -= p[{s.offset[5] + L.DAMPER_SIZE * k}]")
+    out += giving_derivatives(s)
     # where the key is prescribed the input is the time: df/dt comes through the motion of the key
     out += [
         f"u{i} += {s.stiffness(i, j)} * v{j} + {s.damping(i, j)} * a{j}" for i, j in sorted(s.pattern() - s.square())

@@ -75,6 +75,8 @@ def _piece(s: Structure, kind: str, arguments: list[str], lines: list[str], resu
         head = _MEMORY_HEAD
     if "os" in arguments:
         head = _STRING_HEAD
+    if "slide_of_" in body:
+        head = head.replace("lift_of_second,", "lift_of_second, slide_of_first, slide_of_second,")
     name = f"{kind}_{hashlib.sha256((head + rest).encode()).hexdigest()[:16]}"
     return Piece(name, f"{head}{name}{rest}")
 
@@ -146,12 +148,12 @@ def linearised_piece(s: Structure, c: int) -> tuple[Piece, list[str]]:
     here, there = _poses(lines, one.bodies)
     places = [f"n{i}" for i in one.joints], [_whole(one.bodies[i]) for i in one.joints]
     ease = [f"easy{i}" for i in pushed], [f"easy{one.bodies[i]}" for i in pushed]
-    ways = [f"{name}{k}" for name in ("turns", "slides") for k in range(len(one.joints))]
+    ways = [f"{name}{k}" for name in ("turns", "slides") for k in range(len(one.chain[0]))]
     felt, memories = _remembered(s, c)
     if memories:
         felt = (["z0", *felt[0]], [_whole(memories[0]), *felt[1]])
     if one.string:
-        felt = ["os", "zs"], [felt[1][0], _whole(len(s.memory))]
+        felt = ["os", "zs"], [felt[1][0], _whole(s.first_memory())]
     piece = _piece(
         s,
         "linearised",
@@ -171,7 +173,7 @@ def linearised_piece(s: Structure, c: int) -> tuple[Piece, list[str]]:
 def rates_piece(s: Structure, c: int) -> tuple[Piece, list[str]]:
     """Function that notes how fast gap rate and sliding speed change, and the line that calls it."""
     one = LoneContact(s, c)
-    ways = [f"{name}{k}" for name in ("turns", "slides") for k in range(len(one.joints))]
+    ways = [f"{name}{k}" for name in ("turns", "slides") for k in range(len(one.chain[0]))]
     piece = _piece(
         s,
         "rates",

@@ -16,7 +16,6 @@ from model.kernels.codegen.contacts import (
     easiest,
     indent,
     law_numbers,
-    pivot,
     push,
     surface,
 )
@@ -37,7 +36,7 @@ def linearised_in_lanes(s: LoneContact, c: int) -> list[str]:
     touch += ["pushes = on & (fn > 0.0)", "if any_of(pushes):", *indent(derivatives(s, c))]
     away = surface(s, c, True)
     for k, (b, side) in enumerate(chain):
-        x, y = pivot(b)
+        x, y = s.pivot(c, k)
         way = "ny" if b in s.guided else f"((ax - {x}) * ny - (ay - {y}) * nx)"
         away += [f"way{k} = {'' if side > 0 else '-'}{way}", f"turns{k}_{c} = where(on, turns{k}_{c}, way{k})"]
     rate = " + ".join(f"way{k} * v{b}" for k, (b, _) in enumerate(chain))

@@ -16,6 +16,7 @@ from model.kernels.codegen.contacts import (
     contact_linearised,
     contact_numbers,
     derivatives,
+    easiest,
     indent,
     push,
     surface,
@@ -93,7 +94,13 @@ def memory_linearised(s: LoneContact, c: int) -> list[str]:
     # hysteresis starts anew at the next touch
     away = [f"w[{W.Z} + z0 + {m}] = 1.0" for m, law_of in enumerate(laws) if law_of == L.HYSTERESIS]
     lines = contact_linearised(s, c, FeltLines(law, _coupled(s, c), away, stiffness, []))
-    return [*memory_numbers(laws), *_forgotten(s, c), *lines]
+    return [*memory_numbers(laws), *_forgotten(s, c), *lines, *(_left(s, c) if laws[0] == L.STULOV else [])]
+
+
+def _left(s: LoneContact, c: int) -> list[str]:
+    """Line that weighs the memory of felt that is left alone: as if it were met again at once."""
+    worth = f"remembered_error(share0 / (1.0 - share0) * {easiest(s, c, 'turns', f'_{c}')}, -(1.0 - share0) / reach0)"
+    return [f"if w[{W.Z_WEIGHT} + z0] == 0.0:", f"    w[{W.Z_WEIGHT} + z0] = {worth}"]
 
 
 def _forgotten(s: LoneContact, c: int) -> list[str]:
@@ -166,7 +173,7 @@ def factors(s: Structure) -> list[str]:
             out.append(f"back = ease * (gh * w[{W.Z_TURN + at}] + w[{W.Z_SPEED + at}])")
             for k, (b, _) in enumerate(s.chain[c]):
                 if b < s.free:
-                    out.append(f"m{b}_{cj} -= w[{W.Z_PUSH + W.LINKS * m + k}] * back")
+                    out.append(f"{s.factor(b, cj)} -= w[{W.Z_PUSH + W.LINKS * m + k}] * back")
     return out
 
 

@@ -21,14 +21,9 @@ def _at(body: int, x: str, y: str) -> tuple[str, str]:
     return f"x{i} + c{i} * {x} - s{i} * {y}", f"y{i} + s{i} * {x} + c{i} * {y}"
 
 
-def _along(body: int, x: str, y: str) -> tuple[str, str]:
+def along_body(body: int, x: str, y: str) -> tuple[str, str]:
     """World components of a vector of a body's frame."""
     return (x, y) if body < 0 else (f"c{body} * {x} - s{body} * {y}", f"s{body} * {x} + c{body} * {y}")
-
-
-def pivot(body: int) -> tuple[str, str]:
-    """World coordinates of a body's pivot."""
-    return f"x{body}", f"y{body}"
 
 
 def contact_numbers(s: Structure | LoneContact, c: int, *names: int) -> list[str]:
@@ -48,7 +43,7 @@ def surface(s: Structure | LoneContact, c: int, room: bool) -> list[str]:
     """Lines that set x, nx, ny, distance (or room, nx, ny) from the centres."""
     _, b, shape, _ = s.contact[c]
     ra, rb = contact_numbers(s, c, L.A_R, L.B_R)
-    nx, ny = _along(b, *contact_numbers(s, c, L.N_X, L.N_Y))
+    nx, ny = along_body(b, *contact_numbers(s, c, L.N_X, L.N_Y))
     if shape == L.LINE:
         out = [f"nx = {nx}", f"ny = {ny}"]
         if room:
@@ -58,7 +53,7 @@ def surface(s: Structure | LoneContact, c: int, room: bool) -> list[str]:
     ends = ""
     out = []
     if shape == L.HYBRID:
-        ex, ey = _along(b, *contact_numbers(s, c, L.E_X, L.E_Y))
+        ex, ey = along_body(b, *contact_numbers(s, c, L.E_X, L.E_Y))
         out = [f"sx = {nx}", f"sy = {ny}", f"ex = {ex}", f"ey = {ey}"]
         ends = ", sx, sy, ex, ey"
     kind = "hybrid" if shape == L.HYBRID else "circle"
@@ -73,14 +68,22 @@ def arms_and_rates(s: Structure | LoneContact, c: int) -> list[str]:
     for k, (b, side) in enumerate(s.chain[c]):
         sign = "" if side > 0 else "-"
         if b in s.guided:
-            out += [f"gn{k} = {sign}ny", f"gt{k} = {sign}nx"]
+            out += guided_ways(s, b, k, side)
             continue
-        x, y = pivot(b)
+        x, y = s.pivot(c, k)
         out += [f"lx{k} = px - {x}", f"ly{k} = py - {y}"]
         out += [f"gn{k} = {sign}(lx{k} * ny - ly{k} * nx)", f"gt{k} = {sign}(lx{k} * nx + ly{k} * ny)"]
     out.append("rate = -(" + " + ".join(f"gn{k} * v{b}" for k, (b, _) in enumerate(s.chain[c])) + ")")
     out.append("slide = " + " + ".join(f"gt{k} * v{b}" for k, (b, _) in enumerate(s.chain[c])))
     return out
+
+
+def guided_ways(s: Structure | LoneContact, b: int, k: int, side: int) -> list[str]:
+    """Generalised directions of the guide ``b``, number ``k`` of a chain."""
+    sign = "" if side > 0 else "-"
+    if s.axis[b] == 1:
+        return [f"gn{k} = {sign}ny", f"gt{k} = {sign}nx"]
+    return [f"gn{k} = {sign}nx", f"gt{k} = {'-' if side > 0 else ''}ny"]
 
 
 def law_numbers(s: Structure | LoneContact, c: int) -> str:
@@ -95,7 +98,7 @@ def push(s: LoneContact, c: int) -> list[str]:
     for k, (b, side) in enumerate(s.chain[c]):
         if not s.solved(b):
             continue
-        moment = "fy" if b in s.guided else f"lx{k} * fy - ly{k} * fx"
+        moment = ("fx", "fy")[s.axis[b]] if b in s.guided else f"lx{k} * fy - ly{k} * fx"
         if s.lanes > 1:
             out.append(f"f{b} += " + chosen(s, "on", moment if side > 0 else f"-({moment})"))
             continue
@@ -155,8 +158,8 @@ def contact_linearised(s: LoneContact, c: int, felt: FeltLines | None = None) ->
     ]
     away = surface(s, c, True)
     for k, (b, side) in enumerate(chain):
-        x, y = pivot(b)
-        way = "ny" if b in s.guided else f"((ax - {x}) * ny - (ay - {y}) * nx)"
+        x, y = s.pivot(c, k)
+        way = ("nx", "ny")[s.axis[b]] if b in s.guided else f"((ax - {x}) * ny - (ay - {y}) * nx)"
         away.append(f"turns{k}_{c} = {'' if side > 0 else '-'}{way}")
     rate = " + ".join(f"turns{k}_{c} * v{b}" for k, (b, _) in enumerate(chain))
     away += [f"w[{s.at(c, W.ROOM)}] = room", f"w[{s.at(c, W.GAP)}] = room", f"w[{s.at(c, W.GAP_RATE)}] = {rate}"]
@@ -196,20 +199,24 @@ def derivatives(s: LoneContact, c: int, more: Callable[[int, str], list[str]] | 
     chain = s.chain[c]
     out = [f"along{k} = gn{k} - mu * gt{k}" for k in range(len(chain))]
     for j, (cj, side) in enumerate(chain):
-        qx, qy = pivot(cj)
+        qx, qy = s.pivot(c, j)
         what, centre = ("first", "a") if side > 0 else ("second", "b")
         if cj in s.guided:
-            out.append(f"kappa, xx, xy = lift_of_{what}(nx, ny, distance, r, -gn{j})")
+            moved = ("slide", "lift")[s.axis[cj]]
+            out.append(f"kappa, xx, xy = {moved}_of_{what}(nx, ny, distance, r, -gn{j})")
         else:
             out.append(f"kappa, xx, xy = turn_of_{what}({centre}x, {centre}y, {qx}, {qy}, nx, ny, distance, r, -gn{j})")
         for k, (b, sk) in enumerate(chain):
             if b in s.guided:
-                out += [f"dn{k} = {float(sk)} * kappa * nx", f"dt{k} = {float(-sk)} * kappa * ny"]
+                dn, dt = (f"{float(-sk)} * kappa * ny", f"{float(-sk)} * kappa * nx")
+                if s.axis[b] == 1:
+                    dn, dt = (f"{float(sk)} * kappa * nx", f"{float(-sk)} * kappa * ny")
+                out += [f"dn{k} = {dn}", f"dt{k} = {dt}"]
                 continue
-            bx, by = pivot(b)
-            mx, my = (f"xx + ({by} - {qy})", f"xy - ({bx} - {qx})") if s.parent[b] == cj else ("xx", "xy")
-            if s.parent[b] == cj and cj in s.guided:
-                mx, my = "xx", "xy - 1.0"
+            bx, by = s.pivot(c, k)
+            mx, my = (f"xx + ({by} - {qy})", f"xy - ({bx} - {qx})") if s.carries(c, j, k) else ("xx", "xy")
+            if s.carries(c, j, k) and cj in s.guided:
+                mx, my = ("xx - 1.0", "xy") if s.axis[cj] == 0 else ("xx", "xy - 1.0")
             out.append(f"dn{k}, dt{k} = turn_of_arm({float(sk)}, {mx}, {my}, nx, ny, kappa, lx{k}, ly{k})")
         rate = " + ".join(f"dn{k} * v{b}" for k, (b, _) in enumerate(chain))
         slide = " + ".join(f"dt{k} * v{b}" for k, (b, _) in enumerate(chain))
@@ -225,55 +232,6 @@ def derivatives(s: LoneContact, c: int, more: Callable[[int, str], list[str]] | 
     return out
 
 
-def _probe_force(s: Structure, k: int) -> list[str]:
-    """Lines that set the force ``fn`` of a probe, its two derivatives, and arms and heights of its points."""
-    a, b = s.probe[k]
-    o = s.offset[3] + L.PROBE_SIZE * k
-    numbers = [f"p[{o + i}]" for i in range(L.PROBE_SIZE)]
-    ax, ay = _along(a, *numbers[0:2])
-    bx, by = _along(b, *numbers[2:4])
-    out = [f"la = {ax}", f"ha = {ay}", f"lb = {bx}", f"hb = {by}"]
-    out.append(f"fn, fnx, fnr = felt(y{b} + hb - y{a} - ha, {_closing(s, k)}, {', '.join(numbers[4:8])})")
-    return out
-
-
-def probe(s: Structure, k: int, derivatives: bool) -> list[str]:
-    """One-sided vertical contact of a tip on A with a point of B, both hanging from ground or B from a guide."""
-    a, b = s.probe[k]
-    guide = s.guide(b)
-    out = [*_probe_force(s, k), f"f{a} += fn * la", f"f{b} -= fn * lb"]
-    if derivatives:
-        out += [
-            f"fqa = -fnx * la + fnr * ha * v{a}", f"fqb = fnx * lb - fnr * hb * v{b}",
-            f"{s.stiffness(a, a)} += fqa * la - fn * ha", f"{s.stiffness(a, b)} += fqb * la",
-            f"{s.stiffness(b, a)} -= fqa * lb", f"{s.stiffness(b, b)} += -fqb * lb + fn * hb",
-            f"{s.damping(a, a)} -= fnr * la * la", f"{s.damping(a, b)} += fnr * lb * la",
-            f"{s.damping(b, a)} += fnr * la * lb", f"{s.damping(b, b)} -= fnr * lb * lb",
-        ]  # fmt: skip
-    if guide >= 0:
-        out.append(f"f{guide} -= fn")
-    if guide >= 0 and derivatives:
-        out += [
-            f"{s.stiffness(a, guide)} += fnx * la",
-            f"{s.stiffness(b, guide)} -= fnx * lb",
-            f"{s.stiffness(guide, guide)} -= fnx",
-            f"{s.stiffness(guide, a)} += fnx * la - fnr * ha * v{a}",
-            f"{s.stiffness(guide, b)} -= fnx * lb - fnr * hb * v{b}",
-            f"{s.damping(a, guide)} += fnr * la",
-            f"{s.damping(b, guide)} -= fnr * lb",
-            f"{s.damping(guide, guide)} -= fnr",
-            f"{s.damping(guide, a)} += fnr * la",
-            f"{s.damping(guide, b)} -= fnr * lb",
-        ]
-    return out
-
-
-def _closing(s: Structure, k: int) -> str:
-    """Rate of penetration of a probe."""
-    a, b = s.probe[k]
-    return f"lb * v{b} - la * v{a}" + (f" + v{s.guide(b)}" if s.guide(b) >= 0 else "")
-
-
 def contact_energy(s: Structure, c: int) -> list[str]:
     """Elastic energy and losses of contact ``c``."""
     stiffness = ", ".join(contact_numbers(s, c, L.K_A, L.K_B, L.K_C))
@@ -284,14 +242,3 @@ def contact_energy(s: Structure, c: int) -> list[str]:
         "friction_loss += mu * fn * slide",
     ]  # fmt: skip
     return [*centres(s, c), *surface(s, c, False), "if x > 0.0:", *indent(touch)]
-
-
-def probe_energy(s: Structure, k: int) -> list[str]:
-    """Elastic energy and losses of a probe."""
-    a, b = s.probe[k]
-    o = s.offset[3] + L.PROBE_SIZE * k
-    touch = [
-        f"stored, lost = felt_energy(x, {_closing(s, k)}, fn, p[{o + 4}], p[{o + 5}], p[{o + 6}])",
-        "energy += stored", "felt_loss += lost",
-    ]  # fmt: skip
-    return [*_probe_force(s, k), f"x = y{b} + hb - y{a} - ha", "if x > 0.0:", *indent(touch)]

@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.codegen.bodies import mass, pose, thresholds
+from model.kernels.codegen.bodies import mass, pose, thresholds, winding
 from model.kernels.codegen.contact_memory import memory_energy
-from model.kernels.codegen.contacts import contact_energy, probe_energy
-from model.kernels.codegen.step_kernels import HEAD, module
+from model.kernels.codegen.contacts import contact_energy
+from model.kernels.codegen.giving_bodies import giving_energy
+from model.kernels.codegen.giving_steps import pins_audited
+from model.kernels.codegen.probes import probe_energy
+from model.kernels.codegen.step_kernels import AMPLIFIER_HEAD, HEAD, module
 from model.kernels.codegen.string_contact import NAMES, string_energy_lines
 from model.kernels.codegen.structure import Structure
 
@@ -23,8 +26,9 @@ MEMORY_HEAD = """from model.kernels.memory_laws import (
 def emit_energy(tables: L.Tables) -> str:
     """Source of ``energy`` alone: energy of a state, power put in and powers lost, for the energy audit."""
     s = Structure(tables)
-    out = [f"q{i} = w[{W.AUDIT_Q + i}]\nv{i} = w[{W.AUDIT_V + i}]" for i in range(s.n)]
+    out = [f"q{i} = w[{W.AUDIT_Q + i}]\nv{i} = w[{W.AUDIT_V + i}]" for i in range(len(s.parent))]
     out += [
+        *pins_audited(s),
         *pose(s),
         *mass(s),
         *thresholds(),
@@ -55,8 +59,11 @@ def emit_energy(tables: L.Tables) -> str:
     for k, (kind, i) in enumerate(s.drive):
         o = s.offset[2] + L.DRIVE_SIZE * k
         arm = f"(c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])"
-        if kind == L.FORCE_DOWN and s.guide(i) >= 0:
-            out.append(f"given -= u * v{s.guide(i)}")
+        if kind == L.FORCE_DOWN and s.vertical(i) >= 0:
+            out.append(f"given -= u * v{s.vertical(i)}")
+        if kind == L.AMPLIFIER:
+            out += [f"f{i} = 0.0\nf{i - 1} = 0.0", *winding(i, o), f"given += volts * v{i}"]
+            continue
         out.append(f"given -= u * {arm} * v{i}" if kind == L.FORCE_DOWN else f"given += u * v{i}")
     for c in range(len(s.contact)):
         if c in s.string:
@@ -68,14 +75,19 @@ def emit_energy(tables: L.Tables) -> str:
     names = {W.ENERGY: "energy", W.POWER_IN: "given", W.POWER_FELT: "felt_loss", W.POWER_FRICTION: "friction_loss"}
     if s.guided:
         names[W.POWER_RAIL] = "rail_loss"
-    if s.damper:
-        names[W.POWER_SHANK] = " + ".join(
-            f"p[{s.offset[5] + L.DAMPER_SIZE * k}] * v{i} * v{i}" for k, i in enumerate(s.damper)
-        )
+    driven = {i for _, i in s.drive}
+    lost = [(i, f"p[{s.offset[5] + L.DAMPER_SIZE * k}]") for k, i in enumerate(s.damper)]
+    lost += [(i, f"p[{s.offset[2] + L.WINDING_R}]") for kind, i in s.drive if kind == L.AMPLIFIER]
+    for at, of_drive in ((W.POWER_SHANK, False), (W.POWER_DRIVE, True)):
+        powers = [f"{number} * v{i} * v{i}" for i, number in lost if (i in driven) == of_drive]
+        if powers:
+            names[at] = " + ".join(powers)
+    if s.pin:
+        out += giving_energy(s)
+        names[W.POWER_PINS] = "pin_loss"
     if s.string:
         names[W.POWER_STRING] = "string_loss"
     out += [f"w[{at}] = {name}" for at, name in names.items()]
     lines = [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]
-    return module(
-        ("energy", "w, p, u", lines), head=HEAD + (MEMORY_HEAD if s.memory else "") + (NAMES if s.string else "")
-    )
+    head = HEAD + (MEMORY_HEAD if s.memory else "") + (NAMES if s.string else "")
+    return module(("energy", "w, p, u", lines), head=head + (AMPLIFIER_HEAD if s.wound else ""))

@@ -21,7 +21,18 @@ from model.kernels.codegen.contact_memory import (
     stage_sums,
     stages_of_memories,
 )
-from model.kernels.codegen.contacts import probe
+from model.kernels.codegen.giving_steps import (
+    WIDE_NAMES,
+    pins_allowed,
+    pins_linearised,
+    pins_read,
+    pins_staged,
+    pins_summed,
+    wide_known_sides,
+    wide_matrix,
+    wide_solved,
+)
+from model.kernels.codegen.probes import probe
 from model.kernels.codegen.string_contact import (
     NAMES,
     string_known_sides,
@@ -44,6 +55,7 @@ from model.kernels.motion import motion_at, piece_at
 from model.kernels.signatures import ENERGY, LINEARISE, PREPARE, SKIP, STAGE
 from model.kernels.terms import circle_gap, contact_laws, cosine_sine, felt_energy, hybrid_gap
 '''
+AMPLIFIER_HEAD = "from model.kernels.laws import amplifier\n"
 _LANES_HEAD = '''"""Generated for lanes from the structure of a scene by step_kernels; do not edit."""
 
 from numba import int64
@@ -69,8 +81,11 @@ def _prescribed(s: Structure, derivatives: bool) -> list[str]:
 
 
 def _linearise(s: Structure, pieces: set[Piece]) -> list[str]:
-    out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.free)] + _prescribed(s, True)
-    out += [f"{s.stiffness(i, j)} = 0.0\n{s.damping(i, j)} = 0.0" for i, j in sorted(s.pattern())]
+    out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.own)] + _prescribed(s, True)
+    if s.pin:
+        out += pins_read(s)
+    else:
+        out += [f"{s.stiffness(i, j)} = 0.0\n{s.damping(i, j)} = 0.0" for i, j in sorted(s.pattern())]
     out += ["touching = 0", *pose(s), *mass(s), *forces(s, True)]
     out += [f"easy{i} = 1.0 / md{i}" for i in range(s.free)]
     out += [f"mem{m} = w[{W.Z + m}]" for m in range(len(s.memory))]
@@ -83,8 +98,8 @@ def _linearise(s: Structure, pieces: set[Piece]) -> list[str]:
         rates += call_later
     for k in range(len(s.probe)):
         out += probe(s, k, True)
-    out += [*solve_mass(s), *derivatives(s), *rates, *of_the_input(s)]
-    for i in range(s.free):
+    out += [*solve_mass(s, W.P_MASS), *derivatives(s), *rates, *of_the_input(s), *pins_linearised(s)]
+    for i in range(s.own):
         out += [f"w[{W.ACC + i}] = a{i}", f"w[{W.F_U + i}] = u{i}", f"w[{W.M_DIAG + i}] = md{i}"]
         if s.parent[i] >= 0:
             out.append(f"w[{W.M_UP + i}] = mu{i}")
@@ -105,6 +120,8 @@ def _filled(s: Structure) -> set[tuple[int, int]]:
 def _prepare(s: Structure) -> list[str]:
     """Factors of M / (gamma h) - D - gamma h K without exchanges; 0 where that would lose six digits."""
     out = ["inverse = 1.0 / gh"]
+    if s.pin:
+        return [*out, *wide_matrix(s, [*factors(s), *string_prepared(s)])]
     start, pattern = s.square(), _filled(s)
     for i, j in sorted(pattern):
         text = f"-{s.damping(i, j)} - gh * {s.stiffness(i, j)}" if (i, j) in start else "0.0"
@@ -135,7 +152,7 @@ def _skip(s: Structure) -> list[str]:
     out = ["mask = 0"]
     for c, at in s.place.items():
         o = s.offset[1] + L.CONTACT_SIZE * c + L.REACH
-        way = " + ".join(f"p[{o + k}] * w[{W.ALLOWANCE + b}]" for k, (b, _) in enumerate(s.chain[c]))
+        way = " + ".join(pins_allowed(s, c, o))
         if s.lanes == 1:
             out += [f"if {way} < w[{W.ROOM + at}]:", f"    mask |= {1 << at}"]
             continue
@@ -147,12 +164,13 @@ def _skip(s: Structure) -> list[str]:
 
 
 def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
-    n = range(s.free)
+    n = range(s.own)
     out = _per_lane(s)
     out += [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]\nsq{i} = 0.0\nsv{i} = 0.0\nb{i} = 0.0\nl{i} = 0.0" for i in n]
     remembered, summed = stage_sums(s)
     out += [
         *remembered,
+        *pins_read(s, True),
         "for j in range(k):",
         f"    o = {W.U} + {2 * W.WIDTH} * j",
         f"    aj = a[{W.MAX_STAGES} * k + j]",
@@ -162,8 +180,8 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
         out += [f"    x = w[o + {i}]", f"    sq{i} += aj * x", f"    b{i} += cj * x"]
     for i in n:
         out += [f"    x = w[o + {W.WIDTH + i}]", f"    sv{i} += aj * x", f"    l{i} += cj * x"]
-    out += [*summed, *string_summed(s)]
-    ways = [f"abs(sq{i}) > w[{W.ALLOWANCE + i}]" for i in n]
+    out += [*pins_summed(s), *summed, *string_summed(s)]
+    ways = [f"abs(sq{i}) > w[{W.ALLOWANCE + i}]" for i in n] + [f"abs(sq{g}) > w[{W.P_ALLOWANCE + g}]" for g in s.pin]
     out += _prescribed(s, False)
     ways += [f"abs(q{i} - w[{W.Q + i}]) > w[{W.ALLOWANCE + i}]" for i in range(s.free, s.n)]
     if s.lanes == 1:
@@ -171,7 +189,7 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
     else:
         far = " | ".join(f"({way})" for way in ways)
         out += [f"exceeded = bits_of(({far}) & (w[{W.IDLE}] == 0.0))", "if exceeded != 0:", "    mask = 0"]
-    out += [f"q{i} += sq{i}\nv{i} += sv{i}" for i in n]
+    out += [f"q{i} += sq{i}\nv{i} += sv{i}" for i in range(s.free)]
     out.append("if k > 0:")
     inner = [*left_alone(s), *pose(s), *mass(s), *forces(s, False)]
     for c in s.place:
@@ -182,10 +200,14 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
         inner += probe(s, k, False)
     inner += solve_mass(s)
     out += ["    " + line for text in inner for line in text.split("\n")]
-    out += ["else:", *(f"    a{i} = w[{W.ACC + i}]" for i in n)]
+    out += ["else:", *(f"    a{i} = w[{s.acceleration(i)}]" for i in range(s.free))]
     out += [f"    fade{m} = w[{W.Z_RATE + m}]" for m in range(len(s.memory))]
     out += [f"    fstring = w[{W.S_FORCE}]" for _ in s.string]
-    out += [f"a{i} += l{i} * rate\nb{i} = v{i} + b{i} * rate" for i in n]
+    out += [f"a{i} += l{i} * rate\nb{i} = v{i} + b{i} * rate" for i in range(s.free)]
+    if s.pin:
+        out += [*wide_known_sides(s), *known_sides(s), *string_known_sides(s), *wide_solved(s), *pins_staged(s)]
+        out += [*(stages_of_memories(s) if s.memory else []), *string_stages(s)]
+        return [*out, "return exceeded"]
     for i in n:
         text = f"ft * w[{W.F_U + i}] + w[{W.M_DIAG + i}] * a{i}"
         for j in n:
@@ -242,10 +264,14 @@ def emit_with_pieces(tables: L.Tables, lanes: int = 1) -> tuple[str, list[Piece]
         ("skip", "w, p", skip),
         ("stage", "w, p, a, c, k, gh, rate, u, ft, mask", stage),
     )
+    if s.pin:
+        head = WIDE_NAMES + head
     if s.memory:
         head = "from model.kernels.memory_laws import stulov_open\n" + head
     if s.string:
         head = NAMES + head
+    if s.wound:
+        head = AMPLIFIER_HEAD + head
     return module(*functions, head=HEAD + head), used
 
 

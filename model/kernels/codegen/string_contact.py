@@ -68,7 +68,7 @@ def _of_joint(j: int) -> list[str]:
 
 def string_energy_lines(s: Structure, c: int) -> list[str]:
     """As ``contacts.contact_energy``; energy and losses of the modes among them."""
-    o, row = s.offset[7], W.AUDIT_Z + len(s.memory)
+    o, row = s.offset[7], W.AUDIT_Z + s.first_memory()
     modes = row + L.STRING_STATES
     felt = ", ".join(contact_numbers(s, c, L.K_A, L.K_B, L.K_C))
     start = [f"os = {o}", f"energy += string_energy({modes}, w, p, os)", "string_loss = 0.0", "sway = 0.0"]
@@ -97,7 +97,7 @@ def string_prepared(s: Structure) -> list[str]:
     for j, (cj, _) in enumerate(chain):
         if cj < s.free:
             block.append(f"back = left * (gh * w[{W.S_ANGLES + j}] + w[{W.S_SPEEDS + j}])")
-            block += [f"m{b}_{cj} += w[{W.S_ALONG + k}] * back" for k, (b, _) in enumerate(chain) if b < s.free]
+            block += [f"{s.factor(b, cj)} += w[{W.S_ALONG + k}] * back" for k, (b, _) in enumerate(chain) if b < s.free]
     return [*out, *indent(block)]
 
 
@@ -105,7 +105,7 @@ def string_summed(s: Structure) -> list[str]:
     """Lines of ``stage`` once the stages so far are summed."""
     if not s.string:
         return []
-    given = f"w, p, {s.offset[7]}, {len(s.memory)}, a, c, k, rate"
+    given = f"w, p, {s.offset[7]}, {s.first_memory()}, a, c, k, rate"
     return [
         f"awake = w[{W.S_AWAKE}]", f"sway = -w[{W.S_REACH}]", "swing = 0.0", "fstring = 0.0",
         "if awake != 0.0:", f"    sway, swing = string_in_stage({given})",
@@ -132,5 +132,5 @@ def string_stages(s: Structure) -> list[str]:
     back = " + ".join(
         f"(gh * w[{W.S_ANGLES + j}] + w[{W.S_SPEEDS + j}]) * g{b}" for j, (b, _) in enumerate(chain) if b < s.free
     )
-    call = f"string_stage(w, p, {s.offset[7]}, {len(s.memory)}, k, w[{W.S_SHARE}] * (turned + {back} - given), gh)"
+    call = f"string_stage(w, p, {s.offset[7]}, {s.first_memory()}, k, w[{W.S_SHARE}] * (turned + {back} - given), gh)"
     return ["if awake != 0.0:", f"    {call}"]

@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from model.kernels.compile import inlined, inlined_uncounted, kernel, uncounted
-from model.kernels.laws import felt, friction
+from model.kernels.laws import amplifier, felt, friction
 from model.kernels.layout import (
     A_R,
+    AMPLIFIER,
     BODY_SIZE,
     DAMP,
     DAMPER_SIZE,
@@ -47,6 +48,8 @@ from model.kernels.layout import (
     SPRING_SIZE,
     SPRING_T0,
     V_T,
+    WINDING_K,
+    WINDING_R,
 )
 from model.kernels.trajectory.kinematics import along_chain, contact_offset, gap_geometry, place, point
 
@@ -156,6 +159,10 @@ def inertia_and_joint_forces(q, v, u, p, tables, pose, f):
             f[i] -= u * (x - pose[i, POSE_X])
             if parent[i] >= 0 and parent[parent[i]] == GUIDED:
                 f[parent[i]] -= u
+        elif tables.drive[k, 0] == AMPLIFIER:
+            volts, _, _ = amplifier(u, v[i], p[o + 2], p[o + 3], p[o + 4], p[o + 5], p[o + 6])
+            f[i] += volts - p[o + WINDING_R] * v[i] - p[o + WINDING_K] * v[i - 1]
+            f[i - 1] += p[o + WINDING_K] * v[i]
         else:
             f[i] += u
         o += DRIVE_SIZE

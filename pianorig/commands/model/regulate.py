@@ -13,7 +13,7 @@ from pianorig.console.built_in_names import complete_file
 from pianorig.console.column_file import check_writable
 from pianorig.console.options import BUILT_IN_ACTION, AsJson, Settings
 from pianorig.console.output import nan_as_null, print_json
-from pianorig.console.overrides import read_settings
+from pianorig.console.overrides import load_changed, read_settings
 from pianorig.console.progress import working
 
 
@@ -42,7 +42,7 @@ def command(
     """
     if out is not None:
         check_writable(out, ".toml")
-    given = model.load_action(action, read_settings(set_ or []))
+    given = load_changed(action, set_)
     wanted = {name: 1e-3 * length for name, length in read_settings(target_mm or [], "--target-mm").items()}
     targets = model.regulation.targets_at(wanted)
     if out is None:

@@ -63,7 +63,8 @@ def command(
         typer.Option(
             "--scene",
             help="What takes part: whole, without-string, key, key-whippen; with effects lifting-key, flexible-shank, "
-            "lifting-key-flexible-shank, motor-arm (driven by torque_nm); or a TOML file.",
+            "lifting-key-flexible-shank, motor-arm and compliant-tip (driven by torque_nm), motor-drive and "
+            "motor-voltage (by command_v), finger (by finger_m), string; or a TOML file.",
             autocompletion=complete_scene,
         ),
     ] = "whole",

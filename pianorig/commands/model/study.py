@@ -14,7 +14,7 @@ from pianorig.console.output import print_json
 from pianorig.console.overrides import load_changed
 from pianorig.errors import CommandInputError
 
-THESIS, LIMIT, STRING, FELT = "thesis", "friction-limit", "string", "felt-law"
+THESIS, LIMIT, STRING, FELT, JOINTS = "thesis", "friction-limit", "string", "felt-law", "joints"
 
 
 def command(
@@ -23,7 +23,7 @@ def command(
         typer.Argument(
             help="Built-in action or a TOML file; or the word thesis: its Figs 4.9-4.11, 4.16-4.19; or the word "
             "friction-limit: threshold speeds beside set-valued friction; or the word string: its bar beside a string; "
-            "or the word felt-law: the blow under each law of felt."
+            "or the word felt-law: the blow under each law of felt; or the word joints: the blow with joints that give."
         ),
     ],
     force: Annotated[
@@ -51,19 +51,19 @@ def command(
     """
     if out is not None:
         make_folder(out)
-    if action in (THESIS, LIMIT, STRING, FELT):
+    if action in (THESIS, LIMIT, STRING, FELT, JOINTS):
         if variant:
             raise CommandInputError(f"study {action}: has its own variants; leave out --variant or name an action")
         chosen = load_changed(of or DEFAULT_ACTION, set_, scale)
         study = {
             THESIS: workflows.study_thesis, LIMIT: workflows.friction_limit, STRING: workflows.study_string,
-            FELT: workflows.study_felt_law,
+            FELT: workflows.study_felt_law, JOINTS: workflows.study_joints,
         }[action]  # fmt: skip
         facts = study(chosen, force, out, quiet=as_json)
     else:
         if of is not None:
             raise CommandInputError(
-                f"--of {of}: goes with thesis, friction-limit, string and felt-law only; "
+                f"--of {of}: goes with thesis, friction-limit, string, felt-law and joints only; "
                 f"name the action instead of {action}"
             )
         if force is None:

@@ -86,7 +86,7 @@ def command(
         check_target(plan)
     if petab is not None:
         check_folder(petab)
-    start = load_model(action, read_settings(set_ or []))
+    start = load_model(action, set_ or [])
     found = validation.identify(
         sessions,
         _names(parameters),

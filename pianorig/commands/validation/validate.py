@@ -11,7 +11,7 @@ import validation
 from pianorig.console.built_in_names import complete_file
 from pianorig.console.options import DEFAULT_ACTION, AsJson, Settings, Tolerance
 from pianorig.console.output import print_json, print_verdict
-from pianorig.console.overrides import load_model, read_settings, split_model
+from pianorig.console.overrides import load_model, split_model
 from pianorig.console.progress import say
 from pianorig.errors import CommandInputError
 from validation.cache.report_cache import inputs_sha256, report_folder, store_report, stored_report
@@ -85,10 +85,9 @@ def command(
     if stored is not None:
         verdict, files, reused = stored.verdict_lines, stored.files, f"everything, as made {stored.made_utc}"
     else:
-        changes = read_settings(set_ or [])
         side = validation.validate_sessions(
             sessions,
-            [load_model(name, changes) for name in actions],
+            [load_model(name, set_ or []) for name in actions],
             folder,
             progress=None if as_json else say,
             tolerance=tolerance,

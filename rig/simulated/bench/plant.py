@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import model
 from model.parameters.effects import EFFECTS, KEY_LIFT, MOTOR
+from model.simulation.giving_motion import rows_of_pins
 from rig.errors import RigInputError
 from rig.simulated.bench.bench_file import bench_table, read_bench
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
@@ -116,6 +117,13 @@ class ActionPlant:
         self._edge = 0
         self._record: list[tuple[NDArray[np.float64], ...]] = []
 
+    def _give(self) -> NDArray[np.float64] | None:
+        """Rise of the key where its joint gives, at the last edges, m."""
+        pins = self._run.scene.pins
+        if ("key", "y") not in pins:
+            return None
+        return rows_of_pins(self._run.scene, self._run.remembered)[0][:, pins.index(("key", "y"))]
+
     def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
         """Apply each of the (n,) volts for one sample period; return the state at the n edges before them."""
         count = len(command_v)
@@ -136,7 +144,7 @@ class ActionPlant:
         else:
             self._record.clear()
         encoded = [model.BODIES.index(body) for body in ENCODED_BODIES]
-        lift = angles[:, self._names.index(KEY_LIFT)] if KEY_LIFT in self._names else None
+        lift = angles[:, self._names.index(KEY_LIFT)] if KEY_LIFT in self._names else self._give()
         return PlantBlock(
             time_s=edges[:-1],
             force_n=force,

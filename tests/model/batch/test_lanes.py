@@ -259,3 +259,22 @@ def test_a_thousand_batches_with_planted_failures(action: model.Action) -> None:
                 assert content(member) == content(together([planted[i]])[0])
             else:
                 assert content(member) == good[i]
+
+
+def test_members_that_their_felt_keeps_out_of_lanes_are_told(
+    action: model.Action, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lanes, "lanes_pay", lambda: True)
+    felt = action.with_laws({"contact02": "stulov"})
+    few, many = blows(3), blows(lanes.LEAST_MEMBERS)
+    options = ForceDrivenOptions(scene="key")
+    made = make_jobs(felt, few, {"": {}}, options)
+    with pytest.warns(UserWarning, match=r"^lanes: members with contact02 are computed one by one"):
+        assert not any(job.in_lanes for job in lanes.choose(made, True))
+    lanes.choose(made, None)  # too few to go into lanes anyway
+    lanes.choose(made, False)  # nor where they were not wanted there
+    with pytest.warns(UserWarning, match="with contact02"):
+        lanes.choose(make_jobs(felt, many, {"": {}}, options), None)
+    strung = make_jobs(action, few, {"": {}}, ForceDrivenOptions(scene="string"))
+    with pytest.warns(UserWarning, match="with string are"):
+        lanes.choose(strung, True)

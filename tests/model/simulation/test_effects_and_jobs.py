@@ -27,6 +27,12 @@ CASES: dict[str, tuple[model.Action, model.SceneChoice]] = {
         ACTION.with_laws({"contact02": "stulov", "contact04": "hysteresis"}),
         model.SceneChoice(effects=("balance_rail", "shank", "string")),
     ),
+    "giving joints": (ACTION, model.load_scene("giving-joints")),
+    "giving joints, shank, string, laws": (
+        ACTION.with_laws({"contact02": "stulov", "contact04": "hysteresis"}),
+        model.SceneChoice(effects=("shank", "string", "key_pin", "jack_pin", "hammer_pin")),
+    ),
+    "motor arm and giving key": (ACTION, model.SceneChoice(effects=("motor_arm", "key_pin", "hammer_pin"))),
     "motor arm and string": (ACTION, model.SceneChoice(effects=("motor_arm", "string"))),
 }
 
@@ -50,7 +56,8 @@ def _estimate(action: model.Action, choice: model.SceneChoice) -> None:
 
 def _batch(action: model.Action, choice: model.SceneChoice) -> None:
     sets = {f"{k}": {"hammer.mass": (1.0 + 0.001 * k) * action["hammer.mass"]} for k in range(17)}
-    members = model.simulate_many(action, {"forte": _blow(choice)}, sets, scene=choice, lanes=True)
+    with pytest.warns(UserWarning, match="one by one"):
+        members = model.simulate_many(action, {"forte": _blow(choice)}, sets, scene=choice, lanes=True)
     alone = model.simulate(action.with_values(sets["3"]), *_blow(choice), scene=choice)
     assert members[3].solution is not None and np.array_equal(members[3].solution.angle_rad, alone.angle_rad)
 
@@ -88,19 +95,27 @@ def _of_the_action(job: Callable[[model.Action], object]) -> Callable[[model.Act
     return run
 
 
+def _set_valued(action: model.Action, choice: model.SceneChoice) -> None:
+    """The march has no scene of its own: only laws of the action reach it."""
+    if choice.effects and not any(action.law(c) != "hunt-crossley" for c in CONTACTS):
+        raise model.InputError("takes no effects")
+    model.stick_slip.compare(action, *FORTE)
+
+
 JOBS: dict[str, Callable[[model.Action, model.SceneChoice], None]] = {
     "simulate with audit": _simulate,
     "estimated error": _estimate,
     "batch": _batch,
     "block by block": _blocks,
     "inside view": _inside,
+    "set-valued friction": _set_valued,
     "sensitivities": _sensitivities,
     "motion of the key": _motion,
     "touch": _of_the_action(model.touch.weigh),
     "hammer speed": _of_the_action(lambda a: model.touch.hammer_speeds(a, [5.0])),
     "null model": _of_the_action(lambda a: model.null_model.simulate(a, *FORTE)),
 }
-REFUSES = {"inside view", "sensitivities", "motion of the key"}
+REFUSES = {"set-valued friction", "inside view", "sensitivities", "motion of the key"}
 
 
 @pytest.mark.slow

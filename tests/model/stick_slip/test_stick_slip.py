@@ -106,3 +106,13 @@ def test_a_pair_that_stuck_holds_up_to_the_static_coefficient() -> None:
 def test_bad_input(t: list[float], step: float, words: str) -> None:
     with pytest.raises(InputError, match=words):
         simulate(ACTION, t, [0.0, 0.0, 0.0], step)
+
+
+@pytest.mark.parametrize("law", ["stulov", "hysteresis"])
+def test_felt_that_remembers_is_refused_before_anything_is_computed(law: str) -> None:
+    """The march knows the thesis's law alone; a comparison says so at once, in one line."""
+    action = ACTION.with_laws({"contact04": law, "contact10": law})
+    for job in (simulate, compare):
+        with pytest.raises(InputError, match=r"found felt that remembers \(contact04, contact10\), allowed") as caught:
+            job(action, *force_table("forte"))
+        assert "\n" not in str(caught.value)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from model.study import felt_law_effects, string_effects
+from model.study import effects_at_equal_loss, equal_loss, felt_law_effects, string_effects
 from pianorig.workflows.model.study_felt_law import effect_lines, effect_rows
 
 BLOW = model.force_table("forte")
@@ -35,3 +35,35 @@ def test_a_string_takes_the_hammer_for_longer_than_the_bar() -> None:
     assert string.value["contact_ms"] > 2.0 * bar.value["contact_ms"]
     assert 0.01 < string.u["contact_ms"] < 0.5 and 0.001 < string.u["rebound"] < 0.1
     assert np.isnan(bar.value.get("down_n", np.nan))
+
+
+@pytest.mark.parametrize("law", ["stulov", "hysteresis"])
+def test_peak_and_loss_of_a_law_are_found_again(law: str) -> None:
+    """Along a press in and out, with a rest and a second press: share and height that were put in come out."""
+    action = model.load_action()
+    time_s = np.linspace(0.0, 4e-3, 401)
+    depth_m = 4e-4 * np.maximum(0.0, np.sin(2.0 * np.pi * time_s / 2.2e-3))
+    curve = tuple(action[f"contact12.normal.{k}"] for k in "abc")
+    path, second = equal_loss.SECOND[law], action[f"contact12.{equal_loss.SECOND[law]}"]
+    press = equal_loss.Press(time_s, depth_m, 0.0, 0.0)
+    force = equal_loss._force(law, tuple(0.7 * x for x in curve), 0.63, second, press)
+    loss = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(depth_m)))
+    given = action.with_laws({"contact12": law})
+    wanted = equal_loss.Press(time_s, depth_m, float(force.max()), loss)
+    found = equal_loss._fit(action, given, "contact12", law, wanted)
+    assert found[f"contact12.{equal_loss.SHARE[law]}"] == pytest.approx(0.63, abs=0.002), path
+    assert found["contact12.normal.a"] == pytest.approx(0.7 * action["contact12.normal.a"], rel=0.01)
+
+
+@pytest.mark.slow  # python -m pytest -m slow tests/model/study
+def test_at_equal_loss_the_memory_of_the_hammers_felt_is_hardly_felt() -> None:
+    """Peak and loss agree in the blow itself; the check, which another law moves by millimetres, hardly moves."""
+    action = model.load_action("hirschkorn2004-regulated")
+    base, stulov, hysteresis = effects_at_equal_loss(action, *BLOW, {"hammer": ["contact12"]})
+    for effect in (stulov, hysteresis):
+        assert effect.value["peak_n"] == pytest.approx(base.value["peak_n"], rel=0.01)
+        assert effect.value["loss_mj"] == pytest.approx(base.value["loss_mj"], rel=0.01)
+        assert effect.value["rebound"] == pytest.approx(base.value["rebound"], abs=0.01)
+        assert abs(effect.value["check_mm"] - base.value["check_mm"]) < 0.1
+        assert effect.u["share"] > 0.05  # from tau or eta, fitted again
+    assert effects_at_equal_loss(action, *BLOW, {"never pressed": ["contact03"]}) == []

@@ -218,7 +218,7 @@ def test_other_code_makes_scores_again_and_another_model_everything(bench, monke
     assert again(folder, action)["predictions"] == "0 of 3"
 
 
-def test_budget_and_single_changes_are_done_once(bench, predict):
+def test_budget_and_compatible_changes_are_done_once(bench, predict):
     folder, action = bench
     options = {"budget": True, "suspect": True, "progress": None}
     compare_session(folder, action, **SIMPLE | options)
@@ -227,7 +227,7 @@ def test_budget_and_single_changes_are_done_once(bench, predict):
     found = compare_session(folder, action, **SIMPLE | options)
     assert len(predict.calls) == runs
     assert found.provenance["reused"]["uncertainty budget"] == "1 of 1"
-    assert found.provenance["reused"]["single changes"] == "1 of 1"
+    assert found.provenance["reused"]["compatible changes"] == "1 of 1"
     assert found.provenance["reused"]["difference draws"] == "3 of 3"
     assert found.provenance["reused"]["perfect model"] == "3 of 3"
     assert len(found.budget) > 0

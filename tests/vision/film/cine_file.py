@@ -10,11 +10,16 @@ import numpy as np
 SETTINGS_BYTES = 12_000
 
 
-def write_cine(path: Path, frames: np.ndarray, *, packed: bool = False, stamps: bool = True, **changed: int) -> None:
-    """A film of frames (n, height, width), uint8 or uint16; ``changed`` are fields other than usual."""
+def write_cine(path: Path, frames: np.ndarray, *, packed: int = 0, stamps: bool = True, **changed: int) -> None:
+    """A film of frames (n, height, width) or, blue first, (n, height, width, 3), uint8 or uint16.
+
+    ``packed`` is the number of bits, 10 or 12, that values are packed to as they are; ``changed`` are fields other than
+    usual.
+    """
     field = {"rate": 10_000, "shutter_ns": 40_000, "bits": 12, "first": -5, "compression": 0, "cfa": 0, "flip_v": 0,
-             "packing": 1024 if packed else 0, "missing_mark": 0} | changed  # fmt: skip
-    n, height, width = frames.shape
+             "packing": {0: 0, 10: 256, 12: 1024}[packed], "missing_mark": 0} | changed  # fmt: skip
+    n, height, width = frames.shape[:3]
+    bits = 8 * frames.dtype.itemsize * (3 if frames.ndim == 4 else 1)
     settings = bytearray(SETTINGS_BYTES)
     settings[140:144] = (b"XX" if field["missing_mark"] else b"ST") + struct.pack("<H", SETTINGS_BYTES)
     for at, value in ((760, field["flip_v"]), (768, field["rate"]), (772, field["shutter_ns"] // 1000), (800, 800),
@@ -25,16 +30,13 @@ def write_cine(path: Path, frames: np.ndarray, *, packed: bool = False, stamps: 
     blocks = struct.pack("<IHH", 16, 1003, 1) + bytes(8)
     if stamps:
         blocks += struct.pack("<IHH", 8 + 8 * n, 1002, 0) + struct.pack(f"<{n}Q", *ticks)
-    bitmap = struct.pack(
-        "<IiiHHIIiiII", 40, width, height, 1, 8 * frames.dtype.itemsize, field["packing"], 0, 0, 0, 0, 0
-    )
+    bitmap = struct.pack("<IiiHHIIiiII", 40, width, height, 1, bits, field["packing"], 0, 0, 0, 0, 0)
     table_at = 44 + 40 + len(settings) + len(blocks)
     images, places = b"", []
     for frame in frames:
         if packed:
-            pair = frame.reshape(-1, 2).astype(np.uint16)
-            pixels = np.stack([pair[:, 0] >> 4, (pair[:, 0] & 15) << 4 | pair[:, 1] >> 8, pair[:, 1] & 255], axis=1)
-            data = pixels.astype(np.uint8).tobytes()
+            digits = "".join(f"{value:0{packed}b}" for value in frame.ravel())
+            data = int(digits, 2).to_bytes(len(digits) // 8, "big")
         else:
             data = frame[::-1].astype(frame.dtype.newbyteorder("<")).tobytes()
         places.append(table_at + 8 * n + len(images))

@@ -1,4 +1,4 @@
-"""Phantom films: pixels, direction of the rows, times, and refusals; against pims where it is installed."""
+"""Phantom films: pixels, direction of the rows, times, and refusals; against pims and pycine where they are."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import pytest
 from tests.vision.film.cine_file import write_cine
 from vision.errors import FilmError
 from vision.film.open import open_film
+from vision.film.source import CHANNELS
 
 RNG = np.random.default_rng(4)
 GREY12 = RNG.integers(0, 4096, (7, 18, 26), dtype=np.uint16)
 GREY8 = RNG.integers(0, 256, (7, 18, 25), dtype=np.uint8)
 
 
-@pytest.mark.parametrize(("frames", "packed", "depth"), [(GREY8, False, 8), (GREY12, False, 12), (GREY12, True, 12)])
-def test_pixels_and_regions(tmp_path: Path, frames: np.ndarray, packed: bool, depth: int) -> None:
+@pytest.mark.parametrize(("frames", "packed", "depth"), [(GREY8, 0, 8), (GREY12, 0, 12), (GREY12, 12, 12)])
+def test_pixels_and_regions(tmp_path: Path, frames: np.ndarray, packed: int, depth: int) -> None:
     path = tmp_path / "film.cine"
     write_cine(path, frames, packed=packed)
     with open_film(path) as film:
@@ -27,6 +28,51 @@ def test_pixels_and_regions(tmp_path: Path, frames: np.ndarray, packed: bool, de
             np.testing.assert_array_equal(film.read_region(i, 3, 12, 5, 18), frames[i, 3:12, 5:18])
         with pytest.raises(FilmError, match="frame 7"):
             film.read(7)
+
+
+def test_ten_bit_codes_are_read_linear(tmp_path: Path) -> None:
+    codes = np.random.default_rng(8).permutation(1024).astype(np.uint16).reshape(1, 32, 32)
+    path = tmp_path / "film.cine"
+    write_cine(path, codes, packed=10)
+    with open_film(path) as film:
+        grey = film.read(0)
+        assert film.bit_depth == 12 and grey.dtype == np.uint16
+        np.testing.assert_array_equal(film.read_region(0, 3, 12, 5, 18), grey[3:12, 5:18])
+    by_code = grey.ravel()[np.argsort(codes.ravel())].astype(float)
+    assert by_code[64] == 64 and by_code[1014] == 4064 and np.all(by_code[1015:] == 4095)
+    assert np.all(np.diff(by_code) >= 0)
+    # ITU-R BT.709: the signal of a light, by its printed formula
+    light = (by_code[65:1014] - 64.0) / 4000.0
+    signal = np.where(light < 0.018, 4.5 * light, 1.099 * light**0.45 - 0.099)
+    np.testing.assert_allclose(64.0 + 950.0 * signal, np.arange(65, 1014), atol=0.55)
+
+
+def test_ten_bit_codes_are_those_of_the_table_in_pycine(tmp_path: Path) -> None:
+    """Compared with its table and its unpacking; its reader expects images without a note."""
+    raw = pytest.importorskip("pycine.raw", reason="pycine holds the format's table of grey values")
+    codes = np.random.default_rng(8).permutation(1024).astype(np.uint16).reshape(1, 16, 64)
+    path = tmp_path / "film.cine"
+    write_cine(path, codes, packed=10)
+    np.testing.assert_array_equal(raw.unpack_10bit(path.read_bytes()[-1280:], 64, 16), codes[0])
+    with open_film(path) as film:
+        assert np.abs(film.read(0).astype(int) - np.asarray(raw.linLUT)[codes[0]]).max() <= 2
+
+
+@pytest.mark.parametrize(("kind", "depth"), [(np.uint8, 8), (np.uint16, 12)])
+def test_a_channel_of_interpolated_colour(tmp_path: Path, kind: type, depth: int) -> None:
+    colour = np.random.default_rng(9).integers(0, 2**depth, (3, 18, 24, 3)).astype(kind)
+    path = tmp_path / "film.cine"
+    write_cine(path, colour, bits=depth, cfa=3)
+    for k, channel in enumerate(CHANNELS):
+        with open_film(path, channel=channel) as film:
+            assert (film.height, film.width, film.bit_depth) == (18, 24, depth)
+            np.testing.assert_array_equal(film.read(2), colour[2, ..., k])
+            np.testing.assert_array_equal(film.read_region(1, 3, 12, 5, 18), colour[1, 3:12, 5:18, k])
+    with open_film(path) as film:
+        np.testing.assert_allclose(film.read(1), colour[1] @ np.array([0.114, 0.587, 0.299]), atol=0.6)
+    write_cine(path, GREY8)
+    with pytest.raises(FilmError, match=r"grey film; leave the channel \(red\) out"):
+        open_film(path, channel="red")
 
 
 @pytest.mark.parametrize("stamps", [True, False])
@@ -41,7 +87,7 @@ def test_times_count_from_the_trigger(tmp_path: Path, stamps: bool) -> None:
 def test_the_same_as_pims(tmp_path: Path) -> None:
     pims = pytest.importorskip("pims")
     path = tmp_path / "film.cine"
-    for frames, packed in ((GREY8, False), (GREY12, False), (GREY12, True)):
+    for frames, packed in ((GREY8, 0), (GREY12, 0), (GREY12, 12)):
         write_cine(path, frames, packed=packed)
         other = pims.Cine(str(path))
         with open_film(path) as film:
@@ -54,9 +100,9 @@ def test_the_same_as_pims(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"compression": 2}, "colour or compressed"),
+        ({"compression": 2}, "compressed .kind 2."),
         ({"cfa": 3}, "colour filter 3"),
-        ({"packing": 256}, "not linear"),
+        ({"packing": 512}, "packed as 512 with 8 bit"),
         ({"flip_v": 1}, "flipped for display"),
         ({"missing_mark": 1}, "lack their mark"),
     ],

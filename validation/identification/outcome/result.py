@@ -42,7 +42,7 @@ class Estimate:
     profiled : whether the interval is from a profile
     interval : ``two-sided``, ``open above``, ``open below`` or ``open``: what the strokes alone, without the prior, say
     u_jackknife : of z, from leaving out one trial after the other; NaN with fewer than 3
-    u_form : how far z moves with the assumed form of the discrepancy; part of ``z_u``
+    u_form : part of ``z_u`` that comes from what the model lacks
     verdict : `IDENTIFIED`, or why not: `NOT_IDENTIFIABLE`, `AT_BOUND`, `DOUBTFUL`,
         `NOT_SETTLED`, `TOO_FEW`
     """

@@ -43,6 +43,11 @@ class LocalLight:
         self.light: Light | None = None
         self._shown: F64 | None = None
 
+    @property
+    def is_looked_for(self) -> bool:
+        """Whether the next fit must be asked about the light, however good it is."""
+        return self.light is not None or self._shown is not None
+
     def state(self) -> dict[str, NDArray[Any]]:
         """The light, and what the newest fit showed of one that is not yet believed."""
         light, nothing = self.light, np.zeros((0, 0))

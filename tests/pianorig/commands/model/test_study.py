@@ -66,7 +66,7 @@ def test_scale_on_simulate(tmp_path: Path) -> None:
         (["hirschkorn2004"], "--force: missing"),
         (
             ["hirschkorn2004", "--of", "x", "--force", FORTE],
-            "goes with thesis, friction-limit, string and felt-law only",
+            "goes with thesis, friction-limit, string, felt-law and joints only",
         ),
         (["hirschkorn2004", "--force", FORTE, "--variant", "dry"], "--variant 'dry': has no name"),
         (["hirschkorn2004", "--force", FORTE, "--variant", "a: --st x=1"], "--variant a: found '--st'"),

@@ -48,6 +48,15 @@ def test_the_default_specimen_has_no_effects() -> None:
     assert plant.advance(np.zeros(3)).key_lift_m is None
 
 
+@pytest.mark.slow  # compiles its own structure
+def test_a_specimen_on_joints_that_give_shows_it_to_the_encoder() -> None:
+    plant = load_plant(BENCH, 1, RATE, ("key_pin", "hammer_pin"))
+    blocks = [plant.advance(np.full(50, volts)) for volts in (0.0, *[0.3] * 29)]
+    rises = np.concatenate([block.key_lift_m for block in blocks if block.key_lift_m is not None])
+    assert len(rises) == 1500 and 1e-5 < np.abs(rises).max() < 2e-4
+    assert max(block.force_n.max() for block in blocks) > 5.0
+
+
 @pytest.mark.parametrize(
     ("url", "words"),
     [

@@ -1,0 +1,213 @@
+"""What presses the key in place of a given force: motor arm with or without its drive, or a finger.
+
+An action in, numbers for `model.scene.build` out: the turning body, its contact with the key, what drives it. A
+`Command` turns the input of a run, volts or metres, into what the kernels take. Equations, what they leave out:
+docs/decisions/0201-motor-drive.md and 0202-finger.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from model.kernels import layout as L
+from model.parameters.action import Action
+from model.parameters.effects import ARM, FINGER, MOTOR, MOTOR_DRIVE, SHANK, WINDING
+from model.scene.effect_terms import bending
+
+Array = NDArray[np.float64]
+TIP = {MOTOR: (ARM, "contact_", "motor_arm.joint_friction"), FINGER: (FINGER, "pad_", None)}
+RAMP_S = 2e-9  # s, in which a force jumps: steps land on either end; a jump proper is seen early by a step's last stage
+SATURATED = 2.0  # commands beyond so many times the supply ask for nothing more
+DRIVE_NUMBERS = ("loop_gain", "supply", "current_limit", "limit_gain", "limit_softness")
+
+
+class Command(Protocol):
+    """Turns the input of a run into what the kernels are given."""
+
+    def table(self, time_s: Array, value: Array, held: bool) -> tuple[Array, Array]:
+        """Table (k,) of the same input for the kernels."""
+
+    def value(self, value: float) -> float:
+        """The same of a constant input."""
+
+
+@dataclass(frozen=True)
+class AmplifierCommand:
+    """Volts of command to volts of the amplifier's source: a gain, and where commands are cut off."""
+
+    per_volt: float
+    largest_v: float
+
+    def value(self, value: float) -> float:
+        """Source, V, of a constant command."""
+        return min(max(self.per_volt * value, -self.largest_v), self.largest_v)
+
+    def table(self, time_s: Array, value: Array, held: bool) -> tuple[Array, Array]:
+        """Source over time; a linear table gets a point where it reaches a limit."""
+        source, largest = self.per_volt * value, self.largest_v
+        if not held:
+            at = [time_s]
+            for level in (largest, -largest):
+                before, after = source[:-1] - level, source[1:] - level
+                k = np.flatnonzero(before * after < 0.0)
+                at.append(time_s[k] + (time_s[k + 1] - time_s[k]) * before[k] / (before[k] - after[k]))
+            times = np.unique(np.concatenate(at))
+            time_s, source = times, np.interp(times, time_s, source)
+        return time_s, np.clip(source, -largest, largest)
+
+
+@dataclass(frozen=True)
+class FingerCommand:
+    """Way of the hand, m downwards, to the torque of muscle spring and damper on the finger held still, N m."""
+
+    length_m: float
+    stiffness_n_per_m: float
+    damping_n_s_per_m: float
+
+    def value(self, value: float) -> float:
+        """Torque, N m, of a hand that rests there."""
+        return self.length_m * self.stiffness_n_per_m * value
+
+    def table(self, time_s: Array, value: Array, held: bool) -> tuple[Array, Array]:
+        """Torque over time; a ramp of 2 ns wherever the speed of the hand jumps."""
+        if held:
+            raise InputError(
+                "finger: found a motion held from point to point, allowed one that runs straight between them"
+            )
+        if np.any(np.diff(time_s) <= RAMP_S):
+            raise InputError(f"finger: found times of its motion closer than {RAMP_S:g} s, allowed further apart")
+        if len(time_s) == 1:
+            return time_s, self.length_m * self.stiffness_n_per_m * value
+        slope = np.concatenate([[0.0], np.diff(value) / np.diff(time_s), [0.0]])
+        force = self.stiffness_n_per_m * value
+        jump = slope[1:] != slope[:-1]
+        jump[0] = False  # before its table the hand is where the table starts: no time to move from
+        half = np.where(jump, 0.5 * RAMP_S, 0.0)
+        times = np.concatenate([(time_s + half), (time_s - half)[jump]])
+        force = np.concatenate(
+            [force + self.damping_n_s_per_m * slope[1:], (force + self.damping_n_s_per_m * slope[:-1])[jump]]
+        )
+        order = np.argsort(times, kind="stable")
+        return times[order], self.length_m * force[order]
+
+
+def presser_of(bodies: list[str]) -> str | None:
+    """The coordinate that presses the key, or None where a force on the key drives the scene."""
+    return next((b for b in (MOTOR, FINGER) if b in bodies), None)
+
+
+def pressing_body(action: Action, body: str, key_rad: float) -> list[float]:
+    """Numbers of the body of motor arm or finger, its tip on the key that is turned by ``key_rad``."""
+    section, _, friction = TIP[body]
+    x, y = action["drive.point.x"], action["drive.point.y"]
+    c, s = math.cos(key_rad), math.sin(key_rad)
+    tip_x, tip_y = action["key.pivot.x"] + c * x - s * y, action["key.pivot.y"] + s * x + c * y
+    length = action[f"{section}.length"]
+    inertia = action["motor_arm.inertia"] if body == MOTOR else action["finger.mass"] * length * length
+    return [tip_x + length, tip_y, 0.0, 0.0, 0.0, inertia, 0.0 if friction is None else action[friction], 0.0, 0.0]
+
+
+def winding_body(action: Action) -> list[float]:
+    """Numbers of the charge that has passed: an inertia, which is the inductance."""
+    return [0.0, 0.0, 0.0, 0.0, 0.0, action["motor_drive.inductance"], 0.0, 0.0, 0.0]
+
+
+def pressing_spring(action: Action, body: str) -> list[float]:
+    """Numbers of the spring on its joint: return spring of the arm, muscle of the finger; with the preload."""
+    section = TIP[body][0]
+    length = action[f"{section}.length"]
+    stiff = action["motor_arm.spring_stiffness"] if body == MOTOR else action["finger.stiffness"] * length * length
+    return [action[f"{section}.preload_n"] * length, stiff, 0.0]
+
+
+def tip_contact(action: Action, body: str) -> list[float]:
+    """Numbers of the probe: tip, point of the key, law of what gives way between."""
+    section, law, _ = TIP[body]
+    numbers = [-action[f"{section}.length"], 0.0, action["drive.point.x"], action["drive.point.y"]]
+    return numbers + [action[f"{section}.{law}{k}"] for k in ("a", "b", "c", "damping")]
+
+
+def drive_numbers(action: Action, bodies: list[str]) -> tuple[list[int], list[float]]:
+    """Kind and coordinate of the drive, and its numbers."""
+    if WINDING in bodies:
+        check_drive(action)
+        numbers = [action[f"{MOTOR_DRIVE}.{name}"] for name in ("resistance", "torque_constant", *DRIVE_NUMBERS)]
+        return [L.AMPLIFIER, bodies.index(WINDING)], numbers
+    presser = presser_of(bodies)
+    if presser is not None:
+        return [L.JOINT_TORQUE, bodies.index(presser)], [0.0, 0.0]
+    return [L.FORCE_DOWN, bodies.index("key")], [action["drive.point.x"], action["drive.point.y"]]
+
+
+def damping_of_finger(action: Action) -> float:
+    """Damping of the finger's joint, N m s/rad."""
+    return action["finger.damping"] * action["finger.length"] ** 2
+
+
+def dampers_of(action: Action, bodies: list[str]) -> tuple[list[int], list[float]]:
+    """Coordinates with a damper of their own, and the dampers' numbers."""
+    dampers, numbers = [], []
+    if SHANK in bodies:
+        dampers.append(bodies.index(SHANK))
+        numbers.append(bending(action)[1])
+    if FINGER in bodies:
+        dampers.append(bodies.index(FINGER))
+        numbers.append(damping_of_finger(action))
+    return dampers, numbers
+
+
+def check_drive(action: Action) -> None:
+    """Refuse a drive in neither of the two modes."""
+    d = {name: action[f"{MOTOR_DRIVE}.{name}"] for name in ("loop_gain", "current_gain", "voltage_gain")}
+    torque = d["current_gain"] != 0.0 and d["loop_gain"] > 0.0 and d["voltage_gain"] == 0.0
+    voltage = d["current_gain"] == 0.0 and d["loop_gain"] == 0.0 and d["voltage_gain"] != 0.0
+    if not (torque or voltage):
+        raise InputError(
+            f"motor_drive: found current_gain {d['current_gain']:g}, loop_gain {d['loop_gain']:g}, voltage_gain "
+            f"{d['voltage_gain']:g}; allowed torque mode (the first two, not the last) or voltage mode (the last alone)"
+        )
+
+
+def command_of(action: Action, bodies: list[str]) -> Command | None:
+    """How the input of a run reaches the kernels; None where it is given to them as it is."""
+    if WINDING in bodies:
+        gain = action["motor_drive.voltage_gain"]
+        if gain != 0.0:
+            return AmplifierCommand(gain, SATURATED * action["motor_drive.supply"])
+        ohm = action["motor_drive.loop_gain"] + action["motor_drive.resistance"]
+        return AmplifierCommand(ohm * action["motor_drive.current_gain"], ohm * action["motor_drive.current_limit"])
+    if FINGER in bodies:
+        return FingerCommand(*(action[f"finger.{name}"] for name in ("length", "stiffness", "damping")))
+    return None
+
+
+def amplifier_voltage(numbers: Array, source_v: Array, current_a: Array) -> Array:
+    """Voltage at the winding (m,): `model.kernels.laws.amplifier` in plain NumPy; ``numbers`` as in the kernels."""
+    loop, supply, limit, hold, share = numbers[L.WINDING_AMPLIFIER : L.WINDING_SIZE]
+    beyond = current_a - _held(current_a, limit, share)
+    return _held(source_v - loop * current_a - hold * beyond, supply, share)
+
+
+def steady_current(numbers: Array, source_v: float) -> float:
+    """Current, A, that a constant source drives through a winding at rest."""
+    most = abs(source_v) / max(numbers[L.WINDING_R], 1e-9) + 1.0
+    low, high = -most, most
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        left = amplifier_voltage(numbers, np.array([source_v]), np.array([middle]))[0] - numbers[L.WINDING_R] * middle
+        low, high = (middle, high) if left > 0.0 else (low, middle)
+        if high - low <= 1e-15 * most:
+            break
+    return 0.5 * (low + high)
+
+
+def _held(x: Array, limit: float, share: float) -> Array:
+    width = share * limit
+    s = np.maximum((np.abs(x) - limit) / width + 1.0, 0.0)
+    return np.where(s > 0.0, np.sign(x) * (limit - width + width * s / (1.0 + s**4) ** 0.25), x)

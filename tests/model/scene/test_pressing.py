@@ -1,0 +1,131 @@
+"""Motor drive and finger without a run: equations against the plain twin, input tables, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import model
+from model.kernels.codegen.energy import emit_energy
+from model.kernels.codegen.step_kernels import emit
+from model.kernels.laws import amplifier, soft_limit
+from model.scene.build import build_scene
+from model.scene.pressing import RAMP_S, AmplifierCommand, FingerCommand, amplifier_voltage, steady_current
+from model.verification.reference_equations import Twin
+from tests.model.conftest import random_states
+from tests.model.kernels.jacobian_tables import Evaluation
+
+DRIVE, FINGER = model.SCENES["motor-drive"], model.SCENES["finger"]
+H = 1e-6
+TIGHT = {"motor_drive.current_limit": 3.0, "motor_drive.supply": 12.0, "motor_arm.contact_a": 1e9}
+
+
+def test_soft_limit_is_smooth_to_the_fourth_derivative_and_exact_below() -> None:
+    limit, share = 3.0, 0.1
+    for x in (0.0, 1.5, -2.69, 2.7):
+        assert soft_limit(x, limit, share) == (x, 1.0)
+    assert 2.7 < soft_limit(2.9, limit, share)[0] < 2.9
+    assert soft_limit(1e4, limit, share)[0] == pytest.approx(limit, abs=1e-12)
+    assert soft_limit(-1e4, limit, share)[0] == -soft_limit(1e4, limit, share)[0]
+    # next to where it sets in it leaves x as the fifth power
+    off = [x - soft_limit(2.7 + x, limit, share)[0] + 2.7 for x in (0.02, 0.04)]
+    assert off[1] / off[0] == pytest.approx(32.0, rel=0.01)
+    for x in (2.71, 2.95, 3.3, -3.1):
+        h = 1e-6
+        slope = (soft_limit(x + h, limit, share)[0] - soft_limit(x - h, limit, share)[0]) / (2.0 * h)
+        assert soft_limit(x, limit, share)[1] == pytest.approx(slope, abs=1e-8)
+
+
+def test_amplifier_never_leaves_its_supply_and_its_slopes_are_right() -> None:
+    numbers = (20.0, 12.0, 3.0, 100.0, 0.05)
+    random = np.random.default_rng(1)
+    for u, i in zip(60.0 * random.normal(size=200), 2.0 * random.normal(size=200), strict=True):
+        volts, of_source, of_current = amplifier(u, i, *numbers)
+        assert abs(volts) <= 12.0
+        plain = amplifier_voltage(np.array([0.0, 0.0, *numbers]), np.array([u]), np.array([i]))[0]
+        assert volts == pytest.approx(plain, rel=1e-12, abs=1e-12)
+        (up, _, _), (down, _, _) = amplifier(u + H, i, *numbers), amplifier(u - H, i, *numbers)
+        assert of_source == pytest.approx((up - down) / (2.0 * H), abs=1e-6)
+        (up, _, _), (down, _, _) = amplifier(u, i + H, *numbers), amplifier(u, i - H, *numbers)
+        assert of_current == pytest.approx((up - down) / (2.0 * H), abs=1e-3)
+
+
+@pytest.mark.parametrize("choice", [DRIVE, FINGER], ids=["motor-drive", "finger"])
+def test_equations_equal_the_plain_twin(action: model.Action, choice: model.SceneChoice) -> None:
+    given = action.with_effects(TIGHT)
+    scene, twin = build_scene(given, choice), Twin(given, choice.effects)
+    assert list(scene.bodies) == twin.coordinates
+    random = np.random.default_rng(3)
+    limited = 0
+    for q, v, u in random_states(150, seed=7):
+        tip = random.uniform(-0.02, 0.05)
+        more = [tip] if choice is FINGER else [tip, random.normal()]
+        q, v = np.append(q, more), np.append(v, 3.0 * random.normal(size=len(more)))
+        u = 0.01 * u if choice is FINGER else u
+        at = Evaluation(scene, q, v, u)
+        f, mass = twin.forces_and_mass(q, v, u)
+        theirs = np.linalg.solve(mass, f)
+        np.testing.assert_allclose(at.a, theirs, rtol=1e-10, atol=1e-12 * np.abs(theirs).max())
+        limited += choice is DRIVE and abs(v[-1]) > 3.0
+    assert choice is FINGER or limited > 20
+
+
+def test_commands_are_cut_off_at_the_limit_where_they_reach_it() -> None:
+    command = AmplifierCommand(per_volt=2.0, largest_v=10.0)
+    times, source = command.table(np.array([0.0, 1.0, 2.0]), np.array([0.0, 10.0, -10.0]), False)
+    np.testing.assert_allclose(times, [0.0, 0.5, 1.0, 1.25, 1.75, 2.0])
+    np.testing.assert_allclose(source, [0.0, 10.0, 10.0, 10.0, -10.0, -10.0])
+    times, source = command.table(np.array([0.0, 1.0]), np.array([8.0, -1.0]), True)
+    np.testing.assert_array_equal(source, [10.0, -2.0])
+    assert command.value(-7.0) == -10.0
+
+
+def test_a_hand_that_moves_straight_gives_a_spring_force_and_a_damping_force() -> None:
+    command = FingerCommand(0.1, 500.0, 2.0)
+    times, torque = command.table(np.array([0.0, 0.1, 0.2]), np.array([0.0, 0.01, 0.01]), False)
+    np.testing.assert_allclose(times, [0.0, 0.1 - RAMP_S / 2, 0.1 + RAMP_S / 2, 0.2], atol=1e-15)
+    np.testing.assert_allclose(torque, 0.1 * np.array([0.2, 5.2, 5.0, 5.0]), rtol=1e-6)
+    with pytest.raises(model.InputError, match="held from point to point"):
+        command.table(np.array([0.0, 0.1]), np.array([0.0, 0.01]), True)
+
+
+def test_steady_current_is_ohms_until_a_limit_holds_it(action: model.Action) -> None:
+    voltage = model.SCENES["motor-voltage"]
+    numbers = [1.0, 0.6, 0.0, 160.0, 20.0, 100.0, 0.05]
+    assert steady_current(np.array(numbers), 7.0) == pytest.approx(7.0, rel=1e-12)
+    assert 20.0 < steady_current(np.array(numbers), 100.0) < 21.0
+    assert build_scene(voltage.on(action), voltage).command == AmplifierCommand(2.0, 320.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"motor_drive.voltage_gain": 1.0}, "torque mode"),
+        ({"motor_drive.current_gain": 0.0}, "voltage mode"),
+        ({"motor_drive.supply": 0.0}, "supply"),
+        ({"motor_drive.inductance": 0.0}, "inductance"),
+        ({"motor_drive.resistance": -1.0}, "resistance"),
+        ({"motor_drive.limit_softness": 0.9}, "limit_softness"),
+    ],
+)
+def test_drives_that_cannot_be_are_refused(action: model.Action, values: dict[str, float], words: str) -> None:
+    with pytest.raises(model.InputError, match=words) as caught:
+        build_scene(action.with_effects(values), DRIVE)
+    assert "\n" not in str(caught.value)
+
+
+def test_effects_that_do_not_go_together_are_refused(action: model.Action) -> None:
+    for effects, words in ((("motor_drive",), "turns the motor_arm"), (("finger", "motor_arm"), "one of them")):
+        with pytest.raises(model.InputError, match=words):
+            model.SceneChoice(effects=effects)
+    with pytest.raises(model.InputError, match="9 coordinates"):
+        build_scene(action, model.SceneChoice(effects=("motor_arm", "motor_drive", "balance_rail", "shank")))
+
+
+def test_what_is_left_out_leaves_no_trace(action: model.Action) -> None:
+    for choice in (model.SceneChoice(), model.SCENES["motor-arm"]):
+        scene = build_scene(action, choice)
+        other = build_scene(action.with_effects({"motor_drive.resistance": 5.0, "finger.mass": 1.0}), choice)
+        assert scene.vector.tobytes() == other.vector.tobytes() and scene.command is None
+        text = emit(scene.tables) + emit_energy(scene.tables)
+        assert "amplifier" not in text and "volts" not in text

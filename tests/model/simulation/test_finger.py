@@ -1,0 +1,96 @@
+"""A finger on the key, driven by the motion of its hand: both limits, energy, errors of the request, the spike.
+
+Compiles two structures: ``python -m pytest -m slow tests/model/simulation/test_finger.py``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import model
+
+pytestmark = pytest.mark.slow
+
+ACTION = model.load_action("hirschkorn2004-regulated")
+FORTE = model.force_table("forte")
+
+
+def hand(depth_m: float, duration_s: float = 0.08) -> tuple[np.ndarray, np.ndarray]:
+    """Way of a hand that sinks smoothly, holds and comes back."""
+    t = np.linspace(0.0, 1.0, 25)
+    down = depth_m * (3.0 * t**2 - 2.0 * t**3)
+    return np.concatenate([[0.0], 0.05 + duration_s * t, [0.4, 0.45, 0.7]]), np.concatenate(
+        [[0.0], down, [depth_m, 0, 0]]
+    )
+
+
+def test_a_soft_finger_hands_a_force_on() -> None:
+    """Weak muscle, hand far away: what is pressed is the force, whatever the key does; the rest falls with k."""
+    at, apart = np.linspace(0.0, 0.3, 301), []
+    force = model.simulate(
+        ACTION, FORTE[0], FORTE[1], output_time_s=at, tolerance=1e-8,
+        initial=model.rest_state(ACTION), contact_forces=True,
+    )  # fmt: skip
+    for stiffness in (10.0, 1.0):
+        finger = {"finger.stiffness": stiffness, "finger.mass": 1e-6, "finger.damping": 0.0, "finger.preload_n": 1e-3}
+        action = ACTION.with_effects(finger | {"finger.pad_a": 0.0, "finger.pad_c": 1e5, "finger.length": 1.0})
+        found = model.simulate(action, FORTE[0], FORTE[1] / stiffness, scene="finger", tolerance=1e-8, output_time_s=at)
+        apart.append(np.abs(found.angle_rad[at < 0.105, :5] - force.angle_rad[at < 0.105]).max())
+    assert apart[1] < 2e-3
+    assert apart[0] / apart[1] > 5.0, apart
+
+
+def test_a_rigid_finger_hands_its_motion_on() -> None:
+    """The front of the key follows the hand, and the force is that of a motion-driven run."""
+    at = np.arange(0.0, 0.104, 5e-5)  # up to key bottom, where it is smooth
+    blow = model.simulate(ACTION, FORTE[0], FORTE[1], tolerance=1e-9, output_time_s=at)
+    key = blow.angle_rad[:, 0]
+    x, y = ACTION["drive.point.x"], ACTION["drive.point.y"]
+    level = x * np.sin(0.029) + y * np.cos(0.029)  # of the key's front where the hand's way counts from
+    way = level - (x * np.sin(key) + y * np.cos(key))
+    driven = model.simulate_motion(ACTION, at, key)
+    apart = []
+    for stiffness in (1e5, 1e6):
+        rigid = {"finger.stiffness": stiffness, "finger.pad_c": stiffness, "finger.pad_a": 0.0, "finger.mass": 1e-4}
+        rigid |= {"finger.damping": 20.0, "finger.pad_damping": 0.0, "finger.preload_n": 1e-3}
+        found = model.simulate(ACTION.with_effects(rigid), at, way, scene="finger", tolerance=1e-7, contact_forces=True)
+        apart.append(np.abs(found.angle_rad[:, 0] - key).max())
+        assert found.contact_normal_n is not None
+        force = found.contact_normal_n[:, found.contacts.index("finger")]
+    assert apart[1] < 2e-4 and apart[0] / apart[1] > 5.0, apart
+    average = np.ones(40) / 40.0  # 2 ms: a hand that moves straight from point to point shakes a rigid finger
+    inside = (at > 0.07) & (at < 0.10)
+    expected = np.interp(at, driven.time_s, driven.force_n)
+    wrong = np.abs(np.convolve(force - expected, average, "same"))[inside].max()
+    assert wrong < 0.05 * expected.max()
+
+
+@pytest.mark.parametrize("depth_m", [0.015, 0.03, 0.06])
+def test_energy_closes_and_errors_stay_within_ten_times_the_request(depth_m: float) -> None:
+    times, way = hand(depth_m)
+    at = np.linspace(0.0, 0.7, 701)
+    runs = {
+        tolerance: model.simulate(
+            ACTION, times, way, scene="finger", tolerance=tolerance, energy=True, output_time_s=at
+        )
+        for tolerance in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-11)
+    }
+    finest = runs.pop(1e-11)
+    for tolerance, found in runs.items():
+        assert np.abs(found.angle_rad - finest.angle_rad).max() < 10.0 * tolerance
+    audit = runs[1e-9].energy
+    assert audit is not None and abs(audit.residual) < 1e-6 * audit.work_in and audit.lost_in_drive > 0.0
+
+
+def test_what_gives_way_softens_the_spike_at_key_bottom() -> None:
+    """Thesis 3.2.1: the motor's spike is due to an arm harder than a finger; what gives way would reduce it."""
+    peak = {}
+    for name in ("motor-arm", "compliant-tip"):
+        action = ACTION.with_effects({"motor_arm.inertia": 2.2e-4})  # of the virtual bench
+        action = model.load_scene(name).on(action)
+        found = model.simulate(action, FORTE[0], 0.08 * FORTE[1], scene=name, contact_forces=True)
+        assert found.contact_normal_n is not None
+        peak[name] = found.contact_normal_n[:, found.contacts.index("motor_arm")].max()
+    assert 28.0 < peak["motor-arm"] < 35.0
+    assert peak["compliant-tip"] < 0.8 * peak["motor-arm"], peak

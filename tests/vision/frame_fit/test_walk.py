@@ -1,0 +1,161 @@
+"""Frames fitted in one compiled call: the same bits as fitted body by body in Python, whatever happens in the film."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import vision.tracking.track_film
+from tests.vision.motion import smooth_step
+from vision.bodies.outlines import Body
+from vision.film.mraw_writer import write_mraw
+from vision.film.open import open_film
+from vision.film.repeats import Repeats
+from vision.film.source import ArrayFilm
+from vision.frame_fit.frame_fit import FrameFit
+from vision.frame_fit.in_memory import NEVER, frames_around, watch
+from vision.results.flags import FrameFlag
+from vision.results.pose_table import PoseTable
+from vision.synthetic import Scene, SyntheticBody, background, box, speckle
+from vision.tracking.film_tracker import FilmTracker
+from vision.tracking.track_film import track_film
+
+N, STILL = 44, 12
+
+
+@pytest.fixture(scope="module")
+def lever_scene() -> Scene:
+    """A beam, a finger that turns on it, and a plate in front of the beam's end."""
+    beam = SyntheticBody("beam", box(-30.0, -16.0, 80.0, 16.0), speckle((-36.0, -22.0, 86.0, 22.0), 3))
+    finger = SyntheticBody("finger", box(-14.0, -14.0, 14.0, 40.0), speckle((-20.0, -20.0, 20.0, 46.0), 4))
+    plate = SyntheticBody("plate", box(-16.0, -20.0, 16.0, 20.0), speckle((-22.0, -26.0, 22.0, 26.0), 5))
+    return Scene([beam, finger, plate], background(150, 210, 9))
+
+
+def lever_motion() -> NDArray[np.float64]:
+    """Poses (N, 3, 3): the finger rides on the beam, the plate slides over its end."""
+    s = smooth_step((np.arange(N) - STILL) / (N - STILL - 4))
+    beam = np.column_stack([0.25 * s, 60.0 + 7.0 * s, 88.0 - 4.0 * s])
+    arm = np.array([20.0, -2.0])
+    c, si = np.cos(beam[:, 0]), np.sin(beam[:, 0])
+    # angles are counter-clockwise, the picture's y is down
+    x, y = beam[:, 1] + c * arm[0] + si * arm[1], beam[:, 2] - si * arm[0] + c * arm[1]
+    finger = np.column_stack([beam[:, 0] - 0.3 * s, x, y - 24.0])
+    plate = np.column_stack([0.1 * s, 160.0 - 24.0 * s, 84.0 + 10.0 * s])
+    return np.stack([beam, finger, plate], axis=1)
+
+
+@pytest.fixture
+def tables(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[PoseTable]]:
+    """The tables of all films that are tracked, as they are before the result."""
+    seen: list[PoseTable] = []
+    plain = vision.tracking.track_film.assemble_result
+
+    def spy(ready: object, zero: object, table: PoseTable, *more: object) -> object:
+        seen.append(table)
+        return plain(ready, zero, table, *more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(vision.tracking.track_film, "assemble_result", spy)
+    yield seen
+
+
+def nothing(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return frames
+
+
+def trouble(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A dark frame, a repeated one, a lamp that fades across the picture, a bright spot, a bar over the beam."""
+    frames = frames.copy()
+    frames[18] = 3
+    frames[22] = frames[21]
+    fade = np.linspace(1.0, 0.6, frames.shape[2])
+    frames[26:32] = (frames[26:32] * fade).astype(np.uint8)
+    frames[33:, 70:100, 60:100] = 255
+    frames[38:41, :, 90:104] = 20
+    return frames
+
+
+@pytest.mark.parametrize("change", [nothing, trouble])
+@pytest.mark.parametrize("every", [1, 2])
+def test_compiled_frames_have_the_bits_of_fits_in_python(
+    lever_scene: Scene,
+    film_of: Callable[..., object],
+    monkeypatch: pytest.MonkeyPatch,
+    tables: list[PoseTable],
+    change: Callable[[NDArray[np.uint8]], NDArray[np.uint8]],
+    every: int,
+) -> None:
+    known = film_of(lever_scene, lever_motion(), parents={"finger": "beam"})
+    film = ArrayFilm(change(np.stack([known.film.read(i) for i in range(N)])), frame_rate_hz=2000.0)
+    walked = []
+    walk = FrameFit.walk
+    monkeypatch.setattr(FrameFit, "walk", lambda *a: walked.append(walk(*a)) or walked[-1])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        compiled = track_film(film, known.bodies, every=every, n_still=STILL)
+        monkeypatch.setattr(FilmTracker, "walk", lambda *a: 0)
+        by_frame = track_film(film, known.bodies, every=every, n_still=STILL)
+        monkeypatch.setattr(FrameFit, "expect", lambda *a: False)
+        in_python = track_film(film, known.bodies, every=every, n_still=STILL)
+    if change is nothing:
+        assert sum(walked) >= 10 / every and not compiled.failed.any()  # small bodies are looked at twice often
+    else:
+        assert compiled.failed.any() and (compiled.flag & int(FrameFlag.COVERED)).any()
+    for other, table in zip((by_frame, in_python), tables[1:], strict=True):
+        for name in ("frame", "pose", "covariance", "zncc", "inlier", "noise_grey", "gain", "flag", "ratio", "blocks"):
+            np.testing.assert_array_equal(getattr(table, name), getattr(tables[0], name), err_msg=name)
+        np.testing.assert_array_equal(other.angle_rad, compiled.angle_rad)
+        np.testing.assert_array_equal(other.u_angle_rad, compiled.u_angle_rad)
+        assert other.info["wide_searches"] == compiled.info["wide_searches"]
+
+
+def test_frames_are_taken_as_they_lie_where_they_do(tmp_path: Path) -> None:
+    frames = np.random.default_rng(1).integers(0, 250, (20, 30, 40)).astype(np.uint8)
+    film = ArrayFilm(frames, frame_rate_hz=2000.0)
+    first, found, n = frames_around(film, np.arange(3, 20, 2))
+    assert (first, n) == (2, 9) and not found.flags.writeable and frames.flags.writeable
+    np.testing.assert_array_equal(found, frames[2:20])
+    assert frames_around(film, np.arange(0, 20))[2] == 16, "a call ends soon"
+    assert frames_around(ArrayFilm(frames[:, :, ::2]), np.arange(5)) is None
+    assert frames_around(film, np.arange(0)) is None
+
+    class Other(ArrayFilm):
+        """May read as it likes."""
+
+    assert frames_around(Other(frames), np.arange(5)) is None
+    for bits, scale, lies in ((8, 1, True), (16, 200, True), (12, 10, False)):
+        path = tmp_path / f"film{bits}.mraw"
+        values = frames.astype(np.uint16) * scale if bits > 8 else frames
+        write_mraw(path, values, 2000.0, bit_depth=bits)
+        with open_film(path) as stored:
+            around = frames_around(stored, np.arange(4, 9))
+            assert (around is not None) == lies
+            if around is not None:
+                np.testing.assert_array_equal(around[1], values[3:9])
+                assert not around[1].flags.writeable
+
+
+def test_which_frames_are_watched_for_repeating_the_one_before() -> None:
+    frames = np.random.default_rng(1).integers(0, 250, (9, 30, 40)).astype(np.uint8)
+    repeats = Repeats(ArrayFilm(frames), (4, 20, 5, 33))
+    assert watch(repeats, 3) == (3, 3, (12, 5, 33)) and watch(repeats, 0).first == 1
+    repeats.meaningful = False
+    assert watch(repeats, 3).first == NEVER
+
+
+def test_a_body_that_was_never_placed_is_left_to_python(lever_scene: Scene, film_of: Callable[..., object]) -> None:
+    known = film_of(lever_scene, lever_motion()[:16], parents={"finger": "beam"})
+    tracker = FilmTracker(vision.tracking.track_film.prepare(known.film, known.bodies, STILL))
+    tracker.clear_histories()
+    table, repeats = PoseTable.empty(np.arange(4), 3), tracker.repeats()
+    assert tracker.walk(table, range(0, 4), 0, watch(repeats, 0)) == 0
+    tracker.place(-1, np.zeros((3, 3)))
+    done = tracker.walk(table, range(0, 4), 0, watch(repeats, 0))
+    assert done and not table.failed[:done].any() and tracker.trackers[2].fit.converged
+    np.testing.assert_array_equal(tracker.trackers[2].fit.pose, table.pose[done - 1, 2])
+    assert isinstance(known.bodies[0], Body)

@@ -1,0 +1,20 @@
+"""Work done for each of several items, in turn or by threads: who calls decides, who works does not know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Protocol, TypeVar
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+class Each(Protocol):
+    """Calls ``work`` with every item and returns the results in the order of the items."""
+
+    def __call__(self, work: Callable[[A], B], items: Iterable[A], /) -> list[B]: ...  # noqa: D102
+
+
+def in_turn(work: Callable[[A], B], items: Iterable[A], /) -> list[B]:
+    """One after the other."""
+    return [work(item) for item in items]

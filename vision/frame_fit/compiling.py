@@ -1,0 +1,35 @@
+"""How functions of this folder are compiled and cached.
+
+They call compiled functions of other files, whose changes numba's disk cache does not notice. The digest of all their
+sources is closed over by the cached entries (`compiled.fit_bodies`, `walk.walk`), which makes it part of the cache's
+key; what lies between is not cached itself. Elements of arrays are copied one by one: whole slices would compile
+messages about their shapes, for seconds.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+
+from vision import fitting
+from vision.bodies import occlusion
+
+
+def digest_of_sources() -> str:
+    """Of all files whose compiled functions are called from here or by those."""
+    digest = hashlib.sha256()
+    for folder in (Path(__file__).parent, Path(fitting.__file__).parent):
+        for path in sorted(folder.glob("*.py")):
+            digest.update(path.read_bytes())
+    digest.update(Path(occlusion.__file__).read_bytes())
+    return digest.hexdigest()
+
+
+def uncounted(function: Callable[..., Any]) -> Any:
+    """Compile a function that allocates nothing: counting references to the arrays it is given costs time twice."""
+    compile_with: Any = njit  # its types do not name all options
+    return compile_with(nogil=True, _nrt=False)(function)

@@ -1,0 +1,197 @@
+"""The arrays of all bodies of one film, and the way between them and Python's trackers and fitters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.bodies.occlusion import Occlusion
+from vision.fitting.assessment import Assessed, Blocks
+from vision.fitting.base import Fit
+from vision.fitting.coherence import N_LEVELS, Ratios
+from vision.fitting.fit_memory import Begun, FitMemory
+from vision.fitting.frame_spline import FilteredPart
+from vision.fitting.icgn import fit_settings
+from vision.fitting.kernel_records import Region, ResidualSums, RigidFit
+from vision.fitting.template import Template
+from vision.frame_fit.compiled import fit_bodies
+from vision.frame_fit.places import expect_bodies
+from vision.frame_fit.records import Bodies, Film, Found, History, Limits, Rows, States, Stop
+from vision.frame_fit.walk import walk
+
+ALIGNED = 16
+"""Pixels of a body begin at a multiple of so many."""
+NO_REGION = -1
+
+
+class FrameFit:
+    """Fits the bodies of a film, of which ``templates`` and ``parents`` are in one order, ``order`` parents first."""
+
+    def __init__(
+        self,
+        templates: Sequence[Template],
+        occlusion: Occlusion,
+        order: Sequence[int],
+        parents: Sequence[int | None],
+        limits: Limits,
+    ) -> None:
+        self.templates, self._limits, self._settings = templates, limits, fit_settings()
+        self._order = list(order)
+        self.stop = Stop(*(np.zeros(n, dtype=np.int64) for n in (2, 4, 4, 1, 1)))
+        count = [template.n_pixels for template in templates]
+        padded = [-(-n // ALIGNED) * ALIGNED for n in count]
+        self._start, n = [sum(padded[:i]) for i in range(len(count))], sum(padded)
+        self.states, self.found = _empty_states(len(count), n, occlusion.distances[0].size), _empty_found(len(count))
+        self._bodies = self._packed(occlusion, parents, n)
+
+    def _packed(self, occlusion: Occlusion, parents: Sequence[int | None], n: int) -> Bodies:
+        templates, m = self.templates, len(self.templates)
+        offset, columns = np.zeros(2 * n, dtype=np.float32), np.zeros(4 * n, dtype=np.float32)
+        for start, template in zip(self._start, templates, strict=True):
+            end = start + template.n_pixels
+            offset[2 * start : 2 * end] = template.offset_px.reshape(-1)
+            columns[4 * start : 4 * end] = template.columns.reshape(-1)
+        in_front = np.zeros((m, m), dtype=np.uint8)
+        for i, others in enumerate(occlusion.in_front):
+            in_front[i, others] = 1
+        around = [group.reshape(-1) for group in occlusion.groups]
+        return Bodies(
+            order=np.array(self._order, dtype=np.int64),
+            parent=np.array([-1 if parent is None else parent for parent in parents], dtype=np.int64),
+            start=np.array(self._start, dtype=np.int64),
+            n_pixels=np.array([template.n_pixels for template in templates], dtype=np.int64),
+            offset=offset,
+            columns=columns,
+            centre=np.array([template.centre_px for template in templates], dtype=float),
+            radius=np.array([template.radius_px for template in templates], dtype=float),
+            box=np.array([template.box_px for template in templates], dtype=float),
+            noise_normal=np.stack([template.noise_normal for template in templates]),
+            averaged=np.array([template.n_averaged for template in templates], dtype=float),
+            noise=np.array([template.noise_grey for template in templates], dtype=float),
+            least_zncc=np.zeros(m),
+            contrast=np.zeros(m),
+            runs=np.zeros((m, 2), dtype=np.int64),
+            first=np.zeros(0, dtype=np.int64),
+            groups=np.zeros(0, dtype=np.int32),
+            freedom=np.zeros((m, N_LEVELS)),
+            in_front=in_front,
+            arounds=_starts_and_counts([part.size for part in around], 3),
+            around=np.concatenate(around),
+            distance=occlusion.distances,
+        )
+
+    def know(self, facts: Sequence[tuple[Blocks, float, float]]) -> None:
+        """Take in the blocks of each body's fitter, and its least correlation and common contrast."""
+        blocks = [one for one, _, _ in facts]
+        self._bodies = self._bodies._replace(
+            least_zncc=np.array([least for _, least, _ in facts]),
+            contrast=np.array([common for _, _, common in facts]),
+            runs=_starts_and_counts([one.groups.shape[1] for one in blocks], 1),
+            first=np.concatenate([one.first for one in blocks]).astype(np.int64),
+            groups=np.concatenate([one.groups.reshape(-1) for one in blocks]),
+            freedom=np.stack([one.freedom for one in blocks]),
+        )
+
+    def memory(self, body: int) -> FitMemory:
+        """The part of the arrays in which the fitter of a body works."""
+        states, start, n = self.states, self._start[body], self.templates[body].n_pixels
+        end = start + n
+        work = states.work[5 * start : 5 * end].reshape(5, n)
+        one = slice(body, body + 1)
+        return FitMemory(states.weight[start:end], work, states.at[start:end], states.scale[one], states.apart[one])
+
+    def expect(self, step: int) -> bool:
+        """Find out where the bodies are expected; False where one has never been placed."""
+        return bool(expect_bodies(self._bodies, self.states, self.found, self._limits.margin_px, step))
+
+    def regions(self) -> list[tuple[int, int, int, int] | None]:
+        """Rectangles (y0, y1, x0, x1) of the frame that hold the expected bodies."""
+        return [None if y0 == NO_REGION else (y0, y1, x0, x1) for y0, y1, x0, x1 in self.found.region.tolist()]
+
+    def go_on(self, part: FilteredPart, position: int, step: int) -> tuple[int, int]:
+        """Fit bodies from the ``position``-th in order on; returns where that ended and how (`compiled.go_on`)."""
+        y0, _, x0, _ = part.box
+        at, region = self.stop.at, Region(part.coefficient, float(x0), float(y0))
+        at[0], at[1] = position, step
+        ended = fit_bodies(
+            region, part.n_saturated, self._settings, self._limits, self._bodies, self.states, self.found, at
+        )
+        return int(at[0]), ended
+
+    def walk(self, film: Film, rows: Rows) -> int:
+        """Track rows of a film; returns how many were done. `stop` says where in the next one it ended."""
+        return int(walk(film, self._settings, self._limits, self._bodies, self.states, self.found, rows, self.stop))
+
+    def region(self, body: int) -> tuple[int, int, int, int]:
+        """Rectangle (y0, y1, x0, x1) of the frame that holds one expected body."""
+        y0, y1, x0, x1 = self.found.region[body].tolist()
+        return y0, y1, x0, x1
+
+    def begun(self, body: int) -> Begun:
+        """The fit of a body that Python has to judge."""
+        found = self.found
+        numbers = found.sums[body].tolist()
+        fit = RigidFit(int(numbers[0]), numbers[1], found.normal[body].copy(), ResidualSums(*numbers[3:]), numbers[2])
+        arrays = (found.variance, found.covariance, found.inverse, found.ratio, found.blocks)
+        out = Assessed(*(array[body].copy() for array in arrays))
+        return Begun(fit, found.pose[body].copy(), out, int(found.lacking[body]))
+
+    def fit_of(self, body: int) -> Fit:
+        """The fit of a body that was found good."""
+        found = self.found
+        zncc, inlier, noise, gain, seen = found.figures[body].tolist()
+        return Fit(
+            pose=found.pose[body].copy(),
+            covariance=found.covariance[body].copy(),
+            zncc=zncc,
+            inlier=inlier,
+            seen=seen,
+            gain=gain,
+            noise_grey=noise,
+            iterations=int(found.sums[body, 0]),
+            converged=True,
+            coherence=Ratios(found.ratio[body].copy(), found.blocks[body].copy()),
+        )
+
+
+def _starts_and_counts(sizes: Sequence[int], rows: int) -> NDArray[np.int64]:
+    """Where arrays of these sizes begin when they follow one another, and their sizes over ``rows``, (m, 2)."""
+    ends = np.cumsum([0, *sizes])
+    return np.column_stack([ends[:-1], np.array(sizes) // rows]).astype(np.int64)
+
+
+def _empty_states(m: int, n: int, n_frame: int) -> States:
+    def history() -> History:
+        return History(np.zeros(m, dtype=np.int64), np.zeros((m, 3), dtype=np.int64), np.zeros((m, 3, 3)))
+
+    return States(
+        weight=np.ones(n, dtype=np.float32),
+        work=np.zeros(5 * n, dtype=np.float32),
+        at=np.zeros(n, dtype=np.int32),
+        covered=np.zeros(n, dtype=np.uint8),
+        scale=np.zeros(m),
+        apart=np.zeros(m, dtype=np.uint8),
+        usual=np.tile([0.0, 1.0], (m, 1)),
+        absolute=history(),
+        relative=history(),
+        coefficient=np.empty(n_frame, dtype=np.float32),
+    )
+
+
+def _empty_found(m: int) -> Found:
+    return Found(
+        expected=np.zeros((m, 3)),
+        region=np.full((m, 4), NO_REGION, dtype=np.int64),
+        pose=np.zeros((m, 3)),
+        covariance=np.zeros((m, 3, 3)),
+        ratio=np.zeros((m, N_LEVELS, 3)),
+        blocks=np.zeros((m, N_LEVELS, 3)),
+        figures=np.zeros((m, 5)),
+        sums=np.zeros((m, 10)),
+        normal=np.zeros((m, 5, 5)),
+        inverse=np.zeros((m, 5, 5)),
+        variance=np.zeros((m, 2)),
+        lacking=np.zeros(m, dtype=np.int64),
+    )
