@@ -199,7 +199,7 @@ NUMBER = {kind: number for number, kind in enumerate(sorted(KINDS))}
 for _kind in FURTHER:
     NUMBER[_kind.__name__] = len(KINDS)
     KINDS[_kind.__name__] = _kind
-COLOURED = ("correlated_noise", "jpeg", "mpeg4", "row_noise", "quantisation")
+COLOURED = ("correlated_noise", "jpeg", "mpeg4", "h264", "row_noise", "quantisation")
 """Kinds whose noise is not white; in `LOOKED_AT` frames what it does to the angle is computed."""
 LOOKED_AT = range(STILL + 6, N, 3)
 SUBFRAMES = 7
@@ -218,8 +218,9 @@ class StressFilm:
     bound_rad: float
 
 
-def _design(body: Plate, pose: F64) -> tuple[F64, NDArray[np.bool_]]:
-    """Slopes (5, n) of the grey value by angle, x, y, gain and offset over the inner pixels of the body, and those."""
+def _design(body: Plate, pose: F64, seen: NDArray[np.bool_] | None = None) -> tuple[F64, NDArray[np.bool_]]:
+    """Slopes (5, n) of the grey value by angle, x, y, gain and offset over the inner pixels of the body, and those;
+    of the pixels that are ``seen`` (height, width) where that is given."""
     step = np.array([1e-3, 0.1, 0.1])
     flat = np.full((HEIGHT, WIDTH), 60.0)
     slopes = [
@@ -229,13 +230,15 @@ def _design(body: Plate, pose: F64) -> tuple[F64, NDArray[np.bool_]]:
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH] - pose[[2, 1], None, None]
     c, s = np.cos(pose[0]), -np.sin(pose[0])
     inside = (abs(c * x + s * y) < HALF_X - 5.0) & (abs(c * y - s * x) < HALF_Y - 5.0)
+    if seen is not None:
+        inside &= seen
     grey = body.over(flat, pose)[inside]
     return np.stack([*(slope[inside] for slope in slopes), grey, np.ones(grey.size)]), inside
 
 
-def bound_of(body: Plate, pose: F64, noise_grey: float) -> float:
+def bound_of(body: Plate, pose: F64, noise_grey: float, seen: NDArray[np.bool_] | None = None) -> float:
     """Smallest standard deviation of the angle for white noise, gain, offset and position unknown too."""
-    design, _ = _design(body, pose)
+    design, _ = _design(body, pose, seen)
     return float(noise_grey * np.sqrt(np.linalg.inv(design @ design.T)[0, 0]))
 
 
@@ -283,7 +286,9 @@ def stress_film(kind: str, surface: str, seed: int) -> StressFilm:
     noise = 2.0
     if shot.noise:  # from the frames: what differs between two still ones
         noise = float(np.median(np.abs(frames[2].astype(float) - frames[1]))) / 0.6745 / np.sqrt(2.0)
-    bound = bound_of(body, shot.pose[0], max(noise, 2.0))
+    # what is cut off tells nothing; what is brighter has more contrast over the same noise
+    gain = float(np.median(shot.gain))
+    bound = bound_of(body, shot.pose[0], max(noise, 2.0) / gain, frames[STILL // 2] < 255)
     frames = shot.finished(frames)
     if light:
         errors = [error_of(body, shot.pose[i], frames[i] - there) for i, there in light.items()]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import tempfile
 from pathlib import Path
 
@@ -10,6 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 from stress_shot import F64, HEIGHT, PIVOT, STILL, WIDTH, N, Plate, Shot, progress, texture
+
+try:
+    import av
+except ImportError:
+    av = None  # the only one that writes H.264; OpenCV's wheel has no encoder
 
 Y, X = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
 
@@ -39,6 +45,28 @@ def mpeg4(shot: Shot) -> None:
             reader = cv2.VideoCapture(path)
             back = [reader.read()[1][..., 1] for _ in frames]
             reader.release()
+        return np.stack(back)
+
+    shot.finished = squeezed
+
+
+def h264(shot: Shot) -> None:
+    """H.264 of quality 10 to 28 (crf), of which the film says nothing any more."""
+    quality = str(int(shot.rng.integers(10, 29)))
+
+    def squeezed(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        # grey as the luma of a colour picture without colour, so that no grey value is converted
+        colour = np.full((HEIGHT // 2, WIDTH), 128, dtype=np.uint8)
+        file = io.BytesIO()
+        with av.open(file, "w", format="mp4") as film:
+            stream = film.add_stream("libx264", rate=50, options={"crf": quality, "threads": "1"})
+            stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+            for frame in frames:
+                picture = av.VideoFrame.from_ndarray(np.vstack([frame, colour]), format="yuv420p")
+                film.mux(stream.encode(picture))
+            film.mux(stream.encode(None))
+        with av.open(io.BytesIO(file.getvalue())) as film:
+            back = [frame.to_ndarray()[:HEIGHT] for frame in film.decode(video=0)]
         return np.stack(back)
 
     shot.finished = squeezed
@@ -146,4 +174,5 @@ FURTHER = (
     ghost,
     shot_noise,
     vignette,
+    *((h264,) if av is not None else ()),
 )

@@ -170,7 +170,7 @@ def many_films(count: int, n: int, quality: int | None) -> tuple[float, float, f
             error = angle - true[:, truth.bodies.index(name)]
             good = np.isfinite(error)
             z.append(error[good] / u[good])
-            doubtful = int(FrameFlag.IMPRECISE | FrameFlag.COVERED)
+            doubtful = int(FrameFlag.IMPRECISE | FrameFlag.WIDENED | FrameFlag.COVERED)
             largest = max(largest, float(np.abs(error[good & ((flag & doubtful) == 0)]).max(initial=0.0)))
         total += n
     everything = np.concatenate(z)

@@ -25,7 +25,6 @@ HELD = 0.15  # of the peak force: below it for good, the key is being let go
 EVEN = 0.15  # share of the phases that is spread evenly over time
 APART = 1.5  # samples between neighbouring phases, at least: each is the nearest sample of every trial
 CHANNEL_NAMES = (*ENCODER_CHANNELS, *FILM_CHANNELS)
-CHANNELS = len(ENCODER_CHANNELS)
 ENCODERS, FILM = (0, 1, 2), (3, 4)
 """Channels by their place in `CHANNEL_NAMES`."""
 BODY = tuple(BODIES.index(name) for name in CHANNEL_NAMES)

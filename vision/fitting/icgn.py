@@ -25,8 +25,9 @@ from vision.fitting.fit_memory import Begun, FitMemory
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.kernel_records import Places, Region, RigidFit, Settings, State, Subset
 from vision.fitting.kernels import fit_rigid, place_pixels, sample, tukey_weights
+from vision.fitting.light.local_light import LocalLight
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
-from vision.fitting.slow_changes import UNCHANGED, Changes, SlowChanges, added
+from vision.fitting.slow_changes import LIGHT, TILT, UNCHANGED, Changes, SlowChanges, added, without_light
 from vision.fitting.template import Template
 
 TOLERANCE_PX = 0.002
@@ -42,6 +43,7 @@ FAR_PX = MARGIN_PX - 9
 CHANGE_SUSPECTED = 2.0
 """Ratio of `vision.fitting.coherence` over the largest blocks from which light and scale are looked at."""
 CHANGE_ROUNDS = 5
+LIGHT_ROUNDS = 4
 QUIET = 0.7
 """The residuals of a body may be quieter than the still frames by this factor, since darker parts of a picture are."""
 SCALE_FLOOR_GREY = 0.5
@@ -62,7 +64,8 @@ class IcgnFitter:
         self.template = template
         self._frames = frames
         self._slow: SlowChanges | None = None
-        self._followed = False
+        self._light = LocalLight(template)
+        self._followed = self._clipped = False
         self._settings = fit_settings()
         self.blocks = blocks_of(template.offset_px)
         self._facts = BodyFacts(
@@ -89,16 +92,19 @@ class IcgnFitter:
         self._weight.fill(1.0)
         self._scale[0] = 2.0
         self._changes: Changes = UNCHANGED
+        self._light.reset()
         self._note_apart()
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Weights, noise, light and scale of the newest frame."""
-        return {"weight": self._weight, "scale": np.array(self._scale[0]), "changes": np.array(self._changes)}
+        own = {"weight": self._weight, "scale": np.array(self._scale[0]), "changes": np.array(self._changes)}
+        return own | self._light.state()
 
     def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Continue from the weights and noise of another frame."""
         self._weight[:], self._scale[0] = arrays["weight"], float(arrays["scale"])
         self._changes = tuple(arrays["changes"].tolist())
+        self._light.restore(arrays)
         self._note_apart()
 
     def fit(
@@ -119,7 +125,7 @@ class IcgnFitter:
 
     def _note_apart(self) -> None:
         """Note whether the next fit needs more than the compiled loop."""
-        self._apart[0] = self._cautious or self._changes != UNCHANGED
+        self._apart[0] = self._cautious or self._changes != UNCHANGED or self._light.is_looked_for
 
     def _fit_once(
         self,
@@ -143,6 +149,7 @@ class IcgnFitter:
             if saturated is not None and self._under(saturated, start, y0, x0) > SATURATED_SHARE * template.n_pixels:
                 # not a number: the compiled loop leaves out every sample that such a coefficient enters
                 coefficient = np.where(saturated, np.float32(np.nan), coefficient)
+        self._clipped = part.n_saturated > 0
         hidden = self._uncovered if covered is None else covered
         if begun is None:
             result = self._solve(coefficient, (y0, x0), start, hidden)
@@ -152,6 +159,12 @@ class IcgnFitter:
         for _ in range(CHANGE_ROUNDS):
             if not result.converged or not self._changed(result):
                 break
+            result = self._solve(coefficient, (y0, x0), result.pose, hidden)
+        for k in range(0 if self._clipped else LIGHT_ROUNDS):
+            if not result.converged or not self._light.changed(result, self._work, self._changes, k == 0):
+                break
+            # its squares say all that the gradients did
+            self._changes = without_light(self._changes)
             result = self._solve(coefficient, (y0, x0), result.pose, hidden)
         return result
 
@@ -167,7 +180,10 @@ class IcgnFitter:
             self._followed = True
             more = self._slow_changes().followed(weight, residual, fit.gain, self._changes)
         elif suspected:
-            more = self._slow_changes().measure(weight, residual, fit.gain, max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2)
+            noise2 = max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2
+            # where light is known from place to place, or grey values are cut off
+            left_out = LIGHT if self._light.light is not None else TILT if self._clipped else ()
+            more = self._slow_changes().measure(weight, residual, fit.gain, noise2, left_out)
         both = added(self._changes, more)
         if more == UNCHANGED or both is None:
             return False
@@ -193,6 +209,7 @@ class IcgnFitter:
             coefficient = self._slow_changes().divided_out(coefficient, corner, start, self._changes)
             offset_px = self._slow_changes().offset_px(self._changes)
         pose = np.array(start, dtype=float)
+        coefficient = self._light.taken_off(coefficient, corner, start)
         subset = Subset(offset_px, template.columns, hidden, *template.centre_px, template.radius_px)
         region = Region(coefficient, float(corner[1]), float(corner[0]))
         if self._cautious:
@@ -211,7 +228,7 @@ class IcgnFitter:
         if self._changes != UNCHANGED:
             root = np.sqrt(self._slow_changes().variance_factor(self._changes))
             fit = replace(fit, covariance=fit.covariance * root[:, None] * root)
-        return fit
+        return self._light.widened(fit)
 
     def _weigh(self, region: Region, subset: Subset, pose: NDArray[np.float64]) -> None:
         """Set weights and scale by the differences from the reference at a pose, but for what they have in common."""

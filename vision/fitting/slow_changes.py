@@ -2,8 +2,9 @@
 
 Gain and offset follow light that changes everywhere alike. A lamp that moves with the body, a shadow's slow edge, or
 bands of a lamp's flicker in a rolling picture multiply the grey values by a factor that grows across the body; a body
-that comes nearer is larger. Three groups of terms, each fitted only where the residuals ask for it, since on weak
-texture they take information from the pose: the covariance then grows by what they take.
+that comes nearer is larger, one that tilts is shorter one way. Five groups of terms, each fitted only where the
+residuals ask for it, since on weak texture they take information from the pose: the covariance then grows by what they
+take.
 """
 
 from __future__ import annotations
@@ -15,19 +16,33 @@ from numpy.typing import NDArray
 
 from vision.fitting.template import Template
 
-GROUPS: dict[str, slice] = {"light": slice(0, 2), "scale": slice(2, 3), "bend": slice(3, 6)}
-"""Places of each group's amplitudes: the light's factor along x and y, the scale, and the factor along xx, xy and yy;
-places in units of the body's radius, the scale as the share by which it has grown."""
-N_TERMS = 6
+GROUPS: dict[str, slice] = {
+    "light": slice(0, 2),
+    "scale": slice(2, 3),
+    "bend": slice(3, 6),
+    "stretch": slice(6, 7),
+    "shear": slice(7, 8),
+}
+"""Places of each group's amplitudes: the light's factor along x and y, the scale, the factor along xx, xy and yy, and
+the stretch along x less that along y, and along the diagonals; places in units of the body's radius, scale and stretch
+as the share by which it has grown."""
+N_TERMS = 8
 ASKED_FOR = 25.0
 """Chi-squared of a group from which it is believed: one fit in a hundred thousand by chance."""
 PERHAPS = 3.0
 """Chi-squared with weights over that without, at most."""
-MOST = np.array([0.6, 0.6, 0.05, 0.6, 0.6, 0.6])
+DEAREST = 2.0
+"""Factor of the variance of the turn by which a group may be paid for, at most: what can hardly be told from the pose
+(a tilt about a diagonal, of a long body or one whose grain runs along it) would follow noise. It is left to the
+uncertainty."""
+MOST = np.array([0.6, 0.6, 0.05, 0.6, 0.6, 0.6, 0.05, 0.05])
 """Largest amplitudes that are followed."""
 
 Changes = tuple[float, ...]
 UNCHANGED: Changes = (0.0,) * N_TERMS
+LIGHT, TILT = ("light", "bend"), ("stretch", "shear")
+SHAPE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0])
+"""Terms of the body's shape, not of the light."""
 
 
 class SlowChanges:
@@ -40,7 +55,9 @@ class SlowChanges:
         x, y = dx / template.radius_px, dy / template.radius_px
         # a larger body shows at each place what was nearer to its middle
         scale = -(template.columns[1] * dx + template.columns[2] * dy)
-        terms = np.stack([grey * x, grey * y, scale, grey * x * x, grey * x * y, grey * y * y])
+        along = template.columns[2] * dy - template.columns[1] * dx
+        across = -(template.columns[1] * dy + template.columns[2] * dx)
+        terms = np.stack([grey * x, grey * y, scale, grey * x * x, grey * x * y, grey * y * y, along, across])
         design = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
         self._across = terms @ design.T
         # what the five parameters of the fit cannot follow
@@ -66,19 +83,26 @@ class SlowChanges:
         return self._factors[used]
 
     def measure(
-        self, weight: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise2: float
+        self,
+        weight: NDArray[np.float32],
+        residual: NDArray[np.float32],
+        gain: float,
+        noise2: float,
+        left_out: tuple[str, ...] = (),
     ) -> Changes:
         """What the residuals of a fit, with their weights, say of the group that explains them best; `UNCHANGED` where
-        each may be chance."""
+        each may be chance. Names of groups that are ``left_out`` may not."""
         w = weight.astype(float)
         weighted = w * residual
         # sums, not products of matrices, whose order of adding may depend on threads
         right = np.array([float(np.sum(weighted * term)) for term in self._terms])
         best, found = ASKED_FOR, UNCHANGED
-        for part in GROUPS.values():
+        for part in (own for name, own in GROUPS.items() if name not in left_out):
             if PERHAPS * right[part] @ self._inverses[part.start] @ right[part] < best * max(noise2, 1e-9):
                 continue  # far too little, whatever the weights
             rows = np.arange(N_TERMS)[part]
+            if self.variance_factor(_placed(rows, np.ones(rows.size)))[0] > DEAREST:
+                continue
             amplitude = self._solved(rows, w, right)
             if amplitude is not None and (chi2 := float(amplitude @ right[part]) / max(noise2, 1e-9)) > best:
                 best, found = chi2, _placed(rows, amplitude / gain)
@@ -110,23 +134,35 @@ class SlowChanges:
         return np.asarray(np.linalg.solve(normal, right[rows]))
 
     def offset_px(self, changes: Changes) -> NDArray[np.float32]:
-        """Places of the template's pixels on a body of another scale."""
-        return np.asarray(self._template.offset_px * np.float32(1.0 + changes[2]), dtype=np.float32)
+        """Places of the template's pixels on a body of another scale and tilt."""
+        _, _, scale, _, _, _, along, across = changes
+        stretch = np.array([[1.0 + scale + along, across], [across, 1.0 + scale - along]])
+        dx, dy = self._template.offset_px.astype(float)
+        return np.stack([a * dx + b * dy for a, b in stretch]).astype(np.float32)
 
     def divided_out(
         self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: NDArray[np.float64], changes: Changes
     ) -> NDArray[np.float32]:
         """Spline coefficients of a region, whose first pixel is at (y, x), under even light."""
         template = self._template
-        along_x, along_y, _, xx, xy, yy = changes
         cosine, sine = math.cos(pose[0]) / template.radius_px, math.sin(pose[0]) / template.radius_px
         height, width = coefficient.shape
         right = np.arange(corner[1], corner[1] + width) - (template.centre_px[0] + pose[1])
         down = np.arange(corner[0], corner[0] + height) - (template.centre_px[1] + pose[2])
         x = (cosine * right)[None, :] + (sine * down)[:, None]
         y = (cosine * down)[:, None] - (sine * right)[None, :]
-        factor = 1.0 + x * (along_x + xx * x + xy * y) + y * (along_y + yy * y)
-        return np.asarray(coefficient / np.maximum(factor, 0.4), dtype=np.float32)
+        return np.asarray(coefficient / np.maximum(light_factor(changes, x, y), 0.4), dtype=np.float32)
+
+
+def light_factor(changes: Changes, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What the light is multiplied by at places in units of the body's radius."""
+    along_x, along_y, _, xx, xy, yy, _, _ = changes
+    return np.asarray(1.0 + x * (along_x + xx * x + xy * y) + y * (along_y + yy * y))
+
+
+def without_light(changes: Changes) -> Changes:
+    """The same scale and tilt under even light."""
+    return tuple((np.array(changes) * SHAPE).tolist())
 
 
 def added(one: Changes, other: Changes) -> Changes | None:

@@ -27,6 +27,8 @@ class PreparedFilm:
     method : {"icgn", "ecc"}
     skips_blocks : bool
         Whether its frames repeat squares of the frame before, as a codec leaves them of which the file says nothing.
+    grey_step : float
+        Smallest difference of two grey values around the bodies.
     """
 
     film: FrameSource
@@ -36,6 +38,7 @@ class PreparedFilm:
     occlusion: Occlusion
     method: str
     skips_blocks: bool = False
+    grey_step: float = 1.0
 
     @property
     def parents(self) -> list[int | None]:

@@ -13,6 +13,7 @@ from vision.camera.projection import Projection
 from vision.each import Each, in_turn
 from vision.errors import TrackingError
 from vision.fitting.pose_covariance import predicted_u_angle
+from vision.reference.grey_steps import in_coarse_steps
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
@@ -33,10 +34,21 @@ USUAL_SHARE = 2.0
 """A u up to this many times what texture and noise allow is the film's, not the row's."""
 
 
-def imprecise_from(predicted_u_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard uncertainty above which a row is flagged `IMPRECISE`, by what is expected of the body, rad."""
+def widened_from(predicted_u_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard uncertainty above which a row is flagged `WIDENED`, by what is expected of the body, rad."""
     usual = np.nan_to_num(USUAL_SHARE * predicted_u_rad, nan=PRECISE_U_RAD)
     return np.asarray(np.clip(usual, PRECISE_U_RAD, MOST_PRECISE_U_RAD))
+
+
+def _width_flags(
+    ready: PreparedFilm, predicted_u_rad: NDArray[np.float64], u_rad: NDArray[np.float64]
+) -> NDArray[np.uint16]:
+    """`WIDENED` and `IMPRECISE` of standard uncertainties (n, m)."""
+    wide = u_rad > widened_from(predicted_u_rad)
+    film_tells = np.array([not in_coarse_steps(template, ready.grey_step) for template in ready.templates])
+    usable = film_tells & (not ready.skips_blocks) & (u_rad <= MOST_PRECISE_U_RAD)
+    widened, imprecise = np.uint16(int(FrameFlag.WIDENED)), np.uint16(int(FrameFlag.IMPRECISE))
+    return np.where(wide, np.where(usable, widened, imprecise), np.uint16(0))
 
 
 @dataclass(frozen=True)
@@ -124,7 +136,7 @@ def assemble_result(
     u_angle = np.hypot(tracked.u_noise_rad, u_common)
     flag = table.flag.copy()
     predicted = np.array([predicted_u_angle(t, reference.noise_grey) for t in ready.templates])
-    flag[u_angle > imprecise_from(predicted)] |= np.uint16(int(FrameFlag.IMPRECISE))
+    flag |= _width_flags(ready, predicted, u_angle)
     centre = np.array([template.centre_px for template in ready.templates])
     return TrackResult(
         bodies=tuple(body.name for body in bodies),

@@ -21,6 +21,7 @@ from vision.fitting.ecc import EccFitter
 from vision.fitting.fit_memory import Begun
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET, IcgnFitter
+from vision.fitting.light.local_light import HIDDEN_SUSPECTED
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR
 from vision.frame_fit.compiled import DOUBTFUL, NOT_BEGUN, OUTSIDE
 from vision.frame_fit.frame_fit import FrameFit
@@ -41,7 +42,7 @@ LIMITS = Limits(
     most_turn=body_tracker.MAX_JUMP_RAD,
     most_jump_px=body_tracker.MAX_JUMP_PX,
     most_shift_px=float(FAR_PX),
-    most_hidden=body_tracker.COVERED_SHARE,
+    most_hidden=min(body_tracker.COVERED_SHARE, HIDDEN_SUSPECTED),
     suspected=CHANGE_SUSPECTED,
     saturated_share=SATURATED_SHARE,
     margin_px=MARGIN_PX,

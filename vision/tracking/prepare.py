@@ -21,7 +21,9 @@ from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import build_template
 from vision.reference.defect_pixels import WithoutDefects, without_defects
+from vision.reference.grey_steps import grey_step
 from vision.reference.prepared_film import PreparedFilm
+from vision.reference.row_flicker import WithoutRowFlicker, without_row_flicker
 from vision.reference.skipped_blocks import skips_blocks
 from vision.reference.still_average import Reference, average_still_frames
 from vision.reference.stillness import still_count
@@ -64,7 +66,9 @@ def prepare(
         )
         occlusion = Occlusion(bodies, templates, distances)
         found = PreparedFilm(film, bodies, reference, templates, occlusion, method)
-        return replace(found, skips_blocks=skips_blocks(film, _around(region), reference.noise_grey))
+        box = _around(region)
+        skips = skips_blocks(film, box, reference.noise_grey)
+        return replace(found, skips_blocks=skips, grey_step=grey_step(film, box))
 
     if n_still is None:
         candidates = still.n_averaged
@@ -84,14 +88,15 @@ def prepare(
 def _film_and_still(
     film: FrameSource, region: NDArray[np.bool_], n_still: int | None, each: Each
 ) -> tuple[FrameSource, Reference]:
-    """The film, less its defect pixels where it has any, and the average of its still frames."""
-    if isinstance(film, WithoutDefects | WithoutPattern):
+    """The film, less its defect pixels and its rows' flicker where it has any, and the average of its still frames."""
+    if isinstance(film, WithoutDefects | WithoutPattern | WithoutRowFlicker):
         return film, average_still_frames(film, region, n_still)
     # most films have none, so that the average need not wait for the answer
     found: list[Any] = each(
         lambda work: work(), [lambda: without_defects(film), lambda: average_still_frames(film, region, n_still)]
     )
-    cleaned, still = found
+    without, still = found
+    cleaned = without_row_flicker(without, _around(region))
     return cleaned, still if cleaned is film else average_still_frames(cleaned, region, n_still)
 
 

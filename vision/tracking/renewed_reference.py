@@ -32,7 +32,7 @@ WHOLE = 0.9
 """Share of the usual agreeing pixels that a frame needs to become a reference."""
 MOST = 12
 """Templates one after the other."""
-KEEPS = FrameFlag.IMPRECISE | FrameFlag.REACQUIRED | FrameFlag.RENEWED
+KEEPS = FrameFlag.IMPRECISE | FrameFlag.WIDENED | FrameFlag.REACQUIRED | FrameFlag.RENEWED
 """Flags that a frame may have to become a reference."""
 OTHERWISE = np.uint16(int(FrameFlag.REPEATED | FrameFlag.UNCONFIRMED))
 """Flags of rows that are lost for other reasons than what the body looks like."""

@@ -22,6 +22,7 @@ from vision.film.source import Film, FrameSource, saturated_grey
 from vision.fitting.base import region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.pose_covariance import PATTERN_EXCESS
+from vision.reference.grey_steps import in_coarse_steps
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.pose_table import PoseTable
 
@@ -39,6 +40,8 @@ POWER = 0.1
 AT_FIRST = (0.5 * POWER, 0.6 * COMMON)
 """The same at the first look, which is less sure."""
 REACH_PX = 4
+SOON = 3.0
+"""Rows that have moved by up to this many times `MOVED_PX` have only just begun to move."""
 HELD_PX = 0.5
 """How far a picture of pure noise that stands still can hold a body back."""
 LEFT_OVER = 1.25
@@ -94,6 +97,25 @@ def residual_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float
     )
 
 
+def _grown(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
+    """Residual variance of the rows that have moved, per body, as far as it has grown by that: against the rows at rest
+    where these are noisier than the template knows (smooth noise), and no more than soon after the body began to move
+    (what grows later comes from the body: defocus, another light)."""
+    excess, way, moved = residual_variance(ready, table), way_px(ready, table), moved_rows(ready, table)
+    at_rest = ~table.failed & (table.frame < ready.reference.n_averaged)[:, None]
+    for i, template in enumerate(ready.templates):
+        if ready.skips_blocks or in_coarse_steps(template, ready.grey_step):
+            continue  # what is rounded away at rest comes back later
+        variance = table.noise_grey[:, i].astype(float) ** 2
+        soon = moved[:, i] & (way[:, i] < SOON * MOVED_PX)
+        if soon.any() and at_rest[:, i].any():
+            whole = float(np.median(variance[moved[:, i]]))
+            excess[i] *= min(float(np.median(variance[soon])) / whole, 1.0) / max(
+                float(np.median(variance[at_rest[:, i]])) * excess[i] / whole, 1.0
+            )
+    return excess
+
+
 def held_back(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
     """Variance of (turn, x, y), (n, m, 3), of bodies that what the still frames have in common may hold back.
 
@@ -101,7 +123,7 @@ def held_back(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
     be taken off, a coarse step of the grey values, a codec. While the body has moved by less than `MOVED_PX` that is in
     reference and frame alike, and no residual shows it.
     """
-    excess = residual_variance(ready, table)
+    excess = _grown(ready, table)
     near = (way_px(ready, table) < MOVED_PX) & (table.frame >= ready.reference.n_averaged)[:, None]
     added = np.zeros((*near.shape, 3))
     if ready.film.compression is not None:

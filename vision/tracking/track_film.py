@@ -24,6 +24,7 @@ from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import PATTERN_EXCESS, predicted_u_angle
 from vision.reference.defect_pixels import WithoutDefects
 from vision.reference.prepared_film import PreparedFilm
+from vision.reference.row_flicker import WithoutRowFlicker
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
@@ -191,6 +192,7 @@ def _track(
 def ready_defects(ready: PreparedFilm) -> int:
     """Number of the sensor's pixels that were replaced by their neighbours."""
     film = ready.film.film if isinstance(ready.film, WithoutPattern) else ready.film
+    film = film.film if isinstance(film, WithoutRowFlicker) else film
     return int(film.rows.size) if isinstance(film, WithoutDefects) else 0
 
 

@@ -153,7 +153,7 @@ def test_relative_angle_and_moving_cover(film_of: Callable[..., object]) -> None
     relative = pose[:, 1, 0] - pose[:, 0, 0]
     error = angle - (relative - relative[: result.n_still].mean())
     assert np.mean(np.abs(error) < 1.96 * u) > 0.88
-    assert np.all(flag & ~np.uint16(FrameFlag.IMPRECISE) == 0)  # the finger is narrow
+    assert np.all(flag & ~np.uint16(FrameFlag.IMPRECISE | FrameFlag.WIDENED) == 0)  # the finger is narrow
     np.testing.assert_allclose(u, np.hypot(*result.u_angle_rad.T))
     # at the end the finger lies over the beam: those pixels are left out, the beam stays unbiased
     late = slice(80, None)

@@ -62,6 +62,40 @@ def test_coherent_residuals_widen_the_uncertainty(stress: ModuleType, kind: str,
     assert np.sqrt(np.mean(z**2)) < 1.5
 
 
+@pytest.mark.parametrize(
+    ("kind", "surface"),
+    [
+        ("tilt", "speckle"),
+        ("interlaced_flicker", "fine"),
+        pytest.param("shadow_edge", "wood", marks=pytest.mark.slow),
+        pytest.param("highlight", "wood", marks=pytest.mark.slow),
+        pytest.param("shadow_edge", "speckle", marks=pytest.mark.slow),
+        pytest.param("defocus", "speckle", marks=pytest.mark.slow),
+    ],
+)
+def test_what_can_be_told_from_the_pose_is_taken_out(stress: ModuleType, kind: str, surface: str) -> None:
+    """Light, tilt and flicker that the fit follows cost little of the uncertainty, and no row a flag."""
+    result, _, z = tracked(stress, kind, surface, 131)
+    flag = result.flag[stress.STILL :, 0] & ~np.uint16(int(FrameFlag.WIDENED))
+    assert not result.failed.any() and np.count_nonzero(flag) <= 2
+    assert np.abs(z).max() < 5.0
+    assert result.n_still >= stress.STILL - 2
+    assert np.median(result.u_angle_rad[stress.STILL :]) < 2.0 * result.predicted_u_rad[0]
+
+
+@pytest.mark.slow
+def test_rows_widened_but_usable_are_told_from_imprecise_ones(stress: ModuleType) -> None:
+    """Smooth noise is in u; coarse steps of grey over felt are not, and keep the flag that says so."""
+    smooth, _, z = tracked(stress, "correlated_noise", "fine", 132)
+    widened, imprecise = (np.uint16(int(bit)) for bit in (FrameFlag.WIDENED, FrameFlag.IMPRECISE))
+    u_mdeg = np.degrees(smooth.u_angle_rad[:, 0]) * 1e3
+    assert np.abs(z).max() < 5.0
+    np.testing.assert_array_equal((smooth.flag[:, 0] & widened) != 0, (u_mdeg > 12.5) & (u_mdeg <= 25.0))
+    np.testing.assert_array_equal((smooth.flag[:, 0] & imprecise) != 0, u_mdeg > 25.0)
+    coarse, _, _ = tracked(stress, "quantisation", "fine", 133)
+    assert not np.any(coarse.flag & widened) and np.any(coarse.flag & imprecise)
+
+
 @pytest.mark.parametrize("surface", ["speckle", "wood", "fine"])
 def test_a_clean_film_keeps_its_uncertainty(stress: ModuleType, surface: str) -> None:
     result, _, z = tracked(stress, "clean", surface, 104)

@@ -14,7 +14,7 @@ from vision.tracking.track_film import track_film
 
 HEIGHT, WIDTH, N, STILL = 190, 250, 110, 14
 KINDS = ("bar", "textured", "blackout", "fast", "both")
-WARNED = int(FrameFlag.IMPRECISE | FrameFlag.COVERED)
+WARNED = int(FrameFlag.IMPRECISE | FrameFlag.WIDENED | FrameFlag.COVERED)
 
 
 def hard_film(seed: int) -> tuple[ArrayFilm, Body, np.ndarray]:

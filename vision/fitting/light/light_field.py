@@ -1,0 +1,300 @@
+"""Light that changes over a body in any way: the edge of a shadow, a reflection that stays while the body moves.
+
+Gradients (`vision.fitting.slow_changes`) do not follow an edge. Method: the body is cut into squares of `CELL_PX`; in
+each the median of the residuals over the grey value (a shade, which multiplies), or of the residuals themselves (a
+glow, which adds), is what the light has changed by. Between the middles of the squares it is interpolated, and the
+frame is brought back to even light. A square whose residuals scatter by much more than noise once that is taken out
+shows something else than the body under another light: it is left as it is, and loses its weight as before. The local
+light takes information from the pose; the covariance grows by that.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.fitting.template import Template
+
+CELL_PX = 8
+LEAST_PIXELS = 20
+"""Of a square that is looked at."""
+SAME_BODY = 2.5
+"""Scatter inside a square over the noise up to which it shows the same texture."""
+EDGE = 0.3
+"""And by how much more, over what the light has changed by, since an edge may run through the square."""
+SAME_TEXTURE = 2.5
+"""Difference of neighbouring residuals over that of noise up to which a square shows the same texture: an edge of the
+light lies between few of them, another surface between all."""
+USABLE = 8.0
+"""Residuals over the noise up to which they tell whether light is added or multiplied."""
+SURE = 6.0
+"""A square's change over its standard uncertainty from which it counts."""
+LEAST_CELLS = 4
+BETTER = 0.9
+"""Misfit of all pixels with the local light taken out over that without, at most."""
+OUTLYING = 3.0
+"""A residual of more standard deviations counts as one of so many."""
+SETTLED = 0.5
+"""A field that changes by less than this many standard uncertainties in all squares needs no further fit."""
+DEAREST = 3.0
+"""As in `vision.fitting.slow_changes`."""
+MOST = 0.6
+"""Largest share by which a shade may change the light."""
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Light:
+    """Change of the light in every square, (rows, columns): ``shade``, a share, and ``glow``, grey; whether the glow is
+    what still changes."""
+
+    shade: F64
+    glow: F64
+    glows: bool = False
+
+
+class LightField:
+    """The squares of one template."""
+
+    def __init__(self, template: Template) -> None:
+        self._template = template
+        left, right, top, bottom = template.box_px
+        self._origin = np.array([left, top])
+        self.shape = (max(1, round((bottom - top) / CELL_PX)), max(1, round((right - left) / CELL_PX)))
+        self._size = np.array([(right - left + 1.0) / self.shape[1], (bottom - top + 1.0) / self.shape[0]])
+        place = (template.offset_px.astype(float) - self._origin[:, None]) / self._size[:, None]
+        column, row = (
+            np.clip(np.floor(one), 0, most - 1).astype(int) for one, most in zip(place, self.shape[::-1], strict=True)
+        )
+        cell = row * self.shape[1] + column
+        count = np.bincount(cell, minlength=self.shape[0] * self.shape[1])
+        self._members = _by_square(cell, count.size, template.n_pixels)
+        self._pairs = _pairs(template)
+        self._neighbours = [_by_square(cell[one], count.size, one.size) for one, _ in self._pairs]
+        self._cell = cell
+        self._grey = template.columns[3].astype(float) + template.mean_grey
+        self._middle_grey = (np.bincount(cell, self._grey, count.size) / np.maximum(count, 1)).reshape(self.shape)
+        self._offset = template.offset_px.astype(float)
+        self._factor: F64 | None = None
+
+    def shown(
+        self, visible: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise: float
+    ) -> F64 | None:
+        """Change of light that residuals (n,) of a fit under even light show, grey, (rows, columns); None where they
+        show none. ``noise`` is the standard deviation of a residual that is noise, grey."""
+        seen, left = visible > 0.0, residual.astype(float)
+        found = self._change(None, left, seen, gain, noise)
+        if found is None or np.count_nonzero(found[1] > SURE) < LEAST_CELLS:
+            return None
+        change = found[0] / self._unit(found[2], gain)
+        before, after = (_misfit(one[seen], noise) for one in (left, left - self._at(change, self._offset)))
+        return change if after <= BETTER * before else None
+
+    def begun(
+        self, factor: F64, visible: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise: float
+    ) -> Light | None:
+        """The light that residuals of a fit under even light show; ``factor`` (rows, columns) is what that light was
+        multiplied by in the squares' middles."""
+        found = self._change(None, residual.astype(float), visible > 0.0, gain, noise)
+        if found is None:
+            return None
+        return self._added(Light(factor - 1.0, np.zeros(self.shape), found[2]), found[0])
+
+    def followed(
+        self, light: Light, visible: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise: float
+    ) -> Light | None:
+        """The light as the residuals of a fit under ``light`` show it; None where they ask for no other."""
+        found = self._change(light, residual.astype(float), visible > 0.0, gain, noise)
+        if found is None:
+            return None
+        change, sure, glows = found
+        if glows == light.glows:
+            return self._added(light, change) if sure.max() > SETTLED else None
+        # what was taken for one is the other
+        unit = self._unit(False, gain)
+        if glows:
+            return self._added(Light(np.zeros(self.shape), light.shade / unit, True), change)
+        return self._added(Light(light.shade + light.glow * unit, np.zeros(self.shape), False), change)
+
+    def _unit(self, glows: bool, gain: float) -> F64:
+        """What a change by one grey level in the middle of a square is: a grey level of glow, a share of shade."""
+        return np.ones(self.shape) if glows else 1.0 / (gain * np.maximum(self._middle_grey, 1.0))
+
+    def _change(
+        self, light: Light | None, residual: F64, seen: NDArray[np.bool_], gain: float, noise: float
+    ) -> tuple[F64, F64, bool] | None:
+        """Change of light per square, (rows, columns), those of the squares believed over their standard uncertainty,
+        and whether it is glow; None where no square is believed."""
+        off = np.append(np.where(seen, residual, np.nan), np.nan)[self._members]
+        count = np.isfinite(off).sum(axis=1)
+        enough = np.flatnonzero(count >= LEAST_PIXELS)
+        if not enough.size:
+            return None
+        off, grey = off[enough], gain * np.append(self._grey, np.nan)[self._members[enough]]
+        middle = np.maximum(gain * self._middle_grey.reshape(-1)[enough], 1.0)
+        change = np.nanmedian(off, axis=1)
+        glows = self._glows(light, change, off, grey / middle[:, None], (middle, enough, noise))
+        if not glows:
+            change = np.nanmedian(off / np.maximum(grey, 1.0), axis=1) * middle
+        off -= change[:, None] * (1.0 if glows else grey / middle[:, None])
+        scatter = 1.4826 * np.nanmedian(np.abs(off), axis=1)
+        whole = np.full(self.shape[0] * self.shape[1], np.nan)
+        believed = (scatter < SAME_BODY * noise + EDGE * np.abs(change)) & (np.abs(change) < MOST * middle)
+        left = np.full(residual.size + 1, np.nan)
+        left[self._members[enough]] = off
+        believed &= self._roughness(left[:-1])[enough] < SAME_TEXTURE * noise
+        whole[enough[believed]] = change[believed]
+        known = _among_others(whole.reshape(self.shape)).reshape(-1)
+        sure = np.abs(known[enough]) / (1.25 * noise / np.sqrt(count[enough]))  # of a median, against a mean's 1
+        if not np.isfinite(sure).any():
+            return None
+        return _filled(known.reshape(self.shape)) * self._unit(glows, gain), sure[np.isfinite(sure)], glows
+
+    def _roughness(self, left: F64) -> F64:
+        """Noise of each square by the differences of neighbours, along the way in which they are larger."""
+        rough = np.zeros(self._members.shape[0])
+        for (one, other), squares in zip(self._pairs, self._neighbours, strict=True):
+            apart = np.append(np.abs(left[one] - left[other]), np.nan)[squares]
+            known = np.isfinite(apart).any(axis=1)
+            rough[known] = np.maximum(rough[known], 1.4826 / np.sqrt(2.0) * np.nanmedian(apart[known], axis=1))
+        return rough
+
+    def _glows(
+        self, light: Light | None, change: F64, off: F64, share: F64, squares: tuple[F64, NDArray[np.intp], float]
+    ) -> bool:
+        """Whether light is added and not multiplied, by whether the texture's contrast has changed with it.
+
+        ``share`` are the grey values over that of the middle of their square; ``squares`` the middles' grey values,
+        which squares they are, and the noise.
+        """
+        middle, which, noise = squares
+        whole = change.copy()
+        if light is not None:
+            whole += light.glow.reshape(-1)[which] + light.shade.reshape(-1)[which] * middle
+        # a shade changes the contrast inside a square by the share that it changes the light
+        contrast, left = whole[:, None] * (share - 1.0), off - change[:, None]
+        use = np.abs(left) < USABLE * noise
+        power = float(np.sum(contrast[use] ** 2))
+        found = float(np.sum(contrast[use] * left[use])) / power if power > 0.0 else 0.0
+        return found + (0.0 if light is None or light.glows else 1.0) < 0.5
+
+    def price(self) -> F64:
+        """Factor of the variances of (turn, x, y), (3,): what is left of the information where each square has a light
+        of its own."""
+        if self._factor is None:
+            template = self._template
+            design = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
+            cells = self._members.shape[0]
+            across = np.stack([np.bincount(self._cell, row, cells) for row in design[:3]])
+            # the squares' own block is diagonal
+            left = (
+                template.normal[:3, :3] - (across / np.maximum(np.bincount(self._cell, minlength=cells), 1)) @ across.T
+            )
+            alone, with_field = (_inverse_diagonal(one) for one in (template.normal, left))
+            self._factor = np.maximum(with_field / np.maximum(alone[:3], 1e-300), 1.0)
+        return self._factor
+
+    def _added(self, light: Light, more: F64) -> Light:
+        """Light with a measured change on top of it."""
+        if light.glows:
+            return Light(light.shade, light.glow + more, True)
+        return Light(np.clip((1.0 + light.shade) * (1.0 + more) - 1.0, -MOST, MOST / (1.0 - MOST)), light.glow, False)
+
+    def middles_px(self) -> F64:
+        """Offsets (2, rows, columns) of the squares' middles from the body's."""
+        rows, columns = self.shape
+        y, x = np.mgrid[0:rows, 0:columns] + 0.5
+        return np.stack([x, y]) * self._size[:, None, None] + self._origin[:, None, None]
+
+    def taken_off(
+        self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: F64, light: Light
+    ) -> NDArray[np.float32]:
+        """Spline coefficients of a region, whose first pixel is at (y, x), brought back to even light."""
+        template = self._template
+        height, width = coefficient.shape
+        cosine, sine = math.cos(pose[0]), math.sin(pose[0])
+        right = np.arange(corner[1], corner[1] + width) - (template.centre_px[0] + pose[1])
+        down = np.arange(corner[0], corner[0] + height) - (template.centre_px[1] + pose[2])
+        place = np.stack(
+            [
+                (cosine * right)[None, :] + (sine * down)[:, None],
+                (cosine * down)[:, None] - (sine * right)[None, :],
+            ]
+        ).reshape(2, -1)
+        shade, glow = (self._at(one, place).reshape(height, width) for one in (light.shade, light.glow))
+        return np.asarray((coefficient - glow) / np.maximum(1.0 + shade, 1.0 - MOST), dtype=np.float32)
+
+    def _at(self, values: F64, offset: F64) -> F64:
+        """Values of the squares at offsets (2, n) from the body's middle, linear between the squares' middles."""
+        if not values.any():
+            return np.zeros(offset.shape[1])
+        place = (offset - self._origin[:, None]) / self._size[:, None] - 0.5
+        rows, columns = self.shape
+        x, y = np.clip(place[0], 0.0, columns - 1.0), np.clip(place[1], 0.0, rows - 1.0)
+        column, row = np.minimum(x.astype(int), max(columns - 2, 0)), np.minimum(y.astype(int), max(rows - 2, 0))
+        fx, fy = x - column, y - row
+        next_column, next_row = np.minimum(column + 1, columns - 1), np.minimum(row + 1, rows - 1)
+        above = values[row, column] * (1.0 - fx) + values[row, next_column] * fx
+        below = values[next_row, column] * (1.0 - fx) + values[next_row, next_column] * fx
+        return np.asarray(above * (1.0 - fy) + below * fy)
+
+
+def _inverse_diagonal(normal: F64) -> F64:
+    scale = 1.0 / np.sqrt(np.maximum(normal.diagonal(), 1e-300))
+    return np.asarray(np.linalg.pinv(normal * scale[:, None] * scale, hermitian=True).diagonal() * scale**2)
+
+
+def _by_square(square: NDArray[np.intp], n_squares: int, nothing: int) -> NDArray[np.intp]:
+    """Places (n_squares, most) of what lies in each square, padded with ``nothing``."""
+    count = np.bincount(square, minlength=n_squares)
+    order = np.argsort(square, kind="stable")
+    places = np.full((n_squares, int(count.max(initial=1))), nothing)
+    places[square[order], np.arange(square.size) - np.repeat(np.cumsum(count) - count, count)] = order
+    return places
+
+
+def _pairs(template: Template) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Pixels of a template and their neighbours, to the right and below."""
+    x, y = np.rint(template.offset_px - template.offset_px.min(axis=1, keepdims=True)).astype(int)
+    grid = np.full((y.max() + 2, x.max() + 2), -1)
+    grid[y, x] = np.arange(x.size)
+    found = []
+    for beside in (grid[y, x + 1], grid[y + 1, x]):
+        one = np.flatnonzero(beside >= 0)
+        found.append((one, beside[one]))
+    return found
+
+
+def _among_others(change: F64) -> F64:
+    """Squares that are believed without most of their neighbours are flat by chance, not the body's texture."""
+    known = np.pad(np.isfinite(change).astype(int), 1)
+    rows, columns = change.shape
+    inside = np.pad(np.ones(change.shape, dtype=int), 1)
+    near, there = (
+        sum(one[y : y + rows, x : x + columns] for y in range(3) for x in range(3)) - one[1:-1, 1:-1]
+        for one in (known, inside)
+    )
+    return np.where(2 * near >= there, change, np.nan)
+
+
+def _filled(change: F64) -> F64:
+    """Squares that say nothing get the value of the nearest ones that do, step by step."""
+    values = change.copy()
+    while np.isnan(values).any():
+        padded = np.pad(values, 1, constant_values=np.nan)
+        near = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
+        known = np.isfinite(near)
+        if not known.any():
+            return np.zeros_like(values)
+        mean = np.where(known, near, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        unknown = np.isnan(values) & known.any(axis=0)
+        values[unknown] = mean[unknown]
+    return values
+
+
+def _misfit(residual: F64, noise: float) -> float:
+    """Mean square of residuals over the noise, each cut at `OUTLYING`."""
+    return float(np.mean(np.minimum(np.abs(residual) / noise, OUTLYING) ** 2)) if residual.size else 0.0
