@@ -7,8 +7,9 @@ from pathlib import Path
 
 HOUSE = Path(__file__).resolve().parents[2]
 SCENES = (
-    "whole", "without-string", "key", "key-whippen", "lifting-key", "flexible-shank", "motor-arm", "string",
-    "lifting-key-flexible-shank",
+    "whole", "without-string", "key", "key-whippen", "lifting-key", "flexible-shank", "motor-arm", "motor-drive",
+    "motor-voltage", "compliant-tip", "finger", "string", "lifting-key-flexible-shank", "giving-hammer",
+    "giving-joints",
 )  # fmt: skip
 """Those of ``model.SCENES``, which a test compares: importing it would cost a second of NumPy and numba."""
 

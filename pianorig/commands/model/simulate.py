@@ -64,7 +64,8 @@ def command(
             "--scene",
             help="What takes part: whole, without-string, key, key-whippen; with effects lifting-key, flexible-shank, "
             "lifting-key-flexible-shank, motor-arm and compliant-tip (driven by torque_nm), "
-            "motor-drive and motor-voltage (by command_v), finger (by finger_m), string; or a TOML file.",
+            "motor-drive and motor-voltage (by command_v), finger (by finger_m), string, giving-hammer, giving-joints; "
+            "or a TOML file.",
             autocompletion=complete_scene,
         ),
     ] = "whole",
