@@ -20,6 +20,7 @@ from model.integrators.methods import METHODS
 from model.integrators.rosenbrock import integrate
 from model.kernels.codegen.load import lane_kernels_of
 from model.kernels.lanes.width import LANES, lanes_pay
+from model.parameters.effects import MOTOR_DRIVE
 from model.scene.build import Scene
 from model.simulation.run import Plan, Simulation, State
 from model.simulation.side_by_side import advance_together
@@ -76,16 +77,21 @@ def choose(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
 
 
 def _tell_of_memory(alone: Sequence[Job], least: int) -> None:
-    """Say in one line which of the members that cannot go into lanes only their felt or string keeps out."""
-    kept = [scene for job in alone if job.run is not None and (scene := job.run.scene).remembers]
+    """Say in one line what keeps members out of lanes, where they are many: felt, string, joints or a motor's drive."""
+    kept = [names for job in alone if job.run is not None and (names := _kept_out_by(job.run.scene))]
     if len(kept) < least:
         return
-    why = sorted({name for scene in kept for name in scene.what_remembers})
+    why = sorted({name for names in kept for name in names})
     warnings.warn(
         f"lanes: members with {', '.join(why)} are computed one by one, more slowly; "
-        "lanes know no felt with memory and no string",
+        "lanes know no felt with memory, no string, no joints that give and no motor's drive",
         stacklevel=3,
     )
+
+
+def _kept_out_by(scene: Scene) -> tuple[str, ...]:
+    pins = dict.fromkeys(f"{body}_pin" for body, _ in scene.pins)
+    return (*scene.what_remembers, *pins, *((MOTOR_DRIVE,) if scene.wound else ()))
 
 
 def units(jobs: Sequence[Job], todo: Iterable[int], workers: int) -> list[list[int]]:
