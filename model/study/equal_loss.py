@@ -122,7 +122,7 @@ def effects_at_equal_loss(
     >>> import model
     >>> blow = model.force_table("forte")
     >>> base, *others = model.study.effects_at_equal_loss(
-    ...     model.load_action("hirschkorn2004-regulated"), *blow, {"back check": ["contact04"]})
+    ...     model.load_action("hirschkorn2004-regulated"), *blow, {"hammer": ["contact12"]})
     >>> all(abs(e.value["loss_mj"] / base.value["loss_mj"] - 1.0) < 0.02 for e in others)
     True
     """

@@ -49,7 +49,7 @@ def render_identification(
     --------
     >>> import validation
     >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
-    >>> "no value is called identified" in validation.render_identification(found)
+    >>> "hammer.joint_friction" in validation.render_identification(found)
     True
     """
     environment = Environment(
