@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.fitting.light.squares import among_others, filled, row_median
 from vision.fitting.template import Template
 
 CELL_PX = 8
@@ -135,23 +136,26 @@ class LightField:
             return None
         off, grey = off[enough], gain * np.append(self._grey, np.nan)[self._members[enough]]
         middle = np.maximum(gain * self._middle_grey.reshape(-1)[enough], 1.0)
-        change = np.nanmedian(off, axis=1)
+        change = row_median(off)
         glows = self._glows(light, change, off, grey / middle[:, None], (middle, enough, noise))
         if not glows:
-            change = np.nanmedian(off / np.maximum(grey, 1.0), axis=1) * middle
+            change = row_median(off / np.maximum(grey, 1.0)) * middle
+        u = 1.25 * noise / np.sqrt(count[enough])  # of a median, against a mean's 1
+        if light is None and np.count_nonzero(np.abs(change) > SURE * u) < LEAST_CELLS:
+            return None  # none shows a light, whether believed or not
         off -= change[:, None] * (1.0 if glows else grey / middle[:, None])
-        scatter = 1.4826 * np.nanmedian(np.abs(off), axis=1)
+        scatter = 1.4826 * row_median(np.abs(off))
         whole = np.full(self.shape[0] * self.shape[1], np.nan)
         believed = (scatter < SAME_BODY * noise + EDGE * np.abs(change)) & (np.abs(change) < MOST * middle)
         left = np.full(residual.size + 1, np.nan)
         left[self._members[enough]] = off
         believed &= self._roughness(left[:-1])[enough] < SAME_TEXTURE * noise
         whole[enough[believed]] = change[believed]
-        known = _among_others(whole.reshape(self.shape)).reshape(-1)
-        sure = np.abs(known[enough]) / (1.25 * noise / np.sqrt(count[enough]))  # of a median, against a mean's 1
+        known = among_others(whole.reshape(self.shape)).reshape(-1)
+        sure = np.abs(known[enough]) / u
         if not np.isfinite(sure).any():
             return None
-        return _filled(known.reshape(self.shape)) * self._unit(glows, gain), sure[np.isfinite(sure)], glows
+        return filled(known.reshape(self.shape)) * self._unit(glows, gain), sure[np.isfinite(sure)], glows
 
     def _roughness(self, left: F64) -> F64:
         """Noise of each square by the differences of neighbours, along the way in which they are larger."""
@@ -159,7 +163,7 @@ class LightField:
         for (one, other), squares in zip(self._pairs, self._neighbours, strict=True):
             apart = np.append(np.abs(left[one] - left[other]), np.nan)[squares]
             known = np.isfinite(apart).any(axis=1)
-            rough[known] = np.maximum(rough[known], 1.4826 / np.sqrt(2.0) * np.nanmedian(apart[known], axis=1))
+            rough[known] = np.maximum(rough[known], 1.4826 / np.sqrt(2.0) * row_median(apart[known]))
         return rough
 
     def _glows(
@@ -266,33 +270,6 @@ def _pairs(template: Template) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]
         one = np.flatnonzero(beside >= 0)
         found.append((one, beside[one]))
     return found
-
-
-def _among_others(change: F64) -> F64:
-    """Squares that are believed without most of their neighbours are flat by chance, not the body's texture."""
-    known = np.pad(np.isfinite(change).astype(int), 1)
-    rows, columns = change.shape
-    inside = np.pad(np.ones(change.shape, dtype=int), 1)
-    near, there = (
-        sum(one[y : y + rows, x : x + columns] for y in range(3) for x in range(3)) - one[1:-1, 1:-1]
-        for one in (known, inside)
-    )
-    return np.where(2 * near >= there, change, np.nan)
-
-
-def _filled(change: F64) -> F64:
-    """Squares that say nothing get the value of the nearest ones that do, step by step."""
-    values = change.copy()
-    while np.isnan(values).any():
-        padded = np.pad(values, 1, constant_values=np.nan)
-        near = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
-        known = np.isfinite(near)
-        if not known.any():
-            return np.zeros_like(values)
-        mean = np.where(known, near, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-        unknown = np.isnan(values) & known.any(axis=0)
-        values[unknown] = mean[unknown]
-    return values
 
 
 def _misfit(residual: F64, noise: float) -> float:
