@@ -10,6 +10,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from rig.simulated.driver.tasks import clear_task
@@ -22,13 +23,21 @@ POLL_S = 0.02
 VENDOR = "National Instruments"
 
 
+@dataclass(eq=False)
+class _Call:
+    """A client's call for a reservation; one that has ended must not be taken for a later one of the same client."""
+
+    client: str
+    granted: bool = False
+
+
 class SessionUtilities:
     """Answers the calls of ``nidevice_grpc.SessionUtilities`` for one served device."""
 
     def __init__(self, service: Service) -> None:
         self._service = service
-        self._queues: dict[str, deque[str]] = {}
-        """Clients by reservation; the first has it, the others wait for their turn."""
+        self._queues: dict[str, deque[_Call]] = {}
+        """Calls by reservation; the first has it once it is granted, the others wait for their turn."""
         self._changed = threading.Condition()
         self._handlers: dict[str, Callable[[Any], Fields]] = {
             "EnumerateDevices": self._devices,
@@ -63,35 +72,40 @@ class SessionUtilities:
             raise SessionRefused("INVALID_ARGUMENT", "reservation_id and client_id must not be empty")
         with self._changed:
             queue = self._queues.setdefault(name, deque())
-            if queue and queue[0] == client:
+            if self._holds(request):
                 raise SessionRefused("FAILED_PRECONDITION", f"client {client!r} holds {name!r} already")
-            queue.append(client)
-            while self._queues.get(name) is queue and queue[0] != client:
-                if not is_waiting():
-                    queue.remove(client)
-                    raise SessionRefused("CANCELLED", "the client no longer waits")
+            mine = _Call(client)
+            queue.append(mine)
+            while self._queues.get(name) is queue and queue[0] is not mine and is_waiting():
                 self._changed.wait(POLL_S)
             if self._queues.get(name) is not queue:
                 raise SessionRefused("ABORTED", f"reservation {name!r} ended: the server was reset")
+            if queue[0] is not mine or not is_waiting():  # a call that nobody waits for takes nothing
+                self._leave(name, mine)
+                raise SessionRefused("CANCELLED", "the client no longer waits")
+            mine.granted = True
         return {"is_reserved": True}
 
-    def _is_first(self, request: Any) -> bool:
+    def _leave(self, name: str, call: _Call) -> None:
+        queue = self._queues[name]
+        queue.remove(call)
+        if not queue:
+            del self._queues[name]
+        self._changed.notify_all()
+
+    def _holds(self, request: Any) -> bool:
         queue = self._queues.get(request.reservation_id)
-        return bool(queue) and queue[0] == request.client_id  # type: ignore[index]
+        return bool(queue) and queue[0].granted and queue[0].client == request.client_id  # type: ignore[index]
 
     def _is_reserved(self, request: Any) -> Fields:
         with self._changed:
-            return {"is_reserved": self._is_first(request)}
+            return {"is_reserved": self._holds(request)}
 
     def _unreserve(self, request: Any) -> Fields:
         with self._changed:
-            reserved = self._is_first(request)
+            reserved = self._holds(request)
             if reserved:
-                queue = self._queues[request.reservation_id]
-                queue.popleft()
-                if not queue:
-                    del self._queues[request.reservation_id]
-                self._changed.notify_all()
+                self._leave(request.reservation_id, self._queues[request.reservation_id][0])
         return {"is_unreserved": reserved}
 
     def _reset(self, request: Any) -> Fields:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+from unittest.mock import MagicMock
+
 import grpc
 import pytest
 import session_pb2 as messages
@@ -10,7 +13,9 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc as services
 from session_pb2_grpc import SessionUtilitiesStub
 
 from rig.configuration.rig_file import load_rig
+from rig.simulated.rpc.session_utilities import SessionUtilities
 from rig.simulated.rpc.tcp_server import serve
+from rig.simulated.status import SessionRefused
 
 
 @pytest.fixture
@@ -53,3 +58,33 @@ def test_reservations_are_taken_in_turn_and_a_reset_ends_them_and_all_tasks(chan
     assert stub.ResetServer(messages.ResetServerRequest()).is_server_reset and not held(second)
     with pytest.raises(grpc.RpcError, match="invalid"):
         services.NiDAQmxStub(channel).StartTask(daq.StartTaskRequest(task=task))
+
+
+def test_a_call_that_nobody_waits_for_any_more_takes_nothing() -> None:
+    """The holder gives up its turn before the server has noticed that the next call in line has ended."""
+    utilities = SessionUtilities(MagicMock())
+    first, second = (messages.ReserveRequest(reservation_id="bench", client_id=client) for client in ("one", "two"))
+    utilities.handle("Reserve", first, lambda: True)
+    asked = threading.Event()
+    waits = [True]
+    refusals: list[Exception] = []
+
+    def wait_then_go() -> None:
+        def is_waiting() -> bool:
+            asked.set()
+            return waits[0]
+
+        try:
+            utilities.handle("Reserve", second, is_waiting)
+        except SessionRefused as refusal:
+            refusals.append(refusal)
+
+    dead = threading.Thread(target=wait_then_go)
+    dead.start()
+    assert asked.wait(5.0)
+    waits[0] = False
+    assert utilities.handle("Unreserve", first, lambda: True).is_unreserved
+    assert utilities.handle("Reserve", second, lambda: True).is_reserved
+    dead.join(5.0)
+    assert "no longer waits" in str(refusals[0])
+    assert utilities.handle("IsReservedByClient", second, lambda: True).is_reserved
