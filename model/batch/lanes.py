@@ -69,14 +69,14 @@ def choose(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
         if kind is not None:
             count[kind] += 1
     least = 1 if lanes else LEAST_MEMBERS
-    _tell_of_memory([job for job, kind in zip(jobs, of_job, strict=True) if kind is None], least)
+    _tell_what_is_alone([job for job, kind in zip(jobs, of_job, strict=True) if kind is None], least)
     return [
         replace(job, in_lanes=True) if kind is not None and count[kind] >= least else job
         for job, kind in zip(jobs, of_job, strict=True)
     ]
 
 
-def _tell_of_memory(alone: Sequence[Job], least: int) -> None:
+def _tell_what_is_alone(alone: Sequence[Job], least: int) -> None:
     """Say in one line what keeps members out of lanes, where they are many: felt, string, joints or a motor's drive."""
     kept = [names for job in alone if job.run is not None and (names := _kept_out_by(job.run.scene))]
     if len(kept) < least:

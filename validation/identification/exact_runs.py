@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -58,6 +59,16 @@ def tangents(task: Tangents) -> Array:
     return np.stack([task.trial.seen(d[:, : len(BODIES)]) for d in np.moveaxis(turn, -1, 0)], axis=-1)
 
 
+class _Runs(Protocol):
+    """What gives curves with a stated error."""
+
+    tolerance: float
+
+    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+        """Curves at each point; see `Response`."""
+        ...
+
+
 class ExactRuns(ModelRuns):
     """Exact derivatives; see `ModelRuns` for the parameters."""
 
@@ -93,25 +104,26 @@ class ExactRuns(ModelRuns):
                     out[:, :, [list(which).index(j) for j in by_runs]] = columns
         except ModelError:  # differences of runs go on where a tangent cannot
             found = []
-        if found and self._hold(z, list(which), found):
+        if found and derivatives_hold(self, z, list(which), found):
             return found
         return super().jacobian(z, which)
 
-    def _hold(self, z: Array, which: list[int], jacobian: Sequence[Array]) -> bool:
-        """Whether a small step in all parameters at once does what the derivatives say.
 
-        A tangent that steps over a layer in which friction turns round may grow without bound; a difference shows it.
-        """
-        step = np.zeros(z.size)
-        step[which] = PROBE * np.where(np.arange(len(which)) % 2, 1.0, -1.0)
-        here, there = self.curves([z, z + step])
-        if here is None or there is None:
+def derivatives_hold(runs: _Runs, z: Array, which: list[int], jacobian: Sequence[Array]) -> bool:
+    """Whether a small step in all parameters at once does what the derivatives say.
+
+    A tangent that steps over a layer in which friction turns round may grow without bound; a difference shows it.
+    """
+    step = np.zeros(z.size)
+    step[which] = PROBE * np.where(np.arange(len(which)) % 2, 1.0, -1.0)
+    here, there = runs.curves([z, z + step])
+    if here is None or there is None:
+        return False
+    for k, derivative in enumerate(jacobian):
+        moved, said = there[k] - here[k], derivative @ step[which]
+        if np.sqrt(np.mean((moved - said) ** 2)) > MISSED * np.sqrt(np.mean(moved**2)) + runs.tolerance:
             return False
-        for k, derivative in enumerate(jacobian):
-            moved, said = there[k] - here[k], derivative @ step[which]
-            if np.sqrt(np.mean((moved - said) ** 2)) > MISSED * np.sqrt(np.mean(moved**2)) + self.tolerance:
-                return False
-        return True
+    return True
 
 
 def acting(action: model.Action, parameter: Parameter) -> bool:

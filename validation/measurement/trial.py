@@ -120,15 +120,6 @@ def measure(
         mains_hz=info.mains_frequency_hz,
     )
     angles = read.change(quiet)
-    read_motion = partial(
-        motion_of,
-        geometry,
-        u_sample_rad=angles.u_sample_rad,
-        u_zero_rad=angles.u_zero_rad,
-        u_height_zero_m=u_rest_level_m,
-        u_dip_zero_m=u_rest_level_m,
-        u_scale_relative=read.scale_relative_u,
-    )
     film, notes = film_angles(film_table, data, quiet)
     if heads is not None:
         notes.append(heads.note(quiet))
@@ -144,7 +135,7 @@ def measure(
         angles.u_rad,
         read.resolution_rad,
         read.scale_relative_u,
-        read_motion,
+        read.motion_reader(angles, geometry, u_rest_level_m),
         film,
         seal,
         tuple(notes),
@@ -183,6 +174,20 @@ class EncoderReading:
         """Change since the quiet baseline."""
         change, u_sample, u_zero = encoder_change(self.angle_rad, quiet, self.resolution_rad)
         return EncoderChange(change, np.hypot(u_sample, self.u_change_rad), u_zero)
+
+    def motion_reader(
+        self, angles: EncoderChange, geometry: ActionGeometry, u_rest_level_m: float
+    ) -> Callable[..., Motion]:
+        """What reads motions of key and hammer from times and changed angles, with these encoders' uncertainties."""
+        return partial(
+            motion_of,
+            geometry,
+            u_sample_rad=angles.u_sample_rad,
+            u_zero_rad=angles.u_zero_rad,
+            u_height_zero_m=u_rest_level_m,
+            u_dip_zero_m=u_rest_level_m,
+            u_scale_relative=self.scale_relative_u,
+        )
 
 
 def read_encoders(data: TrialData) -> EncoderReading:

@@ -5,8 +5,6 @@ Conventions: as in `validation.measurement.trial`; all of the force is NaN, the 
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -28,7 +26,6 @@ from validation.measurement.force_correction import (
 )
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.mains_hum import HumFit
-from validation.measurement.stroke import motion_of
 from validation.measurement.trial import MeasuredTrial, film_angles, read_encoders
 
 NONE = "no force was recorded"
@@ -61,15 +58,7 @@ def measure_without_force(
         angles.u_rad,
         read.resolution_rad,
         read.scale_relative_u,
-        partial(
-            motion_of,
-            geometry,
-            u_sample_rad=angles.u_sample_rad,
-            u_zero_rad=angles.u_zero_rad,
-            u_height_zero_m=u_rest_level_m,
-            u_dip_zero_m=u_rest_level_m,
-            u_scale_relative=read.scale_relative_u,
-        ),
+        read.motion_reader(angles, geometry, u_rest_level_m),
         film,
         seal,
         (*notes, NONE),

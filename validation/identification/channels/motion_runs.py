@@ -21,7 +21,7 @@ from model.motion_driven.prescribed_key import run_prescribed
 from model.motion_driven.spline_fit import DEGREE
 from validation.conventions import BODIES, Array
 from validation.identification.blocks import MOVED_RAD
-from validation.identification.exact_runs import MISSED, MOTION, PROBE, TANGENT, acting
+from validation.identification.exact_runs import MOTION, TANGENT, acting, derivatives_hold
 from validation.identification.model_runs import LATE_S, SMALL_STEP, STEP, TOLERANCE
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import KEY_SCALE, KEY_ZERO, Parameter
@@ -103,7 +103,7 @@ class MotionRuns:
             self._by_differences(found, z, which, errors)
         except ModelError:  # differences of runs go on where a tangent cannot
             found = []
-        if found and self._hold(z, list(which), found):
+        if found and derivatives_hold(self, z, list(which), found):
             return found
         out = [np.zeros((*t.change_rad.shape, len(which))) for t in self.trials]
         self._by_differences(out, z, which, [j for j in which if j in self.acting or j in errors])
@@ -147,19 +147,6 @@ class MotionRuns:
             _refuse(curves)
             for k in range(len(self.trials)):
                 out[k][:, :, list(which).index(j)] = (curves[k] - base[k]) / (point[j] - z[j])  # type: ignore[index]
-
-    def _hold(self, z: Array, which: list[int], jacobian: Sequence[Array]) -> bool:
-        """Whether a small step in all parameters at once does what the derivatives say, see `ExactRuns`."""
-        step = np.zeros(z.size)
-        step[which] = PROBE * np.where(np.arange(len(which)) % 2, 1.0, -1.0)
-        here, there = self.curves([z, z + step])
-        if here is None or there is None:
-            return False
-        for k, derivative in enumerate(jacobian):
-            moved, said = there[k] - here[k], derivative @ step[which]
-            if np.sqrt(np.mean((moved - said) ** 2)) > MISSED * np.sqrt(np.mean(moved**2)) + self.tolerance:
-                return False
-        return True
 
     def _run(self, drives: Sequence[Drive]) -> list[list[Array] | None]:
         """Curves of every trial in each case; None where one of them cannot run."""
