@@ -37,6 +37,7 @@ def test_truth_comes_out_within_its_uncertainty() -> None:
         assert found.converged and np.all(width < 0.1)
         off.append((found.z - TRUTH) / width)
     assert 0.6 < np.sqrt(np.mean(np.square(off))) < 1.5  # neither too narrow nor too wide
+    assert np.abs(off).max() < 3.5  # the largest of eighteen
     estimates = estimate_all(p, found, None, silent)
     assert [e.verdict for e in estimates] == [IDENTIFIED] * 3
     for e in estimates:
