@@ -45,12 +45,12 @@ from validation.identification.channels.key_driven import (
     sharing_the_key,
     with_errors_of_what_drives,
 )
-from validation.identification.channels.responses import response_to
 from validation.identification.estimates import estimate_all
-from validation.identification.fit import Problem
 from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
 from validation.identification.minima import search
 from validation.identification.observations import ObservedTrial, observe
+from validation.identification.problem import Problem
+from validation.identification.runs.responses import response_to
 from validation.identification.scatter import lacking
 from validation.identification.unknowns.priors import Unknowns, unknowns
 from validation.measurement.trial import MeasuredTrial, measure
@@ -121,8 +121,8 @@ def fitted(start: model.Action, free: Unknowns, trials: list[ObservedTrial], tru
     """Errors, u and processor time of one fit."""
     began = time.process_time()
     free = with_errors_of_what_drives(free, trials)
-    held = held_columns(start, free, trials, RUNS)
-    problem = Problem(start, free, tuple(trials), response_to(start, free.moved, trials, RUNS), held)
+    response = response_to(start, (*free.moved, *free.held), trials, RUNS)
+    problem = Problem(start, free, tuple(trials), response, held_columns(response, free))
     best = search(problem, 1, None, None)[0]
     took = time.process_time() - began
     rows = []

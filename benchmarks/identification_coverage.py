@@ -2,14 +2,14 @@
 
     python benchmarks/identification_coverage.py [--sessions 10] [--cells nothing,lacking] [--kinds forte,piano]
                                                  [--trials 5] [--free 5 | --asked friction,felt:contact02]
-                                                 [--spread 0.5] [--seed 1] [--linear] [--results FILE] [--minutes M]
+                                                 [--spread 0.5] [--seed 1] [--from-truth] [--results FILE] [--minutes M]
 
 Cells: ``nothing``: the specimen is the model; what is free and the errors of force and encoders are drawn from
 their priors, all frictions scatter from trial to trial. ``lacking``: the same on the bench with motor arm, balance
 rail and shank, which the model lacks. ``--free N``: N laws drawn at random for each experiment are free, and all else
 is as the model has it; ``--free 0``: those of ``--asked``, and all else is free, drawn, and fitted beside them. One
-randomly drawn asked parameter is profiled in each experiment. ``--linear``: no fit; the linear model at the truth
-alone, which shows at a third of the cost whether sizes of noise are right. A line per experiment is kept in
+randomly drawn asked parameter is profiled in each experiment. ``--from-truth``: one fit that starts at the
+truth, which shows whether sizes of noise are right, whatever the search. A line per experiment is kept in
 ``--results``; what it holds is not computed again, so that a long run can be stopped.
 """
 
@@ -37,15 +37,15 @@ from rig.configuration.rig_file import load_rig
 from rig.errors import RigError
 from rig.session import EncoderInfo, ForceInfo, TrialData
 from rig.simulated.bench.plant import ActionPlant, load_plant
-from validation.errors import ValidationError, ValidationInputError
+from validation.errors import ValidationError
 from validation.identification.estimates import estimate_all
-from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Columns, Fitted, Problem, linear_residuals
+from validation.identification.fit import fit
 from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
 from validation.identification.minima import search
-from validation.identification.noise import Sizes, likeliest
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.outcome.result import IDENTIFIED
+from validation.identification.problem import Problem
+from validation.identification.runs.exact_runs import ExactRuns
 from validation.identification.scatter import lacking
 from validation.identification.unknowns.priors import Unknowns, unknowns
 from validation.measurement.trial import measure
@@ -57,9 +57,8 @@ STRENGTH = 0.02
 EFFECTS = ("balance_rail", "shank")
 WILDEST = 2.5
 LAWS = ("friction", "joint_friction", "damping", "stiffness", "springs")
-SAME = ("seed", "spread", "kinds", "trials", "free", "asked", "linear")
+SAME = ("seed", "spread", "kinds", "trials", "free", "asked", "from_truth")
 RUNS = 2e-7  # rad, error of the runs of a fit
-LEARNINGS = 40
 
 
 def drawn_truth(
@@ -163,17 +162,9 @@ def freed(start: model.Action, options: argparse.Namespace, rng: np.random.Gener
     return unknowns(start, [str(name) for name in some], ["*"])
 
 
-def at_truth(problem: Problem, truth: dict[str, float]) -> Fitted:
-    """What the linear model at the true values says, with sizes of noise learnt there."""
-    z = np.array([truth[p.name] if p.paths else 0.0 for p in problem.unknowns.moved])
-    (curves,) = problem.response.curves([z])
-    if curves is None:
-        raise ValidationInputError("the model cannot run at the true values")
-    blocks = Columns(problem).blocks(z)
-    linear = linear_residuals(problem, blocks, curves, z)
-    marginal = likeliest(blocks, linear, Sizes.start(problem.families, problem.seen), LEARNINGS)
-    mean = marginal.mean(linear)[: marginal.p]
-    return Fitted(mean, curves, marginal, linear, 0.0, 0, True)
+def truth_z(problem: Problem, truth: dict[str, float]) -> np.ndarray:
+    """The true values (p,), errors of the force apart."""
+    return np.array([truth[p.name] if p.paths else 0.0 for p in problem.unknowns.moved])
 
 
 def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]:
@@ -196,12 +187,12 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
                 data = played(specimen, kind, options.trials, sensors, rng)
             measured = [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data]
             trials += observe(kind, i, measured)
-        held = held_columns(start, free, trials, RUNS)
-        problem = Problem(start, free, tuple(trials), ExactRuns(start, free.moved, trials, RUNS), held)
-        fits = [at_truth(problem, truth)] if options.linear else search(problem, 1, None, None)
+        response = ExactRuns(start, (*free.moved, *free.held), trials, RUNS)
+        problem = Problem(start, free, tuple(trials), response, held_columns(response, free))
+        fits = [fit(problem, truth_z(problem, truth))] if options.from_truth else search(problem, 1, None, None)
         fitted = fits[0]
         fit_s = time.process_time() - began
-        found = estimate_all(problem, fitted, [] if options.linear else [profiled], lambda text: None)
+        found = estimate_all(problem, fitted, [] if options.from_truth else [profiled], lambda text: None)
     except (ModelError, RigError, ValidationError) as error:
         return out | {"failed": str(error)}
     rows = []
@@ -262,7 +253,7 @@ def main() -> int:
     parser.add_argument("--asked", default="friction,joint_friction,felt:contact02")
     parser.add_argument("--spread", type=float, default=0.5, help="of the truth, in prior standard uncertainties")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--linear", action="store_true", help="no fit: the linear model at the truth")
+    parser.add_argument("--from-truth", action="store_true", help="no search: one fit that starts at the truth")
     parser.add_argument("--results", type=Path, help="file of outcomes, a JSON line per experiment")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="start none after this time")
     options = parser.parse_args()

@@ -30,11 +30,12 @@ from benchmarks.identification_coverage import RUNS, Sensors, acting_laws, drawn
 from validation.conventions import Array
 from validation.identification import fit as fitting
 from validation.identification.estimates import estimate_all
-from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Problem
 from validation.identification.identify import held_columns
 from validation.identification.minima import search
 from validation.identification.observations import ObservedTrial, observe
+from validation.identification.problem import Problem
+from validation.identification.runs.exact_runs import ExactRuns
+from validation.identification.runs.own import Own
 from validation.identification.unknowns.priors import unknowns
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
@@ -70,20 +71,20 @@ class Timed:
     def __init__(self, runs: ExactRuns, clock: Clock) -> None:
         self.runs, self.clock = runs, clock
 
-    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
         """As in `Response`."""
         with self.clock.part("runs"):
-            return self.runs.curves(points)
+            return self.runs.curves(points, own)
 
-    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
         """As in `Response`."""
         with self.clock.part("derivatives"):
-            return self.runs.jacobian(z, which)
+            return self.runs.jacobian(z, which, own)
 
-    def force_columns(self, z: Array) -> list[Array]:
+    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
         """As in `Response`."""
         with self.clock.part("force noise"):
-            return self.runs.force_columns(z)
+            return self.runs.force_columns(z, own)
 
 
 def one(free_laws: int, n: int, options: argparse.Namespace) -> dict[str, Any]:
@@ -102,9 +103,10 @@ def one(free_laws: int, n: int, options: argparse.Namespace) -> dict[str, Any]:
     for name in ("learn", "likeliest"):
         setattr(fitting, name, counted(getattr(fitting, name), clock))
     began = time.process_time()
-    held = held_columns(start, free, trials, RUNS)
+    runs = Timed(ExactRuns(start, (*free.moved, *free.held), trials, RUNS), clock)
+    held = held_columns(runs, free)
     before_fit = time.process_time() - began
-    runs = Timed(ExactRuns(start, free.moved, trials, RUNS), clock)
+    clock.spent["derivatives"] -= before_fit
     problem = Problem(start, free, tuple(trials), runs, held)
     fits = search(problem, 1, None, None)
     took = time.process_time() - began

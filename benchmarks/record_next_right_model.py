@@ -23,13 +23,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import model
 from benchmarks.identification_coverage import Sensors, drawn_truth, played
 from rig.session import TrialData
-from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Fitted, Problem, fit
+from validation.identification.fit import Fitted, fit
 from validation.identification.further.shelf import Candidate
 from validation.identification.further.shrink import prospects
 from validation.identification.identify import action_at
 from validation.identification.noise import Marginal
 from validation.identification.observations import ObservedTrial, observe
+from validation.identification.problem import Problem
+from validation.identification.runs.exact_runs import ExactRuns
 from validation.identification.unknowns.priors import Unknowns, unknowns
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest

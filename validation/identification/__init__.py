@@ -2,6 +2,6 @@
 
 In: measured trials of one or more sessions, an action, names of parameters. Out: `outcome.result.Identification`:
 values with intervals, what the strokes cannot separate, an action file. `unknowns` says what is free, `observations`
-what is compared, `exact_runs` what the model says, `blocks` and `noise` what differences mean; `fit` and `profiles`
+what is compared, `runs` what the model says, `blocks` and `noise` what differences mean; `fit` and `profiles`
 follow; `residuals` is for optimisers of one's own.
 """

@@ -41,6 +41,7 @@ class Block:
     size : (3, m) size of the response: root of the sum of squares of the columns of laws
     load : (m,) force on the key, of its greatest
     channels : which channels the rows are, as places in `CHANNEL_NAMES`
+    driven : how many of ``own`` are of what drives the trial and of a film's clock, and can be run
     """
 
     session: int
@@ -53,6 +54,7 @@ class Block:
     size: Array
     load: Array
     channels: tuple[int, ...] = ENCODERS
+    driven: int = 0
 
 
 def rows(curves: Array) -> Array:
@@ -102,6 +104,7 @@ def make_blocks(
                 size=_size(np.hstack([moved[:, laws], fixed]), m),
                 load=_load(t),
                 channels=t.channels,
+                driven=force_columns[k].shape[2],
             )
         )
     return out

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from validation.identification.fit import Fitted, Problem
+from validation.identification.fit import Fitted
 from validation.identification.identifiability import HALF
 from validation.identification.outcome.result import (
     AT_BOUND,
@@ -17,6 +17,7 @@ from validation.identification.outcome.result import (
     TOO_FEW,
     Estimate,
 )
+from validation.identification.problem import Problem
 from validation.identification.profiles import Profile, profile
 from validation.identification.scatter import LEAST_TRIALS, factors, jackknife, of_lacking, widened
 

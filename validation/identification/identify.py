@@ -15,20 +15,22 @@ from validation.cache.content_hash import code_sha256
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.channels.key_driven import with_errors_of_what_drives
-from validation.identification.channels.responses import response_to
 from validation.identification.estimates import LACKING, estimate_all
-from validation.identification.fit import Columns, Fitted, Problem
+from validation.identification.fit import Fitted
 from validation.identification.identifiability import directions, warnings_of
 from validation.identification.minima import search
 from validation.identification.noise import FLOOR, Sizes, learn
-from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
+from validation.identification.observations import CHANNEL_NAMES
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
 from validation.identification.outcome.details import Details
 from validation.identification.outcome.held_out import score_events
 from validation.identification.outcome.joint import joint_posterior
 from validation.identification.outcome.result import AT_BOUND, FITTED, Identification
 from validation.identification.outcome.strokes_left_out import beside
+from validation.identification.problem import Columns, Problem
 from validation.identification.profiles import Profile
+from validation.identification.runs.model_runs import Response
+from validation.identification.runs.responses import response_to
 from validation.identification.scatter import lacking
 from validation.identification.scores import score
 from validation.identification.sources import Sources, collect
@@ -91,10 +93,9 @@ def identify(
     asked = unknowns(start, parameters, options.fixed, options.priors)
     sources = collect(sessions, start, options)
     asked = with_errors_of_what_drives(asked, sources.fitted)
-    response = response_to(start, asked.moved, sources.fitted, options.tolerance, options.executor)
-    problem = Problem(
-        start, asked, sources.fitted, response, held_columns(start, asked, sources.fitted, options.tolerance)
-    )
+    every = (*asked.moved, *asked.held)
+    response = response_to(start, every, sources.fitted, options.tolerance, options.executor)
+    problem = Problem(start, asked, sources.fitted, response, held_columns(response, asked))
     columns, before = look_before(problem)
     stuck = bounds_not_run(problem)
     for line in [*stuck, *before]:
@@ -136,14 +137,12 @@ def identify(
     )
 
 
-def held_columns(
-    start: model.Action, asked: Unknowns, trials: Sequence[ObservedTrial], tolerance: float
-) -> tuple[Array, ...]:
-    """Columns (m, 3, h) of each trial, of laws that are fixed; none where none is."""
+def held_columns(response: Response, asked: Unknowns) -> tuple[Array, ...]:
+    """Columns (m, c, h) of each trial, of laws that are fixed; none where none is."""
     if not asked.held:
         return ()
-    runs = response_to(start, asked.held, trials, tolerance)
-    return tuple(runs.jacobian(np.zeros(len(asked.held)), range(len(asked.held))))
+    p = len(asked.moved)
+    return tuple(response.jacobian(np.zeros(p), range(p, p + len(asked.held))))
 
 
 def look_before(problem: Problem) -> tuple[Columns, list[str]]:

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.stats import norm, qmc
 
 from validation.conventions import Array
-from validation.identification.fit import Columns, Fitted, Problem, fit
+from validation.identification.fit import Fitted, fit
+from validation.identification.problem import Columns, Problem
 
 START_SEED = 125
 

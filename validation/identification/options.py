@@ -9,8 +9,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TypedDict
 
-from validation.identification.model_runs import TOLERANCE
 from validation.identification.observations import PHASES
+from validation.identification.runs.model_runs import TOLERANCE
 from validation.options import utc_now
 
 

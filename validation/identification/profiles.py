@@ -8,13 +8,15 @@ where it does not rise enough within `priors.BOX`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from validation.conventions import Array
-from validation.identification.blocks import residuals
-from validation.identification.fit import Fitted, Problem
+from validation.identification.fit import Fitted
+from validation.identification.problem import Problem, curves_at, residuals_there
+from validation.identification.runs.own import Own
 
 CORRECTIONS = 6
 GAINED = 0.05  # of the objective: less ends the corrections
@@ -51,9 +53,9 @@ def profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Profile:
     held = [float(v) for v in np.unique(np.clip(at, low[j], high[j])) if abs(v - fitted.z[j]) > 1e-9]
     points = [_conditional(problem, fitted, j, v) for v in held]
     z, rise = [float(fitted.z[j])], [0.0]
-    for v, first, found in zip(held, points, problem.response.curves(points), strict=True):
+    for v, first in zip(held, points, strict=True):
         z.append(v)
-        rise.append(_least(problem, fitted, j, first, found) - fitted.objective)
+        rise.append(_least(problem, fitted, j, first) - fitted.objective)
     order = np.argsort(z)
     at, up = np.array(z)[order], np.array(rise)[order]
     finite = np.isfinite(up)
@@ -80,36 +82,38 @@ def _conditional(problem: Problem, fitted: Fitted, j: int, value: float) -> Arra
     return z
 
 
-def _least(problem: Problem, fitted: Fitted, j: int, z: Array, curves: list[Array] | None) -> float:
+def _least(problem: Problem, fitted: Fitted, j: int, z: Array) -> float:
     """Least objective with parameter j held, from z on."""
-    best = _objective(problem, fitted, z, curves)
+    best, linear = _look(problem, fitted, z, fitted.own_at(z))
     for _ in range(CORRECTIONS):
-        if curves is None:
+        if linear is None:
             break
-        z = _corrected(problem, fitted, j, z, curves)
-        curves = problem.response.curves([z])[0]
-        new = _objective(problem, fitted, z, curves)
+        z = _corrected(problem, fitted, j, z, linear)
+        own = None if fitted.own is None else fitted.marginal.own(linear, z)
+        new, linear = _look(problem, fitted, z, own)
         if new > best - GAINED:
             return min(new, best)
         best = new
     return best
 
 
-def _corrected(problem: Problem, fitted: Fitted, j: int, z: Array, curves: list[Array]) -> Array:
+def _corrected(problem: Problem, fitted: Fitted, j: int, z: Array, linear: list[Array]) -> Array:
     """One Gauss–Newton step of the others from runs of the model, with the columns of the fit."""
     low, high = problem.box()
     cov = fitted.covariance
-    linear = [r + b.moved @ z for r, b in zip(residuals(problem.trials, curves), fitted.marginal.blocks, strict=True)]
     mean = fitted.marginal.mean(linear)[: fitted.marginal.p]
     new = np.clip(mean + cov[:, j] / cov[j, j] * (z[j] - mean[j]), low, high)
     new[j] = z[j]
     return np.asarray(new)
 
 
-def _objective(problem: Problem, fitted: Fitted, z: Array, curves: list[Array] | None) -> float:
+def _look(problem: Problem, fitted: Fitted, z: Array, own: Sequence[Own] | None) -> tuple[float, list[Array] | None]:
+    """Objective at z, and residuals that the linear model of the fit would have at z = 0; infinite where none runs."""
+    curves, blocks = curves_at(problem, z, own), fitted.marginal.blocks
     if curves is None:
-        return float("inf")
-    return fitted.marginal.objective(residuals(problem.trials, curves), z)
+        return float("inf"), None
+    here = residuals_there(problem, blocks, curves, own)
+    return fitted.marginal.objective(here, z), [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
 
 
 def _crossings(z: Array, rise: Array, best: float, level: float, width: float) -> tuple[float, float]:

@@ -14,8 +14,8 @@ import numpy as np
 import model
 from model.errors import ModelError
 from validation.conventions import BODIES, Array
-from validation.identification.channels.responses import response_to
 from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
+from validation.identification.runs.responses import response_to
 
 
 def score(

@@ -14,9 +14,11 @@ import model
 from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.identification.fit import Problem, fit
+from validation.identification.fit import fit
 from validation.identification.identify import bounds_not_run, identify, look_before
 from validation.identification.outcome.target_file import check_target
+from validation.identification.problem import Problem
+from validation.identification.runs.own import Own
 from validation.identification.sources import _refuse_other_actions
 from validation.identification.unknowns.naming import expand
 from validation.identification.unknowns.priors import unknowns
@@ -99,9 +101,10 @@ class Stuck(toy.Toy):
 
     limit = 2.0
 
-    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
         """As in `Response`."""
-        return [None if z[0] >= self.limit else one for z, one in zip(points, super().curves(points), strict=True)]
+        found = super().curves(points, own)
+        return [None if z[0] >= self.limit else one for z, one in zip(points, found, strict=True)]
 
 
 def test_a_model_that_cannot_run_at_the_start_is_refused() -> None:

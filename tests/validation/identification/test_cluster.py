@@ -16,11 +16,11 @@ import pytest
 
 import model
 from validation.errors import ValidationInputError
-from validation.identification.channels.responses import response_to
 from validation.identification.identify import identify
-from validation.identification.model_runs import ModelRuns
 from validation.identification.observations import ObservedTrial
 from validation.identification.options import IdentifyOptions
+from validation.identification.runs.model_runs import ModelRuns
+from validation.identification.runs.responses import response_to
 from validation.identification.sources import collect
 from validation.identification.unknowns.priors import unknowns
 from validation.prediction.elsewhere import spread

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,11 +13,14 @@ import rig
 from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.identification.fit import Fitted, Problem, fit
+from validation.identification.fit import Fitted, fit
 from validation.identification.further.plan_file import write_plan
 from validation.identification.further.shelf import Candidate, at_level
 from validation.identification.further.shrink import Prospect, prospects
 from validation.identification.observations import ObservedTrial
+from validation.identification.problem import Problem
+from validation.identification.runs.model_runs import with_own
+from validation.identification.runs.own import Own
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 AGAIN = 6
@@ -37,13 +41,17 @@ class Mixed(toy.Toy):
         """The toy of one trial."""
         return Other([trial]) if trial.session else toy.Toy([trial])
 
-    def curves(self, points: list[Array]) -> list[list[Array] | None]:  # type: ignore[override]
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
         """As in `Response`."""
-        return [[self.of(t).curve(z) for t in self.trials] for z in points]
+        return [
+            [self.of(t).curve(at) for t, at in zip(self.trials, self.places(z, o), strict=True)]
+            for z, o in with_own(points, own)
+        ]
 
-    def jacobian(self, z: Array, which: list[int]) -> list[Array]:  # type: ignore[override]
+    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
         """As in `Response`."""
-        return [self.of(t).jacobian(z, which)[0] for t in self.trials]
+        at = self.places(z, own)
+        return [self.of(t).slope(here)[:, :, list(which)] for t, here in zip(self.trials, at, strict=True)]
 
 
 def first(rng: np.random.Generator, n: int = 8) -> tuple[Problem, Fitted]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,13 +12,15 @@ from scipy.optimize import lsq_linear
 import model
 from tests.validation.identification import toy
 from validation.conventions import Array
-from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Problem, fit
+from validation.identification.fit import fit
 from validation.identification.minima import search
-from validation.identification.model_runs import Case, ModelRuns, noise_knots, slow_noise_n
 from validation.identification.noise import Marginal, Sizes, box_step, learn
 from validation.identification.observations import ObservedTrial
 from validation.identification.options import IdentifyOptions
+from validation.identification.problem import Problem
+from validation.identification.runs.exact_runs import ExactRuns
+from validation.identification.runs.force_noise import noise_knots, slow_noise_n
+from validation.identification.runs.model_runs import Case, ModelRuns
 from validation.identification.sources import collect
 from validation.identification.unknowns.priors import unknowns
 
@@ -61,7 +62,7 @@ def test_planted_errors_of_the_force_are_found_beside_a_friction(pressed: Observ
     start = model.load_action()
     free = unknowns(start, ["contact07.friction"], ["*"])
     planted = Case(free.asked[0].values(start, 0.5), gain=-1.0, level=2.0, delay=0.7)
-    (curve,) = ModelRuns(start, free.moved, [pressed], 1e-8).run([planted])[0] or []
+    (curve,) = ModelRuns(start, free.moved, [pressed], 1e-8).run([[planted]])[0] or []
     noise = 1e-6 * np.random.default_rng(1).standard_normal(curve.shape)
     trial = replace(pressed, change_rad=curve + noise, u_white_rad=np.full(3, 1e-6), u_scale=np.full(3, 1e-6))
     found = fit(Problem(start, free, (trial,), ExactRuns(start, free.moved, (trial,))))
@@ -93,11 +94,10 @@ class Kinked(toy.Toy):
         """Curves (m, 3)."""
         return super().curve(z) + 4e-3 * abs(z[0] - 0.8) * np.cos(31 * toy.TIME)[:, None]
 
-    def jacobian(self, z: Array, which: Any) -> list[Array]:
+    def slope(self, z: Array) -> Array:
         """On the side where z is."""
-        out = super().jacobian(z, which)
-        for j in out:
-            j[:, :, 0] += 4e-3 * np.sign(z[0] - 0.8 + 1e-12) * np.cos(31 * toy.TIME)[:, None]
+        out = super().slope(z)
+        out[:, :, 0] += 4e-3 * np.sign(z[0] - 0.8 + 1e-12) * np.cos(31 * toy.TIME)[:, None]
         return out
 
 

@@ -12,14 +12,14 @@ import pytest
 
 import model
 from validation.errors import ValidationInputError
-from validation.identification.exact_runs import ExactRuns
 from validation.identification.identify import PROVISIONAL, identify
-from validation.identification.model_runs import Case, ModelRuns
 from validation.identification.options import IdentifyOptions
 from validation.identification.outcome.action_file import write_identified
 from validation.identification.outcome.result import FITTED, TOO_FEW
 from validation.identification.page.sentences import plain_sentences
 from validation.identification.page.write import write_reading
+from validation.identification.runs.exact_runs import ExactRuns
+from validation.identification.runs.model_runs import Case, ModelRuns
 from validation.identification.sources import collect
 from validation.identification.unknowns.priors import unknowns
 from validation.prediction.posterior import posterior_of

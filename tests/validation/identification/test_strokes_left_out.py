@@ -9,8 +9,9 @@ import pytest
 
 from tests.validation.identification import toy
 from validation.identification.estimates import estimate_all
-from validation.identification.fit import Fitted, Problem, fit
+from validation.identification.fit import Fitted, fit
 from validation.identification.outcome.strokes_left_out import beside, jackknife_over_strokes
+from validation.identification.problem import Problem
 
 
 def two_kinds(other: float) -> tuple[Problem, Fitted]:

@@ -10,8 +10,10 @@ import numpy as np
 import model
 from validation.conventions import Array
 from validation.identification.blocks import Block, rows
-from validation.identification.fit import Columns, Problem
 from validation.identification.observations import ObservedTrial
+from validation.identification.problem import Columns, Problem
+from validation.identification.runs.model_runs import places, with_own
+from validation.identification.runs.own import Own
 from validation.identification.unknowns.priors import Unknowns, unknowns
 
 ASKED = ("key.joint_friction.A", "hammer.joint_friction.A", "contact07.friction.A")
@@ -40,18 +42,24 @@ class Toy:
         total = self.parts(z).sum(axis=2)
         return np.asarray(0.1 * np.sin(12 * TIME)[:, None] + total + 2.0 * total**2)
 
-    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
         """As in `Response`."""
-        return [[self.curve(z) for _ in self.trials] for z in points]
+        return [[self.curve(at) for at in self.places(z, o)] for z, o in with_own(points, own)]
 
-    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+    def places(self, z: Array, own: Sequence[Own] | None) -> Array:
+        """Where each trial is, (trials, p)."""
+        return places(z, z.size, len(self.trials), own)
+
+    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
         """As in `Response`, exact."""
-        ones = self.parts(np.ones(z.size))
-        total = self.parts(z).sum(axis=2)
-        slope = ones * (1.0 + 4.0 * total[:, :, None])
-        return [slope[:, :, list(which)] for _ in self.trials]
+        return [self.slope(at)[:, :, list(which)] for at in self.places(z, own)]
 
-    def force_columns(self, z: Array) -> list[Array]:
+    def slope(self, z: Array) -> Array:
+        """Derivatives (m, 3, p) of `curve`."""
+        total = self.parts(z).sum(axis=2)
+        return np.asarray(self.parts(np.ones(z.size)) * (1.0 + 4.0 * total[:, :, None]))
+
+    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
         """As in `Response`: an offset and parts of noise that do next to nothing."""
         return [np.full((M, 3, 4), 1e-7) for _ in self.trials]
 

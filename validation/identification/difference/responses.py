@@ -16,8 +16,8 @@ from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, Array
 from validation.identification.blocks import rows
 from validation.identification.difference.candidates import Candidate
-from validation.identification.model_runs import SEGMENTS, noise_knots, slow_noise_n
 from validation.identification.observations import ObservedTrial
+from validation.identification.runs.force_noise import SEGMENTS, noise_knots, slow_noise_n
 from validation.identification.unknowns.priors import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.prediction.coarse_force import coarse_force
 from validation.prediction.joint_draws import drawn_tolerance

@@ -16,13 +16,14 @@ import numpy as np
 from model.errors import ModelError
 from validation.conventions import Array
 from validation.identification.blocks import INSTRUMENT, Block, make_blocks
-from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Fitted, Problem
+from validation.identification.fit import Fitted
 from validation.identification.further.shelf import Candidate
-from validation.identification.model_runs import Response
 from validation.identification.noise import NOT_SEEN, Marginal
 from validation.identification.noise.learning import scores
 from validation.identification.observations import ObservedTrial
+from validation.identification.problem import Problem
+from validation.identification.runs.exact_runs import ExactRuns
+from validation.identification.runs.model_runs import Response
 from validation.identification.unknowns.priors import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 
 TRIALS = 5

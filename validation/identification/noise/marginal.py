@@ -13,6 +13,7 @@ from validation.conventions import Array
 from validation.identification.blocks import INSTRUMENT, Block
 from validation.identification.noise.parts import TINY, Columns, common_parts, own_parts, reached
 from validation.identification.noise.sizes import Sizes
+from validation.identification.runs.own import Own
 
 Parts = tuple[Mapping[int, Columns], Sequence[Columns]]
 
@@ -106,6 +107,19 @@ class Marginal:
         b, square = self.projected(residuals)
         rest = b[self.p :]
         return square - float(rest @ cho_solve(self._rest, rest)) + float(z @ z)
+
+    def own(self, residuals: Sequence[Array], z: Array) -> list[Own]:
+        """What each trial most probably has of its own, given z (p,) and residuals at z = 0 of the linear model."""
+        there = [r - b.moved @ z for r, b in zip(residuals, self.blocks, strict=True)]
+        rest = np.zeros(self.q)
+        rest[self.p :] = cho_solve(self._rest, self.projected(there)[0][self.p :])
+        scatter, out = self.sizes.scatter, []
+        for (lower, x), b, r in zip(self.white, self.blocks, there, strict=True):
+            left = solve_triangular(lower, r, lower=True) - x @ rest[self.columns_of(b.session)]
+            pull = solve_triangular(lower, left, lower=True, trans=1)
+            laws = scatter**2 * (np.hstack([b.moved, b.held]).T @ pull)
+            out.append(Own(laws, b.own[:, : b.driven].T @ pull))
+        return out
 
     def log_likelihood(self, residuals: Sequence[Array]) -> float:
         """Log marginal likelihood of residuals at z = 0 of the linear model, but for a constant."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from validation.identification.fit import Fitted, Problem
+from validation.identification.fit import Fitted
+from validation.identification.problem import Problem
 from validation.identification.profiles import Profile
 from validation.identification.sources import Sources
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from validation.identification.fit import Fitted, Problem
+from validation.identification.fit import Fitted
 from validation.identification.outcome.result import Estimate
+from validation.identification.problem import Problem
 from validation.prediction.posterior import Posterior, make_posterior
 
 

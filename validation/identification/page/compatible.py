@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from validation.conventions import Array
 from validation.identification.estimates import LACKING
-from validation.identification.fit import Fitted, Problem
+from validation.identification.fit import Fitted
+from validation.identification.problem import Problem
 from validation.identification.scatter import lacking
 
 ODDS = 20.0

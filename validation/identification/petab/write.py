@@ -10,7 +10,7 @@ import pandas as pd
 import model
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.errors import ValidationInputError
-from validation.identification.fit import Fitted, Problem
+from validation.identification.fit import Fitted
 from validation.identification.observations import ENCODERS, ObservedTrial
 from validation.identification.petab.columns import (
     CONDITION,
@@ -28,6 +28,7 @@ from validation.identification.petab.columns import (
     TRIALS,
     petab_id,
 )
+from validation.identification.problem import Problem
 from validation.identification.unknowns.priors import Parameter, Unknowns
 
 README = """Tables in the manner of PEtab 1, written by pianorig identify.

@@ -15,10 +15,10 @@ import numpy as np
 
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.identification.blocks import residuals
-from validation.identification.fit import Fitted, Problem
+from validation.identification.fit import Fitted
 from validation.identification.identifiability import HALF
 from validation.identification.outcome.result import Identification
+from validation.identification.problem import Problem, residuals_there
 from validation.identification.sampling.chains import Chains, sample
 from validation.identification.sampling.curved import curved
 from validation.identification.scatter import factors
@@ -142,9 +142,13 @@ def _density(
         inside = np.flatnonzero(np.all((z >= low) & (z <= high), axis=1))
         for first in range(0, inside.size, AT_ONCE):
             part = inside[first : first + AT_ONCE]
-            for i, curves in zip(part, problem.response.curves([z[i] for i in part]), strict=True):
+            those = [z[i] for i in part]
+            own = None if fitted.own is None else [fitted.marginal.own(fitted.linear, at) for at in those]
+            found = problem.response.curves(those, own)
+            for i, curves, o in zip(part, found, len(those) * [None] if own is None else own, strict=True):
                 if curves is not None:
-                    out[i] = -0.5 * fitted.marginal.objective(residuals(problem.trials, curves), z[i])
+                    there = residuals_there(problem, fitted.marginal.blocks, curves, o)
+                    out[i] = -0.5 * fitted.marginal.objective(there, z[i])
             if progress is not None:
                 progress(f"sampling: {min(first + AT_ONCE, inside.size)} of {inside.size} points of this round")
         return out

@@ -18,9 +18,9 @@ from validation.identification.channels.key_driven import (
     sharing_the_key,
     with_errors_of_what_drives,
 )
-from validation.identification.channels.motion_runs import DRAWS, MotionRuns
-from validation.identification.channels.responses import MixedRuns, response_to
 from validation.identification.observations import ObservedTrial
+from validation.identification.runs.motion_runs import DRAWS, MotionRuns
+from validation.identification.runs.responses import MixedRuns, response_to
 from validation.identification.unknowns.priors import FORCE, KEY, unknowns
 from validation.measurement.force_correction import ForceChannel, Quiet
 

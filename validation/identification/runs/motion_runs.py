@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,9 +21,10 @@ from model.motion_driven.prescribed_key import run_prescribed
 from model.motion_driven.spline_fit import DEGREE
 from validation.conventions import BODIES, Array
 from validation.identification.blocks import MOVED_RAD
-from validation.identification.exact_runs import MOTION, TANGENT, acting, derivatives_hold
-from validation.identification.model_runs import LATE_S, SMALL_STEP, STEP, TOLERANCE
 from validation.identification.observations import ObservedTrial
+from validation.identification.runs.exact_runs import MOTION, TANGENT, acting, derivatives_hold
+from validation.identification.runs.model_runs import LATE_S, SMALL_STEP, STEP, TOLERANCE, places, with_own
+from validation.identification.runs.own import Own
 from validation.identification.unknowns.priors import KEY_SCALE, KEY_ZERO, Parameter
 from validation.prediction.elsewhere import spread
 
@@ -34,12 +35,15 @@ DRAW_SEED = 160
 
 @dataclass(frozen=True)
 class Drive:
-    """What one run does: values of the action, errors of the key's encoder in u, a draw, error of a film's clock."""
+    """What one run does: values of the action, errors of the key's encoder in u, error of a film's clock.
+
+    ``draws`` are whole motions of the posterior, by number and weight.
+    """
 
     changed: dict[str, float] = field(hash=False)
     scale: float = 0.0
     zero: float = 0.0
-    draw: int = -1
+    draws: tuple[tuple[int, float], ...] = ()
     film_late_s: float = 0.0
 
     def motion(self, trial: ObservedTrial) -> model.KeyMotion:
@@ -47,9 +51,9 @@ class Drive:
         fit = trial.key
         assert fit is not None
         c = fit.coefficients
-        if self.draw >= 0:
-            random = np.random.default_rng([DRAW_SEED, trial.session, trial.number, self.draw])
-            c = c + solve_banded((0, DEGREE), fit.factor, random.standard_normal(len(c)))
+        for draw, weight in self.draws:
+            random = np.random.default_rng([DRAW_SEED, trial.session, trial.number, draw])
+            c = c + weight * solve_banded((0, DEGREE), fit.factor, random.standard_normal(len(c)))
         if self.scale or self.zero:
             # control points of knots at every sample stand next to the curve
             turned = c + fit.offset_rad
@@ -74,7 +78,7 @@ class MotionRuns:
         self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
 
     def drive(self, z: Array) -> Drive:
-        """What the runs at z do."""
+        """What the runs at z, of all parameters, do."""
         changed: dict[str, float] = {}
         errors = {KEY_SCALE: 0.0, KEY_ZERO: 0.0}
         for p, value in zip(self.parameters, z, strict=True):
@@ -83,52 +87,75 @@ class MotionRuns:
                 errors[p.name] = float(value)
         return Drive(changed, errors[KEY_SCALE], errors[KEY_ZERO])
 
-    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
-        """Curves at each point; see `Response`."""
-        return self._run([self.drive(z) for z in points])
+    def places(self, z: Array, own: Sequence[Own] | None) -> Array:
+        """Where each trial is; see `model_runs.places`."""
+        return places(z, len(self.parameters), len(self.trials), own)
 
-    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+    def there(self, somewhere: Sequence[Array], own: Sequence[Own] | None) -> list[list[Array] | None]:
+        """Curves at each of several places (trials, n)."""
+        return self.run([self.cases(at, own) for at in somewhere])
+
+    def cases(self, at: Array, own: Sequence[Own] | None) -> list[Drive]:
+        """What the run of each trial does where it is."""
+        if own is None:
+            return len(self.trials) * [self.drive(at[0])]
+        out = []
+        for place, trial, o in zip(at, self.trials, own, strict=True):
+            draws = tuple((i, float(w) / np.sqrt(DRAWS)) for i, w in enumerate(o.drive[:DRAWS]))
+            late = float(o.drive[DRAWS]) * trial.u_film_time_s if o.drive.size > DRAWS else 0.0
+            out.append(replace(self.drive(place), draws=draws, film_late_s=late))
+        return out
+
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
+        """Curves at each point; see `Response`."""
+        return self.run([self.cases(self.places(z, o), o) for z, o in with_own(points, own)])
+
+    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
         """Derivatives with respect to z; see `Response`."""
         errors = [j for j in which if self.parameters[j].name in (KEY_SCALE, KEY_ZERO)]
+        at = self.places(z, own)
         try:
             found = [np.zeros((*t.change_rad.shape, len(which))) for t in self.trials]
             asked = [j for j in which if j in self.acting]
             if asked:
                 names = tuple(self.parameters[j].name for j in asked)
-                units = np.array([self.parameters[j].per_u(self.action, float(z[j])) for j in asked])
-                place, here = [list(which).index(j) for j in asked], self.drive(z)
-                tasks = [(self.action.with_values(here.changed), names, here, t) for t in self.trials]
-                for own, columns in zip(found, spread(self.executor, driven_tangents, tasks), strict=True):
-                    own[:, :, place] = columns * units
-            self._by_differences(found, z, which, errors)
+                place, drives = [list(which).index(j) for j in asked], self.cases(at, own)
+                tasks = [
+                    (self.action.with_values(d.changed), names, d, t) for d, t in zip(drives, self.trials, strict=True)
+                ]
+                for out, here, columns in zip(found, at, spread(self.executor, driven_tangents, tasks), strict=True):
+                    units = [self.parameters[j].per_u(self.action, float(here[j])) for j in asked]
+                    out[:, :, place] = columns * np.array(units)
+            self._by_differences(found, at, own, which, errors)
         except ModelError:  # differences of runs go on where a tangent cannot
             found = []
-        if found and derivatives_hold(self, z, list(which), found):
+        if found and derivatives_hold(self, at, own, list(which), found):
             return found
-        out = [np.zeros((*t.change_rad.shape, len(which))) for t in self.trials]
-        self._by_differences(out, z, which, [j for j in which if j in self.acting or j in errors])
-        return out
+        found = [np.zeros((*t.change_rad.shape, len(which))) for t in self.trials]
+        self._by_differences(found, at, own, which, [j for j in which if j in self.acting or j in errors])
+        return found
 
-    def force_columns(self, z: Array) -> list[Array]:
+    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
         """Columns of what the encoder leaves open of the key's motion, and of a film's clock; see `Response`."""
-        here = self.drive(z)
-        drives = [Drive(here.changed, here.scale, here.zero, draw) for draw in range(DRAWS)]
-        filmed = any(t.film_time_s is not None for t in self.trials)
-        if filmed:
-            drives.append(Drive(here.changed, here.scale, here.zero, film_late_s=LATE_S))
-        base, *moved = self._run([here, *drives])
+        here = self.cases(self.places(z, own), own)
+        members = [here, *([replace(d, draws=(*d.draws, (draw, 1.0))) for d in here] for draw in range(DRAWS))]
+        if any(t.film_time_s is not None for t in self.trials):
+            members.append([replace(d, film_late_s=d.film_late_s + LATE_S) for d in here])
+        base, *moved = self.run(members)
         _refuse(base)
         out = []
         for k, trial in enumerate(self.trials):
             columns = []
-            for drive, curves in zip(drives, moved, strict=True):
+            for i, curves in enumerate(moved):
                 _refuse(curves)
-                unit = 1.0 / np.sqrt(DRAWS) if drive.draw >= 0 else trial.u_film_time_s / LATE_S
+                unit = 1.0 / np.sqrt(DRAWS) if i < DRAWS else trial.u_film_time_s / LATE_S
                 columns.append(unit * (curves[k] - base[k]))  # type: ignore[index]
             out.append(np.stack(columns, axis=-1))
         return out
 
-    def _by_differences(self, out: Sequence[Array], z: Array, which: Sequence[int], asked: Sequence[int]) -> None:
+    def _by_differences(
+        self, out: Sequence[Array], at: Array, own: Sequence[Own] | None, which: Sequence[int], asked: Sequence[int]
+    ) -> None:
         """Fill columns by differences of runs.
 
         Raises
@@ -138,22 +165,25 @@ class MotionRuns:
         """
         if not asked:
             return
-        points = [z]
-        for j in asked:
-            points.append(z + (STEP if self.parameters[j].factor else SMALL_STEP) * (np.arange(z.size) == j))
-        base, *moved = self.curves(points)
+        steps = [STEP if self.parameters[j].factor else SMALL_STEP for j in asked]
+        places = [at, *(at + step * (np.arange(at.shape[1]) == j) for j, step in zip(asked, steps, strict=True))]
+        base, *moved = self.there(places, own)
         _refuse(base)
-        for j, point, curves in zip(asked, points[1:], moved, strict=True):
+        for j, step, curves in zip(asked, steps, moved, strict=True):
             _refuse(curves)
             for k in range(len(self.trials)):
-                out[k][:, :, list(which).index(j)] = (curves[k] - base[k]) / (point[j] - z[j])  # type: ignore[index]
+                out[k][:, :, list(which).index(j)] = (curves[k] - base[k]) / step  # type: ignore[index]
 
-    def _run(self, drives: Sequence[Drive]) -> list[list[Array] | None]:
-        """Curves of every trial in each case; None where one of them cannot run."""
-        jobs = [Run(self.action, drive, trial, self.tolerance) for drive in drives for trial in self.trials]
+    def run(self, members: Sequence[Sequence[Drive]]) -> list[list[Array] | None]:
+        """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
+        jobs = [
+            Run(self.action, drive, trial, self.tolerance)
+            for drives in members
+            for drive, trial in zip(drives, self.trials, strict=True)
+        ]
         found = spread(self.executor, curve_of, jobs)
         n = len(self.trials)
-        by_case = [found[i * n : (i + 1) * n] for i in range(len(drives))]
+        by_case = [found[i * n : (i + 1) * n] for i in range(len(members))]
         return [None if any(c is None for c in some) else [c for c in some if c is not None] for some in by_case]
 
 

@@ -17,8 +17,9 @@ import model
 from model.errors import InputError, ModelError
 from model.sensitivity.parameter_names import directions
 from validation.conventions import BODIES, Array
-from validation.identification.model_runs import TOLERANCE, Case, ModelRuns
 from validation.identification.observations import ObservedTrial
+from validation.identification.runs.model_runs import TOLERANCE, Case, ModelRuns
+from validation.identification.runs.own import Own
 from validation.identification.unknowns.priors import Parameter
 from validation.prediction.elsewhere import spread
 
@@ -60,12 +61,12 @@ def tangents(task: Tangents) -> Array:
 
 
 class _Runs(Protocol):
-    """What gives curves with a stated error."""
+    """What gives curves with a stated error, of trials that are each where they are."""
 
     tolerance: float
 
-    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
-        """Curves at each point; see `Response`."""
+    def there(self, somewhere: Sequence[Array], own: Sequence[Own] | None) -> list[list[Array] | None]:
+        """Curves at each of several (trials, n) places."""
         ...
 
 
@@ -83,40 +84,47 @@ class ExactRuns(ModelRuns):
         super().__init__(action, parameters, trials, TOLERANCE if tolerance is None else tolerance, executor)
         self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
 
-    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
         """Derivatives with respect to z; see `Response`."""
         asked = [j for j in which if j in self.acting]
         by_runs = [j for j in which if not self.parameters[j].paths]
-        case = self.case(z)
-        here = self.action.with_values(case.changed)
+        at = self.places(z, own)
         names = tuple(self.parameters[j].name for j in asked)
-        units = np.array([self.parameters[j].per_u(self.action, float(z[j])) for j in asked])
         place = [list(which).index(j) for j in asked]
         try:
             found = [np.zeros((*t.change_rad.shape, len(which))) for t in self.trials]
             if asked:
-                tasks = [Tangents(here, names, case, trial) for trial in self.trials]
-                for out, columns in zip(found, spread(self.executor, tangents, tasks), strict=True):
-                    out[:, :, place] = columns * units
+                tasks = [
+                    Tangents(self.action.with_values(case.changed), names, case, trial)
+                    for case, trial in zip(self.cases(at, own), self.trials, strict=True)
+                ]
+                for out, here, columns in zip(found, at, spread(self.executor, tangents, tasks), strict=True):
+                    out[:, :, place] = columns * self.units(asked, here)
             if by_runs:
-                force = super().jacobian(z, by_runs)
+                force = super().jacobian(z, by_runs, own)
                 for out, columns in zip(found, force, strict=True):
                     out[:, :, [list(which).index(j) for j in by_runs]] = columns
         except ModelError:  # differences of runs go on where a tangent cannot
             found = []
-        if found and derivatives_hold(self, z, list(which), found):
+        if found and derivatives_hold(self, at, own, list(which), found):
             return found
-        return super().jacobian(z, which)
+        return super().jacobian(z, which, own)
+
+    def units(self, which: Sequence[int], at: Array) -> Array:
+        """What one prior standard uncertainty is of each parameter, where a trial is."""
+        return np.array([self.parameters[j].per_u(self.action, float(at[j])) for j in which])
 
 
-def derivatives_hold(runs: _Runs, z: Array, which: list[int], jacobian: Sequence[Array]) -> bool:
+def derivatives_hold(
+    runs: _Runs, at: Array, own: Sequence[Own] | None, which: list[int], jacobian: Sequence[Array]
+) -> bool:
     """Whether a small step in all parameters at once does what the derivatives say.
 
     A tangent that steps over a layer in which friction turns round may grow without bound; a difference shows it.
     """
-    step = np.zeros(z.size)
+    step = np.zeros(at.shape[1])
     step[which] = PROBE * np.where(np.arange(len(which)) % 2, 1.0, -1.0)
-    here, there = runs.curves([z, z + step])
+    here, there = runs.there([at, at + step], own)
     if here is None or there is None:
         return False
     for k, derivative in enumerate(jacobian):

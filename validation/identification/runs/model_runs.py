@@ -20,6 +20,8 @@ from model.simulation.options import ForceDrivenOptions
 from validation.conventions import Array
 from validation.identification.blocks import MOVED_RAD
 from validation.identification.observations import ObservedTrial
+from validation.identification.runs.force_noise import SEGMENTS, noise_knots, own_units
+from validation.identification.runs.own import Own
 from validation.identification.unknowns.priors import (
     FORCE_DELAY,
     FORCE_GAIN,
@@ -33,24 +35,24 @@ from validation.prediction.elsewhere import lost
 STEP = 0.015  # of a prior standard uncertainty: half a percent of a friction; after an impact larger steps bend
 SMALL_STEP = 0.1  # of what is known well
 TOLERANCE = 2e-7
-SEGMENTS = 24  # of a trial, between which its force noise is taken to change linearly
-RISE = 0.75  # share of them before the hammer is up: there the noise of a fast stroke still turns into motion
-BEFORE_S = 2e-3  # before the first phase the force is the preload, without noise
 BUMP_N = 0.01
 OFFSET_N = 0.01
 LATE_S = 1e-4  # by which a film's clock is moved for its column
 
 
 class Response(Protocol):
-    """What the fit asks of a model."""
+    """What the fit asks of a model.
 
-    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+    ``own`` is what each trial has of its own, nothing by default; of `curves` it is one such sequence for each point.
+    """
+
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
         """Curves of every trial at each point z (p,); None where the model cannot run."""
 
-    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
-        """Derivatives (m, c, len(which)) of every trial with respect to some of z."""
+    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
+        """Derivatives (m, c, len(which)) of every trial with respect to some of z, and of fixed laws after them."""
 
-    def force_columns(self, z: Array) -> list[Array]:
+    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
         """Changes (m, c, k) under what a trial has of its own: force offset, parts of force noise, a film's clock."""
 
 
@@ -64,6 +66,7 @@ class Case:
     gain, level, delay : errors of the force that all trials share, in standard uncertainties
     key_scale, key_zero : errors of the key's encoder, likewise
     offset_n : of each trial's force once it acts, N
+    noise_n : force noise at each knot of `noise_knots`, N; empty where there is none
     bump : knot of the force noise that is moved, none below zero
     film_late_s : error of a film's clock
     """
@@ -75,6 +78,7 @@ class Case:
     key_scale: float = 0.0
     key_zero: float = 0.0
     offset_n: float = 0.0
+    noise_n: tuple[float, ...] = ()
     bump: int = -1
     film_late_s: float = 0.0
 
@@ -83,6 +87,8 @@ class Case:
         when, force = trial.force_time_s, trial.force_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
         if self.delay:
             force = np.interp(when, when + self.delay * trial.u_delay_s, force)
+        if self.noise_n:
+            force = force + np.interp(when, noise_knots(trial), self.noise_n)
         if self.bump >= 0:
             force = force + np.interp(when, noise_knots(trial), BUMP_N * (np.arange(SEGMENTS + 1) == self.bump))
         return force
@@ -90,6 +96,13 @@ class Case:
     def preload_n(self, trial: ObservedTrial) -> float:
         """Force under which the action rests."""
         return trial.preload_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
+
+    def with_noise(self, trial: ObservedTrial, weights: Array) -> Case:
+        """The same with the trial's own force and clock, weights of `Response.force_columns`."""
+        found = own_units(trial)[: weights.size] * weights
+        late = float(found[1 + SEGMENTS]) if weights.size > 1 + SEGMENTS else 0.0
+        noise = (0.0, *(float(v) for v in found[1 : 1 + SEGMENTS]))
+        return replace(self, offset_n=float(found[0]), noise_n=noise, film_late_s=late)
 
     def read(self, trial: ObservedTrial, turn_rad: Array) -> Array:
         """Channels (m, c) of a trial from the model's turns (k, 5): what its sensors read."""
@@ -112,7 +125,7 @@ class ModelRuns:
     action : model.Action
         Its values are z = 0.
     parameters : sequence of Parameter
-        What z moves.
+        What z moves, and after that laws which are fixed, but may be others in single trials.
     trials : sequence of ObservedTrial
     tolerance : float
         Largest error of any angle of a run, rad.
@@ -139,12 +152,28 @@ class ModelRuns:
             out |= parameter.values(self.action, float(value))
         return out
 
-    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
         """Curves at each point; see `Response`."""
-        return self.run([self.case(z) for z in points])
+        return self.run([self.cases(self.places(z, o), o) for z, o in with_own(points, own)])
+
+    def places(self, z: Array, own: Sequence[Own] | None) -> Array:
+        """Where each trial is; see `places`."""
+        return places(z, len(self.parameters), len(self.trials), own)
+
+    def there(self, somewhere: Sequence[Array], own: Sequence[Own] | None) -> list[list[Array] | None]:
+        """Curves at each of several places (trials, n)."""
+        return self.run([self.cases(at, own) for at in somewhere])
+
+    def cases(self, at: Array, own: Sequence[Own] | None) -> list[Case]:
+        """The member of each trial where it is."""
+        if own is None:
+            return len(self.trials) * [self.case(at[0])]
+        return [
+            self.case(place).with_noise(trial, o.drive) for place, trial, o in zip(at, self.trials, own, strict=True)
+        ]
 
     def case(self, z: Array) -> Case:
-        """The member at z."""
+        """The member at z, of all parameters."""
         bench = {p.name: float(value) for p, value in zip(self.parameters, z, strict=True) if not p.paths}
         return Case(
             self.at(z),
@@ -155,33 +184,29 @@ class ModelRuns:
             key_zero=bench.get(KEY_ZERO, 0.0),
         )
 
-    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
         """Derivatives with respect to z; see `Response`."""
-        points = [self.case(z)]
+        at = self.places(z, own)
+        points = [at]
         steps = np.array([STEP if self.parameters[j].factor else SMALL_STEP for j in which])
         for j, step in zip(which, steps, strict=True):
-            moved = z.copy()
-            moved[j] += step
-            points.append(self.case(moved))
-        return self._differences(self.run(points), steps, [self.parameters[j].name for j in which])
+            moved = at.copy()
+            moved[:, j] += step
+            points.append(moved)
+        return self._differences(self.there(points, own), steps, [self.parameters[j].name for j in which])
 
-    def force_columns(self, z: Array) -> list[Array]:
+    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
         """Changes under errors of each trial's own force; see `Response`."""
-        here = self.case(z)
+        here = self.cases(self.places(z, own), own)
         # the baseline is the preload: its knot has no noise
-        points = [here, replace(here, offset_n=OFFSET_N)] + [replace(here, bump=i) for i in range(1, SEGMENTS + 1)]
+        points = [here, [replace(c, offset_n=c.offset_n + OFFSET_N) for c in here]]
+        points += [[replace(c, bump=i) for c in here] for i in range(1, SEGMENTS + 1)]
         steps, names = [OFFSET_N] + SEGMENTS * [BUMP_N], ["force offset", *SEGMENTS * ["force noise"]]
-        filmed = any(t.film_time_s is not None for t in self.trials)
-        if filmed:
-            points, steps, names = (
-                [*points, replace(here, film_late_s=LATE_S)],
-                [*steps, LATE_S],
-                [*names, "film clock"],
-            )
+        if any(t.film_time_s is not None for t in self.trials):
+            points.append([replace(c, film_late_s=c.film_late_s + LATE_S) for c in here])
+            steps, names = [*steps, LATE_S], [*names, "film clock"]
         unit = self._differences(self.run(points), np.array(steps), names)
-        clock = [[t.u_film_time_s] if filmed else [] for t in self.trials]
-        scale = [np.concatenate([[t.u_offset_n], slow_noise_n(t), c]) for t, c in zip(self.trials, clock, strict=True)]
-        return [columns * by for columns, by in zip(unit, scale, strict=True)]
+        return [columns * own_units(t)[: columns.shape[2]] for columns, t in zip(unit, self.trials, strict=True)]
 
     def _differences(self, found: list[list[Array] | None], steps: Array, names: list[str]) -> list[Array]:
         base = found[0]
@@ -195,66 +220,73 @@ class ModelRuns:
                 out[k][:, :, j] = (curve - base[k]) / steps[j]
         return out
 
-    def run(self, cases: Sequence[Case]) -> list[list[Array] | None]:
-        """Curves of every trial in each case; None where one of them cannot run."""
+    def run(self, members: Sequence[Sequence[Case]]) -> list[list[Array] | None]:
+        """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
         jobs: list[model.batch.Job] = []
-        rests: list[dict[float, model.RestState] | None] = []
-        for case in cases:
-            known: dict[float, model.RestState] = {}
-            try:
-                action = self.action.with_values(case.changed)
-                for trial in self.trials:
-                    preload = case.preload_n(trial)
-                    if preload not in known:
-                        known[preload] = model.rest_state(action, force_n=preload)
-            except ModelError:
-                rests.append(None)
+        rests: list[list[tuple[model.Action, model.RestState]] | None] = []
+        for cases in members:
+            found = self._rests(cases)
+            rests.append(found)
+            if found is None:
                 continue
-            rests.append(known)
-            for trial in self.trials:
+            for case, trial, (action, rest) in zip(cases, self.trials, found, strict=True):
                 when = trial.model_time_s(case.film_late_s)
                 chosen = ForceDrivenOptions(tolerance=self.tolerance, output_time_s=when)
                 table = {trial.label: (trial.force_time_s, case.felt_n(trial))}
-                jobs += model.batch.make_jobs(action, table, {"": {}}, chosen, known[case.preload_n(trial)])
-        members = iter(model.batch.run_jobs(model.batch.lanes.choose(jobs, None), executor=self.executor))
+                jobs += model.batch.make_jobs(action, table, {"": {}}, chosen, rest)
+        done = iter(model.batch.run_jobs(model.batch.lanes.choose(jobs, None), executor=self.executor))
         self.runs += len(jobs)
-        made = zip(cases, rests, strict=True)
-        return [None if known is None else self._curves(case, known, members) for case, known in made]
+        made = zip(members, rests, strict=True)
+        return [None if found is None else self._curves(cases, found, done) for cases, found in made]
+
+    def _rests(self, cases: Sequence[Case]) -> list[tuple[model.Action, model.RestState]] | None:
+        """Action and rest of each trial; None where one of them has no rest. What trials share is found once."""
+        actions: dict[int, model.Action] = {}
+        known: dict[tuple[int, float], model.RestState] = {}
+        out = []
+        try:
+            for case, trial in zip(cases, self.trials, strict=True):
+                one, preload = id(case.changed), case.preload_n(trial)
+                if one not in actions:
+                    actions[one] = self.action.with_values(case.changed)
+                if (one, preload) not in known:
+                    known[one, preload] = model.rest_state(actions[one], force_n=preload)
+                out.append((actions[one], known[one, preload]))
+        except ModelError:
+            return None
+        return out
 
     def _curves(
-        self, case: Case, known: dict[float, model.RestState], members: Iterator[model.batch.Member]
+        self,
+        cases: Sequence[Case],
+        rests: Sequence[tuple[model.Action, model.RestState]],
+        members: Iterator[model.batch.Member],
     ) -> list[Array] | None:
         """Curves of every trial from the next members; None where one has failed."""
         curves = []
-        for trial in self.trials:
+        for case, trial, (_, rest) in zip(cases, self.trials, rests, strict=True):
             member = next(members)
             if member.error is not None and not isinstance(member.error, ModelError):
                 raise lost(member.error)  # a run that was lost is not a model that cannot run
             solution = member.solution
             if solution is not None:
-                turn = np.asarray(solution.angle_rad)[:, :5] - known[case.preload_n(trial)].angle_rad[:5]
+                turn = np.asarray(solution.angle_rad)[:, :5] - rest.angle_rad[:5]
                 curves.append(case.read(trial, turn))
         return curves if len(curves) == len(self.trials) else None
 
 
-def noise_knots(trial: ObservedTrial) -> Array:
-    """Times (SEGMENTS + 1,) between which the noise of the force is taken to change linearly.
-
-    They are close together while the hammer rises: segments of equal length left a forte two of them there, and
-    its noise went into the friction.
-    """
-    hammer = np.abs(trial.change_rad[:, 2])
-    begin, end = float(trial.time_s[0]), float(trial.force_time_s[-1])
-    up = float(trial.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))])
-    up = min(max(up, begin + 1e-3), 0.9 * end + 0.1 * begin)
-    first = int(RISE * SEGMENTS)
-    rise = np.linspace(begin, up, first)
-    return np.concatenate([[begin - BEFORE_S], rise, np.linspace(up, end, SEGMENTS + 1 - first)[1:]])
+def with_own(
+    points: Sequence[Array], own: Sequence[Sequence[Own]] | None
+) -> Iterator[tuple[Array, Sequence[Own] | None]]:
+    """Each point with what the trials have of their own there."""
+    return zip(points, len(points) * [None] if own is None else own, strict=True)
 
 
-def slow_noise_n(trial: ObservedTrial) -> Array:
-    """Standard deviation of white force noise, averaged around each knot but the first, N."""
-    step = float(np.median(np.diff(trial.force_time_s)))
-    knots = noise_knots(trial)
-    length = 0.5 * (np.append(knots[2:], knots[-1]) - knots[:-1])
-    return np.asarray(trial.noise_n * np.sqrt(step / length))
+def places(z: Array, n: int, trials: int, own: Sequence[Own] | None) -> Array:
+    """Where each trial is, (trials, n) of all parameters; those that z does not reach are as the action has them."""
+    at = np.zeros((trials, n))
+    at[:, : z.size] = z
+    if own is not None:
+        for k, o in enumerate(own):
+            at[k, : o.laws.size] += o.laws
+    return at

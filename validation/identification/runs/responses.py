@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
 
 import model
 from validation.conventions import Array
-from validation.identification.channels.motion_runs import MotionRuns
-from validation.identification.exact_runs import ExactRuns
-from validation.identification.model_runs import TOLERANCE, Response
 from validation.identification.observations import ObservedTrial
+from validation.identification.runs.exact_runs import ExactRuns
+from validation.identification.runs.model_runs import TOLERANCE, Response
+from validation.identification.runs.motion_runs import MotionRuns
+from validation.identification.runs.own import Own
 from validation.identification.unknowns.priors import Parameter
 
 
@@ -23,24 +24,24 @@ class MixedRuns:
         self.parts = [(list(places), response) for places, response in parts]
         self.size = sum(len(places) for places, _ in self.parts)
 
-    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
         """Curves of every trial at each point; None where a trial of either kind cannot run."""
-        found = [response.curves(points) for _, response in self.parts]
+        found = [
+            response.curves(points, None if own is None else [[o[k] for k in places] for o in own])
+            for places, response in self.parts
+        ]
         return [
             None if any(part[i] is None for part in found) else self._joined([part[i] for part in found])
             for i in range(len(points))
         ]
 
-    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
         """Derivatives of every trial."""
-        return self._of_each(lambda response: response.jacobian(z, which))
+        return self._joined([response.jacobian(z, which, _those(places, own)) for places, response in self.parts])
 
-    def force_columns(self, z: Array) -> list[Array]:
+    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
         """Columns of what each trial has of its own."""
-        return self._of_each(lambda response: response.force_columns(z))
-
-    def _of_each(self, one: Callable[[Response], list[Array]]) -> list[Array]:
-        return self._joined([one(response) for _, response in self.parts])
+        return self._joined([response.force_columns(z, _those(places, own)) for places, response in self.parts])
 
     def _joined(self, parts: Sequence[list[Array] | None]) -> list[Array]:
         out: list[Array] = [np.empty(0)] * self.size
@@ -49,6 +50,10 @@ class MixedRuns:
             for place, curve in zip(places, curves, strict=True):
                 out[place] = curve
         return out
+
+
+def _those(places: Sequence[int], own: Sequence[Own] | None) -> list[Own] | None:
+    return None if own is None else [own[k] for k in places]
 
 
 def response_to(
@@ -63,7 +68,7 @@ def response_to(
     Parameters
     ----------
     action : its values are z = 0
-    parameters : what z moves
+    parameters : what z moves, and after that laws which are fixed, but may be others in single trials
     trials : of either kind
     tolerance : largest error of any angle of a run, rad
     executor : where to compute; by default threads of this process

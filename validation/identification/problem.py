@@ -1,0 +1,121 @@
+"""What is fitted to what, and the linear model of it where a fit stands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import model
+from validation.conventions import Array
+from validation.identification.blocks import Block, make_blocks, residuals
+from validation.identification.noise.sizes import family_of
+from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
+from validation.identification.runs.model_runs import Response
+from validation.identification.runs.own import Own, without_own
+from validation.identification.unknowns.priors import Unknowns
+
+AFAR = 1.0  # how far z may move before columns of force noise are found again
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is fitted to what.
+
+    Attributes
+    ----------
+    action : model.Action
+    unknowns : Unknowns
+    trials : tuple of ObservedTrial
+    response : Response
+    held : columns (m, 3, h) of each trial, of laws that are fixed
+    """
+
+    action: model.Action
+    unknowns: Unknowns
+    trials: tuple[ObservedTrial, ...]
+    response: Response
+    held: tuple[Array, ...] = ()
+
+    @property
+    def families(self) -> NDArray[np.intp]:
+        """Family of everything that moves and of the h fixed laws that scatter, (p + h,); -1 for what is no law."""
+        held = self.held[0].shape[2] if self.held else 0
+        return np.array([family_of(p) for p in (*self.unknowns.moved, *self.unknowns.held[:held])], dtype=np.intp)
+
+    @property
+    def laws(self) -> NDArray[np.bool_]:
+        """What scatters from trial to trial: laws among what moves, and the h columns of fixed ones, (p + h,) bool."""
+        return self.families >= 0
+
+    @property
+    def watched(self) -> NDArray[np.intp]:
+        """Places in z of what must have settled: what is asked for, and errors of the force, which bend a stroke."""
+        n = len(self.unknowns.asked)
+        return np.array([j for j, p in enumerate(self.unknowns.moved) if j < n or not p.paths], dtype=np.intp)
+
+    @property
+    def seen(self) -> Array:
+        """1 where a session measured a channel, else 0, (sessions, channels)."""
+        places = {t.session: t.channels for t in self.trials}
+        whole = range(len(CHANNEL_NAMES))
+        return np.array([np.isin(whole, places.get(s, ())) for s in range(1 + max(places))], dtype=float)
+
+    def box(self) -> tuple[Array, Array]:
+        """Smallest and largest z, (p,) each."""
+        pairs = [p.box(self.action) for p in self.unknowns.moved]
+        return np.array([a for a, _ in pairs]), np.array([b for _, b in pairs])
+
+
+class Columns:
+    """The linear model where the fit stands; kept while it stands there."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._last: tuple[Array, Sequence[Own] | None, list[Block]] | None = None
+        self._force: tuple[Array, list[Array]] | None = None
+        self._held: Sequence[Array] = problem.held
+
+    def blocks(self, z: Array, own: Sequence[Own] | None = None, near: bool = True) -> list[Block]:
+        """The linear model at z, with what trials have of their own, ``near`` the minimum or on the way to it.
+
+        All that moves is found afresh: old columns turn the last steps aside. Those of force noise are kept on the way
+        and while z moves little: they only say how large it is. Those of fixed laws are kept on the way.
+        """
+        last = self._last
+        if last is not None and last[1] is own and np.array_equal(last[0], z):
+            return last[2]
+        problem, p = self.problem, z.size
+        if self._force is None or (near and np.max(np.abs(z - self._force[0]), initial=0.0) > AFAR):
+            self._force = z.copy(), problem.response.force_columns(z, own)
+        if near and own is not None and problem.held:
+            both = problem.response.jacobian(z, range(p + problem.held[0].shape[2]), own)
+            jacobian, self._held = [j[:, :, :p] for j in both], [j[:, :, p:] for j in both]
+        else:
+            jacobian = problem.response.jacobian(z, range(p), own)
+        blocks = make_blocks(problem.trials, jacobian, self._force[1], problem.laws[:p], self._held)
+        self._last = z.copy(), own, blocks
+        return blocks
+
+
+def residuals_there(
+    problem: Problem, blocks: Sequence[Block], curves: Sequence[Array], own: Sequence[Own] | None
+) -> list[Array]:
+    """Residuals of curves that hold what trials have of their own, without it by the linear model."""
+    found = residuals(problem.trials, curves)
+    return found if own is None else without_own(blocks, found, own)
+
+
+def linear_residuals(
+    problem: Problem, blocks: Sequence[Block], curves: Sequence[Array], z: Array, own: Sequence[Own] | None = None
+) -> list[Array]:
+    """Residuals that the linear model would have at z = 0, were there nothing that trials have of their own."""
+    found = residuals_there(problem, blocks, curves, own)
+    return [r + b.moved @ z for r, b in zip(found, blocks, strict=True)]
+
+
+def curves_at(problem: Problem, z: Array, own: Sequence[Own] | None = None) -> list[Array] | None:
+    """Curves of all trials at one point; None where one of them cannot run."""
+    return problem.response.curves([z], None if own is None else [own])[0]
