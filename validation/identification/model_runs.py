@@ -35,7 +35,7 @@ SMALL_STEP = 0.1  # of what is known well
 TOLERANCE = 2e-7
 SEGMENTS = 24  # of a trial, between which its force noise is taken to change linearly
 RISE = 0.75  # share of them before the hammer is up: there the noise of a fast stroke still turns into motion
-BEFORE_S = 2e-3  # before the first phase the force is the preload, without noise
+BEFORE_S = 2e-3  # before the force acts it is the preload, without noise; over so long the noise comes up
 BUMP_N = 0.01
 OFFSET_N = 0.01
 LATE_S = 1e-4  # by which a film's clock is moved for its column
@@ -240,11 +240,14 @@ class ModelRuns:
 def noise_knots(trial: ObservedTrial) -> Array:
     """Times (SEGMENTS + 1,) between which the noise of the force is taken to change linearly.
 
-    They are close together while the hammer rises: segments of equal length left a forte two of them there, and
-    its noise went into the friction.
+    They begin where the force first differs from the preload: a soft stroke's first phase is later. They are close
+    together while the hammer rises: segments of equal length left a forte two of them there, and its noise went into
+    the friction.
     """
     hammer = np.abs(trial.change_rad[:, 2])
-    begin, end = float(trial.time_s[0]), float(trial.force_time_s[-1])
+    acts = np.flatnonzero(trial.force_n != trial.force_n[0])
+    first_phase, end = float(trial.time_s[0]), float(trial.force_time_s[-1])
+    begin = min(first_phase, float(trial.force_time_s[acts[0]])) if acts.size else first_phase
     up = float(trial.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))])
     up = min(max(up, begin + 1e-3), 0.9 * end + 0.1 * begin)
     first = int(RISE * SEGMENTS)

@@ -13,6 +13,7 @@ from scipy.optimize import lsq_linear
 import model
 from tests.validation.identification import toy
 from validation.conventions import Array
+from validation.identification.channels.key_driven import observe_driven
 from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Problem, fit
 from validation.identification.minima import search
@@ -31,6 +32,26 @@ def test_phases_are_samples_of_each_trial() -> None:
         step = float(np.median(np.diff(t.force_time_s)))
         assert np.abs(t.time_s / step - np.round(t.time_s / step)).max() < 1e-6
         assert np.diff(t.time_s).min() > 0.9 * step
+
+
+def test_a_stroke_is_driven_from_its_preload_however_few_phases_are_compared() -> None:
+    """Few phases begin late: the force until then was cut off, and a fit ended 4 u off."""
+    few, many = (collect([EXAMPLE], model.load_action(), IdentifyOptions(phases=n)).fitted for n in (8, 120))
+    for a, b in zip(few, many, strict=True):
+        assert a.time_s[0] > b.time_s[0] + 0.01
+        until = b.force_time_s <= a.force_time_s[-1]
+        assert np.array_equal(a.force_time_s, b.force_time_s[until])
+        assert np.array_equal(a.force_n, b.force_n[until]) and a.force_n[0] == a.preload_n
+        moves = a.force_time_s[np.flatnonzero(a.force_n != a.preload_n)[0]]
+        assert noise_knots(a)[1] == moves < a.time_s[0]  # what it moved before the first phase had noise, too
+
+
+def test_a_key_drives_from_rest_however_few_phases_are_compared() -> None:
+    measured = collect([EXAMPLE], model.load_action(), IdentifyOptions(phases=8)).measured[:1]
+    (trial,) = observe_driven("one", 0, measured, 8)
+    assert trial.key is not None
+    (rests, moves), _ = trial.key.at([trial.key.time_s[0], trial.time_s[0]])
+    assert abs(rests[0]) < 1e-5 < 1e-3 < abs(moves[0])
 
 
 def test_force_noise_has_its_parts_where_the_hammer_rises_and_keeps_its_impulse() -> None:
