@@ -110,6 +110,8 @@ class Fitted:
     objective : twice the negative log posterior, but for a constant of the sizes
     steps : how many were taken
     converged : whether the last was small
+    tight : whether it took the model to lack nothing until it had settled
+    left : whether it was left near the minimum, for what the discrepancy explained there
     """
 
     z: Array
@@ -119,6 +121,8 @@ class Fitted:
     objective: float
     steps: int
     converged: bool
+    tight: bool = False
+    left: bool = False
 
     @property
     def badness(self) -> float:
@@ -172,6 +176,7 @@ def fit(
     say: Callable[[str], None] | None = None,
     columns: Columns | None = None,
     tight: bool = False,
+    leave: bool = False,
 ) -> Fitted:
     """Fit from one start.
 
@@ -185,6 +190,8 @@ def fit(
         Derivatives found already.
     tight : bool
         Take the model to lack nothing until the values have settled; sizes are learnt only then.
+    leave : bool
+        End where the linear model is near enough and the discrepancy explains more than a slight part.
 
     Raises
     ------
@@ -205,7 +212,7 @@ def fit(
     while True:
         try:
             near = floor <= NEAR_FLOOR
-            blocks = columns.blocks(z, near)
+            blocks = columns.blocks(z, near and largest < NEAR)
         except ModelError as error:
             raise ValidationInputError(f"identify: {error}") from None
         linear = linear_residuals(problem, blocks, curves, z)
@@ -214,9 +221,13 @@ def fit(
         rounds = LAST_ROUNDS if near else ROUNDS
         kept = near and largest < NEAR or (tight and learnings == 0)
         marginal = Marginal(blocks, sizes) if kept else learn(blocks, linear, sizes, rounds, floor)
+        left = leave and near and float(marginal.sizes.discrepancy.max()) > SLIGHT
+        if left:
+            break
         largest = largest_step(marginal, here, z, (low, high), watched)
+        anew = learnings == 0 and not tight  # a tight fit begins with the sizes that would be tried anew
         if near and largest < CLOSE:
-            marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds, learnings == 0), learnings + 1
+            marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds, anew), learnings + 1
             largest = largest_step(marginal, here, z, (low, high), watched)
             converged = largest < (CLOSE if learnings < MOST_LEARNINGS else STALLED)
         sizes = marginal.sizes
@@ -230,7 +241,7 @@ def fit(
             said = f"step {steps}: largest change {largest:.2g} u, damped by {damping:g}; linear to {worth:.2g}"
             say(said if taken else f"step {steps}: no step from here lowers the objective")
         if near and largest < NEAR and attempt.gain < LEAST_GAIN:
-            marginal, learnings = likeliest(blocks, linear, sizes, rounds, learnings == 0), learnings + 1
+            marginal, learnings = likeliest(blocks, linear, sizes, rounds, anew), learnings + 1
             converged = largest_step(marginal, here, z, (low, high), asked) < STALLED
             if converged or learnings >= MOST_LEARNINGS or stalled == steps - 1:  # twice in turn: no way on
                 break
@@ -242,7 +253,7 @@ def fit(
             break
         floor = max(FLOOR, 0.5 * (worth if taken else min(worth, floor)))
         damping = damping / 10.0 if damping > LEAST_DAMPING and worth > FLOOR else 0.0
-    return Fitted(z, curves, marginal, linear, marginal.objective(here, z), steps, converged)
+    return Fitted(z, curves, marginal, linear, marginal.objective(here, z), steps, converged, tight, left)
 
 
 @dataclass(frozen=True)

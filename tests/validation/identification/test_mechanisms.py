@@ -173,5 +173,6 @@ def test_a_fit_after_which_the_model_lacks_something_is_tried_from_elsewhere() -
     said: list[str] = []
     wrong = toy.problem(toy.made(truth, 4, np.random.default_rng(1), lacking=5e-3))
     found = search(wrong, 1, said.append, None)
-    assert len(found) == 3 and sum("as if the model lacked nothing" in line for line in said) == 2
+    assert sum("as if the model lacked nothing" in line for line in said) >= 2 and len(found) >= 3
+    assert any(f.tight for f in found) and not all(f.tight for f in found)
     assert [f.badness for f in found] == sorted(f.badness for f in found)
