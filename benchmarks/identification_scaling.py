@@ -1,13 +1,15 @@
 """How long an identification takes, by number of parameters and of trials, and where the time goes.
 
-    python benchmarks/identification_scaling.py [--free 3,6,12] [--trials 2,5,10] [--kind forte] [--seed 1]
+    python benchmarks/identification_scaling.py [--free 3,6,12] [--trials 2,5,10] [--kinds forte] [--seed 1]
                                                 [--profiles] [--results FILE]
 
 Strokes as in `benchmarks.identification_coverage`: the specimen is the model with that many laws drawn, all else known,
-five trials of a kind in a session. Processor time in seconds, one row per fit: derivatives of the model, runs of the
+five trials in a session, sessions of the kinds in turn. Where more are to be free than there are laws that act, masses
+and geometry that act are free, too. Processor time in seconds, one row per fit: derivatives of the model, runs of the
 model (steps, checks of derivatives), columns of what each trial has of its own (force noise), learning of the sizes of
 noise, and the rest. Processor time of all threads is counted, so that other work on the machine does not; on an idle
-one with two cores the model's share takes about half of it by the clock. A row in ``--results`` is not made again.
+one with two cores the model's share takes about half of it by the clock. "off" is the root mean square of error over u
+of those known to half their prior. A row in ``--results`` is not made again.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +33,7 @@ from benchmarks.identification_coverage import RUNS, Sensors, acting_laws, drawn
 from validation.conventions import Array
 from validation.identification import fit as fitting
 from validation.identification.estimates import estimate_all
-from validation.identification.identify import held_columns
+from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
 from validation.identification.minima import search
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.problem import Problem
@@ -41,6 +44,7 @@ from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
 
 IN_A_SESSION = 5
+KNOWN = 0.5  # of the prior
 PARTS = ("derivatives", "runs", "force noise", "learning")
 
 
@@ -87,19 +91,38 @@ class Timed:
             return self.runs.force_columns(z, own)
 
 
+@cache
+def acting_beside(kinds: str) -> tuple[str, ...]:
+    """Masses and geometry of the printed action that move an encoder in strokes of these kinds."""
+    start, rng = model.load_action(), np.random.default_rng(0)
+    names = [p.name for p in unknowns(start, ["friction"]).small if p.paths]
+    free, found = unknowns(start, names, ["*"]), np.zeros(len(names))
+    tested, sensors = ModelUnderTest(start, 1e-6), Sensors(rng)
+    for i, kind in enumerate(kinds.split(",")):
+        data = played(start, kind, 1, sensors, rng)
+        trials = observe(kind, i, [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data])
+        (jacobian,) = ExactRuns(start, free.asked, trials).jacobian(np.zeros(found.size), range(found.size))
+        found = np.maximum(found, np.abs(jacobian).max(axis=(0, 1)))
+    return tuple(name for name, size in zip(names, found, strict=True) if size > LEAST_EFFECT_RAD)
+
+
 def one(free_laws: int, n: int, options: argparse.Namespace) -> dict[str, Any]:
     """One fit as plain data."""
     rng = np.random.default_rng([options.seed, free_laws])
-    start, clock = model.load_action(), Clock()
-    names = rng.choice(acting_laws(options.kind), free_laws, replace=False)
+    start, clock, kinds = model.load_action(), Clock(), options.kinds.split(",")
+    laws = acting_laws(options.kinds)
+    names = list(rng.choice(laws, min(free_laws, len(laws)), replace=False))
+    if free_laws > len(laws):
+        names += list(rng.choice(acting_beside(options.kinds), free_laws - len(laws), replace=False))
     free = unknowns(start, [str(name) for name in names], ["*"])
-    _, specimen = drawn_truth(start, free, 0.5, rng)
+    truth, specimen = drawn_truth(start, free, 0.5, rng)
     tested, sensors = ModelUnderTest(start, 1e-6), Sensors(rng)
-    data = played(specimen, options.kind, n, sensors, rng)
-    measured = [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data]
     trials: list[ObservedTrial] = []
     for session, first in enumerate(range(0, n, IN_A_SESSION)):
-        trials += observe(f"{options.kind} {session + 1}", session, measured[first : first + IN_A_SESSION])
+        kind = kinds[session % len(kinds)]
+        data = played(specimen, kind, min(IN_A_SESSION, n - first), sensors, rng)
+        measured = [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data]
+        trials += observe(f"{kind} {session + 1}", session, measured)
     for name in ("learn", "likeliest"):
         setattr(fitting, name, counted(getattr(fitting, name), clock))
     began = time.process_time()
@@ -111,11 +134,13 @@ def one(free_laws: int, n: int, options: argparse.Namespace) -> dict[str, Any]:
     fits = search(problem, 1, None, None)
     took = time.process_time() - began
     parts = dict(clock.spent)
-    estimate_all(problem, fits[0], None if options.profiles else (), lambda text: None)
+    found = estimate_all(problem, fits[0], None if options.profiles else (), lambda text: None)
     after = time.process_time() - began - took
+    off = [(e.z - truth[e.name]) / e.z_u for e in found if e.z_u < KNOWN]
     return {
         "free": free_laws, "trials": n, "steps": sum(f.steps for f in fits), "settled": fits[0].converged,
         "fixed laws": before_fit, **parts, "fit": took, "intervals": after, "fits": len(fits),
+        "known": len(off), "off": float(np.sqrt(np.mean(np.square(off)))) if off else 0.0,
     }  # fmt: skip
 
 
@@ -134,9 +159,9 @@ def counted(function: Any, clock: Clock) -> Any:
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--free", default="3,6,12", help="numbers of laws that are free")
+    parser.add_argument("--free", default="3,6,12", help="numbers of parameters that are free")
     parser.add_argument("--trials", default="2,5,10", help="numbers of trials")
-    parser.add_argument("--kind", default="forte")
+    parser.add_argument("--kinds", default="forte", help="of strokes, in turn by session")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--profiles", action="store_true", help="intervals by profile, not from the linear model alone")
     parser.add_argument("--results", type=Path, help="file of rows, a JSON line per fit")
@@ -145,11 +170,11 @@ def main() -> int:
     if options.results is not None and options.results.exists():
         for line in options.results.read_text(encoding="utf-8").splitlines():
             kept |= json.loads(line)
-    heads = ("free", "trials", "fits", "steps", "fit", "fixed laws", *PARTS, "rest", "intervals")
+    heads = ("free", "trials", "fits", "steps", "fit", "fixed laws", *PARTS, "rest", "intervals", "known", "off")
     print("  ".join(f"{head:>11s}" for head in heads))
     for free_laws in map(int, options.free.split(",")):
         for n in map(int, options.trials.split(",")):
-            key = f"{options.kind} {options.seed} {options.profiles} {free_laws} {n}"
+            key = f"{options.kinds} {options.seed} {options.profiles} {free_laws} {n}"
             if key not in kept:
                 kept[key] = one(free_laws, n, options)
                 if options.results is not None:

@@ -61,6 +61,8 @@ class Fitted:
     steps : how many were taken
     converged : whether the last was small
     own : what each trial has of its own where the linear model was made; None of a model as it is
+    tight : whether it took the model to lack nothing until it had settled
+    left : whether it was left near the minimum, for what the discrepancy explained there
     """
 
     z: Array
@@ -71,6 +73,8 @@ class Fitted:
     steps: int
     converged: bool
     own: Sequence[Own] | None = None
+    tight: bool = False
+    left: bool = False
 
     def own_at(self, z: Array) -> list[Own] | None:
         """What each trial most probably has of its own at other values."""
@@ -99,6 +103,7 @@ def fit(
     say: Callable[[str], None] | None = None,
     columns: Columns | None = None,
     tight: bool = False,
+    leave: bool = False,
 ) -> Fitted:
     """Fit from one start.
 
@@ -112,6 +117,8 @@ def fit(
         Derivatives found already.
     tight : bool
         Take the model to lack nothing until the values have settled; sizes are learnt only then.
+    leave : bool
+        End where the linear model is near enough and the discrepancy explains more than a slight part.
 
     Raises
     ------
@@ -119,7 +126,7 @@ def fit(
         The model cannot run at the start.
     """
     walk = _Walk(problem, start, columns, tight)
-    while not walk.ended():
+    while not (walk.ended() or (leave and walk.left())):
         walk.on(say)
     return walk.fitted()
 
@@ -150,7 +157,7 @@ class _Walk:
     def ended(self) -> bool:
         """Look from where the walk stands: the linear model, sizes of noise, and whether this is the end."""
         try:
-            blocks = self.columns.blocks(self.z, self.own, self.near)
+            blocks = self.columns.blocks(self.z, self.own, self.near and self.largest < NEAR)
         except ModelError as error:
             raise ValidationInputError(f"identify: {error}") from None
         self.linear = linear_residuals(self.problem, blocks, self.curves, self.z, self.own)
@@ -172,6 +179,10 @@ class _Walk:
             self.converged = self.largest < (CLOSE if self.learnings < MOST_LEARNINGS else STALLED)
         self.sizes = self.marginal.sizes
         return self.over or self.converged or self.hopeless() or self.steps == self.most or self.spent()
+
+    def left(self) -> bool:
+        """Whether the linear model is near enough and the discrepancy explains more than a slight part."""
+        return self.near and float(self.marginal.sizes.discrepancy.max()) > SLIGHT
 
     def wanted(self, watched: NDArray[np.intp]) -> float:
         """Largest change of what is watched that the linear model still wants, in posterior standard uncertainties."""
@@ -198,7 +209,8 @@ class _Walk:
     def learn_again(self) -> None:
         """Sizes of noise, where the values have settled."""
         blocks, sizes = self.marginal.blocks, self.marginal.sizes
-        self.marginal = likeliest(blocks, self.linear, sizes, self.rounds, self.learnings == 0)
+        anew = self.learnings == 0 and not self.tight  # a tight fit begins with the sizes that would be tried anew
+        self.marginal = likeliest(blocks, self.linear, sizes, self.rounds, anew)
         self.learnings += 1
 
     def look_at_each(self) -> None:
@@ -241,7 +253,18 @@ class _Walk:
         plain = curves_at(self.problem, self.z) if self.own is not None else self.curves
         objective = self.marginal.objective(self.here, self.z)
         curves = self.curves if plain is None else plain
-        return Fitted(self.z, curves, self.marginal, self.linear, objective, self.steps, self.converged, self.own)
+        return Fitted(
+            z=self.z,
+            curves=curves,
+            marginal=self.marginal,
+            linear=self.linear,
+            objective=objective,
+            steps=self.steps,
+            converged=self.converged,
+            own=self.own,
+            tight=self.tight,
+            left=not self.converged and self.left(),
+        )
 
 
 @dataclass(frozen=True)

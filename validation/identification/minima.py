@@ -20,9 +20,11 @@ START_SEED = 125
 def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns: Columns | None) -> list[Fitted]:
     """Fits from several starts, the likeliest first.
 
-    A fit that has not settled, or after which the model seems to lack something, may stand in a wrong minimum where
-    the discrepancy explains what a parameter should. It is followed by one from where it ended and one from the
-    action's values, both of which take the model to lack nothing until they have settled.
+    Where the discrepancy explains what a parameter should, a fit ends in a wrong minimum. So once the linear model is
+    near enough and something seems to be lacking, it goes on as if the model lacked nothing; only where that does not
+    settle, or is less likely, it goes on from there as it was. A fit that still has not settled, or leaves a
+    discrepancy, is followed by one from where it ended and one from the action's values, which take the model to lack
+    nothing, too.
 
     Parameters
     ----------
@@ -32,16 +34,36 @@ def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns:
     columns : derivatives at the action's values, found already
     """
     points = starts(problem, n)
-    fits = [fit(problem, z, say, None if k else columns) for k, z in enumerate(points)]
+    fits: list[Fitted] = []
+    for k, z in enumerate(points):
+        fits += _from(problem, z, say, None if k else columns)
     for from_there in (True, False):
         best = min(fits, key=lambda f: f.badness)
         if best.settled:
             break
+        if from_there and any(f.tight and f.converged for f in fits):
+            continue  # tried halfway, and it found a minimum of its own
         if say is not None:
             say("once more " + ("from there" if from_there else "from the start") + ", as if the model lacked nothing")
         at, known = (best.z, None) if from_there else (points[0], columns)
         fits.append(fit(problem, at, say, known, tight=True))
     return sorted(fits, key=lambda f: f.badness)
+
+
+def _from(problem: Problem, start: Array, say: Callable[[str], None] | None, columns: Columns | None) -> list[Fitted]:
+    """Fits from one start: one, or where the discrepancy explains something halfway, all that were made from there."""
+    columns = Columns(problem) if columns is None else columns
+    found = fit(problem, start, say, columns, leave=True)
+    if not found.left:
+        return [found]
+    if say is not None:
+        say("on from there as if the model lacked nothing")
+    tight = fit(problem, found.z, say, columns, tight=True)
+    if tight.settled and tight.badness < found.badness:
+        return [tight]
+    if say is not None:
+        say("on from where it was")
+    return [tight, fit(problem, found.z, say, columns)]
 
 
 def starts(problem: Problem, n: int) -> list[Array]:

@@ -207,7 +207,8 @@ def _observed(name: str, session: int, m: MeasuredTrial, span: Span, phases: Arr
     index = sampled(m, span, phases)
     time = m.time_s[index]
     f = m.force
-    inside = (f.time_s > time[0] - LEAD_S) & (f.time_s <= time[-1] + 2e-3)
+    # from where it begins to act, not from the first phase, which may be later: what moved the key till then counts
+    inside = (f.time_s > span.start_s - LEAD_S) & (f.time_s <= time[-1] + 2e-3)
     force_s, force_n = f.time_s[inside], f.force_n[inside].copy()
     force_n[force_s < m.quiet.onset_s - 2e-3] = (
         f.preload_n

@@ -12,6 +12,8 @@ from scipy.optimize import lsq_linear
 import model
 from tests.validation.identification import toy
 from validation.conventions import Array
+from validation.identification.blocks import residuals, rows
+from validation.identification.channels.key_driven import observe_driven
 from validation.identification.fit import fit
 from validation.identification.minima import search
 from validation.identification.noise import Marginal, Sizes, box_step, learn
@@ -34,16 +36,58 @@ def test_phases_are_samples_of_each_trial() -> None:
         assert np.diff(t.time_s).min() > 0.9 * step
 
 
-def test_force_noise_has_its_parts_where_the_hammer_rises_and_keeps_its_impulse() -> None:
+def test_a_stroke_is_driven_from_its_preload_however_few_phases_are_compared() -> None:
+    """Few phases begin late: the force until then was cut off, and a fit ended 4 u off."""
+    few, many = (collect([EXAMPLE], model.load_action(), IdentifyOptions(phases=n)).fitted for n in (8, 120))
+    for a, b in zip(few, many, strict=True):
+        assert a.time_s[0] > b.time_s[0] + 0.01
+        until = b.force_time_s <= a.force_time_s[-1]
+        assert np.array_equal(a.force_time_s, b.force_time_s[until])
+        assert np.array_equal(a.force_n, b.force_n[until]) and a.force_n[0] == a.preload_n
+        moves = a.force_time_s[np.flatnonzero(a.force_n != a.preload_n)[0]]
+        assert noise_knots(a)[1] == moves < a.time_s[0]  # what it moved before the first phase had noise, too
+
+
+def test_a_key_drives_from_rest_however_few_phases_are_compared() -> None:
+    measured = collect([EXAMPLE], model.load_action(), IdentifyOptions(phases=8)).measured[:1]
+    (trial,) = observe_driven("one", 0, measured, 8)
+    assert trial.key is not None
+    (rests, moves), _ = trial.key.at([trial.key.time_s[0], trial.time_s[0]])
+    assert abs(rests[0]) < 1e-5 < 1e-3 < abs(moves[0])
+
+
+def test_parts_of_force_noise_begin_with_the_force_and_keep_its_impulse() -> None:
     for t in collect([EXAMPLE], model.load_action(), IdentifyOptions(phases=40)).fitted:
         knots = noise_knots(t)
         hammer = np.abs(t.change_rad[:, 2])
         up = t.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))]
-        assert np.sum(knots <= up + 1e-9) >= 0.7 * knots.size and np.all(np.diff(knots) > 0)
+        assert np.sum(knots <= up + 1e-9) >= 0.3 * knots.size and np.all(np.diff(knots) > 0)
         step = float(np.median(np.diff(t.force_time_s)))
         held = 0.5 * (np.append(knots[2:], knots[-1]) - knots[:-1])
         white = t.noise_n**2 * step * (knots[-1] - 0.5 * (knots[0] + knots[1]))
         assert np.sum((slow_noise_n(t) * held) ** 2) == pytest.approx(white, rel=1e-9)
+
+
+def test_force_noise_of_a_double_stroke_is_told_from_what_the_action_does() -> None:
+    """With long parts in the second rise chi-square of force noise alone was 8.6 of its degrees of freedom."""
+    start, rng = model.load_action(), np.random.default_rng(8)
+    when = np.arange(0.0, 0.45, 2e-4)
+    corners = 0.02 + np.array([0, 0.055, 0.06, 0.11, 0.13, 0.19, 0.25, 0.26, 0.42])
+    force = np.interp(when, corners, [0, 9, 10, 10, 0, 0, 8, 11, 9])
+    measured = force + np.where(when > 0.02, 0.02 * rng.standard_normal(when.size), 0.0)
+    blank = replace(
+        toy.trial(1, np.zeros((when.size, 3))), force_time_s=when, force_n=force, time_s=when, noise_n=0.02,
+        u_offset_n=0.0, u_white_rad=np.full(3, 1e-5),
+    )  # fmt: skip
+    (true,) = ModelRuns(start, (), [blank], 1e-8).curves([np.zeros(0)])[0] or []
+    passed = np.cumsum(np.abs(np.diff(true, axis=0, prepend=0.0)) @ (1.0 / np.ptp(true, axis=0)))
+    at = np.unique(np.searchsorted(passed, np.linspace(0.01, 0.99, 60) * passed[-1]))
+    trial = replace(blank, force_n=measured, time_s=when[at], change_rad=true[at])
+    runs = ModelRuns(start, (), [trial])
+    left = residuals([trial], runs.curves([np.zeros(0)])[0] or [])[0]
+    noise = rows(runs.force_columns(np.zeros(0))[0])
+    assert np.sqrt(np.mean(left**2)) > 5e-5
+    assert left @ np.linalg.solve(noise @ noise.T + 1e-10 * np.eye(left.size), left) < 1.5 * left.size
 
 
 @pytest.fixture(scope="module")
@@ -129,5 +173,6 @@ def test_a_fit_after_which_the_model_lacks_something_is_tried_from_elsewhere() -
     said: list[str] = []
     wrong = toy.problem(toy.made(truth, 4, np.random.default_rng(1), lacking=5e-3))
     found = search(wrong, 1, said.append, None)
-    assert len(found) == 3 and sum("as if the model lacked nothing" in line for line in said) == 2
+    assert sum("as if the model lacked nothing" in line for line in said) >= 2 and len(found) >= 3
+    assert any(f.tight for f in found) and not all(f.tight for f in found)
     assert [f.badness for f in found] == sorted(f.badness for f in found)

@@ -62,7 +62,7 @@ def _span(m: MeasuredTrial) -> Span:
 def _observed(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
     index = sampled(m, span, phases)
     time = m.time_s[index]
-    inside = (m.time_s > time[0] - LEAD_S) & (m.time_s <= time[-1] + AFTER_S)
+    inside = (m.time_s > span.start_s - LEAD_S) & (m.time_s <= time[-1] + AFTER_S)
     try:
         key = fit_key_motion(m.time_s[inside], m.change_rad[inside, 0], resolution_rad=float(m.resolution_rad[0]))
     except ModelError as error:

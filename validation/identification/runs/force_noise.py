@@ -7,24 +7,24 @@ import numpy as np
 from validation.conventions import Array
 from validation.identification.observations import ObservedTrial
 
-SEGMENTS = 24  # of a trial, between which its force noise is taken to change linearly
-RISE = 0.75  # share of them before the hammer is up: there the noise of a fast stroke still turns into motion
-BEFORE_S = 2e-3  # before the first phase the force is the preload, without noise
+SEGMENTS = 36  # of a trial, between which its force noise is taken to change linearly
+EVENLY = 0.15  # share of them that is spread evenly over time
+BEFORE_S = 2e-3  # before the force acts it is the preload, without noise; over so long the noise comes up
 
 
 def noise_knots(trial: ObservedTrial) -> Array:
     """Times (SEGMENTS + 1,) between which the noise of the force is taken to change linearly.
 
-    They are close together while the hammer rises: segments of equal length left a forte two of them there, and
-    its noise went into the friction.
+    They begin where the force first differs from the preload: a soft stroke's first phase is later. Between two of them
+    the action moves equally far, but for the share that is spread over time: where a stroke rises twice, noise
+    of the second rise in long parts went into friction and felt.
     """
-    hammer = np.abs(trial.change_rad[:, 2])
-    begin, end = float(trial.time_s[0]), float(trial.force_time_s[-1])
-    up = float(trial.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))])
-    up = min(max(up, begin + 1e-3), 0.9 * end + 0.1 * begin)
-    first = int(RISE * SEGMENTS)
-    rise = np.linspace(begin, up, first)
-    return np.concatenate([[begin - BEFORE_S], rise, np.linspace(up, end, SEGMENTS + 1 - first)[1:]])
+    end = float(trial.force_time_s[-1])
+    acts = np.flatnonzero(trial.force_n != trial.force_n[0])
+    first = min(float(trial.time_s[0]), float(trial.force_time_s[acts[0]] if acts.size else end))
+    at = np.unique(np.concatenate([[first], trial.time_s[trial.time_s < end], [end]]))
+    passed = (1.0 - EVENLY) * np.linspace(0.0, 1.0, at.size) + EVENLY * (at - first) / (end - first)
+    return np.concatenate([[first - BEFORE_S], np.interp(np.linspace(0.0, 1.0, SEGMENTS), passed, at)])
 
 
 def slow_noise_n(trial: ObservedTrial) -> Array:
