@@ -127,7 +127,7 @@ def identify(
         undetermined=tuple(undetermined),
         determined=tuple(determined),
         warnings=(*_of_fit(best, fits, sources), *stuck, *said, *warnings_of(names, covariance)),
-        starts=tuple(f.badness for f in fits),
+        starts=tuple(f.alike for f in fits),
         scatter=scatter,
         scores=scores,
         events=events,
@@ -213,7 +213,7 @@ def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]
             f"the model lacks something: trials differ from it alike by {100 * share:.0f} % of what all its laws "
             "together could do; intervals hold what that may do to a value"
         )
-    apart = [f.badness - best.badness for f in fits]
+    apart = [f.alike - best.alike for f in fits]
     if max(apart) > SAME:
         other = sum(a > SAME for a in apart)
         better = "" if best.settled else "; more starts (--starts) may find a better one"

@@ -5,12 +5,13 @@ Starts are drawn by a Latin hypercube within one prior standard uncertainty.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.stats import norm, qmc
 
 from validation.conventions import Array
+from validation.identification.each_trial import refine
 from validation.identification.fit import Fitted, fit
 from validation.identification.problem import Columns, Problem
 
@@ -24,7 +25,7 @@ def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns:
     near enough and something seems to be lacking, it goes on as if the model lacked nothing; only where that does not
     settle, or is less likely, it goes on from there as it was. A fit that still has not settled, or leaves a
     discrepancy, is followed by one from where it ended and one from the action's values, which take the model to lack
-    nothing, too.
+    nothing, too. The likeliest goes on with each trial where its own laws and force were (`each_trial`).
 
     Parameters
     ----------
@@ -37,17 +38,33 @@ def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns:
     fits: list[Fitted] = []
     for k, z in enumerate(points):
         fits += _from(problem, z, say, None if k else columns)
+    best = refine(problem, min(fits, key=_badness), say)
+    if best.settled:
+        return [best, *_others(fits, best)]
     for from_there in (True, False):
-        best = min(fits, key=lambda f: f.badness)
-        if best.settled:
+        last = min(fits, key=_badness)
+        if last.settled:
             break
         if from_there and any(f.tight and f.converged for f in fits):
             continue  # tried halfway, and it found a minimum of its own
         if say is not None:
             say("once more " + ("from there" if from_there else "from the start") + ", as if the model lacked nothing")
-        at, known = (best.z, None) if from_there else (points[0], columns)
+        at, known = (last.z, None) if from_there else (points[0], columns)
         fits.append(fit(problem, at, say, known, tight=True))
-    return sorted(fits, key=lambda f: f.badness)
+    last = min(fits, key=_badness)
+    if last.badness < best.alike:
+        again = refine(problem, last, say)
+        best = min(best, again, key=_badness)
+    return [best, *_others(fits, best)]
+
+
+def _badness(found: Fitted) -> float:
+    return found.badness
+
+
+def _others(fits: Sequence[Fitted], best: Fitted) -> list[Fitted]:
+    """All but the one that the best went on from, the likeliest first."""
+    return sorted((f for f in fits if f.badness != best.alike), key=_badness)
 
 
 def _from(problem: Problem, start: Array, say: Callable[[str], None] | None, columns: Columns | None) -> list[Fitted]:

@@ -1,0 +1,120 @@
+"""The end of a fit: each trial is computed where its own laws and its own force most probably were.
+
+A soft stroke near a fork of its motion does not answer a scatter of 2 % linearly: a linear model around what all
+trials share then calls the rest felt or friction, with too small an uncertainty. Each step takes values and what trials
+have of their own to where the linear model wants them, and learns sizes of noise; half the way is gone where the
+marginal likelihood falls. Source: Lindstrom and Bates (1990), with Gauss's method for what they call the first step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from model.errors import ModelError
+from validation.conventions import Array
+from validation.identification.fit import CLOSE, STALLED, Fitted
+from validation.identification.noise import FLOOR, Marginal, box_step, largest_step, learn, likeliest
+from validation.identification.problem import Columns, Problem, curves_at, linear_residuals, residuals_there
+from validation.identification.runs.own import Own, nothing_own
+
+MOST_STEPS, MOST_HALVES = 10, 3
+ROUNDS = 30
+FALLEN = 2.0  # of the log likelihood: a step after which it is lower by more was too long
+SAME = 1.0  # of the log likelihood: a step that changes it less, and no value by half its u, is the last
+OWN_CLOSE = 0.1  # standard deviations, RMS: what trials have of their own is known where it is that well
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Values, what trials have of their own, and the linear model there."""
+
+    z: Array
+    own: list[Own]
+    linear: list[Array]
+    here: list[Array]
+    marginal: Marginal
+    evidence: float
+
+
+def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None = None) -> Fitted:
+    """The fit, each trial where what it has of its own most probably was.
+
+    Parameters
+    ----------
+    problem : Problem
+    fitted : where a fit ended
+    say : callable, optional
+        Called with a line after each step.
+
+    Returns
+    -------
+    Fitted
+        As it was where no trial can be run with anything of its own.
+    """
+    columns, box = Columns(problem), problem.box()
+    place = _look(problem, columns, fitted.z, nothing_own(fitted.marginal.blocks), fitted.marginal)
+    if place is None:
+        return fitted
+    converged, steps = False, 0
+    while not converged and steps < MOST_STEPS:
+        steps += 1
+        step = box_step(place.marginal, place.here, place.z, box, 0.0)
+        most, new = place.marginal.own(place.linear, place.z + step), None
+        for half in range(MOST_HALVES):
+            share = 0.5**half
+            own = [a.towards(b, share) for a, b in zip(place.own, most, strict=True)]
+            new = _look(problem, columns, place.z + share * step, own, place.marginal)
+            if new is not None and new.evidence > place.evidence - FALLEN:
+                break
+        else:
+            break
+        gained, place = new.evidence - place.evidence, new
+        largest = largest_step(place.marginal, place.here, place.z, box, problem.watched)
+        if say is not None:
+            say(f"each trial, step {steps}: log likelihood {gained:+.1f}, largest change left {largest:.2g} u")
+        converged = largest < CLOSE and _known(place) or abs(gained) < SAME and largest < STALLED
+    return _fitted(problem, fitted, place, steps, converged)
+
+
+def _look(problem: Problem, columns: Columns, z: Array, own: list[Own], before: Marginal) -> _Place | None:
+    """The linear model at a place, with sizes learnt from those before; None where a trial cannot run."""
+    curves = curves_at(problem, z, own)
+    if curves is None:
+        return None
+    try:
+        blocks = columns.blocks(z, own)
+    except ModelError:
+        return None
+    linear = linear_residuals(problem, blocks, curves, z, own)
+    marginal = learn(blocks, linear, before.sizes, ROUNDS, FLOOR)
+    here = residuals_there(problem, blocks, curves, own)
+    return _Place(z, own, linear, here, marginal, marginal.log_evidence(linear))
+
+
+def _known(place: _Place) -> bool:
+    """Whether each trial is where what it has of its own most probably is."""
+    scatter, most = place.marginal.sizes.scatter, place.marginal.own(place.linear, place.z)
+    return max(a.apart(b, scatter) for a, b in zip(place.own, most, strict=True)) < OWN_CLOSE
+
+
+def _fitted(problem: Problem, before: Fitted, place: _Place, steps: int, converged: bool) -> Fitted:
+    """Where it ended, with the likeliest sizes of noise."""
+    marginal = likeliest(place.marginal.blocks, place.linear, place.marginal.sizes, ROUNDS)
+    z, box = place.z, problem.box()
+    asked = np.arange(len(problem.unknowns.asked))
+    curves = curves_at(problem, z)
+    return replace(
+        before,
+        z=z,
+        curves=before.curves if curves is None else curves,
+        marginal=marginal,
+        linear=place.linear,
+        objective=marginal.objective(place.here, z),
+        steps=before.steps + steps,
+        converged=converged and largest_step(marginal, place.here, z, box, asked) < STALLED,
+        own=place.own,
+        before=before.badness,
+    )
