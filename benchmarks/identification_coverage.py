@@ -38,6 +38,7 @@ from rig.errors import RigError
 from rig.session import EncoderInfo, ForceInfo, TrialData
 from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.errors import ValidationError, ValidationInputError
+from validation.identification.conditional.relinearise import relinearised, responses_of_each
 from validation.identification.estimates import estimate_all
 from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Columns, Fitted, Problem, linear_residuals
@@ -200,6 +201,8 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
         problem = Problem(start, free, tuple(trials), ExactRuns(start, free.moved, trials, RUNS), held)
         fits = [at_truth(problem, truth)] if options.linear else search(problem, 1, None, None)
         fitted = fits[0]
+        if not options.linear:
+            problem, fitted = relinearised(problem, fitted, responses_of_each(start, free, trials, RUNS))
         fit_s = time.process_time() - began
         found = estimate_all(problem, fitted, [] if options.linear else [profiled], lambda text: None)
     except (ModelError, RigError, ValidationError) as error:

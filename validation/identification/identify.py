@@ -16,6 +16,7 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.channels.key_driven import with_errors_of_what_drives
 from validation.identification.channels.responses import response_to
+from validation.identification.conditional.relinearise import relinearised, responses_of_each
 from validation.identification.estimates import LACKING, estimate_all
 from validation.identification.fit import Columns, Fitted, Problem
 from validation.identification.identifiability import directions, warnings_of
@@ -100,10 +101,11 @@ def identify(
     for line in [*stuck, *before]:
         options.say(f"before the fit: {line}")
     fits = search(problem, options.starts, options.say, columns)
-    best = fits[0]
+    each = responses_of_each(start, asked, sources.fitted, options.tolerance, options.executor)
+    followed, best = relinearised(problem, fits[0], each, options.say)
     found = action_at(start, asked, best.z)
     profiles: list[Profile] = []
-    estimates = beside(estimate_all(problem, best, options.profiles, options.say, profiles.append), best)
+    estimates = beside(estimate_all(followed, best, options.profiles, options.say, profiles.append), best)
     covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
     names = [p.name for p in asked.asked]
     undetermined, determined = directions(names, covariance)
@@ -132,7 +134,7 @@ def identify(
         events=events,
         provenance=_provenance(start, asked, sources, best, options),
         posterior=joint_posterior(problem, best, estimates, sources.seals),
-        details=Details(problem, best, tuple(profiles), sources),
+        details=Details(problem, best, tuple(profiles), sources, followed),
     )
 
 
@@ -214,7 +216,7 @@ def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]
             f"the model lacks something: trials differ from it alike by {100 * share:.0f} % of what all its laws "
             "together could do; intervals hold what that may do to a value"
         )
-    apart = [f.badness - best.badness for f in fits]
+    apart = [f.badness - min(other.badness for other in fits) for f in fits]
     if max(apart) > SAME:
         other = sum(a > SAME for a in apart)
         better = "" if best.settled else "; more starts (--starts) may find a better one"

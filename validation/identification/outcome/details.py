@@ -19,9 +19,11 @@ class Details:
     fitted : where it ended
     profiles : those that were made
     sources : the trials, measured
+    followed : the problem whose residuals at the fit are those of the fit: each trial at its own scatter
     """
 
     problem: Problem
     fitted: Fitted
     profiles: tuple[Profile, ...]
     sources: Sources
+    followed: Problem

@@ -114,7 +114,7 @@ def sample_posterior(
     axes = vectors[:, told] * width[told]
     if progress is not None:
         progress(f"sampling {len(told)} directions, {', '.join(bent) or 'no profile'} curved")
-    chains = sample(_density(problem, fitted, axes, progress), len(told), CHAINS, DRAWS, rng)
+    chains = sample(_density(found.details.followed, fitted, axes, progress), len(told), CHAINS, DRAWS, rng)
     free[:, :, told] = 0.0
     z = _inside(problem, fitted.z + chains.draws @ axes.T + (free * width) @ vectors.T)
     return _draws(z, chains, bent)
