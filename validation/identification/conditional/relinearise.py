@@ -19,7 +19,7 @@ from model.errors import ModelError
 from validation.conventions import Array
 from validation.identification.blocks import Block, residuals, rows
 from validation.identification.channels.responses import response_to
-from validation.identification.fit import LAST_ROUNDS, STALLED, Fitted, Problem
+from validation.identification.fit import LAST_ROUNDS, SLIGHT, STALLED, Fitted, Problem
 from validation.identification.model_runs import Response
 from validation.identification.noise import Marginal, likeliest
 from validation.identification.observations import ObservedTrial
@@ -68,7 +68,7 @@ def relinearised(
 
     Parameters
     ----------
-    problem, fitted : where a fit has settled
+    problem, fitted : where a fit ended; if it has not settled, it must lack next to nothing
     each : as of `responses_of_each`
     say : called with a line after each round
 
@@ -78,7 +78,8 @@ def relinearised(
         The problem's trials are changed by what their bend adds, so that its residuals at z are those of the fit.
     """
     marginal, linear, z = fitted.marginal, fitted.linear, fitted.z
-    if not fitted.converged or not _bends(problem, fitted, each):
+    wandering = not fitted.converged and float(marginal.sizes.discrepancy.max()) > SLIGHT
+    if wandering or not _bends(problem, fitted, each):
         return problem, fitted
     low, high = problem.box()
     watched, moved, done = problem.watched, np.inf, 0

@@ -26,7 +26,7 @@ def found() -> Any:
     p = toy.problem(toy.made(np.array([0.8, -0.5, 0.3]), 5, np.random.default_rng(3), scatter=0.02))
     fitted = fit(p)
     profiles = tuple(profile(p, fitted, j, float(factors(fitted)[j])) for j in range(3))
-    details = SimpleNamespace(problem=p, fitted=fitted, profiles=profiles)
+    details = SimpleNamespace(problem=p, followed=p, fitted=fitted, profiles=profiles)
     return SimpleNamespace(details=details, provenance={"created_utc": "2026-11-22T00:00:00Z"}, warnings=("one",))
 
 
@@ -65,7 +65,7 @@ def test_a_lopsided_or_wide_profile_is_curved(found: Any) -> None:
 def test_nothing_told_is_refused_in_one_line(found: Any) -> None:
     p = toy.problem(toy.made(np.zeros(3), 3, np.random.default_rng(1)))
     blind = SimpleNamespace(z=np.zeros(3), covariance=np.eye(3), marginal=None)
-    nothing = SimpleNamespace(details=SimpleNamespace(problem=p, fitted=blind, profiles=()))
+    nothing = SimpleNamespace(details=SimpleNamespace(problem=p, followed=p, fitted=blind, profiles=()))
     with pytest.raises(ValidationInputError, match="the strokes tell no direction") as error:
         sample_posterior(nothing, always=True)
     assert "\n" not in str(error.value)
