@@ -38,6 +38,7 @@ from rig.errors import RigError
 from rig.session import EncoderInfo, ForceInfo, TrialData
 from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.errors import ValidationError
+from validation.identification.each_trial import refine
 from validation.identification.estimates import estimate_all
 from validation.identification.fit import fit
 from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
@@ -189,7 +190,11 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
             trials += observe(kind, i, measured)
         response = ExactRuns(start, (*free.moved, *free.held), trials, RUNS)
         problem = Problem(start, free, tuple(trials), response, held_columns(response, free))
-        fits = [fit(problem, truth_z(problem, truth))] if options.from_truth else search(problem, 1, None, None)
+        fits = (
+            [refine(problem, fit(problem, truth_z(problem, truth)))]
+            if options.from_truth
+            else search(problem, 1, None, None)
+        )
         fitted = fits[0]
         fit_s = time.process_time() - began
         found = estimate_all(problem, fitted, [] if options.from_truth else [profiled], lambda text: None)

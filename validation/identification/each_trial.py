@@ -3,7 +3,7 @@
 A soft stroke near a fork of its motion does not answer a scatter of 2 % linearly: a linear model around what all
 trials share then calls the rest felt or friction, with too small an uncertainty. Each step takes values and what trials
 have of their own to where the linear model wants them, and learns sizes of noise; half the way is gone where the
-marginal likelihood falls. Source: Lindstrom and Bates (1990), with Gauss's method for what they call the first step.
+marginal likelihood falls far. Source: Lindstrom and Bates (1990), with Gauss's method for what they call the first step.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from validation.identification.runs.own import Own, nothing_own
 
 MOST_STEPS, MOST_HALVES = 10, 3
 ROUNDS = 30
-FALLEN = 2.0  # of the log likelihood: a step after which it is lower by more was too long
+BENT, SEEN = 0.1, 0.05  # of a posterior standard uncertainty, of the noise: a bend that is not followed
+FALLEN = 100.0  # of the log likelihood: a step after which it is so far below the highest was too long
 SAME = 1.0  # of the log likelihood: a step that changes it less, and no value by half its u, is the last
 OWN_CLOSE = 0.1  # standard deviations, RMS: what trials have of their own is known where it is that well
 
@@ -52,31 +53,55 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
     Returns
     -------
     Fitted
-        As it was where no trial can be run with anything of its own.
+        As it was where no trial bends the model, not settled where one cannot be run.
     """
+    if not _bends(problem, fitted):
+        return fitted
     columns, box = Columns(problem), problem.box()
     place = _look(problem, columns, fitted.z, nothing_own(fitted.marginal.blocks), fitted.marginal)
     if place is None:
-        return fitted
-    converged, steps = False, 0
+        return replace(fitted, converged=False)
+    best, converged, steps = place, False, 0
     while not converged and steps < MOST_STEPS:
         steps += 1
-        step = box_step(place.marginal, place.here, place.z, box, 0.0)
-        most, new = place.marginal.own(place.linear, place.z + step), None
-        for half in range(MOST_HALVES):
-            share = 0.5**half
-            own = [a.towards(b, share) for a, b in zip(place.own, most, strict=True)]
-            new = _look(problem, columns, place.z + share * step, own, place.marginal)
-            if new is not None and new.evidence > place.evidence - FALLEN:
-                break
-        else:
+        new = _step(problem, columns, place, best.evidence - FALLEN)
+        if new is None:
+            if steps == 1:
+                return replace(fitted, converged=False)
             break
         gained, place = new.evidence - place.evidence, new
+        best = place if place.evidence > best.evidence else best
         largest = largest_step(place.marginal, place.here, place.z, box, problem.watched)
         if say is not None:
             say(f"each trial, step {steps}: log likelihood {gained:+.1f}, largest change left {largest:.2g} u")
         converged = largest < CLOSE and _known(place) or abs(gained) < SAME and largest < STALLED
-    return _fitted(problem, fitted, place, steps, converged)
+    return _fitted(problem, fitted, place if converged else best, steps, converged)
+
+
+def _step(problem: Problem, columns: Columns, place: _Place, least: float) -> _Place | None:
+    """The longest of some steps after which the log likelihood is at least so high; None where there is none."""
+    step = box_step(place.marginal, place.here, place.z, problem.box(), 0.0)
+    most = place.marginal.own(place.linear, place.z + step)
+    for half in range(MOST_HALVES):
+        share = 0.5**half
+        own = [a.towards(b, share) for a, b in zip(place.own, most, strict=True)]
+        new = _look(problem, columns, place.z + share * step, own, place.marginal)
+        if new is not None and new.evidence > least:
+            return new
+    return None
+
+
+def _bends(problem: Problem, fitted: Fitted) -> bool:
+    """Whether what trials have of their own bends the model so far that a value or the noise shows it."""
+    marginal, own = fitted.marginal, fitted.marginal.own(fitted.linear, fitted.z)
+    curves = curves_at(problem, fitted.z, own)
+    if curves is None:
+        return True
+    here = residuals_there(problem, marginal.blocks, curves, own)
+    bent = [h + b.moved @ fitted.z - r for h, b, r in zip(here, marginal.blocks, fitted.linear, strict=True)]
+    away = marginal.mean(bent)[: marginal.p] / np.sqrt(np.diag(marginal.covariance)[: marginal.p])
+    seen = marginal.projected(bent)[1] > SEEN * sum(r.size for r in bent)
+    return bool(seen or np.max(np.abs(away[problem.watched])) > BENT)
 
 
 def _look(problem: Problem, columns: Columns, z: Array, own: list[Own], before: Marginal) -> _Place | None:

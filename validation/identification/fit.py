@@ -143,7 +143,7 @@ def fit(
     while True:
         try:
             near = floor <= NEAR_FLOOR
-            blocks = columns.blocks(z, near=near and largest < NEAR)
+            blocks = columns.blocks(z, near=near)
         except ModelError as error:
             raise ValidationInputError(f"identify: {error}") from None
         linear = linear_residuals(problem, blocks, curves, z)

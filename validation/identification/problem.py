@@ -82,13 +82,14 @@ class Columns:
         """The linear model at z, with what trials have of their own, ``near`` the minimum or on the way to it.
 
         All that moves is found afresh: old columns turn the last steps aside. Those of force noise are kept on the way
-        and while z moves little: they only say how large it is. Those of fixed laws are kept on the way.
+        and while z moves little: they only say how large it is, until trials have force noise of their own. Those of fixed laws are kept on the way.
         """
         last = self._last
         if last is not None and last[1] is own and np.array_equal(last[0], z):
             return last[2]
         problem, p = self.problem, z.size
-        if self._force is None or (near and np.max(np.abs(z - self._force[0]), initial=0.0) > AFAR):
+        moved = np.inf if self._force is None or own is not None else np.max(np.abs(z - self._force[0]), initial=0.0)
+        if self._force is None or (near and moved > AFAR):
             self._force = z.copy(), problem.response.force_columns(z, own)
         if near and own is not None and problem.held:
             both = problem.response.jacobian(z, range(p + problem.held[0].shape[2]), own)

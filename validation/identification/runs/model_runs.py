@@ -33,7 +33,7 @@ from validation.identification.unknowns.priors import (
 from validation.prediction.elsewhere import lost
 
 STEP = 0.015  # of a prior standard uncertainty: half a percent of a friction; after an impact larger steps bend
-SMALL_STEP = 0.1  # of what is known well
+SMALL_STEP = 0.02  # of what is known well; strokes of several kinds tell the force's level to a hundredth of its prior
 TOLERANCE = 2e-7
 BUMP_N = 0.01
 OFFSET_N = 0.01

@@ -1,0 +1,74 @@
+"""Trials whose scatter bends the model: each is followed to where its own laws took it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.validation.identification import toy
+from validation.conventions import Array
+from validation.identification.each_trial import refine
+from validation.identification.fit import fit
+from validation.identification.problem import Problem, curves_at, residuals_there
+from validation.identification.runs.own import Own
+
+TRUTH = np.array([0.8, -0.5, 0.3])
+
+
+class Bent(toy.Toy):
+    """A toy that bends ten times as far."""
+
+    def curve(self, z: Array) -> Array:
+        """Curves (m, 3)."""
+        total = self.parts(z).sum(axis=2)
+        return np.asarray(0.1 * np.sin(12 * toy.TIME)[:, None] + total + 20.0 * total**2)
+
+    def slope(self, z: Array) -> Array:
+        """Derivatives (m, 3, p) of `curve`."""
+        return np.asarray(self.parts(np.ones(z.size)) * (1.0 + 40.0 * self.parts(z).sum(axis=2)[:, :, None]))
+
+
+def played(seed: int, scatter: float = 0.3) -> tuple[Problem, list[Array]]:
+    """Six trials, and where the laws of each were."""
+    rng = np.random.default_rng(seed)
+    own = [scatter * rng.standard_normal(3) for _ in range(6)]
+    trials = [
+        toy.trial(k + 1, Bent([]).curve(TRUTH + d) + 1e-5 * rng.standard_normal((toy.M, 3))) for k, d in enumerate(own)
+    ]
+    return replace(toy.problem(trials), response=Bent(trials)), own
+
+
+def test_scatter_that_bends_the_model_is_found_and_no_noise_is_made_of_it() -> None:
+    for seed in range(2):
+        problem, own = played(seed)
+        before = fit(problem)
+        after = refine(problem, before)
+        assert after.own is not None
+        assert after.converged and after.badness < before.badness - 100.0
+        assert after.marginal.sizes.own[:, :3].max() < 0.5 * before.marginal.sizes.own[:, :3].max()
+        found = np.array([o.laws for o in after.own])
+        assert np.abs(found + after.z - own - TRUTH).max() < 0.02
+        curves = curves_at(problem, after.z, after.own) or []
+        left = residuals_there(problem, after.marginal.blocks, curves, after.own)
+        assert after.marginal.objective(left, after.z) == pytest.approx(after.objective, rel=1e-9)
+
+
+def test_trials_that_do_not_bend_the_model_are_left_as_they_are() -> None:
+    problem = toy.problem(toy.made(TRUTH, 4, np.random.default_rng(1)))
+    found = fit(problem)
+    assert refine(problem, found) is found
+
+
+def test_a_trial_that_the_model_cannot_follow_leaves_the_fit_unsettled() -> None:
+    class Lost(Bent):
+        def curves(
+            self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None
+        ) -> list[list[Array] | None]:
+            return super().curves(points) if own is None else [None for _ in points]
+
+    problem, _ = played(1)
+    found = refine(replace(problem, response=Lost(problem.trials)), fit(problem))
+    assert found.own is None and not found.converged
