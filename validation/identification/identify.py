@@ -168,7 +168,8 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
     try:
         blocks = columns.blocks(zero)
     except ModelError as error:
-        raise ValidationInputError(f"identify: {problem.action.name}: {error}; use other values with --set") from None
+        why = str(error).removeprefix("identification: ")
+        raise ValidationInputError(f"identify: {problem.action.name}: {why}; use other values with --set") from None
     effect = np.max([np.abs(b.moved).max(axis=0) for b in blocks], axis=0)
     for name, size in zip(names, effect, strict=False):
         if size < LEAST_EFFECT_RAD:

@@ -58,8 +58,8 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     Raises
     ------
     ValidationInputError
-        No session, sessions of different actions, one given twice, one without a usable trial, or a trial that the
-        action's values were fitted to before.
+        No session, sessions of different actions, one given twice, one without a usable trial, a trial to hold out that
+        is not there, or one that the action's values were fitted to before.
     """
     if not sessions:
         raise ValidationInputError("identify: no session given; name at least one session folder")
@@ -70,6 +70,7 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     _refuse_other_actions(opened)
     tested = ModelUnderTest(action, options.tolerance)
     found = [measure_session(s, tested.geometry_at, U_REST_LEVEL_M, options.condition, True) for s in opened]
+    _refuse_absent(options.hold_out_trials, found[: len(to_open)])
     fitted, seals = _of_tables(tables, len(to_open))
     held: dict[str, tuple[ObservedTrial, ...]] = {}
     refused: list[str] = []
@@ -81,7 +82,7 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
         kept = [m for m in measured.trials if k < len(to_open) and m.number not in options.hold_out_trials]
         out = [m for m in measured.trials if k >= len(to_open) or m.number in options.hold_out_trials]
         if k < len(to_open) and not kept:
-            raise ValidationInputError(_none(measured, name))
+            raise ValidationInputError(_none(measured, name, len(out)))
         if kept:
             observed, by_force = _observed(name, k, kept, options)
             fitted += observed
@@ -136,9 +137,30 @@ def _of_tables(folders: Sequence[Path], first: int) -> tuple[list[ObservedTrial]
     return trials, seals
 
 
-def _none(measured: MeasuredSession, name: str) -> str:
-    reasons = "; ".join(f"trial {n}: {why}" for n, why in list(measured.refused.items())[:3]) or "it has no trials"
+def _none(measured: MeasuredSession, name: str, held: int) -> str:
+    if held:
+        return (
+            f"{name}: no usable trial to fit ({held} held out by --hold-out-trials); leave at least one of them to fit"
+        )
+    numbers: dict[str, list[int]] = {}
+    for number, why in measured.refused.items():
+        numbers.setdefault(why, []).append(number)
+    alike = [
+        f"trial{'' if len(of) == 1 else 's'} {', '.join(map(str, of))}: {why}" for why, of in list(numbers.items())[:3]
+    ]
+    reasons = "; ".join(alike) or "it has no trials"
     return f"{name}: no usable trial to fit ({reasons}); a fit needs measured key, whippen and hammer angles"
+
+
+def _refuse_absent(wanted: Sequence[int], of_sessions: Sequence[MeasuredSession]) -> None:
+    """A trial to hold out that no session has would be fitted under another number without a word."""
+    there = {n for one in of_sessions for n in (*one.refused, *(m.number for m in one.trials))}
+    absent = [n for n in wanted if n not in there]
+    if absent:
+        raise ValidationInputError(
+            f"--hold-out-trials {absent[0]}: no session to fit has a trial of this number; found "
+            f"{', '.join(map(str, sorted(there))) or 'none'}"
+        )
 
 
 def _refuse_twice(opened: Sequence[Session]) -> None:

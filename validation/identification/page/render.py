@@ -15,7 +15,7 @@ from validation.identification.further.shrink import Prospect
 from validation.identification.identifiability import CANNOT_TELL
 from validation.identification.outcome.result import Identification
 from validation.identification.page.figures import profile_figure, residual_figure
-from validation.identification.page.sentences import plain_sentences
+from validation.identification.page.sentences import plain_sentences, together
 from validation.identification.page.tables import (
     correlations,
     forest,
@@ -77,7 +77,7 @@ def render_identification(
         residuals_table=residuals_table(problem.trials, before, fitted.curves),
         held_out=held_out_tables(found),
         next=next_table(ranked),
-        refused=list(refused),
+        refused=together(refused),
         drawn=list(drawn),
         provenance=_flat(found.provenance),
     )

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from validation.identification.further.shrink import Prospect
 from validation.identification.outcome.held_out import CEILING, NULL, event_words
 from validation.identification.outcome.result import FITTED, IDENTIFIED, Identification
-from validation.identification.page.compatible import explain_fit, in_words
 from validation.report.tables.formatting import number
 
 SPEED = "hammer_speed"
@@ -22,14 +21,13 @@ def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> l
     found : Identification
     ranked : what could be recorded next; empty where it was not asked for
     """
-    problem, fitted = found.details.problem, found.details.fitted
-    said = [_what_was_found(found), in_words(explain_fit(problem, fitted), problem)]
+    said = [_what_was_found(found), *found.details.explained]
     said += [
         f"These strokes cannot tell the size of {d.words}: {100 * d.left:.0f} % of its prior u is left."
         for d in found.undetermined
     ][:3]
     said += _held_out(found)
-    said.append(_next(ranked, fitted.converged))
+    said.append(_next(ranked, found.details.fitted.converged))
     return said
 
 
@@ -87,11 +85,26 @@ def _next(ranked: Sequence[Prospect], settled: bool) -> str:
     best = ranked[0]
     doubt = "" if settled else "; but the fit it is predicted from did not settle"
     most = min(best.shrink, key=lambda name: best.shrink[name])
-    what = f"{best.trials} trials of {best.name}" if best.trials else best.name
     return (
-        f"Next: {what} would shrink u to {100 * best.mean:.0f} % on average, that of {most} to "
+        f"Next: {prospect_words(best)} would shrink u to {100 * best.mean:.0f} % on average, that of {most} to "
         f"{100 * best.shrink[most]:.0f} % (predicted{doubt})."
     )
+
+
+def prospect_words(p: Prospect) -> str:
+    """What could be done next, in words: so many trials of a stroke, so many more of a session, a sensor."""
+    if p.candidate is None:
+        return p.name
+    return f"{p.trials} {p.name}" if p.candidate.profile is None else f"{p.trials} trials of {p.name}"
+
+
+def together(refused: Sequence[str]) -> list[str]:
+    """Lines ``name: reason`` with the names of one reason in one line."""
+    names: dict[str, list[str]] = {}
+    for line in refused:
+        name, _, reason = line.partition(": ")
+        names.setdefault(reason, []).append(name)
+    return [f"{', '.join(of)}: {reason}" for reason, of in names.items()]
 
 
 def _count(n: int, word: str) -> str:

@@ -79,6 +79,7 @@ def test_a_session_or_a_trial_gives_the_force(tmp_path: Path, capsys: pytest.Cap
         (["--parameters", "contact12.friction.B1"], "contact12.friction.B1: does nothing in this blow"),
         (["--parameters", "contact12", "--set", "contact12=0"], "contact12: all its values are 0"),
         (["--parameters", "hammer.mass", "--set", "hammer.pivot.y=nan"], "hammer.pivot.y"),
+        (["--parameters", "hammer.mass", "--morris", "2", "--workers", "0"], "--workers 0: allowed 1 or more"),
         (["--parameters", "hammer.parent"], "hammer.parent: is fixed by the geometry"),
         (["--parameters", "contact04.second.normal.x"], "one component of a direction of length 1"),
     ],
