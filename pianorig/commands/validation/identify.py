@@ -109,6 +109,7 @@ def command(
             raise validation.ValidationInputError(
                 "--petab: its tables have no column for --motion-driven or --film; leave one of them out"
             )
+        workflows.check_tables(sessions)
     if posterior is not None:
         check_target(posterior, ".nc")
     start = load_model(action, set_ or [])

@@ -73,6 +73,23 @@ def check_plan(sessions: Sequence[Path], motion_driven: bool) -> None:
     session_rig(Session.open(folders[0]))
 
 
+def check_tables(sessions: Sequence[Path]) -> None:
+    """Refuse, before a fit is made, sessions that PEtab's tables have no place for: the key's motion would drive them.
+
+    Raises
+    ------
+    pianorig.errors.CommandInputError
+        A trial has no force.
+    """
+    for folder in (s for s in sessions if not is_petab(s)):
+        for trial in Session.open(folder).trials:
+            if trial.rejected is None and not trial.read().has_force:
+                raise CommandInputError(
+                    f"--petab: {folder}, trial {trial.number}: has no force, and the tables no place for a motion that "
+                    "drives; leave out --petab or the session"
+                )
+
+
 def ranked_next(found: Identification) -> tuple[list[Prospect], list[str], str]:
     """As `next_strokes`, and why no plan can be written; what hinders it is told, so that the fit is not lost.
 

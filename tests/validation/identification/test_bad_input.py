@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from validation.identification.fit import Problem, fit
 from validation.identification.identify import bounds_not_run, identify, look_before
 from validation.identification.options import IdentifyOptions
 from validation.identification.outcome.target_file import check_target
-from validation.identification.sources import _refuse_other_actions, collect
+from validation.identification.sources import _names, _refuse_other_actions, collect
 from validation.identification.unknowns.naming import expand
 from validation.identification.unknowns.priors import unknowns
 
@@ -154,3 +155,19 @@ def test_trials_to_hold_out_must_be_there_and_not_all_of_them(held: tuple[int, .
     with pytest.raises(ValidationInputError, match=said) as error:
         collect([SESSIONS / "example_forte"], ACTION, IdentifyOptions(hold_out_trials=held))
     refused(error)
+
+
+def test_a_copy_of_a_session_is_the_same_strokes_to_fit_or_to_hold_out(tmp_path: Path) -> None:
+    copy = shutil.copytree(SESSIONS / "example_forte", tmp_path / "copy")
+    with pytest.raises(ValidationInputError, match="is the same stroke as example_forte .*, trial 1 .by") as error:
+        collect([copy], ACTION, IdentifyOptions(hold_out=(SESSIONS / "example_forte",)))
+    refused(error)
+
+
+def test_sessions_of_one_name_keep_their_hashes_apart() -> None:
+    def session(place: str) -> SimpleNamespace:
+        return SimpleNamespace(path=Path(place), info=SimpleNamespace(name="try"))
+
+    assert _names([session("a/one"), session("a/two")], set()) == ["try (one)", "try (two)"]  # type: ignore[list-item]
+    assert len(set(_names([session("a/one"), session("b/one")], {"try"}))) == 2  # type: ignore[list-item]
+    assert _names([session("a/one")], {"other"}) == ["try"]  # type: ignore[list-item]

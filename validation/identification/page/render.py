@@ -15,7 +15,7 @@ from validation.identification.further.shrink import Prospect
 from validation.identification.identifiability import CANNOT_TELL
 from validation.identification.outcome.result import Identification
 from validation.identification.page.figures import profile_figure, residual_figure
-from validation.identification.page.sentences import plain_sentences, together
+from validation.identification.page.sentences import as_sentence, plain_sentences, together
 from validation.identification.page.tables import (
     correlations,
     forest,
@@ -67,7 +67,7 @@ def render_identification(
         made=found.provenance["created_utc"],
         style=Markup((REPORT / "report.css").read_text(encoding="utf-8")),
         # what the strokes cannot tell is said in a section of its own
-        warnings=[line for line in found.warnings if not line.startswith(CANNOT_TELL)],
+        warnings=[as_sentence(line) for line in found.warnings if not line.startswith(CANNOT_TELL)],
         sentences=plain_sentences(found, ranked),
         forest=forest(found),
         names=names,

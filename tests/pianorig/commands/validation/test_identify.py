@@ -24,6 +24,7 @@ from validation.identification.outcome.result import NOT_IDENTIFIABLE, Estimate
 from validation.prediction.posterior import make_posterior
 
 WARNING = "intervals are provisional"
+SESSIONS = Path(__file__).parents[4] / "sessions"
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def found() -> Found:
         problem=only,
         fitted=fitted,
         profiles=(),
-        sources=SimpleNamespace(measured=(), sessions=()),
+        sources=SimpleNamespace(measured=(), sessions=(), seals={}),
         explained=("which part: none",),
     )
     scores = {"fitted trials": {"before": {"key": 1e-3, "whippen": 1e-3, "hammer": 1e-3}}}
@@ -103,6 +104,7 @@ def test_everything_that_was_asked_for_is_written_and_said(
     alike = ["forte x 1.4: too strong", "double: too strong"]
     monkeypatch.setattr(next_strokes, "next_strokes", lambda identified: ([sensor], alike))
     monkeypatch.setattr(workflows, "check_plan", lambda sessions, motion_driven: None)
+    monkeypatch.setattr(workflows, "check_tables", lambda sessions: None)
     assert run("identify", "session", "--parameters", "friction", "--plan", "next.toml", "--petab", "tables") == 0
     said = capsys.readouterr().out
     assert WARNING in said and "no value is called identified" in said and "None of its parts" not in said
@@ -134,3 +136,13 @@ def test_a_plan_that_cannot_be_made_is_refused_before_any_work(
     assert run("identify", tmp_path, *words) == 2
     assert said in capsys.readouterr().err
     assert [p.name for p in tmp_path.iterdir()] == ["problem.yaml"]
+
+
+def test_tables_of_strokes_without_a_force_are_refused_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(validation, "identify", lambda *given, **more: pytest.fail("work was begun"))
+    words = ["--parameters", "friction", "--petab", tmp_path / "tables", "--out", tmp_path / "found.toml"]
+    assert run("identify", SESSIONS / "kawai_kg3c", *words) == 2
+    assert "trial 2: has no force, and the tables no place" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
