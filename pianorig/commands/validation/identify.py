@@ -195,6 +195,7 @@ def _as_plain(found: Any) -> dict[str, Any]:
         "estimates": [asdict(e) for e in found.estimates],
         "correlation": found.correlation.tolist(),
         "undetermined": [d.words for d in found.undetermined],
+        "explained": list(found.details.explained),
         "warnings": list(found.warnings),
         "starts": list(found.starts),
         "scores": dict(found.scores),

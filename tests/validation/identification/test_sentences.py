@@ -55,4 +55,4 @@ def test_a_fit_that_predicts_no_better_says_so(after: float, said: str) -> None:
         "0.010 m/s with the identified values (where it strikes: 2 of 3 trials), 0.020 m/s with those before"
         in lines[2]
     )
-    assert f"The identified values predict it {said} than those before." in lines[2] and "null" not in lines[2]
+    assert f"The identified values predict the curve {said} than those before." in lines[2] and "null" not in lines[2]

@@ -87,7 +87,7 @@ def _curve(scores: Mapping[str, Mapping[str, float] | None]) -> str:
     if before is not None and after is not None:
         ratio = after["hammer"] / before["hammer"]
         what = "no better than" if abs(ratio - 1.0) < EVEN else "better than" if ratio < 1.0 else "worse than"
-        judged = f" The identified values predict it {what} those before."
+        judged = f" The identified values predict the curve {what} those before."
     return f" Hammer curve off by (RMS) {', '.join(parts)}.{judged}" if parts else ""
 
 

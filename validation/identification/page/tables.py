@@ -67,7 +67,7 @@ def forest(found: Identification) -> list[ForestRow]:
         rows.append(
             ForestRow(
                 name=e.name,
-                value=f"{number(e.value, 4)}{unit} (u {number(e.u, 2)})",
+                value=f"{number(e.value, 4)} (u {number(e.u, 2)})",
                 interval=f"{number(e.low, 4)} to {number(e.high, 4)}",
                 prior=f"{number(e.prior, 4)}{unit} (u {u})",
                 left=number(e.z_u, 2),

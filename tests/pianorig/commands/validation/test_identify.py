@@ -113,7 +113,8 @@ def test_everything_that_was_asked_for_is_written_and_said(
     assert {"identified.toml", "identified.html", "tables"} == {p.name for p in tmp_path.iterdir()}
     monkeypatch.setattr("validation.identification.page.write.render_identification", lambda *given: "a page")
     assert run("identify", "session", "--parameters", "friction", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["files"]["page"] == "identified.html"
+    told = json.loads(capsys.readouterr().out)
+    assert told["files"]["page"] == "identified.html" and told["explained"] == ["which part: none"]
 
 
 def test_nothing_can_be_ranked_where_only_tables_were_fitted(found: Found) -> None:
