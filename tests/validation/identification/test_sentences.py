@@ -9,6 +9,7 @@ import pytest
 from validation.identification.further.shelf import Candidate
 from validation.identification.further.shrink import Prospect
 from validation.identification.outcome.held_out import CEILING, NULL, EventScore
+from validation.identification.page.render import breakable
 from validation.identification.page.sentences import as_sentence, plain_sentences, prospect_words, together
 
 
@@ -16,6 +17,10 @@ def test_a_line_becomes_a_sentence_and_names_stay_as_they_are() -> None:
     assert as_sentence("the model lacks something") == "The model lacks something."
     assert as_sentence("hammer.mass: the fit stands there.") == "hammer.mass: the fit stands there."
     assert as_sentence("3 trials fitted") == "3 trials fitted."
+
+
+def test_a_long_name_breaks_where_its_words_end() -> None:
+    assert breakable("jack.joint_friction") == "jack.<wbr>joint_<wbr>friction" and "&lt;" in breakable("<b>")
 
 
 def test_what_to_record_is_said_in_words() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from validation.identification.further.shrink import Prospect
 from validation.identification.identifiability import CANNOT_TELL
@@ -59,6 +59,7 @@ def render_identification(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["breakable"] = breakable
     problem, fitted = found.details.problem, found.details.fitted
     before = problem.response.curves([np.zeros(len(problem.unknowns.moved))])[0] or fitted.curves
     names = [e.name for e in found.estimates]
@@ -81,6 +82,11 @@ def render_identification(
         drawn=list(drawn),
         provenance=_flat(found.provenance),
     )
+
+
+def breakable(name: str) -> Markup:
+    """A name that a narrow column may break after a dot or an underscore, and is copied without it."""
+    return Markup(escape(name).replace(".", Markup(".<wbr>")).replace("_", Markup("_<wbr>")))
 
 
 def _flat(value: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
