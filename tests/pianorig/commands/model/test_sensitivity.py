@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
 from pathlib import Path
 
 import pytest
 
+from pianorig.workflows.model.cluster import _quiet
 from tests.command_line import run
 from tests.pianorig.test_commands import DATA
 
@@ -131,3 +133,11 @@ def test_a_cluster_gives_the_numbers_of_this_computer(capsys: pytest.CaptureFixt
     ) as cluster:
         assert run(*study, "--cluster", cluster.scheduler_address) == 0
     assert json.loads(capsys.readouterr().out)["morris"] == here["morris"]
+
+
+def test_a_scheduler_that_is_lost_midway_prints_no_traceback_of_dask(caplog: pytest.LogCaptureFixture) -> None:
+    log = logging.getLogger("distributed.client")
+    before = log.level
+    with _quiet():
+        log.error("Traceback")
+    assert not caplog.records and log.level == before
