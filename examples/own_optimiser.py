@@ -20,5 +20,7 @@ session = rig.record(folder, profile="forte", trials=3, backend="sim://", operat
 problem = validation.residual_problem([session], ["hammer.joint_friction"], fixed=("*",))
 found = least_squares(problem.residual, problem.start, problem.jacobian, bounds=problem.bounds)
 u = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))
+values = problem.values(found.x)  # of the action; the force's gain, level and delay are fitted beside them
 for name, z, z_u in zip(problem.names, found.x, u, strict=True):
-    print(f"{name}: {problem.values(found.x)[name]:.3g} N m; z {z:.2f}, u {z_u:.2f} of the prior's")
+    value = f"{values[name]:.3g} N m; " if name in values else ""
+    print(f"{name}: {value}z {z:.2f}, u {z_u:.2f} of the prior's")

@@ -71,7 +71,10 @@ from .model.inside_view import draw_inside as draw_inside
 from .model.inside_view import inside_facts as inside_facts
 from .model.inside_view import lift_attributes as lift_attributes
 from .model.inside_view import print_inside as print_inside
+from .model.next_strokes import check_plan as check_plan
+from .model.next_strokes import check_tables as check_tables
 from .model.next_strokes import next_strokes as next_strokes
+from .model.next_strokes import ranked_next as ranked_next
 from .model.next_strokes import reading_lines as reading_lines
 from .model.next_strokes import write_next as write_next
 from .model.requested_error import missed_request as missed_request

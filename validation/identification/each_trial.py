@@ -3,7 +3,7 @@
 A soft stroke near a fork of its motion does not answer a scatter of 2 % linearly: a linear model around what all
 trials share then calls the rest felt or friction, with too small an uncertainty. Each step takes values and what trials
 have of their own to where the linear model wants them, and learns sizes of noise; half the way is gone where the
-marginal likelihood falls far. Source: Lindstrom and Bates (1990), with Gauss's method for what they call the first step.
+marginal likelihood falls far. Source: Lindstrom and Bates (1990), Biometrics 46, 673.
 """
 
 from __future__ import annotations

@@ -36,6 +36,7 @@ from validation.identification.scores import score
 from validation.identification.sources import Sources, collect
 from validation.identification.unknowns.priors import Unknowns, unknowns
 from validation.prediction.model_under_test import action_sha256
+from validation.prediction.posterior import EARLIER, TRIALS, posterior_of
 
 LEAST_EFFECT_RAD = 1e-8
 EVENT_TOLERANCE = 1e-5
@@ -167,7 +168,8 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
     try:
         blocks = columns.blocks(zero)
     except ModelError as error:
-        raise ValidationInputError(f"identify: {problem.action.name}: {error}; use other values with --set") from None
+        why = str(error).removeprefix("identification: ")
+        raise ValidationInputError(f"identify: {problem.action.name}: {why}; use other values with --set") from None
     effect = np.max([np.abs(b.moved).max(axis=0) for b in blocks], axis=0)
     for name, size in zip(names, effect, strict=False):
         if size < LEAST_EFFECT_RAD:
@@ -228,13 +230,14 @@ def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]
 def _provenance(
     start: model.Action, asked: Unknowns, sources: Sources, best: Fitted, options: IdentifyOptions
 ) -> dict[str, Any]:
-
+    before = posterior_of(start)
     return {
         "created_utc": options.now().strftime("%Y-%m-%dT%H:%M:%SZ"),
         "start": start.name,
         "start_sha256": action_sha256(start),
         "model_sha256": code_sha256("model"),
-        "trials_sha256": dict(sources.seals),
+        TRIALS: dict(sources.seals),
+        EARLIER: [] if before is None else list(before.trials.values()),
         "fitted_beside": [p.name for p in asked.beside],
         "fitted_small": len(asked.small),
         "fixed": list(options.fixed),

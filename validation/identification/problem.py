@@ -82,7 +82,8 @@ class Columns:
         """The linear model at z, with what trials have of their own, ``near`` the minimum or on the way to it.
 
         All that moves is found afresh: old columns turn the last steps aside. Those of force noise are kept on the way
-        and while z moves little: they only say how large it is, until trials have force noise of their own. Those of fixed laws are kept on the way.
+        and while z moves little: they only say how large it is, until trials have force noise of their own. Those of
+        fixed laws are kept on the way.
         """
         last = self._last
         if last is not None and last[1] is own and np.array_equal(last[0], z):

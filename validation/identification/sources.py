@@ -21,7 +21,7 @@ from validation.identification.petab.read import is_petab, read_petab
 from validation.measurement.session import MeasuredSession, measure_session, open_session
 from validation.measurement.trial import U_REST_LEVEL_M, MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.posterior import posterior_of
+from validation.prediction.posterior import UNKNOWN_STROKE, posterior_of
 
 UNKNOWN = "unknown"
 
@@ -58,8 +58,8 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     Raises
     ------
     ValidationInputError
-        No session, sessions of different actions, one given twice, one without a usable trial, or a trial that the
-        action's values were fitted to before.
+        No session, sessions of different actions, one given twice, one without a usable trial, a trial to hold out that
+        is not there, or one that the action's values were fitted to before.
     """
     if not sessions:
         raise ValidationInputError("identify: no session given; name at least one session folder")
@@ -70,29 +70,34 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     _refuse_other_actions(opened)
     tested = ModelUnderTest(action, options.tolerance)
     found = [measure_session(s, tested.geometry_at, U_REST_LEVEL_M, options.condition, True) for s in opened]
+    _refuse_absent(options.hold_out_trials, found[: len(to_open)])
     fitted, seals = _of_tables(tables, len(to_open))
     held: dict[str, tuple[ObservedTrial, ...]] = {}
     refused: list[str] = []
     to_fit: list[MeasuredTrial] = []
     as_measured: dict[str, tuple[MeasuredTrial, ...]] = {}
-    for k, measured in enumerate(found):
-        name = measured.session.info.name or measured.session.path.name
+    strokes = [(label, seal) for label, seal in seals.items()]
+    names = _names([one.session for one in found], {t.label.rpartition(", trial")[0] for t in fitted})
+    for k, (name, measured) in enumerate(zip(names, found, strict=True)):
         refused += [f"{name}, trial {number}: {reason}" for number, reason in measured.refused.items()]
         kept = [m for m in measured.trials if k < len(to_open) and m.number not in options.hold_out_trials]
         out = [m for m in measured.trials if k >= len(to_open) or m.number in options.hold_out_trials]
         if k < len(to_open) and not kept:
-            raise ValidationInputError(_none(measured, name))
+            raise ValidationInputError(_none(measured, name, len(out)))
         if kept:
             observed, by_force = _observed(name, k, kept, options)
             fitted += observed
             seals |= {t.label: m.seal for t, m in zip(observed, kept, strict=True)}
+            strokes += [(f"{name}, trial {m.number}", m.seal) for m in kept]
             to_fit += kept if by_force else []
         if out:
             label = f"{name}, held out" if kept else name
             seen, by_force = _observed(name, 0, out, options)
             held[label] = tuple(seen)
+            strokes += [(f"{label}, trial {m.number}", m.seal) for m in out]
             if by_force:
                 as_measured[label] = tuple(out)
+    _refuse_same_stroke(strokes)
     _refuse_used_before(action, seals)
     fitted = sharing_the_key(fitted)
     notes = _not_used([m for one in found for m in one.trials], options)
@@ -124,21 +129,60 @@ def _not_used(trials: Sequence[MeasuredTrial], options: IdentifyOptions) -> tupl
 def _of_tables(folders: Sequence[Path], first: int) -> tuple[list[ObservedTrial], dict[str, str]]:
     """Trials of PEtab folders, their sessions numbered on, and the hash of each."""
     trials: list[ObservedTrial] = []
+    known: list[str] = []
     for folder in folders:
-        found = read_petab(folder).trials
+        tables = read_petab(folder)
+        found = tables.trials
         if not found:
             raise ValidationInputError(f"{folder}: holds no condition, so no trial to fit; allowed from one")
         trials += [replace(t, session=t.session + first) for t in found]
+        known += tables.seals
         first += 1 + max(t.session for t in found)
-    seals = {t.label: sha256_of((t.force_time_s, t.force_n, t.time_s, t.change_rad)) for t in trials}
+    seals = {t.label: seal or _of_arrays(t) for t, seal in zip(trials, known, strict=True)}
     if len(seals) < len(trials):
         raise ValidationInputError(f"{folders[-1]}: two trials have one name; give each condition a label of its own")
     return trials, seals
 
 
-def _none(measured: MeasuredSession, name: str) -> str:
-    reasons = "; ".join(f"trial {n}: {why}" for n, why in list(measured.refused.items())[:3]) or "it has no trials"
+def _of_arrays(t: ObservedTrial) -> str:
+    return UNKNOWN_STROKE + sha256_of((t.force_time_s, t.force_n, t.time_s, t.change_rad))
+
+
+def _names(sessions: Sequence[Session], taken: set[str]) -> list[str]:
+    """A name for each session, by its folder where two would have the same: hashes are kept by it."""
+    names = [s.info.name or s.path.name for s in sessions]
+    for place in (lambda s: s.path.name, lambda s: str(s.path.resolve())):
+        names = [
+            f"{s.info.name or s.path.name} ({place(s)})" if name in taken or names.count(name) > 1 else name
+            for name, s in zip(names, sessions, strict=True)
+        ]
+    return names
+
+
+def _none(measured: MeasuredSession, name: str, held: int) -> str:
+    if held:
+        return (
+            f"{name}: no usable trial to fit ({held} held out by --hold-out-trials); leave at least one of them to fit"
+        )
+    numbers: dict[str, list[int]] = {}
+    for number, why in measured.refused.items():
+        numbers.setdefault(why, []).append(number)
+    alike = [
+        f"trial{'' if len(of) == 1 else 's'} {', '.join(map(str, of))}: {why}" for why, of in list(numbers.items())[:3]
+    ]
+    reasons = "; ".join(alike) or "it has no trials"
     return f"{name}: no usable trial to fit ({reasons}); a fit needs measured key, whippen and hammer angles"
+
+
+def _refuse_absent(wanted: Sequence[int], of_sessions: Sequence[MeasuredSession]) -> None:
+    """A trial to hold out that no session has would be fitted under another number without a word."""
+    there = {n for one in of_sessions for n in (*one.refused, *(m.number for m in one.trials))}
+    absent = [n for n in wanted if n not in there]
+    if absent:
+        raise ValidationInputError(
+            f"--hold-out-trials {absent[0]}: no session to fit has a trial of this number; found "
+            f"{', '.join(map(str, sorted(there))) or 'none'}"
+        )
 
 
 def _refuse_twice(opened: Sequence[Session]) -> None:
@@ -148,6 +192,17 @@ def _refuse_twice(opened: Sequence[Session]) -> None:
             raise ValidationInputError(
                 f"{place}: session given twice; name each session once, to fit or with --hold-out"
             )
+
+
+def _refuse_same_stroke(strokes: Sequence[tuple[str, str]]) -> None:
+    """One stroke twice, as a copy of its session or as tables: fitted it would count twice, held out predict itself."""
+    first: dict[str, str] = {}
+    for label, seal in strokes:
+        if seal in first:
+            raise ValidationInputError(
+                f"{label}: is the same stroke as {first[seal]} (by hash); give each stroke once, to fit or to hold out"
+            )
+        first[seal] = label
 
 
 def _refuse_used_before(action: model.Action, seals: Mapping[str, str]) -> None:

@@ -20,6 +20,10 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 
 TABLE = "posterior"
+TRIALS, EARLIER = "trials_sha256", "earlier_sha256"
+"""In the provenance: of the trials fitted, and of those that the values it started from were fitted to."""
+UNKNOWN_STROKE = "tables "
+"""Begins the hash of a trial of tables that do not say which recorded stroke it is."""
 TOLD = 1e-4  # of the variance of the prior: directions that lost (or gained) less are left out
 DIGITS = 7
 CUT = 3.0  # standard deviations, as for parameters that are drawn independently
@@ -37,7 +41,7 @@ class Posterior:
     factor : (p,) whether it moves by a factor
     directions : (k, p) orthonormal: combinations of z of which the strokes said something
     left : (k,) share of the variance of the prior that is left along each
-    trials : label -> SHA-256 of each trial the values were fitted to
+    trials : label -> SHA-256 of each trial the values were fitted to, in this fit or in those it started from
     """
 
     names: tuple[str, ...]
@@ -119,7 +123,9 @@ def posterior_of(action: model.Action) -> Posterior | None:
         left = np.array(table["left"], dtype=float)
         directions = np.array(table["directions"], dtype=float).reshape(left.size, len(names))
         u, factor = tuple(map(float, table["u"])), tuple(bool(x) for x in table["factor"])
-        trials = dict(action.identification["provenance"]["trials_sha256"])
+        provenance = action.identification["provenance"]
+        trials = dict(provenance[TRIALS])
+        trials |= {f"an earlier fit's trial {k + 1}": str(seal) for k, seal in enumerate(provenance.get(EARLIER, []))}
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ValidationInputError(f"{where}: found damaged ({error}); {advice}") from None
     if not len(names) == len(paths) == len(u) == len(factor):

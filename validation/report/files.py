@@ -19,15 +19,30 @@ def check_folder(folder: Path) -> None:
     Raises
     ------
     InputError
-        When the path is a file, lies below a file, or its nearest existing folder is not writable.
+        When the path is a file, lies below a file, or nothing can be written in its nearest existing folder.
     """
     nearest = folder
     while not nearest.exists() and nearest != nearest.parent:
         nearest = nearest.parent
     if not nearest.is_dir():
-        raise InputError(f"{folder}: {nearest} is a file; name a folder for the report")
-    if not os.access(nearest, os.W_OK):
-        raise InputError(f"{folder}: {nearest} is not writable; choose another folder for the report")
+        raise InputError(f"{folder}: {nearest} is a file; name a folder")
+    check_writable(nearest)
+
+
+def check_writable(folder: Path) -> None:
+    """Refuse early a folder that no file can be made in; what its permissions say is not the whole truth.
+
+    Raises
+    ------
+    InputError
+        With what the file system says.
+    """
+    probe = folder / f".written.{os.getpid()}.part"
+    try:
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror or error}); choose another folder") from None
 
 
 def write_files(folder: Path, texts: dict[str, str | bytes]) -> dict[str, Path]:
@@ -59,9 +74,7 @@ def write_files(folder: Path, texts: dict[str, str | bytes]) -> dict[str, Path]:
         for made_folder in reversed(made):
             with contextlib.suppress(OSError):
                 made_folder.rmdir()
-        raise InputError(
-            f"{folder}: the report cannot be written ({error.strerror or error}); choose another folder"
-        ) from error
+        raise InputError(f"{folder}: cannot be written ({error.strerror or error}); choose another folder") from error
     return {name: folder / name for name in texts}
 
 

@@ -99,14 +99,17 @@ def command(
     Example:  pianorig identify sessions/try --parameters hammer.joint_friction --fix "*" --no-profiles --out mine.toml
     """
     check_target(out)
+    check_target(out.with_suffix(".html"), ".html")
     if plan is not None:
         check_target(plan)
+        workflows.check_plan(sessions, motion_driven)
     if petab is not None:
         check_folder(petab)
         if motion_driven or film:
             raise validation.ValidationInputError(
                 "--petab: its tables have no column for --motion-driven or --film; leave one of them out"
             )
+        workflows.check_tables(sessions)
     if posterior is not None:
         check_target(posterior, ".nc")
     start = load_model(action, set_ or [])
@@ -127,7 +130,7 @@ def command(
             profiles=None if profiles else (),
             progress=None if as_json else say,
         )
-        ranked, refused = workflows.next_strokes(found) if plan is not None else ([], [])
+        ranked, refused, why_none = workflows.ranked_next(found) if plan is not None else ([], [], "")
         draws = None if posterior is None else validation.sample_posterior(found, progress=None if as_json else say)
     drawn = [] if draws is None else validation.draw_lines(found, draws)
     files = validation.write_reading(found, out, ranked, refused, drawn)
@@ -135,12 +138,13 @@ def command(
         files |= {"posterior": validation.write_posterior(found, draws, posterior)}
     if petab is not None:
         files |= {"petab": validation.write_petab(found, petab)["problem.yaml"]}
-    if plan is not None:  # last: there may be none to recommend
+    if plan is not None and not why_none:
         files |= {"plan": workflows.write_next(ranked, plan)}
     if as_json:
         names = {name: str(path) for name, path in files.items()}
         shrinks = [{"name": p.name, "trials": p.trials, "shrink": dict(p.shrink)} for p in ranked]
-        print_json(_as_plain(found) | {"file": str(out), "files": names, "next": shrinks})
+        more = {"file": str(out), "files": names, "next": shrinks, "no_plan": why_none or None}
+        print_json(_as_plain(found) | more)
         return
     for line in found.warnings:
         print(f"note: {line}.")
@@ -151,6 +155,8 @@ def command(
     print("\n".join([*workflows.reading_lines(found, ranked, refused), *drawn]))
     for name, path in files.items():
         print(f"{name}: {path}")
+    if why_none:
+        print(f"plan: none is written: {why_none}.")
 
 
 def _names(text: str) -> list[str]:
@@ -189,6 +195,7 @@ def _as_plain(found: Any) -> dict[str, Any]:
         "estimates": [asdict(e) for e in found.estimates],
         "correlation": found.correlation.tolist(),
         "undetermined": [d.words for d in found.undetermined],
+        "explained": list(found.details.explained),
         "warnings": list(found.warnings),
         "starts": list(found.starts),
         "scores": dict(found.scores),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from typing import Any
 from pianorig.errors import CommandInputError
 
 TIMEOUT_S = 10
+LOGGERS = ("distributed.client", "distributed.core", "distributed.utils")
 
 
 @contextmanager
@@ -31,9 +33,24 @@ def cluster_executor(address: str) -> Iterator[Executor]:
         raise CommandInputError(
             f"--cluster {address}: no scheduler answers ({why}); start one with dask scheduler, allowed tcp://host:port"
         ) from None
+    with _quiet():
+        try:
+            if not client.scheduler_info()["workers"]:
+                raise CommandInputError(f"--cluster {address}: has no workers; start some with dask worker {address}")
+            yield client.get_executor()
+        finally:
+            client.close()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep Dask from printing the traceback of a lost scheduler: the command says that in one line."""
+    loggers = [logging.getLogger(name) for name in LOGGERS]
+    levels = [one.level for one in loggers]
+    for one in loggers:
+        one.setLevel(logging.CRITICAL)
     try:
-        if not client.scheduler_info()["workers"]:
-            raise CommandInputError(f"--cluster {address}: has no workers; start some with dask worker {address}")
-        yield client.get_executor()
+        yield
     finally:
-        client.close()
+        for one, level in zip(loggers, levels, strict=True):
+            one.setLevel(level)

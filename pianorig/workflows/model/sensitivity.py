@@ -150,6 +150,8 @@ def _check(action: model.Action, order: SensitivityOrder) -> None:
         check_ways(order.morris)
     if order.sobol is not None:
         check_base(order.sobol)
+    if order.workers is not None and order.workers < 1:
+        raise CommandInputError(f"--workers {order.workers}: allowed 1 or more")
     if order.parameters is not None and (order.morris is not None or order.sobol is not None):
         spreads(action, order.parameters, order.uncertainties)
 

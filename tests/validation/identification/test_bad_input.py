@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,10 +17,11 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.fit import fit
 from validation.identification.identify import bounds_not_run, identify, look_before
+from validation.identification.options import IdentifyOptions
 from validation.identification.outcome.target_file import check_target
 from validation.identification.problem import Problem
 from validation.identification.runs.own import Own
-from validation.identification.sources import _refuse_other_actions
+from validation.identification.sources import _names, _refuse_other_actions, collect
 from validation.identification.unknowns.naming import expand
 from validation.identification.unknowns.priors import unknowns
 
@@ -68,7 +70,9 @@ def test_trials_with_neither_force_nor_key_motion_are_refused_with_the_reason() 
         ValidationInputError, match="no usable trial to fit .*neither force nor measured key motion"
     ) as error:
         identify([SESSIONS / "kawai_kg3c"], ["hammer.joint_friction"], fixed=("*",))
-    assert "a fit needs measured key, whippen and hammer angles" in refused(error)
+    said = refused(error)
+    assert "a fit needs measured key, whippen and hammer angles" in said
+    assert said.count("neither force") == 1 and "trials 2, 3" in said  # one reason is said once
 
 
 @pytest.mark.parametrize("what", ["name", "key"])
@@ -126,7 +130,47 @@ def test_an_end_of_the_range_at_which_the_model_cannot_run_is_named() -> None:
 
 
 def test_where_the_file_would_go_is_checked_first(tmp_path: Path) -> None:
-    for name, said in (("found.json", "allowed .toml"), ("none/found.toml", "there is no folder")):
+    (tmp_path / "folder.toml").mkdir()
+    for name, said in (
+        ("found.json", "allowed .toml"), ("none/found.toml", "there is no folder"), ("folder.toml", "is a folder")
+    ):  # fmt: skip
         with pytest.raises(ValidationInputError, match=said) as error:
             check_target(tmp_path / name)
         refused(error)
+
+
+def test_a_folder_that_takes_no_file_is_found_out_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: Path, *given: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "touch", full)
+    with pytest.raises(ValidationInputError, match="cannot be written .No space left on device.; choose") as error:
+        check_target(tmp_path / "found.toml")
+    refused(error)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("held", "said"),
+    [((2, 77), "--hold-out-trials 77: no session to fit has .*; found 1, 2, 3"), ((1, 2, 3), "3 held out by --hold")],
+)
+def test_trials_to_hold_out_must_be_there_and_not_all_of_them(held: tuple[int, ...], said: str) -> None:
+    with pytest.raises(ValidationInputError, match=said) as error:
+        collect([SESSIONS / "example_forte"], ACTION, IdentifyOptions(hold_out_trials=held))
+    refused(error)
+
+
+def test_a_copy_of_a_session_is_the_same_strokes_to_fit_or_to_hold_out(tmp_path: Path) -> None:
+    copy = shutil.copytree(SESSIONS / "example_forte", tmp_path / "copy")
+    with pytest.raises(ValidationInputError, match="is the same stroke as example_forte .*, trial 1 .by") as error:
+        collect([copy], ACTION, IdentifyOptions(hold_out=(SESSIONS / "example_forte",)))
+    refused(error)
+
+
+def test_sessions_of_one_name_keep_their_hashes_apart() -> None:
+    def session(place: str) -> SimpleNamespace:
+        return SimpleNamespace(path=Path(place), info=SimpleNamespace(name="try"))
+
+    assert _names([session("a/one"), session("a/two")], set()) == ["try (one)", "try (two)"]  # type: ignore[list-item]
+    assert len(set(_names([session("a/one"), session("b/one")], {"try"}))) == 2  # type: ignore[list-item]
+    assert _names([session("a/one")], {"other"}) == ["try"]  # type: ignore[list-item]

@@ -19,7 +19,8 @@ from validation.identification.observations import ObservedTrial
 from validation.identification.options import IdentifyOptions
 from validation.identification.page.write import write_petab
 from validation.identification.petab.read import is_petab, read_petab
-from validation.identification.sources import collect
+from validation.identification.sources import _refuse_same_stroke, collect
+from validation.prediction.posterior import UNKNOWN_STROKE
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 
@@ -28,7 +29,8 @@ TRUTH = np.array([0.8, -0.5, 0.3])
 def fitted() -> Any:
     """As much of an identification as the tables are made from."""
     p = toy.problem(toy.made(TRUTH, 2, np.random.default_rng(1)))
-    return SimpleNamespace(details=SimpleNamespace(problem=p, fitted=fit(p)))
+    sources = SimpleNamespace(seals={t.label: f"seal of {t.label}" for t in p.trials})
+    return SimpleNamespace(details=SimpleNamespace(problem=p, fitted=fit(p), sources=sources))
 
 
 @pytest.fixture()
@@ -55,7 +57,16 @@ def test_they_can_be_fitted_as_they_are(fitted: Any, folder: Path) -> None:
     sources = collect([folder], problem.action, IdentifyOptions())
     again = fit(toy.problem(list(sources.fitted)))
     np.testing.assert_array_equal(again.z, fitted.details.fitted.z)
-    assert len(set(sources.seals.values())) == 2
+    assert sources.seals == fitted.details.sources.seals  # `validate` knows the strokes again
+
+
+def test_tables_without_hashes_are_of_unknown_strokes_and_no_stroke_counts_twice(fitted: Any, folder: Path) -> None:
+    with pytest.raises(ValidationInputError, match="is the same stroke as .*; give each stroke once"):
+        _refuse_same_stroke([("a, trial 1", "seal"), ("b, trial 1", "other"), ("tables, trial 1", "seal")])
+    table = pd.read_csv(folder / "trials.tsv", sep="\t").drop(columns="trial_sha256")
+    table.to_csv(folder / "trials.tsv", sep="\t", index=False)
+    seals = collect([folder], fitted.details.problem.action, IdentifyOptions()).seals
+    assert len(set(seals.values())) == 2 and all(s.startswith(UNKNOWN_STROKE) for s in seals.values())
 
 
 def test_the_tables_have_the_columns_of_petab(folder: Path) -> None:

@@ -16,12 +16,13 @@ from validation.identification.identify import PROVISIONAL, identify
 from validation.identification.options import IdentifyOptions
 from validation.identification.outcome.action_file import write_identified
 from validation.identification.outcome.result import FITTED, TOO_FEW
-from validation.identification.page.sentences import plain_sentences
+from validation.identification.page.sentences import as_sentence, plain_sentences
 from validation.identification.page.write import write_reading
 from validation.identification.runs.exact_runs import ExactRuns
 from validation.identification.runs.model_runs import Case, ModelRuns
 from validation.identification.sources import collect
 from validation.identification.unknowns.priors import unknowns
+from validation.prediction.identified_file import altered
 from validation.prediction.posterior import posterior_of
 
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
@@ -64,12 +65,14 @@ def test_the_file_is_an_action_with_uncertainty_and_provenance(found, tmp_path: 
 
 @pytest.fixture(scope="module")
 def written(found, tmp_path_factory) -> dict[str, Path]:  # type: ignore[no-untyped-def]
-    """Its action file and page."""
+    """Its action file and page, without the seconds that which part explains takes (`test_explained`)."""
+    found.details.__dict__["explained"] = ("which part of the model explains it",)
     return write_reading(found, tmp_path_factory.mktemp("written") / "identified.toml")
 
 
 def test_the_file_holds_the_joint_uncertainty_and_the_prediction(found, written) -> None:  # type: ignore[no-untyped-def]
     action = model.load_action(written["action"])
+    assert not altered(action)  # its hashes are those of what was written
     joint = posterior_of(action)
     assert joint is not None and joint.names[0] == "hammer.joint_friction.A"
     assert joint.moved == {"hammer.joint_friction.A"}  # errors of the force have no parameter of the action
@@ -85,7 +88,7 @@ def test_the_file_holds_the_joint_uncertainty_and_the_prediction(found, written)
 def test_the_page_says_in_plain_sentences_what_is_known_and_what_is_not(found, written) -> None:  # type: ignore[no-untyped-def]
     page = written["page"].read_text("utf-8")
     assert "http://" not in page and "https://" not in page and "<script" not in page
-    assert "no value is called identified" in page and PROVISIONAL in html.unescape(page)
+    assert "no value is called identified" in page and as_sentence(PROVISIONAL) in html.unescape(page)
     assert "Predicted, not fitted, example_forte, held out: hammer speed at impact off by" in page
     assert page.index("no value is called") < page.index("Before and after the strokes") < page.index("h-provenance")
     assert all(

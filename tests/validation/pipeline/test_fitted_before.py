@@ -10,7 +10,8 @@ import pytest
 
 import model
 from validation.pipeline.fitted_before import fitted_trials, identified_warnings, prediction_lines
-from validation.prediction.posterior import make_posterior
+from validation.prediction.identified_file import altered, digests
+from validation.prediction.posterior import UNKNOWN_STROKE, make_posterior
 
 NAME = "hammer.joint_friction.A"
 
@@ -38,8 +39,8 @@ TRIALS = [Trial(1, "a"), Trial(2, "b"), Trial(4, "c")]
     ("seals", "said"),
     [
         (("x", "y"), "A prediction: none of these trials is among the 2"),
-        (("b", "x"), "Not a prediction: .* fitted to trial 2 "),
-        (("c", "a"), "Not a prediction: .* fitted to trials 1, 4 "),
+        (("b", "x"), "Not a prediction: .* fitted to trial 2 .by hash.; trials 1, 4 were not fitted"),
+        (("c", "a"), "Not a prediction: .* fitted to trials 1, 4 .by hash.; trial 2 was not fitted"),
         (("a", "b", "c"), "Not a prediction: .* fitted to all of these trials "),
     ],
 )
@@ -56,3 +57,42 @@ def test_other_models_are_not_spoken_of() -> None:
 def test_warnings_of_the_identification_go_along_and_values_set_by_hand_are_named() -> None:
     said = identified_warnings(fitted_to("a").with_values({NAME: 0.002}))
     assert "intervals are so" in said[0] and NAME in said[1] and "set by hand" in said[1]
+
+
+def written(**changes: object) -> model.Action:
+    """An identified action as its file has it, then changed."""
+    action = fitted_to("x")
+    table = dict(action.identification)
+    return replace(action, identification=table | digests(action, table["provenance"], table["posterior"]), **changes)  # type: ignore[arg-type]
+
+
+def test_what_was_edited_since_makes_no_prediction() -> None:
+    whole = written()
+    assert not altered(whole) and prediction_lines(whole, TRIALS)[0].startswith("A prediction")  # type: ignore[arg-type]
+    value = whole.quantities[NAME]
+    edited = written(quantities={**whole.quantities, NAME: replace(value, value=2 * value.value)})
+    forgotten = replace(whole, identification={**whole.identification, "provenance": {"trials_sha256": {}}})
+    for action, said in (
+        (edited, "values in .* were edited after it was written"),
+        (forgotten, "says of its trials or uncertainty was edited"),
+        (whole.with_values({NAME: 0.002}), f"{NAME} set by hand since"),
+    ):
+        (line,) = prediction_lines(action, TRIALS)  # type: ignore[arg-type]
+        assert re.match(f"Whether this is a prediction is not known: none .* but .*{said}", line), line
+        assert re.search(said, identified_warnings(action)[-1])
+
+
+def test_an_edited_list_of_trials_clears_no_other_trial() -> None:
+    whole = written()
+    table = {**whole.identification, "provenance": {"trials_sha256": {"some, trial 1": "b"}}}
+    (line,) = prediction_lines(replace(whole, identification=table), TRIALS)  # type: ignore[arg-type]
+    assert line.startswith("Not a prediction") and "were not fitted" not in line and "edited after" in line
+
+
+def test_strokes_of_earlier_fits_and_of_unknown_tables_are_remembered() -> None:
+    action = fitted_to("x")
+    provenance = {**action.identification["provenance"], "earlier_sha256": ["b"]}
+    chained = replace(action, identification={**action.identification, "provenance": provenance})
+    assert fitted_trials(chained, TRIALS) == [2]  # type: ignore[arg-type]
+    (line,) = prediction_lines(fitted_to(UNKNOWN_STROKE + "1"), TRIALS)  # type: ignore[arg-type]
+    assert line.startswith("Whether this is a prediction is not known") and "fitted to tables" in line

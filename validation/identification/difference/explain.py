@@ -22,13 +22,15 @@ from validation.identification.difference.evidence import Evidence
 from validation.identification.difference.responses import Point, Responses
 from validation.identification.difference.search import Followed, Search
 from validation.identification.observations import ENCODERS, ObservedTrial, observe
-from validation.identification.page.compatible import MOST_LAWS, MOST_NAMED, ODDS
 from validation.measurement.session import representative
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.joint_draws import chosen_trials
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import TABLE
 
+ODDS = 20.0
+MOST_LAWS = 3
+MOST_NAMED = 6
 MOST_TRIALS = 3
 SMALLEST_DIFFERENCE = 4e-3  # of the range of a channel, root mean square: below, nothing is looked for
 FAR = 3.0  # times the margin: a fourth change that promises so much is not looked at more closely
@@ -107,6 +109,11 @@ def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial]) -
         trials = observe("validate", 0, _chosen(sound))
     except ValidationInputError:  # no span in common
         return Explained()
+    return explain_observed(tested, trials)
+
+
+def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial]) -> Explained:
+    """`explain_difference` for trials of one kind as they are compared, at the same times, each driven by its force."""
     stated = {path: q.u for path, q in tested.action.quantities.items()}
     inputs = tested.identity, trials, stated, dict(tested.action.identification.get(TABLE, {}))
     found = tested.store.value("compatible changes", inputs, lambda: asdict(_explain(tested, trials)))

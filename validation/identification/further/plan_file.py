@@ -16,20 +16,10 @@ from validation.report.files import write_files
 SHOWN = 8
 
 
-def best_stroke(ranked: Sequence[Prospect]) -> Prospect:
-    """The best of those that are strokes of a profile.
-
-    Raises
-    ------
-    ValidationInputError
-        None is: the bench's limits allow no profile, or the blows could not be predicted.
-    """
-    for prospect in ranked:
-        if prospect.candidate is not None and prospect.candidate.profile is not None:
-            return prospect
-    raise ValidationInputError(
-        "--plan: no profile can be recommended, because none could be predicted within the limits of the rig file"
-    )
+def best_stroke(ranked: Sequence[Prospect]) -> Prospect | None:
+    """The best of those that are strokes of a profile; None where the bench allows or the model predicts none."""
+    strokes = (p for p in ranked if p.candidate is not None and p.candidate.profile is not None)
+    return next(strokes, None)
 
 
 def write_plan(ranked: Sequence[Prospect], path: str | Path) -> dict[str, Path]:
@@ -52,8 +42,9 @@ def write_plan(ranked: Sequence[Prospect], path: str | Path) -> dict[str, Path]:
     """
     target = check_target(path)
     best = best_stroke(ranked)
-    assert best.candidate is not None and best.candidate.profile is not None
-    profile = best.candidate.profile
+    profile = None if best is None or best.candidate is None else best.candidate.profile
+    if best is None or profile is None:
+        raise ValidationInputError(f"{target}: no profile can be recommended, so that there is no plan to write")
     condition = re.sub(r"[^A-Za-z0-9.-]+", "_", profile.name).strip("_.-")
     built_in = profile.name in built_in_profiles()
     named = profile.name if built_in else f"{target.stem}_{condition}.toml"

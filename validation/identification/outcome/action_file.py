@@ -18,7 +18,8 @@ from model.files.atomic_write import whole_file
 from model.parameters.write_toml import action_text
 from validation.identification.outcome.result import IDENTIFIED, Identification
 from validation.identification.outcome.target_file import check_target
-from validation.prediction.posterior import TABLE
+from validation.prediction.identified_file import digests
+from validation.prediction.posterior import TABLE, TRIALS
 
 
 def write_identified(found: Identification, path: str | Path) -> None:
@@ -47,9 +48,11 @@ def write_identified(found: Identification, path: str | Path) -> None:
 
 def identified_text(found: Identification) -> str:
     """The text of the action file."""
-    head = [f"identified {found.provenance['created_utc']} from {len(found.provenance['trials_sha256'])} trials"]
+    head = [f"identified {found.provenance['created_utc']} from {len(found.provenance[TRIALS])} trials"]
     head += [f"WARNING: {line}" for line in found.warnings]
-    return action_text(_with_uncertainties(found), head) + "\n" + "\n".join(_table(found)) + "\n"
+    action = _with_uncertainties(found)
+    hashes = digests(action, found.provenance, found.posterior.table())
+    return action_text(action, head) + "\n" + "\n".join(_table(found, hashes)) + "\n"
 
 
 def _with_uncertainties(found: Identification) -> model.Action:
@@ -67,11 +70,12 @@ def _with_uncertainties(found: Identification) -> model.Action:
     return replace(found.action, name=f"{found.action.name}-identified", quantities=quantities, changed={})
 
 
-def _table(found: Identification) -> list[str]:
+def _table(found: Identification, hashes: Mapping[str, str]) -> list[str]:
     names = [e.name for e in found.estimates]
     lines = ["[identification]", f"names = {_value(names)}", f"correlation = {_value(found.correlation.tolist())}"]
     lines.append(f"warnings = {_value(list(found.warnings))}")
     lines.append(f"undetermined = {_value([d.words for d in found.undetermined])}")
+    lines += [f"{k} = {_value(v)}" for k, v in hashes.items()]
     lines += ["", "[identification.provenance]"]
     lines += [f"{_key(k)} = {_value(v)}" for k, v in found.provenance.items()]
     lines += ["", "[identification.scores]"]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from validation.identification.fit import Fitted
+from validation.identification.outcome.explained import explained_lines
 from validation.identification.problem import Problem
 from validation.identification.profiles import Profile
 from validation.identification.sources import Sources
@@ -26,3 +28,8 @@ class Details:
     fitted: Fitted
     profiles: tuple[Profile, ...]
     sources: Sources
+
+    @cached_property
+    def explained(self) -> tuple[str, ...]:
+        """Sentences on which part of the model explains the difference; found when first asked for, in seconds."""
+        return explained_lines(self.problem.action, self.sources)

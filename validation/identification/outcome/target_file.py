@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from validation.errors import ValidationInputError
+from validation.report.files import check_writable
 
 
 def check_target(path: str | Path, ending: str = ".toml") -> Path:
@@ -14,4 +15,7 @@ def check_target(path: str | Path, ending: str = ".toml") -> Path:
         raise ValidationInputError(f"{target}: ending found {target.suffix!r}, allowed {ending}")
     if not target.parent.is_dir():
         raise ValidationInputError(f"{target}: there is no folder {target.parent}; make it or choose another")
+    if target.is_dir():
+        raise ValidationInputError(f"{target}: is a folder; name a file")
+    check_writable(target.parent)
     return target

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from validation.identification.further.shrink import Prospect
 from validation.identification.identifiability import CANNOT_TELL
 from validation.identification.outcome.result import Identification
 from validation.identification.page.figures import profile_figure, residual_figure
-from validation.identification.page.sentences import plain_sentences
+from validation.identification.page.sentences import as_sentence, plain_sentences, together
 from validation.identification.page.tables import (
     correlations,
     forest,
@@ -59,6 +59,7 @@ def render_identification(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["breakable"] = breakable
     problem, fitted = found.details.problem, found.details.fitted
     before = problem.response.curves([np.zeros(len(problem.unknowns.moved))])[0] or fitted.curves
     names = [e.name for e in found.estimates]
@@ -67,7 +68,7 @@ def render_identification(
         made=found.provenance["created_utc"],
         style=Markup((REPORT / "report.css").read_text(encoding="utf-8")),
         # what the strokes cannot tell is said in a section of its own
-        warnings=[line for line in found.warnings if not line.startswith(CANNOT_TELL)],
+        warnings=[as_sentence(line) for line in found.warnings if not line.startswith(CANNOT_TELL)],
         sentences=plain_sentences(found, ranked),
         forest=forest(found),
         names=names,
@@ -77,10 +78,15 @@ def render_identification(
         residuals_table=residuals_table(problem.trials, before, fitted.curves),
         held_out=held_out_tables(found),
         next=next_table(ranked),
-        refused=list(refused),
+        refused=together(refused),
         drawn=list(drawn),
         provenance=_flat(found.provenance),
     )
+
+
+def breakable(name: str) -> Markup:
+    """A name that a narrow column may break after a dot or an underscore, and is copied without it."""
+    return Markup(escape(name).replace(".", Markup(".<wbr>")).replace("_", Markup("_<wbr>")))
 
 
 def _flat(value: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:

@@ -6,12 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 
 from validation.identification.further.shrink import Prospect
-from validation.identification.outcome.held_out import CEILING, NULL, event_words
+from validation.identification.outcome.held_out import CEILING, NULL, EventScore, event_words
 from validation.identification.outcome.result import FITTED, IDENTIFIED, Identification
-from validation.identification.page.compatible import explain_fit, in_words
 from validation.report.tables.formatting import number
 
 SPEED = "hammer_speed"
+EVEN = 0.05  # of a ratio of two scores: closer than that is as good
+WHO = (("identified", "with the identified values"), ("before", "with those before"), (NULL, "by the null model"))
 
 
 def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> list[str]:
@@ -22,21 +23,20 @@ def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> l
     found : Identification
     ranked : what could be recorded next; empty where it was not asked for
     """
-    problem, fitted = found.details.problem, found.details.fitted
-    said = [_what_was_found(found), in_words(explain_fit(problem, fitted), problem)]
+    said = [_what_was_found(found), *found.details.explained]
     said += [
         f"These strokes cannot tell the size of {d.words}: {100 * d.left:.0f} % of its prior u is left."
         for d in found.undetermined
     ][:3]
     said += _held_out(found)
-    said.append(_next(ranked, fitted.converged))
+    said.append(_next(ranked, found.details.fitted.converged))
     return said
 
 
 def _what_was_found(found: Identification) -> str:
-    trials = len(found.details.problem.trials)
-    sessions = len(found.details.problem.seen)
-    made = f"{len(found.estimates)} parameters were asked of {trials} trials of {_count(sessions, 'session')}: "
+    n, trials = len(found.estimates), len(found.details.problem.trials)
+    of = f"{_count(trials, 'trial')} of {_count(len(found.details.problem.seen), 'session')}"
+    made = f"{_count(n, 'parameter')} {'was' if n == 1 else 'were'} asked of {of}: "
     known = [e for e in found.estimates if e.verdict == IDENTIFIED]
     if not known:
         return made + "no value is called identified; the table says why for each."
@@ -49,36 +49,46 @@ def _held_out(found: Identification) -> list[str]:
     held = [name for name in found.scores if name != FITTED]
     if not held:
         return ["Nothing was held out: how well the fitted strokes are met is no prediction. Use --hold-out."]
-    title, factor, unit = event_words(SPEED)
     said = []
     for name in held:
         by = found.events.get(name)
+        curve = _curve(found.scores[name])
         if by is None:  # the key drives: it has no events of its own
-            said.append(
-                f"Predicted under the measured motion of the key, not fitted, {name}.{_curve(found.scores[name])}"
-            )
-            continue
-        parts = []
-        for who, words in (("identified", "identified"), ("before", "before"), (NULL, "null model")):
-            score = by[who][SPEED]
-            if math.isfinite(score.rms):
-                parts.append(f"{words} {number(factor * score.rms, 2)} {unit} in {score.both} of {score.trials}")
-        ceiling = by[CEILING][SPEED].rms
-        if math.isfinite(ceiling):
-            parts.append(f"the trials themselves scatter by {number(factor * ceiling, 2)} {unit}")
-        speed = f"{title.lower()} off by (RMS) {'; '.join(parts)}" if parts else f"{title.lower()} is not known there"
-        said.append(f"Predicted, not fitted, {name}: {speed}.{_curve(found.scores[name])}")
+            said.append(f"Predicted under the measured motion of the key, not fitted, {name}:{curve}")
+        else:
+            said.append(f"Predicted, not fitted, {name}: {_speed(by)}{curve}")
     return said
 
 
+def _speed(by: Mapping[str, Mapping[str, EventScore]]) -> str:
+    """How far the hammer's speed is off, as a sentence."""
+    title, factor, unit = event_words(SPEED)
+    parts = []
+    for who, words in WHO:
+        score = by[who][SPEED]
+        if math.isfinite(score.rms):
+            seen = "" if score.both == score.trials else f" (where it strikes: {score.both} of {score.trials} trials)"
+            parts.append(f"{number(factor * score.rms, 2)} {unit} {words}{seen}")
+    ceiling = by[CEILING][SPEED].rms
+    if math.isfinite(ceiling):
+        parts.append(f"the trials themselves scatter by {number(factor * ceiling, 2)} {unit}")
+    return f"{title.lower()} off by (RMS) {', '.join(parts)}." if parts else f"{title.lower()} is not known there."
+
+
 def _curve(scores: Mapping[str, Mapping[str, float] | None]) -> str:
-    """The same of the hammer's curve, as a sentence."""
+    """The same of the hammer's curve, and whether the values identified are better than those before."""
     parts = [
-        f"{who} {number(1e3 * by['hammer'], 2)} mrad"
-        for who in ("identified", "before", "null model", "scatter of trials")
+        f"{number(1e3 * by['hammer'], 2)} mrad {words}"
+        for who, words in (*WHO, ("scatter of trials", "is the scatter of the trials"))
         if (by := scores.get(who)) is not None
     ]
-    return f" Hammer curve off by (RMS) {', '.join(parts)}." if parts else ""
+    before, after = scores.get("before"), scores.get("identified")
+    judged = ""
+    if before is not None and after is not None:
+        ratio = after["hammer"] / before["hammer"]
+        what = "no better than" if abs(ratio - 1.0) < EVEN else "better than" if ratio < 1.0 else "worse than"
+        judged = f" The identified values predict the curve {what} those before."
+    return f" Hammer curve off by (RMS) {', '.join(parts)}.{judged}" if parts else ""
 
 
 def _next(ranked: Sequence[Prospect], settled: bool) -> str:
@@ -87,11 +97,33 @@ def _next(ranked: Sequence[Prospect], settled: bool) -> str:
     best = ranked[0]
     doubt = "" if settled else "; but the fit it is predicted from did not settle"
     most = min(best.shrink, key=lambda name: best.shrink[name])
-    what = f"{best.trials} trials of {best.name}" if best.trials else best.name
     return (
-        f"Next: {what} would shrink u to {100 * best.mean:.0f} % on average, that of {most} to "
+        f"Next: {prospect_words(best)} would shrink u to {100 * best.mean:.0f} % on average, that of {most} to "
         f"{100 * best.shrink[most]:.0f} % (predicted{doubt})."
     )
+
+
+def prospect_words(p: Prospect) -> str:
+    """What could be done next, in words: so many trials of a stroke, so many more of a session, a sensor."""
+    if p.candidate is None:
+        return p.name
+    return f"{p.trials} {p.name}" if p.candidate.profile is None else f"{p.trials} trials of {p.name}"
+
+
+def as_sentence(line: str) -> str:
+    """A line with a full stop, and with a capital where it does not begin with a name or a number."""
+    first = line.split(" ")[0]
+    head = line[0].upper() if first.isalpha() else line[0]
+    return f"{head}{line[1:]}{'' if line.endswith('.') else '.'}"
+
+
+def together(refused: Sequence[str]) -> list[str]:
+    """Lines ``name: reason`` with the names of one reason in one line."""
+    names: dict[str, list[str]] = {}
+    for line in refused:
+        name, _, reason = line.partition(": ")
+        names.setdefault(reason, []).append(name)
+    return [f"{', '.join(of)}: {reason}" for reason, of in names.items()]
 
 
 def _count(n: int, word: str) -> str:

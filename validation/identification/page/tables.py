@@ -13,6 +13,7 @@ from validation.identification.further.shrink import Prospect
 from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
 from validation.identification.outcome.held_out import CEILING, NULL, SHOWN, event_words
 from validation.identification.outcome.result import FITTED, IDENTIFIED, Identification
+from validation.identification.page.sentences import prospect_words
 from validation.identification.unknowns.priors import Parameter
 from validation.report.tables.formatting import DASH, PageTable, number
 
@@ -66,7 +67,7 @@ def forest(found: Identification) -> list[ForestRow]:
         rows.append(
             ForestRow(
                 name=e.name,
-                value=f"{number(e.value, 4)}{unit} (u {number(e.u, 2)})",
+                value=f"{number(e.value, 4)} (u {number(e.u, 2)})",
                 interval=f"{number(e.low, 4)} to {number(e.high, 4)}",
                 prior=f"{number(e.prior, 4)}{unit} (u {u})",
                 left=number(e.z_u, 2),
@@ -169,10 +170,7 @@ def next_table(ranked: Sequence[Prospect]) -> PageTable | None:
     if not ranked:
         return None
     names = list(ranked[0].shrink)
-    rows = [
-        [f"{p.trials} × {p.name}" if p.trials else p.name, f"{p.mean:.2f}", *(f"{p.shrink[n]:.2f}" for n in names)]
-        for p in ranked[:MOST_NEXT]
-    ]
+    rows = [[prospect_words(p), f"{p.mean:.2f}", *(f"{p.shrink[n]:.2f}" for n in names)] for p in ranked[:MOST_NEXT]]
     notes = [
         "u after, over u now, as the Fisher information at these values predicts; what the strokes would teach about "
         "the sizes of noise and of the discrepancy is not in it: where the model lacks something, realised shrinks "

@@ -85,4 +85,4 @@ def write_petab(found: Identification, folder: str | Path) -> dict[str, Path]:
     """
     target = Path(folder)
     check_folder(target)
-    return write_files(target, petab_texts(found.details.problem, found.details.fitted))
+    return write_files(target, petab_texts(found.details.problem, found.details.fitted, found.details.sources.seals))

@@ -27,6 +27,7 @@ from validation.identification.petab.columns import (
     OF_TRIAL,
     PARAMETERS,
     PROBLEM,
+    SEAL,
     TIME,
     TRIALS,
     own_name,
@@ -62,10 +63,17 @@ class PetabParameter:
 
 @dataclass(frozen=True)
 class PetabTables:
-    """What a folder holds."""
+    """What a folder holds.
+
+    Attributes
+    ----------
+    parameters, trials : tuples
+    seals : of each trial the SHA-256 of the recorded trial; "" where the tables do not say
+    """
 
     parameters: tuple[PetabParameter, ...]
     trials: tuple[ObservedTrial, ...]
+    seals: tuple[str, ...]
 
 
 def is_petab(folder: str | Path) -> bool:
@@ -106,7 +114,13 @@ def read_petab(folder: str | Path) -> PetabTables:
         _trial(place, str(name), k, tables, known.get(str(name)))
         for k, name in enumerate(tables[CONDITIONS]["conditionId"])
     ]
-    return PetabTables(tuple(_parameter(row) for _, row in tables[PARAMETERS].iterrows()), tuple(trials))
+    seals = tuple(_seal(known.get(str(name))) for name in tables[CONDITIONS]["conditionId"])
+    return PetabTables(tuple(_parameter(row) for _, row in tables[PARAMETERS].iterrows()), tuple(trials), seals)
+
+
+def _seal(about: pd.Series | None) -> str:
+    found = "" if about is None else about.get(SEAL, "")
+    return found if isinstance(found, str) else ""
 
 
 def _table(path: Path, needed: tuple[str, ...]) -> pd.DataFrame:

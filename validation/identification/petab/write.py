@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -24,6 +24,7 @@ from validation.identification.petab.columns import (
     OF_TRIAL,
     PARAMETERS,
     PROBLEM,
+    SEAL,
     TIME,
     TRIALS,
     petab_id,
@@ -39,7 +40,7 @@ observables.tsv   key, whippen and hammer, rad since rest
 conditions.tsv    one for each trial
 measurements.tsv  angles at the phases that were compared, with the standard deviation of each by itself
 forces.tsv        force on the key that drives each condition, N; the first value is the preload at rest
-trials.tsv        what else is known of each trial: session, sensors' standard uncertainties
+trials.tsv        what else is known of each trial: session, sensors' standard uncertainties, hash of the recorded trial
 
 The model is no SBML: simulate it with `pianorig simulate` or `model.simulate` on forces.tsv.
 Errors of neighbouring phases are NOT independent, nor are those of trials (gain, level and delay of the force, scale
@@ -48,12 +49,13 @@ values, but standard uncertainties many times too small. Those of pianorig ident
 """
 
 
-def petab_texts(problem: Problem, fitted: Fitted) -> dict[str, str | bytes]:
+def petab_texts(problem: Problem, fitted: Fitted, seals: Mapping[str, str]) -> dict[str, str | bytes]:
     """Every file of the folder, name -> text.
 
     Parameters
     ----------
     problem, fitted : the identification
+    seals : label -> SHA-256 of the recorded trial
 
     Raises
     ------
@@ -64,7 +66,7 @@ def petab_texts(problem: Problem, fitted: Fitted) -> dict[str, str | bytes]:
     tables = {
         PARAMETERS: parameter_table(problem.action, problem.unknowns),
         OBSERVABLES: observable_table(),
-        **trial_tables(problem.trials, fitted),
+        **trial_tables(problem.trials, fitted, seals),
     }
     texts: dict[str, str | bytes] = {
         name: table.to_csv(sep="\t", index=False, lineterminator="\n") for name, table in tables.items()
@@ -136,7 +138,7 @@ def observable_table() -> pd.DataFrame:
     )
 
 
-def trial_tables(trials: Sequence[ObservedTrial], fitted: Fitted) -> dict[str, pd.DataFrame]:
+def trial_tables(trials: Sequence[ObservedTrial], fitted: Fitted, seals: Mapping[str, str]) -> dict[str, pd.DataFrame]:
     """Conditions, measurements, forces, and what else is known of each trial."""
     measured, forces, about = [], [], []
     spread = [_standard_deviation(fitted, k) for k in range(len(trials))]
@@ -155,7 +157,7 @@ def trial_tables(trials: Sequence[ObservedTrial], fitted: Fitted) -> dict[str, p
                 )
             )
         forces.append(pd.DataFrame({"conditionId": name, TIME: t.force_time_s, "force_n": t.force_n}))
-        row: dict[str, object] = {"conditionId": name, "label": t.label}
+        row: dict[str, object] = {"conditionId": name, "label": t.label, SEAL: seals.get(t.label, "")}
         row |= {key: getattr(t, key) for key in OF_TRIAL}
         for key in OF_CHANNEL:
             row |= {f"{key}_{channel}": x for channel, x in zip(ENCODER_CHANNELS, getattr(t, key), strict=True)}

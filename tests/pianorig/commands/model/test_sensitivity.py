@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
 from pathlib import Path
 
 import pytest
 
+from pianorig.workflows.model.cluster import _quiet
 from tests.command_line import run
 from tests.pianorig.test_commands import DATA
 
@@ -79,6 +81,7 @@ def test_a_session_or_a_trial_gives_the_force(tmp_path: Path, capsys: pytest.Cap
         (["--parameters", "contact12.friction.B1"], "contact12.friction.B1: does nothing in this blow"),
         (["--parameters", "contact12", "--set", "contact12=0"], "contact12: all its values are 0"),
         (["--parameters", "hammer.mass", "--set", "hammer.pivot.y=nan"], "hammer.pivot.y"),
+        (["--parameters", "hammer.mass", "--morris", "2", "--workers", "0"], "--workers 0: allowed 1 or more"),
         (["--parameters", "hammer.parent"], "hammer.parent: is fixed by the geometry"),
         (["--parameters", "contact04.second.normal.x"], "one component of a direction of length 1"),
     ],
@@ -130,3 +133,11 @@ def test_a_cluster_gives_the_numbers_of_this_computer(capsys: pytest.CaptureFixt
     ) as cluster:
         assert run(*study, "--cluster", cluster.scheduler_address) == 0
     assert json.loads(capsys.readouterr().out)["morris"] == here["morris"]
+
+
+def test_a_scheduler_that_is_lost_midway_prints_no_traceback_of_dask(caplog: pytest.LogCaptureFixture) -> None:
+    log = logging.getLogger("distributed.client")
+    before = log.level
+    with _quiet():
+        log.error("Traceback")
+    assert not caplog.records and log.level == before

@@ -15,6 +15,7 @@ import model
 import validation
 from pianorig import workflows
 from pianorig.errors import CommandInputError
+from pianorig.workflows.model import next_strokes
 from tests.command_line import run
 from tests.validation.identification import toy
 from validation.identification.fit import fit
@@ -23,6 +24,7 @@ from validation.identification.outcome.result import NOT_IDENTIFIABLE, Estimate
 from validation.prediction.posterior import make_posterior
 
 WARNING = "intervals are provisional"
+SESSIONS = Path(__file__).parents[4] / "sessions"
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,11 @@ def found() -> Found:
         "paths": {first.name: list(first.paths)},
     }  # fmt: skip
     details = SimpleNamespace(
-        problem=only, fitted=fitted, profiles=(), sources=SimpleNamespace(measured=(), sessions=())
+        problem=only,
+        fitted=fitted,
+        profiles=(),
+        sources=SimpleNamespace(measured=(), sessions=(), seals={}),
+        explained=("which part: none",),
     )
     scores = {"fitted trials": {"before": {"key": 1e-3, "whippen": 1e-3, "hammer": 1e-3}}}
     return Found(
@@ -95,18 +101,49 @@ def test_everything_that_was_asked_for_is_written_and_said(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(validation, "identify", lambda *given, **more: found)
     sensor = Prospect("key encoder known twice as well", {found.estimates[0].name: 0.9})
-    monkeypatch.setattr(workflows, "next_strokes", lambda identified: ([sensor], ["forte x 1.4: too strong"]))
-    monkeypatch.setattr(workflows, "write_next", lambda ranked, plan: plan)
+    alike = ["forte x 1.4: too strong", "double: too strong"]
+    monkeypatch.setattr(next_strokes, "next_strokes", lambda identified: ([sensor], alike))
+    monkeypatch.setattr(workflows, "check_plan", lambda sessions, motion_driven: None)
+    monkeypatch.setattr(workflows, "check_tables", lambda sessions: None)
     assert run("identify", "session", "--parameters", "friction", "--plan", "next.toml", "--petab", "tables") == 0
     said = capsys.readouterr().out
     assert WARNING in said and "no value is called identified" in said and "None of its parts" not in said
-    assert "0.90  key encoder known twice as well" in said and "not considered: forte x 1.4: too strong" in said
+    assert "0.90  key encoder known twice as well" in said and "not considered: forte x 1.4, double: too strong" in said
+    assert "plan: none is written: no profile could be predicted within the limits" in said  # and all else is kept
     assert {"identified.toml", "identified.html", "tables"} == {p.name for p in tmp_path.iterdir()}
     monkeypatch.setattr("validation.identification.page.write.render_identification", lambda *given: "a page")
     assert run("identify", "session", "--parameters", "friction", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["files"]["page"] == "identified.html"
+    told = json.loads(capsys.readouterr().out)
+    assert told["files"]["page"] == "identified.html" and told["explained"] == ["which part: none"]
 
 
 def test_nothing_can_be_ranked_where_only_tables_were_fitted(found: Found) -> None:
-    with pytest.raises(CommandInputError, match="no session was fitted"):
+    with pytest.raises(CommandInputError, match="no session with forces"):
         workflows.next_strokes(found)  # type: ignore[arg-type]
+    ranked, refused, why = workflows.ranked_next(found)  # type: ignore[arg-type]
+    assert not ranked and not refused and why.startswith("no session with forces was fitted")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [(["--motion-driven"], "--plan: ranks strokes by the force"), ([], "--plan: no session with forces was fitted")],
+)
+def test_a_plan_that_cannot_be_made_is_refused_before_any_work(
+    options: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "problem.yaml").write_text("")  # tables: they say nothing of the bench
+    monkeypatch.setattr(validation, "identify", lambda *given, **more: pytest.fail("work was begun"))
+    words = ["--parameters", "friction", "--plan", tmp_path / "next.toml", "--out", tmp_path / "found.toml", *options]
+    assert run("identify", tmp_path, *words) == 2
+    assert said in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["problem.yaml"]
+
+
+def test_tables_of_strokes_without_a_force_are_refused_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(validation, "identify", lambda *given, **more: pytest.fail("work was begun"))
+    words = ["--parameters", "friction", "--petab", tmp_path / "tables", "--out", tmp_path / "found.toml"]
+    assert run("identify", SESSIONS / "kawai_kg3c", *words) == 2
+    assert "trial 2: has no force, and the tables no place" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,63 @@
+"""Lines of the page and the terminal: whole sentences, one line for one reason, and whether a fit predicts better."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from validation.identification.further.shelf import Candidate
+from validation.identification.further.shrink import Prospect
+from validation.identification.outcome.held_out import CEILING, NULL, EventScore
+from validation.identification.page.render import breakable
+from validation.identification.page.sentences import as_sentence, plain_sentences, prospect_words, together
+
+
+def test_a_line_becomes_a_sentence_and_names_stay_as_they_are() -> None:
+    assert as_sentence("the model lacks something") == "The model lacks something."
+    assert as_sentence("hammer.mass: the fit stands there.") == "hammer.mass: the fit stands there."
+    assert as_sentence("3 trials fitted") == "3 trials fitted."
+
+
+def test_a_long_name_breaks_where_its_words_end() -> None:
+    assert breakable("jack.joint_friction") == "jack.<wbr>joint_<wbr>friction" and "&lt;" in breakable("<b>")
+
+
+def test_what_to_record_is_said_in_words() -> None:
+    stroke = Candidate("forte x 1.4", None, object())  # type: ignore[arg-type]
+    more = Candidate("more of try", None)  # type: ignore[arg-type]
+    assert prospect_words(Prospect("forte x 1.4", {}, stroke, 5)) == "5 trials of forte x 1.4"
+    assert prospect_words(Prospect("more of try", {}, more, 5)) == "5 more of try"
+    assert prospect_words(Prospect("key encoder known twice as well", {})) == "key encoder known twice as well"
+
+
+def test_one_reason_is_said_once() -> None:
+    assert together(["a: rig x: no arm", "b: too strong", "c: rig x: no arm"]) == [
+        "a, c: rig x: no arm",
+        "b: too strong",
+    ]
+
+
+@pytest.mark.parametrize(("after", "said"), [(4.9e-3, "no better"), (2e-3, "better"), (7e-3, "worse")])
+def test_a_fit_that_predicts_no_better_says_so(after: float, said: str) -> None:
+    speeds = {
+        who: {"hammer_speed": EventScore(0.0, rms, 2, 3)} for who, rms in (("identified", 0.01), ("before", 0.02))
+    }
+    nothing = {"hammer_speed": EventScore(0.0, float("nan"), 0, 3)}
+    problem = SimpleNamespace(trials=(1,), seen=(0,))
+    found = SimpleNamespace(
+        estimates=(SimpleNamespace(verdict="", name="a"),),
+        undetermined=(),
+        details=SimpleNamespace(
+            problem=problem, fitted=SimpleNamespace(converged=True), explained=("Which part: none.",)
+        ),
+        scores={"double": {"before": {"hammer": 5e-3}, "identified": {"hammer": after}, "null model": None}},
+        events={"double": {**speeds, NULL: nothing, CEILING: nothing}},
+    )
+    lines = plain_sentences(found)  # type: ignore[arg-type]
+    assert lines[0].startswith("1 parameter was asked of 1 trial of 1 session") and lines[1] == "Which part: none."
+    assert (
+        "0.010 m/s with the identified values (where it strikes: 2 of 3 trials), 0.020 m/s with those before"
+        in lines[2]
+    )
+    assert f"The identified values predict the curve {said} than those before." in lines[2] and "null" not in lines[2]
