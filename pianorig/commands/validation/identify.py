@@ -136,7 +136,7 @@ def command(
     if petab is not None:
         files |= {"petab": validation.write_petab(found, petab)["problem.yaml"]}
     if plan is not None:  # last: there may be none to recommend
-        files |= {"plan": workflows.write_next(ranked, plan)}
+        files |= {"plan": workflows.write_next(found, ranked, plan)}
     if as_json:
         names = {name: str(path) for name, path in files.items()}
         shrinks = [{"name": p.name, "trials": p.trials, "shrink": dict(p.shrink)} for p in ranked]

@@ -49,9 +49,9 @@ def next_strokes(
     return ranked, [*refused, *not_run]
 
 
-def write_next(ranked: list[Prospect], plan: Path) -> Path:
+def write_next(found: Identification, ranked: list[Prospect], plan: Path) -> Path:
     """Write the best stroke as a trial plan; its path."""
-    return write_plan(ranked, plan)[plan.name]
+    return write_plan(ranked, plan, found.details.fitted.converged)[plan.name]
 
 
 def reading_lines(found: Identification, ranked: list[Prospect], refused: list[str], most: int = 5) -> list[str]:

@@ -96,7 +96,7 @@ def test_everything_that_was_asked_for_is_written_and_said(
     monkeypatch.setattr(validation, "identify", lambda *given, **more: found)
     sensor = Prospect("key encoder known twice as well", {found.estimates[0].name: 0.9})
     monkeypatch.setattr(workflows, "next_strokes", lambda identified: ([sensor], ["forte x 1.4: too strong"]))
-    monkeypatch.setattr(workflows, "write_next", lambda ranked, plan: plan)
+    monkeypatch.setattr(workflows, "write_next", lambda found, ranked, plan: plan)
     assert run("identify", "session", "--parameters", "friction", "--plan", "next.toml", "--petab", "tables") == 0
     said = capsys.readouterr().out
     assert WARNING in said and "no value is called identified" in said and "None of its parts" not in said
