@@ -80,9 +80,9 @@ def _named(vector: Array, covariance: Array, left: float) -> Array:
     short = np.zeros_like(vector)
     for i in order:
         short[i] = vector[i]
-        if _share(short, covariance) <= NEARLY * left and np.abs(vector[short == 0.0]).max(initial=0.0) < NAMED * abs(
-            vector[order[0]]
-        ):
+        if _share(short, covariance) <= min(NEARLY * left, HALF) and np.abs(vector[short == 0.0]).max(
+            initial=0.0
+        ) < NAMED * abs(vector[order[0]]):
             break
     return short
 

@@ -116,3 +116,27 @@ def test_before_a_fit_only_what_is_certain_is_certain() -> None:
     _, said = look_before(problem)
     named = [line for line in said if IDLE in line]
     assert len(named) == 1 and named[0].startswith("if the model lacks 5 %")
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_in_random_systems_nothing_is_named_wrongly(seed: int) -> None:
+    """Rows that share names at random: as many directions as are unknown, each unknown, and no name that is known."""
+    rng, n = np.random.default_rng(seed), 12
+    names = tuple(f"p{i}" for i in range(n))
+    seen = np.zeros((int(rng.integers(4, n)), n))
+    for row in seen:
+        members = rng.choice(n, rng.integers(1, 5), replace=False)
+        row[members] = rng.normal(size=members.size) * 10 ** rng.uniform(0.5, 2.5)
+    precision = np.eye(n) + seen.T @ seen
+    covariance = np.linalg.inv(precision)
+    undetermined, determined = directions(names, covariance)
+    unknown = int(np.sum(np.sqrt(np.linalg.eigvalsh(covariance)) > HALF))
+    found = np.array([[d.weights.get(name, 0.0) for name in names] for d in undetermined]).reshape(-1, n)
+    assert len(undetermined) == unknown == np.linalg.matrix_rank(found, tol=1e-6)
+    known = np.sqrt(np.diag(covariance)) < 0.05
+    for v in found:
+        assert np.sqrt(v @ v / (v @ precision @ v)) > HALF
+        assert np.all(np.abs(v[known]) < 0.1)
+    for d in determined:
+        v = np.array([d.weights.get(name, 0.0) for name in names])
+        assert np.sqrt(v @ covariance @ v / (v @ v)) == pytest.approx(d.left, rel=1e-6) and d.left <= HALF
