@@ -12,7 +12,8 @@ after over u before is compared with what was predicted. A sensor known twice as
 
 There is no fit: what it shows is how well sizes of noise are known, not where a fit ends. ``told``: parameters whose u
 is to shrink by more than a tenth; all others are easily right. ``linear``: these by the Fisher information alone,
-without the rehearsal (`validation.identification.further.rehearsal`). A line per experiment is kept in ``--results``.
+without the rehearsal (`validation.identification.further.rehearsal`); ``clear``: those of ``told`` where after the
+first trials the model is not said to lack anything. A line per experiment is kept in ``--results``.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from model.errors import ModelError
 from validation.conventions import Array
 from validation.errors import ValidationError
 from validation.identification.blocks import INSTRUMENT, Block
+from validation.identification.estimates import LACKING
 from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Columns, Fitted, Problem, linear_residuals
 from validation.identification.further.shelf import Candidate
@@ -54,6 +56,12 @@ NEAR = 0.2
 SAME = ("seed", "first", "next", "numbers", "more")
 FREE = (5, 9)
 TOLD = 0.9
+CLASSES = (
+    ("all", "predicted", np.inf),
+    ("told", "predicted", TOLD),
+    ("linear", "fisher", TOLD),
+    ("clear", "predicted", TOLD),
+)
 Part = tuple[Problem, list[Block], list[Array]]
 
 
@@ -197,8 +205,9 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
     ]
     whole = [r for kept in rows if "rows" in kept for r in kept["rows"]]
     for what, n in dict.fromkeys((r["what"], r["n"]) for r in whole):
-        for name, by, most in (("all", "predicted", np.inf), ("told", "predicted", TOLD), ("linear", "fisher", TOLD)):
+        for name, by, most in CLASSES:
             here = [r for r in whole if (r["what"], r["n"]) == (what, n) and r["fisher"] < most]
+            here = [r for r in here if name != "clear" or r["lacking"][0] <= LACKING]
             if not here or (what == "sensor" and name == "linear"):
                 continue
             off = np.log([r["realised"] / r[by] for r in here])

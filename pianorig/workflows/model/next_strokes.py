@@ -8,10 +8,12 @@ from pianorig.errors import CommandInputError
 from pianorig.workflows.model.predict_blow import predictor
 from rig import Rig, session_rig
 from validation import Identification
+from validation.identification.estimates import LACKING
 from validation.identification.further.plan_file import write_plan
 from validation.identification.further.shelf import shelf
 from validation.identification.further.shrink import TRIALS, Prospect, prospects
 from validation.identification.page.sentences import plain_sentences
+from validation.identification.scatter import lacking
 
 
 def next_strokes(
@@ -51,7 +53,11 @@ def next_strokes(
 
 def write_next(found: Identification, ranked: list[Prospect], plan: Path) -> Path:
     """Write the best stroke as a trial plan; its path."""
-    return write_plan(ranked, plan, found.details.fitted.converged)[plan.name]
+    fitted = found.details.fitted
+    doubts = [] if fitted.converged else ["the fit it is predicted from did not settle"]
+    if lacking(fitted) > LACKING:
+        doubts.append("the model lacks something; where it seems to, few predictions came true within 20 %")
+    return write_plan(ranked, plan, doubts)[plan.name]
 
 
 def reading_lines(found: Identification, ranked: list[Prospect], refused: list[str], most: int = 5) -> list[str]:

@@ -180,12 +180,12 @@ def test_the_plan_is_one_that_record_plays(tmp_path: Path, level: float) -> None
     (played,) = plan.profiles.values()
     np.testing.assert_allclose(played.force_n, level * rig.load_profile("forte").force_n)
     assert "twice as well" in files["next.toml"].read_text("utf-8")
-    assert "did not settle" not in files["next.toml"].read_text("utf-8")
+    assert "In doubt" not in files["next.toml"].read_text("utf-8")
 
 
-def test_a_plan_of_a_fit_that_did_not_settle_says_so(tmp_path: Path) -> None:
-    files = write_plan([prospect()], tmp_path / "next.toml", settled=False)
-    assert "did not settle" in files["next.toml"].read_text("utf-8")
+def test_a_plan_says_what_is_in_doubt(tmp_path: Path) -> None:
+    files = write_plan([prospect()], tmp_path / "next.toml", ["the fit did not settle"])
+    assert "# In doubt: the fit did not settle.\n" in files["next.toml"].read_text("utf-8")
     assert len(rig.load_plan(files["next.toml"]).entries) == 4
 
 

@@ -32,14 +32,14 @@ def best_stroke(ranked: Sequence[Prospect]) -> Prospect:
     )
 
 
-def write_plan(ranked: Sequence[Prospect], path: str | Path, settled: bool = True) -> dict[str, Path]:
+def write_plan(ranked: Sequence[Prospect], path: str | Path, doubts: Sequence[str] = ()) -> dict[str, Path]:
     """Write the best stroke as a plan, beside it its profile, whole or not at all.
 
     Parameters
     ----------
     ranked : what `validation.identification.further.shrink.prospects` found
     path : plan file to write, ending in .toml
-    settled : whether the fit it is predicted from has settled; said in the file if not
+    doubts : why the numbers may not come true; said in the file
 
     Returns
     -------
@@ -62,7 +62,7 @@ def write_plan(ranked: Sequence[Prospect], path: str | Path, settled: bool = Tru
     lines = [
         "# What to record next, by pianorig identify: u of each parameter after, divided by u now, as predicted at the",
         "# identified values, and 95 % limits: the strokes teach about the noise, too.",
-        *([] if settled else ["# The fit it is predicted from did not settle: these numbers are a guess."]),
+        *(f"# In doubt: {line}." for line in doubts),
         *(f"# {name}: {x:.2f} ({limits[name][0]:.2f} to {limits[name][1]:.2f})" for name, x in best.shrink.items()),
         "#",
         "# What else was looked at, geometric mean of the same:",
