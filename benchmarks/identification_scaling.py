@@ -8,8 +8,8 @@ five trials in a session, sessions of the kinds in turn. Where more are to be fr
 and geometry that act are free, too. Processor time in seconds, one row per fit: derivatives of the model, runs of the
 model (steps, checks of derivatives), columns of what each trial has of its own (force noise), learning of the sizes of
 noise, the end with each trial at its own scatter, and the rest. Processor time of all threads is counted, so that other
-work on the machine does not; on an idle one with two cores the model's share takes about half of it by the clock. "off" is
-the root mean square of error over u of those known to half their prior. A row in ``--results`` is not made again.
+work on the machine does not; on an idle one with two cores the model's share takes about half of it by the clock. "off"
+is the root mean square of error over u of those known to half their prior. A row in ``--results`` is not made again.
 """
 
 from __future__ import annotations

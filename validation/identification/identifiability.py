@@ -21,6 +21,9 @@ from validation.identification.outcome.result import Combination
 HALF = 0.5
 CANNOT_TELL = "these strokes cannot tell the size of"
 NAMED = 0.25  # of the largest weight: smaller ones are left out of the name where it holds without them
+EXPECTED = 0.05
+"""Discrepancy that is expected of a model before the strokes are looked at, of the size of the response."""
+NEARLY = 1.2  # of the share left along an eigenvector: what is named of it must be known as well
 
 
 def directions(names: Sequence[str], covariance: Array) -> tuple[list[Combination], list[Combination]]:
@@ -43,12 +46,12 @@ def directions(names: Sequence[str], covariance: Array) -> tuple[list[Combinatio
     undetermined = []
     for vector in _taken_apart(np.asarray(vectors[:, left > HALF], dtype=float)):
         short = _shortest(vector, precision)
-        undetermined.append(Combination(_weights(names, short, 0.0), _left(short, precision)))
-    determined = [
-        Combination(_weights(names, vectors[:, i], NAMED), float(left[i]))
-        for i in np.argsort(-left, kind="stable")
-        if left[i] <= HALF
-    ]
+        undetermined.append(Combination(_weights(names, short), _left(short, precision)))
+    determined = []
+    for i in np.argsort(-left, kind="stable"):
+        if left[i] <= HALF:
+            named = _named(np.asarray(vectors[:, i], dtype=float), cov, float(left[i]))
+            determined.append(Combination(_weights(names, named), _share(named, cov)))
     return sorted(undetermined, key=lambda d: -d.left), determined
 
 
@@ -66,6 +69,24 @@ def _left(vector: Array, precision: Array) -> float:
     return float(np.sqrt(vector @ vector / (vector @ precision @ vector)))
 
 
+def _share(vector: Array, covariance: Array) -> float:
+    """Share of the prior standard uncertainty that is left along a vector, all other directions free."""
+    return float(np.sqrt(vector @ covariance @ vector / (vector @ vector)))
+
+
+def _named(vector: Array, covariance: Array, left: float) -> Array:
+    """The vector with its largest components only, as few as are known nearly as well as the whole."""
+    order = np.argsort(-np.abs(vector), kind="stable")
+    short = np.zeros_like(vector)
+    for i in order:
+        short[i] = vector[i]
+        if _share(short, covariance) <= min(NEARLY * left, HALF) and np.abs(vector[short == 0.0]).max(
+            initial=0.0
+        ) < NAMED * abs(vector[order[0]]):
+            break
+    return short
+
+
 def _shortest(vector: Array, precision: Array) -> Array:
     """The vector with its largest components only, as few as leave it undetermined."""
     order = np.argsort(-np.abs(vector), kind="stable")
@@ -77,10 +98,10 @@ def _shortest(vector: Array, precision: Array) -> Array:
     return short
 
 
-def _weights(names: Sequence[str], vector: Array, least: float) -> dict[str, float]:
+def _weights(names: Sequence[str], vector: Array) -> dict[str, float]:
     order = np.argsort(-np.abs(vector), kind="stable")
     share = vector / vector[order[0]]
-    return {names[i]: float(share[i]) for i in order if share[i] != 0.0 and abs(share[i]) >= least}
+    return {names[i]: float(share[i]) for i in order if share[i] != 0.0}
 
 
 def warnings_of(names: Sequence[str], covariance: Array) -> list[str]:
@@ -97,4 +118,24 @@ def warnings_of(names: Sequence[str], covariance: Array) -> list[str]:
         for d in undetermined
         if len(d.weights) > 1
     ]
+    return said
+
+
+def warnings_before(names: Sequence[str], at_best: Array, expected: Array) -> list[str]:
+    """Sentences before a fit: what these strokes cannot tell at best, and what beside it as models commonly lack.
+
+    Parameters
+    ----------
+    names : of the parameters
+    at_best : (n, n) covariance if the model lacked nothing
+    expected : (n, n) covariance if it lacks as much as is expected of one
+    """
+    said = [f"even if the model lacks nothing, {line}" for line in warnings_of(names, at_best)]
+    best, usual = (np.sqrt(np.diag(c)) for c in (at_best, expected))
+    more = [f"{n} ({100 * w:.0f} %)" for n, b, w in zip(names, best, usual, strict=True) if b <= HALF < w]
+    if more:
+        said.append(
+            f"if the model lacks {100 * EXPECTED:.0f} % of what all its laws together could do, these strokes say "
+            f"little of {', '.join(more)}, too (of the prior u left)"
+        )
     return said

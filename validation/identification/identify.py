@@ -17,9 +17,9 @@ from validation.errors import ValidationInputError
 from validation.identification.channels.key_driven import with_errors_of_what_drives
 from validation.identification.estimates import LACKING, estimate_all
 from validation.identification.fit import Fitted
-from validation.identification.identifiability import directions, warnings_of
+from validation.identification.identifiability import EXPECTED, directions, warnings_before, warnings_of
 from validation.identification.minima import search
-from validation.identification.noise import FLOOR, Sizes, learn
+from validation.identification.noise import Marginal, Sizes
 from validation.identification.observations import CHANNEL_NAMES
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
 from validation.identification.outcome.details import Details
@@ -177,10 +177,10 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
                 f"--parameters {name}: has no effect in these strokes (no angle moves by {LEAST_EFFECT_RAD:g} rad); "
                 "leave it out, or record a stroke in which it acts"
             )
-    sizes = Sizes.start(problem.families, problem.seen)
-    marginal = learn(blocks, [b.moved @ zero for b in blocks], sizes, 0, FLOOR)
-    n = len(names)
-    return columns, warnings_of(names, marginal.covariance[:n, :n])
+    tight, n = Sizes.tight(problem.families, problem.seen), len(names)
+    usual = tight.grown(EXPECTED / float(tight.discrepancy.max()))
+    at_best, expected = (Marginal(blocks, sizes).covariance[:n, :n] for sizes in (tight, usual))
+    return columns, warnings_before(names, at_best, expected)
 
 
 def bounds_not_run(problem: Problem) -> list[str]:

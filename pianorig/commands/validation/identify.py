@@ -139,7 +139,7 @@ def command(
     if petab is not None:
         files |= {"petab": validation.write_petab(found, petab)["problem.yaml"]}
     if plan is not None and not why_none:
-        files |= {"plan": workflows.write_next(ranked, plan)}
+        files |= {"plan": workflows.write_next(found, ranked, plan)}
     if as_json:
         names = {name: str(path) for name, path in files.items()}
         shrinks = [{"name": p.name, "trials": p.trials, "shrink": dict(p.shrink)} for p in ranked]

@@ -9,11 +9,13 @@ from pianorig.errors import CommandInputError
 from pianorig.workflows.model.predict_blow import predictor
 from rig import Rig, RigError, Session, session_rig
 from validation import Identification
+from validation.identification.estimates import LACKING
 from validation.identification.further.plan_file import best_stroke, write_plan
 from validation.identification.further.shelf import shelf
 from validation.identification.further.shrink import TRIALS, Prospect, prospects
 from validation.identification.page.sentences import plain_sentences, prospect_words, together
 from validation.identification.petab.read import is_petab
+from validation.identification.scatter import lacking
 
 NO_SESSION = (
     "--plan: no session with forces was fitted, so neither bench nor sensors are known; give one beside what was given"
@@ -113,9 +115,13 @@ def ranked_next(found: Identification) -> tuple[list[Prospect], list[str], str]:
     )
 
 
-def write_next(ranked: list[Prospect], plan: Path) -> Path:
+def write_next(found: Identification, ranked: list[Prospect], plan: Path) -> Path:
     """Write the best stroke as a trial plan; its path."""
-    return write_plan(ranked, plan)[plan.name]
+    fitted = found.details.fitted
+    doubts = [] if fitted.converged else ["the fit it is predicted from did not settle"]
+    if lacking(fitted) > LACKING:
+        doubts.append("the model lacks something; where it seems to, few predictions came true within 20 %")
+    return write_plan(ranked, plan, doubts)[plan.name]
 
 
 def reading_lines(found: Identification, ranked: list[Prospect], refused: list[str], most: int = 5) -> list[str]:

@@ -22,13 +22,14 @@ def best_stroke(ranked: Sequence[Prospect]) -> Prospect | None:
     return next(strokes, None)
 
 
-def write_plan(ranked: Sequence[Prospect], path: str | Path) -> dict[str, Path]:
+def write_plan(ranked: Sequence[Prospect], path: str | Path, doubts: Sequence[str] = ()) -> dict[str, Path]:
     """Write the best stroke as a plan, beside it its profile, whole or not at all.
 
     Parameters
     ----------
     ranked : what `validation.identification.further.shrink.prospects` found
     path : plan file to write, ending in .toml
+    doubts : why the numbers may not come true; said in the file
 
     Returns
     -------
@@ -50,8 +51,9 @@ def write_plan(ranked: Sequence[Prospect], path: str | Path) -> dict[str, Path]:
     named = profile.name if built_in else f"{target.stem}_{condition}.toml"
     limits = {name: best.range(name) for name in best.shrink}
     lines = [
-        "# What to record next, by pianorig identify: u of each parameter after, divided by u now (predicted from the",
-        "# Fisher information at the identified values), and 95 % limits: the strokes teach about the noise, too.",
+        "# What to record next, by pianorig identify: u of each parameter after, divided by u now, as predicted at the",
+        "# identified values, and 95 % limits: the strokes teach about the noise, too.",
+        *(f"# In doubt: {line}." for line in doubts),
         *(f"# {name}: {x:.2f} ({limits[name][0]:.2f} to {limits[name][1]:.2f})" for name, x in best.shrink.items()),
         "#",
         "# What else was looked at, geometric mean of the same:",

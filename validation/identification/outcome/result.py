@@ -78,11 +78,12 @@ class Combination:
 
     @property
     def words(self) -> str:
-        """``a + 0.6 × b − 0.3 × c``."""
+        """``a + 0.6 × b − 0.03 × c``."""
         text = ""
         for i, (name, w) in enumerate(self.weights.items()):
             sign = ("−" if w < 0 else "") if i == 0 else (" − " if w < 0 else " + ")
-            size = "" if abs(abs(w) - 1.0) < 0.05 else f"{abs(w):.1f} × "
+            digits = ".1f" if abs(w) >= 0.095 else ".1g"
+            size = "" if abs(abs(w) - 1.0) < 0.05 else f"{abs(w):{digits}} × "
             text += f"{sign}{size}{name}"
         return text
 
