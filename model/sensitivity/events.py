@@ -18,7 +18,7 @@ from model.kernels.trajectory.contact_forces import depths_along
 from model.observables import hammer_height_m, key_dip_m, key_front_gap_m
 from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, LEVER_KNUCKLE, STRING, Action
 from model.parameters.effects import SHANK
-from model.sensitivity.observed import SMALL_TURN, SMOOTH, gradient, own_slopes, state_slopes
+from model.sensitivity.observed import SMOOTH_TURN, gradient, own_slopes, state_slopes
 from model.sensitivity.sources import places_of_gap
 from model.sensitivity.tangents import Recorded
 
@@ -86,10 +86,13 @@ class Events:
         return hammer_height_m(action, angle, bend)
 
     def _approach(self, action: Action, angle: Array, speed: Array) -> Array:
-        """Speed towards the string: the height's rate, by a difference along the motion."""
-        h = 1e-5
-        ends = [self._height(action, angle + s * h * speed, speed) for s in (1.0, -1.0)]
-        return np.asarray((ends[1] - ends[0]) / (2.0 * h))
+        """Speed towards the string: the height's rate, by differences along the motion, of order four."""
+        h = 1e-4
+        near, far = (
+            self._height(action, angle - s * h * speed, speed) - self._height(action, angle + s * h * speed, speed)
+            for s in (1.0, 2.0)
+        )
+        return np.asarray((8.0 * near - far) / (12.0 * h))
 
     @staticmethod
     def _front(action: Action, angle: Array, _: Array) -> Array:
@@ -262,7 +265,7 @@ class Events:
     def _rate(self, quantity: Callable[[Action, Array, Array], Array], t: float, state: tuple[Array, Array]) -> float:
         """How fast a quantity changes at a time."""
         angle, speed = state
-        h, acceleration = 1e-7, self.recorded.acceleration(t)
+        h, acceleration = 1e-5, self.recorded.acceleration(t)
         ends = [quantity(self.action, angle + s * h * speed, speed + s * h * acceleration)[0] for s in (1.0, -1.0)]
         return float((ends[0] - ends[1]) / (2.0 * h))
 
@@ -274,8 +277,8 @@ class Events:
         if name == "onset_s":
             # the dip is counted from rest, which moves too: a difference of two heights
             at, rest = state[0][0], self.recorded.rest
-            d = gradient(lambda q: key_dip_m(self.action, q, rest), at, SMOOTH * SMALL_TURN) @ own[0][0]
-            d -= gradient(lambda q: key_dip_m(self.action, q, at), rest, SMOOTH * SMALL_TURN) @ self.recorded.d_rest
+            d = gradient(lambda q: key_dip_m(self.action, q, rest), at, SMOOTH_TURN) @ own[0][0]
+            d -= gradient(lambda q: key_dip_m(self.action, q, at), rest, SMOOTH_TURN) @ self.recorded.d_rest
             parameters = self.directions.parameters
             d += own_slopes(self.action, parameters, lambda a: float(key_dip_m(a, state[0], rest)[0]))
             return np.asarray(-d / self._along(lambda q: key_dip_m(self.action, q, rest), state))

@@ -15,9 +15,10 @@ from model.parameters.action import Action
 from model.sensitivity.parameter_names import Directions, Parameter, shifted
 
 Array = NDArray[np.float64]
-# rad and rad/s that a difference may move a coordinate: felt is pressed in by more; lengths and angles are smooth
+# rad and rad/s that a difference may move a coordinate: felt is pressed in by more
 SMALL_TURN, SMALL_SPEED = 1e-8, 1e-6
-SMOOTH = 100.0
+# where nothing but lengths and angles matter: a speed, itself a difference, would be rounded away in smaller steps
+SMOOTH_TURN, SMOOTH_SPEED, SMOOTH_STEPS = 1e-4, 1e-2, 1e3
 
 
 def step_of(parameter: Parameter, d_angle: Array, d_speed: Array) -> float:
@@ -37,8 +38,8 @@ def state_slopes(quantity: Callable[[Array, Array], Array], state: tuple[Array, 
     """Derivatives (n,) of a smooth quantity (m,) of states (m, n) by the angles and by the speeds of one, (n,) each."""
     angle, speed = state
     many = np.ones((2 * len(angle), 1))
-    by_angle = gradient(lambda q: quantity(q, many * speed), angle, SMOOTH * SMALL_TURN)
-    by_speed = gradient(lambda v: quantity(many * angle, v), speed, SMOOTH * SMALL_SPEED)
+    by_angle = gradient(lambda q: quantity(q, many * speed), angle, SMOOTH_TURN)
+    by_speed = gradient(lambda v: quantity(many * angle, v), speed, SMOOTH_SPEED)
     return by_angle, by_speed
 
 
@@ -66,7 +67,7 @@ def own_slopes(action: Action, parameters: Sequence[Parameter], quantity: Callab
     out = np.zeros(len(parameters))
     for j, parameter in enumerate(parameters):
         if read & parameter.paths.keys():
-            h = SMOOTH * parameter.step
+            h = SMOOTH_STEPS * parameter.step
             out[j] = (quantity(shifted(action, parameter, h)) - quantity(shifted(action, parameter, -h))) / (2.0 * h)
     return out
 
