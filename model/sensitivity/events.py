@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.kernels.trajectory.contact_forces import depths_along
-from model.observables import hammer_height_m, key_dip_m, key_front_gap_m
-from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, LEVER_KNUCKLE, STRING, Action
+from model.observables import hammer_height_m, key_dip_m
+from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
 from model.parameters.effects import SHANK
 from model.sensitivity.observed import SMOOTH_TURN, gradient, own_slopes, state_slopes
 from model.sensitivity.sources import places_of_gap
@@ -94,10 +94,6 @@ class Events:
         )
         return np.asarray((8.0 * near - far) / (12.0 * h))
 
-    @staticmethod
-    def _front(action: Action, angle: Array, _: Array) -> Array:
-        return key_front_gap_m(action, angle)
-
     def _depth_of(self, contact: str, angle: Array, speed: Array, vector: Array | None = None) -> tuple[Array, Array]:
         """Penetration (m,) of a contact, m, negative where it is open, and its rate (m,), m/s."""
         out = np.empty((2, len(angle)))
@@ -146,9 +142,11 @@ class Events:
             -np.inf,
             "the key dips by less than 0.1 mm",
         )
-        self._first(
-            "key_bottom_s", lambda q, v: self._front(action, q, v), False, -np.inf, "the key does not reach its felt"
-        )
+        if KEY_FRONT in self.scene.contacts:  # its own depth: where the key lifts, its angle alone does not tell
+            front = partial(self._depth_of, KEY_FRONT)
+            self._first("key_bottom_s", lambda q, v: front(q, v)[0], True, -np.inf, "the key does not reach its felt")
+        else:
+            self.found.absent["key_bottom_s"] = "the scene has no felt under the key's front"
         if STRING in self.scene.contacts and self._first(
             "strike_s", lambda q, v: self._height(action, q, v), False, -np.inf, "the hammer does not reach the string"
         ):
@@ -271,7 +269,8 @@ class Events:
 
     def _moved(self, name: str, state: tuple[Array, Array], own: tuple[Array, Array], d_check: Array) -> Array:
         """Derivative (P,) of the time of an event: what is passed moves by d, and changes at a rate."""
-        contact = {"check_s": BACK_CHECK, RELEASE: BACK_CHECK, "let_off_s": getattr(self, "_leaver", "")}.get(name)
+        pressing = {"key_bottom_s": KEY_FRONT, "check_s": BACK_CHECK, RELEASE: BACK_CHECK}
+        contact = (pressing | {"let_off_s": getattr(self, "_leaver", "")}).get(name)
         if contact:
             return -self._depth_slope(contact, state, own[0]) / self._depth_of(contact, *state)[1][0]
         if name == "onset_s":
@@ -282,9 +281,6 @@ class Events:
             parameters = self.directions.parameters
             d += own_slopes(self.action, parameters, lambda a: float(key_dip_m(a, state[0], rest)[0]))
             return np.asarray(-d / self._along(lambda q: key_dip_m(self.action, q, rest), state))
-        if name == "key_bottom_s":
-            d = self._slope(self._front, state, own)
-            return np.asarray(-d / self._along(lambda q: self._front(self.action, q, q), state))
         d = self._slope(self._height, state, own)
         if name == "drop_s":
             d = d - d_check

@@ -140,6 +140,16 @@ def test_where_the_hammer_is_held_moves_with_the_hold(action: model.Action) -> N
         assert found.d_events[event][0] == pytest.approx(difference, rel=3e-5), event
 
 
+def test_the_front_of_a_key_that_lifts_lands_where_its_felt_is_touched(action: model.Action, forte: Blow) -> None:
+    options = model.SensitivityOptions(scene="lifting-key", contact_forces=True)
+    found = model.sensitivities(action, forte, ["key.mass"], options=options)
+    assert found.contact_forces is not None
+    pressed = np.flatnonzero(found.contact_forces[:, found.contact_names.index("contact02")] > 0.0)[0]
+    assert found.time_s[pressed - 1] <= found.events["key_bottom_s"] < found.time_s[pressed]
+    without = model.sensitivities(action.with_values({"contact02": 0.0}), cut(forte, 0.01), ["key.mass"])
+    assert without.absent_events["key_bottom_s"] == "the scene has no felt under the key's front"
+
+
 def test_events_that_do_not_happen_say_why(found: model.Sensitivities, action: model.Action) -> None:
     assert found.absent_events == {"check_m": "the hammer is not held", "drop_s": "the hammer is not held"}
     assert np.isnan(found.events["check_m"]) and np.all(np.isnan(found.d_events["drop_s"]))
