@@ -166,12 +166,13 @@ class Events:
         self._first(
             "rebound_s", lambda q, v: self._height(action, q, v), True, strike, "the hammer does not leave the string"
         )
-        jack, lever = (self._depth_of(contact, *self.motion)[0] for contact in (JACK_KNUCKLE, LEVER_KNUCKLE))
-        knuckle = np.maximum(jack, lever) > 0.0
+        driving = [contact for contact in (JACK_KNUCKLE, LEVER_KNUCKLE) if contact in self.scene.contacts]
+        presses = {contact: self._depth_of(contact, *self.motion)[0] > 0.0 for contact in driving}
+        knuckle = np.any([np.zeros(len(self.times), dtype=bool), *presses.values()], axis=0)
         before = np.flatnonzero(knuckle[:-1] & ~knuckle[1:] & (self.times[1:] < strike))
         if len(before):
             k = int(before[-1])
-            leaving = JACK_KNUCKLE if jack[k] > 0.0 else LEVER_KNUCKLE
+            leaving = next(contact for contact in driving if presses[contact][k])
             self._leaver = leaving
             self.found.at["let_off_s"] = self._root(lambda q, v: self._depth_of(leaving, q, v)[0], k)
         else:

@@ -150,6 +150,12 @@ def test_the_front_of_a_key_that_lifts_lands_where_its_felt_is_touched(action: m
     assert without.absent_events["key_bottom_s"] == "the scene has no felt under the key's front"
 
 
+def test_let_off_without_the_lever_at_the_knuckle(action: model.Action, forte: Blow) -> None:
+    without = action.with_values({"contact10": 0.0})
+    found = model.sensitivities(without, forte, ["key.mass"])
+    assert found.events["let_off_s"] < found.events["strike_s"]
+
+
 def test_events_that_do_not_happen_say_why(found: model.Sensitivities, action: model.Action) -> None:
     assert found.absent_events == {"check_m": "the hammer is not held", "drop_s": "the hammer is not held"}
     assert np.isnan(found.events["check_m"]) and np.all(np.isnan(found.d_events["drop_s"]))
