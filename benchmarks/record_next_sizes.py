@@ -76,7 +76,8 @@ class Experiment:
         self.free: Unknowns = freed(self.start, SimpleNamespace(free=n, kinds=options.first), self.rng)  # type: ignore[arg-type]
         truth, self.specimen = drawn_truth(self.start, self.free, 0.5, self.rng)
         self.sensors = Sensors(self.rng)
-        self.z = np.array([truth[p.name] if p.paths else 0.0 for p in self.free.moved])
+        force = force_errors(self.sensors)
+        self.z = np.array([truth[p.name] if p.paths else force[p.name] for p in self.free.moved])
 
     def trials(self, kind: str, session: int, n: int) -> list[ObservedTrial]:
         """Played and observed."""
@@ -86,10 +87,8 @@ class Experiment:
 
     def problem(self, trials: Sequence[ObservedTrial]) -> Problem:
         """Of some trials."""
-        response = ExactRuns(self.start, self.free.moved, trials, RUNS)
-        return Problem(
-            self.start, self.free, tuple(trials), response, held_columns(self.start, self.free, trials, RUNS)
-        )
+        response = ExactRuns(self.start, (*self.free.moved, *self.free.held), trials, RUNS)
+        return Problem(self.start, self.free, tuple(trials), response, held_columns(response, self.free))
 
     def part(self, kind: str, session: int, n: int) -> Part:
         """Trials with their linear model and residuals at z = 0 of it."""
@@ -109,12 +108,7 @@ class Experiment:
     def errors(self, trial: ObservedTrial) -> dict[str, float]:
         """True errors of the sensors, in standard uncertainties."""
         s, names = self.sensors, ("key", "whippen", "hammer")
-        f = s.config.force
-        out = {
-            FORCE_GAIN: (s.gain - 1) / f.u_gain_relative,
-            FORCE_LEVEL: (s.preload_n - f.preload_n) / f.u_preload_n,
-            FORCE_DELAY: -(s.delay_s - DELAY_S) / f.u_group_delay_s,
-        }
+        out = force_errors(s)
         for e, turn, change in zip(s.config.encoders, s.turn, s.change, strict=True):
             c = names.index(e.name)
             out[f"{e.name} encoder scale"] = turn / trial.u_scale[c]
@@ -134,6 +128,16 @@ class Experiment:
             blocks.append(replace(b, moved=m, instrument=i))
             linear.append(left)
         return blocks, linear
+
+
+def force_errors(s: Sensors) -> dict[str, float]:
+    """True errors of the force, in standard uncertainties."""
+    f = s.config.force
+    return {
+        FORCE_GAIN: (s.gain - 1) / f.u_gain_relative,
+        FORCE_LEVEL: (s.preload_n - f.preload_n) / f.u_preload_n,
+        FORCE_DELAY: -(s.delay_s - DELAY_S) / f.u_group_delay_s,
+    }
 
 
 def experiment(k: int, options: argparse.Namespace) -> dict[str, Any]:

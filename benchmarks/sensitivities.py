@@ -6,7 +6,10 @@ angles and parameters, against Richardson's limit of central differences of runs
 in runs of `simulate` at its default tolerance; those of 60 columns are measured, differences of 60 columns are taken as
 so many runs. The worst of all 60 columns is against the same derivatives at 1e-12 rad, relative 1e-8, of each angle's
 largest derivative or of 1e-4 rad per change of the parameter by all of its value, below which no step is decided
-(`--tangents`: these rows alone). With frozen steps (the sequence of the unchanged run, nothing rejected) eight members
+(`--tangents`: these rows alone). Then the same columns with events and contact forces at all times: forces' errors are
+of each force's largest derivative, or of 1e-3 of its largest value per such change, away from kinks (no contact begins
+or ceases to push within a sample) and anywhere; events' of their derivatives, or of 1e-4 of the largest of one by any
+parameter per such change. With frozen steps (the sequence of the unchanged run, nothing rejected) eight members
 go through a core's lanes together; that such a study of 60 columns takes 22 runs is an estimate.
 """
 
@@ -36,6 +39,7 @@ STEPS = {
 }  # fmt: skip
 SETTINGS = ((1e-9, 1e-6), (2e-9, 3e-6), (2e-9, 1e-5), (1e-8, 1e-5), (1e-7, 1e-4), (1e-6, 1e-3))
 REFERENCE = model.SensitivityOptions(tolerance=1e-12, relative_tolerance=1e-8, events=False, allow_idle=True)
+ALL = replace(REFERENCE, events=True, contact_forces=True)
 SHARES = (1e-6, 1e-5, 1e-4, 1e-3)  # of the step of a difference, of the parameter's value
 
 
@@ -98,12 +102,44 @@ def far(found: Array, truth: Array) -> float:
     return float(np.max(np.max(np.abs(found - truth), axis=0) / np.max(np.abs(truth), axis=0)))
 
 
+def off(found: Array, limit: Array, least: Array) -> Array:
+    """Differences of derivatives (m, c, P) from their limit, of their largest values, or of ``least``, (c, P)."""
+    return np.asarray(np.abs(found - limit) / np.maximum(np.max(np.abs(limit), axis=0), least))
+
+
+def all_asked(action: model.Action, blow: tuple[Array, Array], limit: model.Sensitivities, run: float) -> None:
+    """Print the rows with events and contact forces, at the default tolerances."""
+    names = limit.parameters
+    scale = np.array([parameter.scale for parameter in find_parameters(action, names)])
+    normal, d_normal = limit.contact_forces, limit.d_contact_forces
+    assert normal is not None and d_normal is not None
+    jumps = np.any(np.diff(normal > 0.0, axis=0), axis=1)
+    near = np.convolve(np.append(False, jumps) | np.append(jumps, False), np.ones(3), "same") > 0.0
+    for events, forces in ((True, False), (False, True), (True, True)):
+        options = model.SensitivityOptions(events=events, contact_forces=forces, allow_idle=True)
+        found = model.sensitivities(action, blow, names, options=options)
+        spent = seconds(lambda o=options: model.sensitivities(action, blow, names, options=o), 5)  # type: ignore[misc]
+        words = ["60 columns", *["events"] * events, *["contact forces"] * forces]
+        line = f"{', '.join(words):<52} {spent / run:>6.1f}"
+        if found.d_contact_forces is not None:
+            least = 1e-3 * np.max(normal, axis=0)[:, None] / scale
+            apart = off(found.d_contact_forces, d_normal, least)
+            line += f"  forces {np.max(apart[~near]):.1e} ({np.max(apart):.1e} anywhere)"
+        if found.d_events:
+            each = []
+            for name, d in limit.d_events.items():
+                size = np.maximum(np.abs(d), 1e-4 * np.max(np.abs(d * scale)) / scale)
+                each.append(float(np.max(np.abs(found.d_events[name] - d) / size)))
+            line += f"  events {max(each):.1e}"
+        print(line)
+
+
 def tangents(action: model.Action, blow: tuple[Array, Array], names: list[str], truth: dict[str, Array]) -> float:
     """Print the rows of derivatives integrated beside the motion; returns the time of a run, s."""
     run = seconds(lambda: model.simulate(action, *blow), 9)
     print(f"a run at 1e-5 rad: {1e3 * run:.1f} ms")
     print(f"{'60 columns':<52} {'runs':>6} {'own runs':>9} {'worst error':>12}  worst of 60 columns, per parameter")
-    limit = model.sensitivities(action, blow, names, options=REFERENCE)
+    limit = model.sensitivities(action, blow, names, options=ALL)
     scale = np.array([parameter.scale for parameter in find_parameters(action, names)])
     size = np.maximum(np.max(np.abs(limit.d_angles), axis=0), 1e-4 / scale)
     for tolerance, relative in SETTINGS:
@@ -121,6 +157,7 @@ def tangents(action: model.Action, blow: tuple[Array, Array], names: list[str], 
             f"{words:<52} {spent / run:>6.1f} {spent / own:>9.1f} {max(errors):>12.1e}  {worst:.1e}, "
             + " ".join(f"{e:.0e}" for e in errors)
         )
+    all_asked(action, blow, limit, run)
     return run
 
 

@@ -11,13 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from model.errors import InputError
 from model.files.force_table import check_force_table
 from model.force_driven import check_output_times
-from model.kernels.trajectory.contact_forces import forces_along
 from model.parameters.action import Action, load_action
-from model.scene.build import Scene
 from model.sensitivity.events import Events
-from model.sensitivity.observed import force_slopes
 from model.sensitivity.options import SensitivityOptions
-from model.sensitivity.parameter_names import Directions, directions, find_parameters, stated_uncertainty
+from model.sensitivity.parameter_names import directions, find_parameters, stated_uncertainty
 from model.sensitivity.result import Sensitivities
 from model.sensitivity.tangents import Recorded
 from model.simulation.run import Simulation, State
@@ -104,17 +101,14 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
     recorded = Recorded(slopes, simulation, simulation.plan(end, times, forces), options.rest_input)
     events = Events(action, recorded, (float(times[0]), end))
     at_events = events.find().times() if options.events else np.empty(0)
-    wanted = np.unique(np.concatenate([outputs, at_events]))
-    d_angle, d_speed, counters = recorded.follow(wanted, options.relative_tolerance)
-    acts = np.any(d_angle, axis=(0, 1)) | np.any(d_speed, axis=(0, 1))
-    idle = tuple(p.name for p, it_does in zip(slopes.parameters, acts, strict=True) if not it_does)
+    followed = recorded.follow(np.concatenate([outputs, at_events]), options.relative_tolerance)
+    idle = tuple(p.name for p, it_does in zip(slopes.parameters, followed.acts, strict=True) if not it_does)
     if idle and not options.allow_idle:
         raise InputError(
             f"parameter {', '.join(idle)}: does nothing in this blow (its element stays out of touch or still); "
             "leave it out or choose another blow"
         )
-    # 18 MB of sixty columns are copied only where events stand between the times wanted
-    row = slice(None) if len(wanted) == len(outputs) else np.searchsorted(wanted, outputs)
+    rows = len(outputs)
     angle, speed = recorded.states(outputs)
     out = Sensitivities(
         parameters=tuple(p.name for p in slopes.parameters),
@@ -125,20 +119,24 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
         angle_names=scene.bodies,
         angles_rad=angle,
         speeds=speed,
-        d_angles=d_angle[row],
-        d_speeds=d_speed[row],
+        d_angles=followed.angle[:rows],
+        d_speeds=followed.speed[:rows],
         rest_rad=recorded.rest,
         d_rest=recorded.d_rest,
         idle=idle,
         at_kink=_at_kink(start),
-        counters=counters,
+        counters=followed.counters,
         tolerance=options.tolerance,
         relative_tolerance=options.relative_tolerance,
     )
     if options.events:
-        values, d_values = events.differentiate(wanted, (d_angle, d_speed))
+        values, d_values = events.differentiate(at_events, (followed.angle[rows:], followed.speed[rows:]))
         out = replace(out, events=values, d_events=d_values, absent_events=events.found.absent)
-    return _with_contact_forces(out, slopes) if options.contact_forces else out
+    if options.contact_forces:
+        slopes_of_state = followed.filled_angle[:rows], followed.filled_speed[:rows]
+        normal, d_normal = recorded.normal_forces((angle, speed), slopes_of_state)
+        out = replace(out, contact_names=scene.contacts, contact_forces=normal, d_contact_forces=d_normal)
+    return out
 
 
 def _at_kink(start: RestState) -> tuple[str, ...]:
@@ -151,21 +149,3 @@ def _largest_difference(d_angles: Array, others: Array) -> float:
     size = np.max(np.abs(others), axis=0, initial=0.0)
     apart = np.max(np.abs(d_angles - others), axis=0, initial=0.0)
     return float(np.max(np.divide(apart, size, out=np.zeros_like(apart), where=size > 0.0), initial=0.0))
-
-
-def _normal_forces(scene: Scene, angle: Array, speed: Array, vector: Array) -> Array:
-    normal = np.zeros((len(angle), len(scene.contacts)))
-    forces_along(np.ascontiguousarray(angle), np.ascontiguousarray(speed), vector, scene.tables, normal, normal.copy())
-    return normal
-
-
-def _with_contact_forces(out: Sensitivities, slopes: Directions) -> Sensitivities:
-    scene = slopes.scene
-    state = out.angles_rad, out.speeds
-    d_normal = force_slopes(slopes, lambda q, v, p: _normal_forces(scene, q, v, p), state, (out.d_angles, out.d_speeds))
-    return replace(
-        out,
-        contact_names=scene.contacts,
-        contact_forces=_normal_forces(scene, *state, scene.vector),
-        d_contact_forces=d_normal,
-    )

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.kernels.trajectory.contact_forces import penetrations
-from model.observables import hammer_height_m, key_dip_m, key_front_gap_m
-from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, LEVER_KNUCKLE, STRING, Action
+from model.kernels.trajectory.contact_forces import depths_along
+from model.observables import hammer_height_m, key_dip_m
+from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
 from model.parameters.effects import SHANK
-from model.sensitivity.observed import force_slopes, total_slopes
+from model.sensitivity.observed import SMOOTH_TURN, gradient, own_slopes, state_slopes
+from model.sensitivity.sources import places_of_gap
 from model.sensitivity.tangents import Recorded
 
 Array = NDArray[np.float64]
@@ -39,6 +40,8 @@ EVENTS = {
 DIP_M, DROP_M = 1e-4, 5e-4
 SHORTEST_HOLD_S = 0.05
 SPACING_S = 1e-4  # of the times at which a level is looked for
+RELEASE = "release_s"  # end of the hold; `check_m` is read half-way to it
+NARROWINGS = 5  # by 32 each, to some 1e-12 s
 
 
 @dataclass
@@ -63,9 +66,18 @@ class Events:
         self.action, self.recorded, self.states = action, recorded, recorded.states
         self.directions = recorded.directions
         self.scene = self.directions.scene
-        self.times = np.append(np.arange(span[0], span[1], SPACING_S), span[1])
-        self.angle, self.speed = recorded.states(self.times)
+        self.span = span
         self.found = Found()
+
+    @cached_property
+    def times(self) -> Array:
+        """Times at which levels are looked for."""
+        return np.append(np.arange(*self.span, SPACING_S), self.span[1])
+
+    @cached_property
+    def motion(self) -> tuple[Array, Array]:
+        """Angles and speeds (m, n) at these times."""
+        return self.states(self.times)
 
     # quantities, (m,) of states (m, n)
 
@@ -74,48 +86,38 @@ class Events:
         return hammer_height_m(action, angle, bend)
 
     def _approach(self, action: Action, angle: Array, speed: Array) -> Array:
-        """Speed towards the string: the height's rate, by a difference along the motion."""
-        h = 1e-5
-        ends = [self._height(action, angle + s * h * speed, speed) for s in (1.0, -1.0)]
-        return np.asarray((ends[1] - ends[0]) / (2.0 * h))
+        """Speed towards the string: the height's rate, by differences along the motion, of order four."""
+        h = 1e-4
+        near, far = (
+            self._height(action, angle - s * h * speed, speed) - self._height(action, angle + s * h * speed, speed)
+            for s in (1.0, 2.0)
+        )
+        return np.asarray((8.0 * near - far) / (12.0 * h))
 
-    @staticmethod
-    def _front(action: Action, angle: Array, _: Array) -> Array:
-        return key_front_gap_m(action, angle)
-
-    def _presses(self, contact: str) -> Array:
-        """Penetration (m,) of a contact along the motion; negative where it is open."""
-        return self._all_depths[:, self.scene.contacts.index(contact)]
-
-    @cached_property
-    def _all_depths(self) -> Array:
-        return self._depths(self.angle, self.speed, self.scene.vector)
-
-    def _depths(self, angle: Array, speed: Array, vector: Array) -> Array:
-        out = np.empty((len(angle), len(self.scene.contacts)))
-        for row, q, v in zip(out, angle, speed, strict=True):
-            penetrations(np.ascontiguousarray(q), np.ascontiguousarray(v), vector, self.scene.tables, row)
-        return out
+    def _depth_of(self, contact: str, angle: Array, speed: Array, vector: Array | None = None) -> tuple[Array, Array]:
+        """Penetration (m,) of a contact, m, negative where it is open, and its rate (m,), m/s."""
+        out = np.empty((2, len(angle)))
+        states = np.ascontiguousarray(angle), np.ascontiguousarray(speed)
+        numbers = self.scene.vector if vector is None else vector
+        depths_along(*states, numbers, self.scene.tables, self.scene.contacts.index(contact), *out)
+        return out[0], out[1]
 
     # where a level is passed
 
     def _root(self, value: Callable[[Array, Array], Array], k: int) -> float:
         """Time between samples ``k`` and ``k + 1`` at which ``value`` changes sign."""
-        left, right = float(self.times[k]), float(self.times[k + 1])
-        sign = float(value(self.angle[k : k + 1], self.speed[k : k + 1])[0]) > 0.0
-        for _ in range(60):
-            middle = 0.5 * (left + right)
-            if not left < middle < right:
-                break
-            if (float(value(*self.states(np.array([middle])))[0]) > 0.0) == sign:
-                left = middle
-            else:
-                right = middle
-        return 0.5 * (left + right)
+        left, right = (float(t) for t in self.times[k : k + 2])
+        for _ in range(NARROWINGS):
+            at = np.linspace(left, right, 33)
+            y = value(*self.states(at))
+            j = int(np.argmax((y[1:] > 0.0) != (y[0] > 0.0)))
+            left, right = float(at[j]), float(at[j + 1])
+        # a line from there: what bends it is below rounding
+        return left + (right - left) * float(y[j] / (y[j] - y[j + 1])) if y[j] != y[j + 1] else left
 
     def _first(self, name: str, value: Callable[[Array, Array], Array], rising: bool, after: float, why: str) -> bool:
         """Note the first time from ``after`` on at which ``value`` passes zero."""
-        y = value(self.angle, self.speed)
+        y = value(*self.motion)
         above = y > 0.0
         passes = (above[1:] & ~above[:-1]) if rising else (~above[1:] & above[:-1])
         at = np.flatnonzero(passes & (self.times[1:] > after))
@@ -132,7 +134,7 @@ class Events:
             self.found.absent.update(dict.fromkeys(EVENTS, f"the scene has no free {' or '.join(missing) or 'key'}"))
             return self.found
         action = self.action
-        rest = self.angle[0]
+        rest = self.motion[0][0]
         self._first(
             "onset_s",
             lambda q, _: key_dip_m(action, q, rest) - DIP_M,
@@ -140,9 +142,11 @@ class Events:
             -np.inf,
             "the key dips by less than 0.1 mm",
         )
-        self._first(
-            "key_bottom_s", lambda q, v: self._front(action, q, v), False, -np.inf, "the key does not reach its felt"
-        )
+        if KEY_FRONT in self.scene.contacts:  # its own depth: where the key lifts, its angle alone does not tell
+            front = partial(self._depth_of, KEY_FRONT)
+            self._first("key_bottom_s", lambda q, v: front(q, v)[0], True, -np.inf, "the key does not reach its felt")
+        else:
+            self.found.absent["key_bottom_s"] = "the scene has no felt under the key's front"
         if STRING in self.scene.contacts and self._first(
             "strike_s", lambda q, v: self._height(action, q, v), False, -np.inf, "the hammer does not reach the string"
         ):
@@ -162,13 +166,15 @@ class Events:
         self._first(
             "rebound_s", lambda q, v: self._height(action, q, v), True, strike, "the hammer does not leave the string"
         )
-        knuckle = np.maximum(self._presses(JACK_KNUCKLE), self._presses(LEVER_KNUCKLE)) > 0.0
+        driving = [contact for contact in (JACK_KNUCKLE, LEVER_KNUCKLE) if contact in self.scene.contacts]
+        presses = {contact: self._depth_of(contact, *self.motion)[0] > 0.0 for contact in driving}
+        knuckle = np.any([np.zeros(len(self.times), dtype=bool), *presses.values()], axis=0)
         before = np.flatnonzero(knuckle[:-1] & ~knuckle[1:] & (self.times[1:] < strike))
         if len(before):
             k = int(before[-1])
-            leaving = JACK_KNUCKLE if self._presses(JACK_KNUCKLE)[k] > 0.0 else LEVER_KNUCKLE
+            leaving = next(contact for contact in driving if presses[contact][k])
             self._leaver = leaving
-            self.found.at["let_off_s"] = self._root(lambda q, v: self._depth_of(leaving, q, v), k)
+            self.found.at["let_off_s"] = self._root(lambda q, v: self._depth_of(leaving, q, v)[0], k)
         else:
             self.found.absent["let_off_s"] = "the hammer is carried to the string"
         if BACK_CHECK not in self.scene.contacts:
@@ -177,21 +183,21 @@ class Events:
             return
         self._hold(strike)
 
-    def _depth_of(self, contact: str, angle: Array, speed: Array) -> Array:
-        return self._depths(angle, speed, self.scene.vector)[:, self.scene.contacts.index(contact)]
-
     def _hold(self, strike: float) -> None:
         action = self.action
         if not self._first(
-            "check_s", lambda q, v: self._depth_of(BACK_CHECK, q, v), True, strike, "the back check does not touch"
+            "check_s", lambda q, v: self._depth_of(BACK_CHECK, q, v)[0], True, strike, "the back check does not touch"
         ):
             self.found.absent["check_m"] = self.found.absent["drop_s"] = "the back check does not touch"
             return
-        pressed = self._presses(BACK_CHECK) > 0.0
-        last = float(self.times[np.flatnonzero(pressed)[-1]])
+        pressed = self._depth_of(BACK_CHECK, *self.motion)[0] > 0.0
+        k = int(np.flatnonzero(pressed)[-1])
+        last = float(self.times[k])
         if last - self.found.at["check_s"] < SHORTEST_HOLD_S:
             self.found.absent["check_m"] = self.found.absent["drop_s"] = "the hammer is not held"
             return
+        if k + 1 < len(self.times):  # else it is held to the end
+            last = self.found.at[RELEASE] = self._root(lambda q, v: self._depth_of(BACK_CHECK, q, v)[0], k)
         middle = 0.5 * (self.found.at["check_s"] + last)
         self.found.at["check_m"] = middle
         level = float(self._height(action, *self.states(np.array([middle])))[0]) + DROP_M
@@ -205,9 +211,10 @@ class Events:
         """Values and derivatives (P,) of all events; ``slopes`` are those of angles and speeds at ``times``."""
         events = dict.fromkeys(EVENTS, float("nan"))
         count = len(self.directions.parameters)
-        d_events = {name: np.full(count, np.nan) for name in EVENTS}
+        d_events = {name: np.full(count, np.nan) for name in EVENTS} | {RELEASE: np.zeros(count)}
         row = {float(t): k for k, t in enumerate(times)}
-        for name in ("check_m", *(name for name in self.found.at if name != "check_m")):
+        first = ("check_s", RELEASE, "check_m")  # each hangs on those before it, and the drop on them
+        for name in (*first, *(name for name in self.found.at if name not in first)):
             if name not in self.found.at:
                 continue
             t = self.found.at[name]
@@ -215,8 +222,9 @@ class Events:
             state = self.states(np.array([t]))
             own = (slopes[0][k : k + 1], slopes[1][k : k + 1])
             if name == "check_m":
+                middle = 0.5 * (d_events["check_s"] + d_events[RELEASE])
                 events[name] = float(self._height(self.action, *state)[0])
-                d_events[name] = self._slope(self._height, state, own)
+                d_events[name] = self._slope(self._height, state, own) + self._rate(self._height, t, state) * middle
                 continue
             events[name], d_events[name] = t, self._moved(name, state, own, d_events["check_m"])
             for value, at in _READ_AT.items():
@@ -227,45 +235,53 @@ class Events:
                     rate = self._rate(quantity, t, state)
                     events[value] = sign * y
                     d_events[value] = sign * (self._slope(quantity, state, own) + rate * d_events[name])
+        for of in (events, d_events):
+            of.pop(RELEASE, None)
         return events, d_events
 
     def _slope(
         self, quantity: Callable[[Action, Array, Array], Array], state: tuple[Array, Array], own: tuple[Array, Array]
     ) -> Array:
-        out: Array = total_slopes(self.action, self.directions.parameters, quantity, state, own)[0]
-        return out
+        """Derivatives (P,) of a quantity at one state, (1, n) each, whose own are (1, n, P)."""
+        by_angle, by_speed = state_slopes(partial(quantity, self.action), (state[0][0], state[1][0]))
+        of_itself = own_slopes(self.action, self.directions.parameters, lambda a: float(quantity(a, *state)[0]))
+        return np.asarray(by_angle @ own[0][0] + by_speed @ own[1][0] + of_itself)
+
+    def _depth_slope(self, contact: str, state: tuple[Array, Array], own: Array) -> Array:
+        """Derivatives (P,) of a contact's penetration at one state, (1, n) each, whose angles' are (1, n, P)."""
+        angle, speed = state
+        n, depth = angle.shape[1], partial(self._depth_of, contact)
+        # what it gains at a speed of one coordinate alone is its slope by that coordinate
+        out = depth(np.repeat(angle, n, axis=0), np.eye(n))[1] @ own[0]
+        vector, slopes = self.scene.vector, self.directions
+        places = places_of_gap(self.scene, contact)
+        for j in np.flatnonzero(slopes.slope[:, places].any(axis=1)):
+            h = slopes.parameters[j].step
+            ends = [depth(angle, speed, vector + s * h * slopes.slope[j])[0][0] for s in (1.0, -1.0)]
+            out[j] += (ends[0] - ends[1]) / (2.0 * h)
+        return np.asarray(out)
 
     def _rate(self, quantity: Callable[[Action, Array, Array], Array], t: float, state: tuple[Array, Array]) -> float:
         """How fast a quantity changes at a time."""
         angle, speed = state
-        h, acceleration = 1e-7, self.recorded.acceleration(t)
+        h, acceleration = 1e-5, self.recorded.acceleration(t)
         ends = [quantity(self.action, angle + s * h * speed, speed + s * h * acceleration)[0] for s in (1.0, -1.0)]
         return float((ends[0] - ends[1]) / (2.0 * h))
 
     def _moved(self, name: str, state: tuple[Array, Array], own: tuple[Array, Array], d_check: Array) -> Array:
         """Derivative (P,) of the time of an event: what is passed moves by d, and changes at a rate."""
-        contact = {"check_s": BACK_CHECK, "let_off_s": getattr(self, "_leaver", "")}.get(name)
+        pressing = {"key_bottom_s": KEY_FRONT, "check_s": BACK_CHECK, RELEASE: BACK_CHECK}
+        contact = (pressing | {"let_off_s": getattr(self, "_leaver", "")}).get(name)
         if contact:
-            c = self.scene.contacts.index(contact)
-            d = force_slopes(self.directions, self._depths, state, own)[0, c]
-            h = 1e-7
-            ends = [self._depth_of(contact, state[0] + s * h * state[1], state[1])[0] for s in (1.0, -1.0)]
-            return np.asarray(-d * 2.0 * h / (ends[0] - ends[1]))
+            return -self._depth_slope(contact, state, own[0]) / self._depth_of(contact, *state)[1][0]
         if name == "onset_s":
-            rest, d_rest = self.angle[0], self.recorded.d_rest
-
             # the dip is counted from rest, which moves too: a difference of two heights
-            def dip(action: Action, angle: Array, _: Array) -> Array:
-                return key_dip_m(action, angle[:1], angle[1])
-
-            both = np.vstack([state[0][0], rest]), np.zeros((2, len(rest)))
-            slopes = np.concatenate([own[0], d_rest[None]]), np.zeros((2, len(rest), len(d_check)))
-            d = total_slopes(self.action, self.directions.parameters, dip, both, slopes)[0]
-            rate = self._along(lambda q: key_dip_m(self.action, q, rest), state)
-            return np.asarray(-d / rate)
-        if name == "key_bottom_s":
-            d = self._slope(self._front, state, own)
-            return np.asarray(-d / self._along(lambda q: self._front(self.action, q, q), state))
+            at, rest = state[0][0], self.recorded.rest
+            d = gradient(lambda q: key_dip_m(self.action, q, rest), at, SMOOTH_TURN) @ own[0][0]
+            d -= gradient(lambda q: key_dip_m(self.action, q, at), rest, SMOOTH_TURN) @ self.recorded.d_rest
+            parameters = self.directions.parameters
+            d += own_slopes(self.action, parameters, lambda a: float(key_dip_m(a, state[0], rest)[0]))
+            return np.asarray(-d / self._along(lambda q: key_dip_m(self.action, q, rest), state))
         d = self._slope(self._height, state, own)
         if name == "drop_s":
             d = d - d_check

@@ -96,11 +96,11 @@ def motion_sensitivities(
     simulation = Simulation(scene, state, options.tolerance, options.method, largest_step_s=LONGEST_STEP_S)
     span, wanted = key.break_s[[0, -1]], outputs - begins
     recorded = Recorded(slopes, simulation, simulation.plan(float(wanted[-1]), span, span), 0.0, carried)
-    d_angle, d_speed, counters = recorded.follow(wanted, options.relative_tolerance)
+    followed = recorded.follow(wanted, options.relative_tolerance)
     moved = key.at(wanted)
     angle, speed = (np.column_stack([own, moved[:, k]]) for k, own in enumerate(recorded.states(wanted)))
-    d_angle = np.concatenate([d_angle, np.broadcast_to(carried, (len(wanted), 1, len(named)))], axis=1)
-    d_speed = np.concatenate([d_speed, np.zeros((len(wanted), 1, len(named)))], axis=1)
+    d_angle = np.concatenate([followed.angle, np.broadcast_to(carried, (len(wanted), 1, len(named)))], axis=1)
+    d_speed = np.concatenate([followed.speed, np.zeros((len(wanted), 1, len(named)))], axis=1)
 
     def force(q: Array, v: Array, p: Array) -> Array:
         out, rail = np.empty((2, len(q)))
@@ -131,7 +131,7 @@ def motion_sensitivities(
         force_n=force(angle, speed, scene.vector)[:, 0],
         d_force=d_force,
         idle=idle,
-        counters=counters,
+        counters=followed.counters,
         tolerance=options.tolerance,
         relative_tolerance=options.relative_tolerance,
     )

@@ -1,12 +1,12 @@
 """Derivatives of what is seen of a motion: functions of the state and of the parameters, differentiated along both.
 
-A quantity y(q, v; p) changes with parameter j by dy = y_q dq/dp_j + y_v dv/dp_j + y_p. All three come from one central
-difference in the direction (dq/dp_j, dv/dp_j, 1), so that any function of `model.observables` can be used as it is.
+A quantity y(q, v; p) changes with parameter j by dy = y_q dq/dp_j + y_v dv/dp_j + y_p. The first two are gradients, one
+for all parameters; the last is asked for only where the quantity reads a value that the parameter changes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,35 +15,60 @@ from model.parameters.action import Action
 from model.sensitivity.parameter_names import Directions, Parameter, shifted
 
 Array = NDArray[np.float64]
-# rad and rad/s that a difference may move a coordinate: felt is pressed in by more; lengths and angles are smooth
+# rad and rad/s that a difference may move a coordinate: felt is pressed in by more
 SMALL_TURN, SMALL_SPEED = 1e-8, 1e-6
-SMOOTH = 100.0
+# where nothing but lengths and angles matter: a speed, itself a difference, would be rounded away in smaller steps
+SMOOTH_TURN, SMOOTH_SPEED, SMOOTH_STEPS = 1e-4, 1e-2, 1e3
 
 
-def step_of(parameter: Parameter, d_angle: Array, d_speed: Array, larger: float = 1.0) -> float:
+def step_of(parameter: Parameter, d_angle: Array, d_speed: Array) -> float:
     """Step of a difference in a parameter's unit along these derivatives (..., n)."""
     turn, speed = (float(np.max(np.abs(d), initial=0.0)) for d in (d_angle, d_speed))
-    return larger * min(parameter.step, SMALL_TURN / max(turn, 1e-300), SMALL_SPEED / max(speed, 1e-300))
+    return min(parameter.step, SMALL_TURN / max(turn, 1e-300), SMALL_SPEED / max(speed, 1e-300))
 
 
-def total_slopes(
-    action: Action,
-    parameters: tuple[Parameter, ...],
-    quantity: Callable[[Action, Array, Array], Array],
-    state: tuple[Array, Array],
-    slopes: tuple[Array, Array],
-) -> Array:
-    """Derivatives (m, P) of a smooth quantity (m,) of states (m, n), whose own are ``slopes``, (m, n, P) each."""
+def gradient(value: Callable[[Array], Array], at: Array, step: float) -> Array:
+    """Derivatives (n,) of a smooth function of points (m, n) at one of them (n,), by central differences."""
+    ways = step * np.eye(len(at))
+    ends = value(np.concatenate([at + ways, at - ways]))
+    return np.asarray((ends[: len(at)] - ends[len(at) :]) / (2.0 * step))
+
+
+def state_slopes(quantity: Callable[[Array, Array], Array], state: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Derivatives (n,) of a smooth quantity (m,) of states (m, n) by the angles and by the speeds of one, (n,) each."""
     angle, speed = state
-    out = np.empty((len(angle), len(parameters)))
+    many = np.ones((2 * len(angle), 1))
+    by_angle = gradient(lambda q: quantity(q, many * speed), angle, SMOOTH_TURN)
+    by_speed = gradient(lambda v: quantity(many * angle, v), speed, SMOOTH_SPEED)
+    return by_angle, by_speed
+
+
+class _Read(Action):
+    """An action that notes which of its values are asked for."""
+
+    def __getitem__(self, path: str) -> float:
+        self.__dict__["read"].add(path)
+        return super().__getitem__(path)
+
+
+def paths_read(action: Action, quantity: Callable[[Action], object]) -> set[str]:
+    """Paths of the values that a function of an action asks for."""
+    noting = _Read(
+        action.name, action.description, action.quantities, action.structure, action.origin, {}, action.effects
+    )
+    noting.__dict__["read"] = set()
+    quantity(noting)
+    return set(noting.__dict__["read"])
+
+
+def own_slopes(action: Action, parameters: Sequence[Parameter], quantity: Callable[[Action], float]) -> Array:
+    """Derivatives (P,) of a smooth function of an action's lengths and angles."""
+    read = paths_read(action, quantity)
+    out = np.zeros(len(parameters))
     for j, parameter in enumerate(parameters):
-        d_angle, d_speed = slopes[0][:, :, j], slopes[1][:, :, j]
-        h = step_of(parameter, d_angle, d_speed, SMOOTH)
-        ends = [
-            quantity(shifted(action, parameter, s * h), angle + s * h * d_angle, speed + s * h * d_speed)
-            for s in (1.0, -1.0)
-        ]
-        out[:, j] = (ends[0] - ends[1]) / (2.0 * h)
+        if read & parameter.paths.keys():
+            h = SMOOTH_STEPS * parameter.step
+            out[j] = (quantity(shifted(action, parameter, h)) - quantity(shifted(action, parameter, -h))) / (2.0 * h)
     return out
 
 

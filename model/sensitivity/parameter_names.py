@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 FELT = "felt:"  # felt:contact02 is contact02, the stiffness of that felt
 LENGTH_STEP = 1e-8  # m or rad, of a difference: felt is pressed in by 1e-6 m and more
 SHARE_STEP = 1e-6  # of any other value
+_OF_ALL = {"gravity.g": L.GRAVITY, "friction_threshold.v_t": L.V_T, "friction_threshold.omega_t": L.OMEGA_T}
 
 
 @dataclass(frozen=True)
@@ -90,9 +91,8 @@ def _parameter(action: Action, name: str) -> Parameter:
     if name in quantities:
         quantity = quantities[name]
         step = _step(quantity.unit, quantity.value, quantity.u)
-        return Parameter(
-            name, quantity.value, quantity.unit, {name: 1.0}, step, abs(quantity.value) or quantity.u or step
-        )
+        scale = abs(quantity.value) or quantity.u or step
+        return Parameter(name, quantity.value, quantity.unit, {name: 1.0}, step, scale)
     if name in action.structure:
         raise InputError(
             f"parameter {name}: is fixed by the geometry (it says {action.structure[name]!r}, which is no number); "
@@ -196,7 +196,10 @@ def directions(
 
 
 def _own_numbers(scene: Scene, parameter: Parameter) -> slice | None:
-    """Where the numbers of the one contact or body lie that a parameter is named for; None for any other."""
+    """Where the numbers of the one thing lie that a parameter is named for; None for any other."""
+    if parameter.name in _OF_ALL:
+        first = _OF_ALL[parameter.name]
+        return slice(first, first + 1)
     names = {path.partition(".")[0] for path in parameter.paths}
     name = names.pop() if len(names) == 1 else ""
     if name in scene.contacts:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from model.integrators.tangents.loads import BODY, CONTACT, DAMPER, DRIVE, GLOBAL, PROBE, SPRING, Sources
 from model.kernels import layout as L
@@ -42,3 +43,10 @@ def sources_of(directions: Directions) -> Sources:
         np.ascontiguousarray(kind), np.ascontiguousarray(thing), np.ascontiguousarray(number), first.astype(np.int64),
         np.array([j for _, j, _ in found], dtype=np.int64), np.array([slope for _, _, slope in found]),
     )  # fmt: skip
+
+
+def places_of_gap(scene: Scene, contact: str) -> NDArray[np.int64]:
+    """Places of the numbers that a contact's gap hangs on beside the angles: its surfaces, and all pivots."""
+    first = int(scene.tables.offset[1]) + L.CONTACT_SIZE * scene.contacts.index(contact)
+    pivots = L.GLOBALS + L.BODY_SIZE * np.arange(len(scene.bodies))[:, None] + [L.PIVOT_X, L.PIVOT_Y]
+    return np.append(np.arange(first, first + L.K_A), pivots.ravel())

@@ -6,6 +6,8 @@ gives states and their derivatives at any times.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,8 +15,9 @@ from model.errors import IntegrationError
 from model.integrators.tangents.follow import STEP_TOO_SMALL, TOO_MANY_STEPS, follow
 from model.integrators.tangents.loads import load_space
 from model.integrators.tangents.nodes import LANES, Linear, Space, linearise_node
+from model.integrators.tangents.normal_slopes import Moved, normal_slopes
 from model.integrators.tangents.radau import STAGES, Wanted
-from model.integrators.tangents.recorded_motion import FULL, Log, Motion, Structure, find_kinks, record
+from model.integrators.tangents.recorded_motion import FULL, Log, Motion, Structure, find_kinks, record, states_along
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.load import kernels_of
@@ -130,6 +133,35 @@ def key_rest_slopes(directions: Directions, rest: Array, force_n: float = 0.0) -
     return np.asarray(rest_slopes(_Run(directions), rest, force_n)[directions.scene.bodies.index("key")])
 
 
+@dataclass(frozen=True)
+class Followed:
+    """Derivatives at the times that were wanted, in their order.
+
+    Attributes
+    ----------
+    filled_angle, filled_speed : (m, n, P') with columns of zeros that fill up the lanes
+    count : P, of parameters
+    acts : (P,) whether anything has moved with a parameter up to the last time
+    counters : what was counted
+    """
+
+    filled_angle: Array
+    filled_speed: Array
+    count: int
+    acts: NDArray[np.bool_]
+    counters: dict[str, int | float]
+
+    @property
+    def angle(self) -> Array:
+        """Derivatives of the angles (m, n, P)."""
+        return self.filled_angle[:, :, : self.count]
+
+    @property
+    def speed(self) -> Array:
+        """Derivatives of the speeds (m, n, P)."""
+        return self.filled_speed[:, :, : self.count]
+
+
 class Recorded:
     """A motion from rest that was integrated and recorded, with what its derivatives need.
 
@@ -154,7 +186,9 @@ class Recorded:
 
     def states(self, times: Array) -> tuple[Array, Array]:
         """Angles and speeds (m, n) at times (m,)."""
-        return _states(self.motion, times)
+        angle, speed = np.empty((2, len(times), self.run.scene.size))
+        states_along(self.motion, np.ascontiguousarray(times, dtype=float), angle, speed)
+        return angle, speed
 
     def acceleration(self, time: float) -> Array:
         """Accelerations (n,) at a time."""
@@ -168,8 +202,8 @@ class Recorded:
     def _stride(self) -> int:
         return max(1, round(STRIDE * (STRIDE_AT / self.simulation.tolerance) ** STRIDE_EXPONENT))
 
-    def follow(self, times: Array, tolerance: float) -> tuple[Array, Array, dict[str, int | float]]:
-        """Derivatives of angles and speeds (m, n, P) at increasing times (m,), and what was counted.
+    def follow(self, times: Array, tolerance: float) -> Followed:
+        """Derivatives at times (m,) in any order, and what was counted.
 
         Raises
         ------
@@ -186,7 +220,8 @@ class Recorded:
         angle, speed = aligned(len(times), n, filled), aligned(len(times), n, filled)
         landing = np.concatenate([kinks[:found], input_kinks(self.drive.time, self.drive.value)])
         landing = np.ascontiguousarray(landing[np.argsort(landing[:, 0], kind="stable")])
-        wanted = Wanted(times, angle, speed, tolerance, floor, self._stride())
+        order = np.argsort(times, kind="stable")
+        wanted = Wanted(times[order], order, angle, speed, tolerance, floor, self._stride())
         run.space.largest[:] = 0.0
         run.space.largest[:n, :p] = np.abs(self.d_rest)
         tangent = aligned(2, n, filled)
@@ -197,21 +232,17 @@ class Recorded:
         if status == TOO_MANY_STEPS:
             raise IntegrationError(
                 f"sensitivities: the derivatives took {steps + rejected} attempts up to t = {time:.6g} s of "
-                f"{times[-1]:g} s; ask for fewer parameters, a larger tolerance or a shorter blow"
+                f"{np.max(times):g} s; ask for fewer parameters, a larger tolerance or a shorter blow"
             )
         counted = {"n_tangent_steps": steps, "n_tangent_rejected": rejected, "n_kinks": found}
-        return angle[:, :, :p], speed[:, :, :p], {**self.simulation.work(), **counted}
+        acts = np.any(run.space.largest[:, :p], axis=0)
+        return Followed(angle, speed, p, acts, {**self.simulation.work(), **counted})
 
-
-def _states(motion: Motion, times: Array) -> tuple[Array, Array]:
-    """Angles and speeds (m, n) at times within a recorded motion."""
-    row = np.clip(np.searchsorted(motion.time[:, 0], times, side="right") - 1, 0, len(motion.time) - 1)
-    x = ((times - motion.time[row, 0]) / motion.time[row, 1])[:, None]
-    steps = motion.state[row]
-    out = []
-    for half in range(2):
-        bend = np.zeros_like(x)
-        for m in range(steps.shape[1] - 2, 3, -2):
-            bend = steps[:, m + half] + x * bend
-        out.append((1.0 - x) * steps[:, half] + x * (steps[:, 2 + half] + (1.0 - x) * bend))
-    return out[0], out[1]
+    def normal_forces(self, state: tuple[Array, Array], slopes: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Normal forces (m, c), N, and their derivatives (m, c, P); the states' are (m, n, P), filled up to lanes."""
+        scene, linear = self.run.scene, self.run.linear
+        normal = np.empty((len(state[0]), len(scene.contacts)))
+        out = aligned(*normal.shape, slopes[0].shape[2])
+        moved = Moved(*state, *slopes)
+        normal_slopes(moved, scene.vector, scene.tables, linear.sources, linear.loads, np.zeros(W.SIZE), normal, out)
+        return normal, out[:, :, : len(self.directions.parameters)]

@@ -14,12 +14,13 @@ from model.kernels.workspace import V
 WAY_SIZE = L.E_Y + 3  # the last two: of a pivot
 # numbers of a contact that pushes: penetration, normal, between the centres, their distance, radius to the point of
 # action; normal force and its slopes by penetration and its rate; friction coefficient and its slope; rate, sliding
-# speed, static force, which straight piece of B is touched (0 none); then per coordinate of the chain gn, gt, arm
+# speed, static force, which straight piece of B is touched (0 none), by how much the normal force was changed since
+# somebody set that to 0; then per coordinate of the chain gn, gt, arm
 (
     DEPTH, N_X, N_Y, BETWEEN_X, BETWEEN_Y, DISTANCE, RADIUS, NORMAL, NORMAL_X, NORMAL_RATE, GRIP, SLIDE_GRIP, SQUEEZE,
-    SLIDING, FELT_FIT, STRAIGHT,
-) = range(16)  # fmt: skip
-CHAIN = 16
+    SLIDING, FELT_FIT, STRAIGHT, PRESSED,
+) = range(17)  # fmt: skip
+CHAIN = 17
 TOUCH_SIZE = CHAIN + 4 * L.MAX_CHAIN
 
 
@@ -63,6 +64,7 @@ def touch_contact(c, w, p, tables, space):
 @inlined_uncounted
 def press_change(c, t, force, tables, push):
     """Add what a change of the normal force does."""
+    t[PRESSED] += force
     for k in range(tables.contact[c, 3]):
         push[tables.chain[c, k]] += force * (t[CHAIN + 4 * k] - t[GRIP] * t[CHAIN + 4 * k + 1])
 
@@ -89,8 +91,8 @@ def direction_change(c, k, moves, t, tables):
 
 
 @inlined_uncounted
-def change_contact(c, carried, t, way, w, tables, push):
-    """Add what moving the surfaces by a ``way`` does; with them moves the pivot of body ``carried``, if any."""
+def surfaces_moved(t, way):
+    """Changes of the penetration, of the normal and of the point of action when the surfaces move by a ``way``."""
     nx, ny, r = t[N_X], t[N_Y], t[RADIUS]
     dux, duy = way[L.A_X] - way[L.B_X], way[L.A_Y] - way[L.B_Y]
     depth = way[L.A_R] + way[L.B_R] - (nx * dux + ny * duy)
@@ -102,7 +104,13 @@ def change_contact(c, carried, t, way, w, tables, push):
         dnx, dny = way[straight], way[straight + 1]
         depth -= t[BETWEEN_X] * dnx + t[BETWEEN_Y] * dny
     dr = way[L.A_R] - 0.5 * depth
-    dpx, dpy = way[L.A_X] - dr * nx - r * dnx, way[L.A_Y] - dr * ny - r * dny
+    return depth, (dnx, dny, way[L.A_X] - dr * nx - r * dnx, way[L.A_Y] - dr * ny - r * dny)
+
+
+@inlined_uncounted
+def change_contact(c, carried, t, way, w, tables, push):
+    """Add what moving the surfaces by a ``way`` does; with them moves the pivot of body ``carried``, if any."""
+    depth, (dnx, dny, dpx, dpy) = surfaces_moved(t, way)
     rate = 0.0
     slide = 0.0
     for k in range(tables.contact[c, 3]):

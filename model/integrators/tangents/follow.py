@@ -30,8 +30,9 @@ FOLLOW = types.Tuple((_i, _f, _i, _i))(  # status, time reached, steps, rejected
 def fill_rest(out, until, wanted, tangent):
     """Fill the outputs wanted up to ``until`` with the tangent as it is; returns how many are filled."""
     while out < wanted.time.shape[0] and wanted.time[out] <= until:
-        wanted.angle[out] = tangent[0]
-        wanted.speed[out] = tangent[1]
+        row = wanted.row[out]
+        wanted.angle[row] = tangent[0]
+        wanted.speed[row] = tangent[1]
         out += 1
     return out
 
@@ -129,7 +130,8 @@ def follow(motion, drive, kinks, linear, wanted, tangent):
         if steps + rejected > MOST_STEPS * motion.time.shape[0] + 1000:
             return TOO_MANY_STEPS, t, steps, rejected
         while out < wanted.time.shape[0] and wanted.time[out] <= after:
-            at_fraction((wanted.time[out] - t) / step, step, tangent, space, wanted.angle[out], wanted.speed[out])
+            row = wanted.row[out]
+            at_fraction((wanted.time[out] - t) / step, step, tangent, space, wanted.angle[row], wanted.speed[row])
             out += 1
         at_fraction(1.0, step, tangent, space, reached[0], reached[1])
         accept(tangent, reached, space.largest)

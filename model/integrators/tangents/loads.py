@@ -121,12 +121,18 @@ def threshold_change(number, n_contacts, w, p, tables, space):
 
 
 @inlined_uncounted
-def pivot_change(i, number, w, p, tables, space):
-    """What contacts, probes and inertia do when the pivot of body ``i`` moves in the frame that carries it."""
-    parent, way = tables.parent, space.way
+def pivot_way(i, number, tables, space):
+    """Where the pivot of body ``i`` goes in the world when it moves in the frame that carries it."""
     x, y = (1.0, 0.0) if number == L.PIVOT_X else (0.0, 1.0)
-    if parent[i] >= 0:
-        x, y = direction(space.pose, parent[i], x, y)
+    if tables.parent[i] >= 0:
+        x, y = direction(space.pose, tables.parent[i], x, y)
+    return x, y
+
+
+@inlined_uncounted
+def carried_contacts_change(i, x, y, w, tables, space):
+    """What contacts do when the pivot of body ``i`` moves by (x, y) in the world, with all that it carries."""
+    parent, way = tables.parent, space.way
     for c in range(tables.contact.shape[0]):
         if not space.touch[c, NORMAL] > 0.0:
             continue
@@ -141,9 +147,16 @@ def pivot_change(i, number, w, p, tables, space):
             way[L.B_X], way[L.B_Y] = x, y
         way[WAY_SIZE - 2], way[WAY_SIZE - 1] = x, y
         change_contact(c, i, space.touch[c], way, w, tables, space.push)
+
+
+@inlined_uncounted
+def pivot_change(i, number, w, p, tables, space):
+    """What contacts, probes and inertia do when the pivot of body ``i`` moves in the frame that carries it."""
+    x, y = pivot_way(i, number, tables, space)
+    carried_contacts_change(i, x, y, w, tables, space)
     for k in range(tables.probe.shape[0]):
         a, b = tables.probe[k, 0], tables.probe[k, 1]
-        rise = (y if b == i or parent[b] == i else 0.0) - (y if a == i or parent[a] == i else 0.0)
+        rise = (y if b == i or tables.parent[b] == i else 0.0) - (y if a == i or tables.parent[a] == i else 0.0)
         if rise != 0.0:
             change_probe(k, -1, rise, w, p, tables, space)
     body_change(i, number, w, p, tables, space)

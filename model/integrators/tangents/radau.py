@@ -25,12 +25,14 @@ NODES, LAGRANGE, ONCE, TWICE, FILTER, ESTIMATE_RISE, ESTIMATE_ONCE, ESTIMATE_TWI
 
 
 class Wanted(NamedTuple):
-    """Times (m,) of the outputs and their rows (m, n, P); what errors are measured by; longest step.
+    """Increasing times (m,) of the outputs, where each goes in ``angle`` and ``speed`` (m, n, P); what errors are
+    measured by; longest step.
 
     ``floor`` (2, P) is the least value that counts, of angles' and of speeds' derivatives.
     """
 
     time: np.ndarray
+    row: np.ndarray
     angle: np.ndarray
     speed: np.ndarray
     tolerance: float
@@ -40,7 +42,7 @@ class Wanted(NamedTuple):
 
 _f, _i = types.float64, types.int64
 _numbers, _table, _cube = (types.Array(_f, k, "C") for k in (1, 2, 3))
-WANTED = types.NamedTuple([_numbers, _cube, _cube, _f, _table, _i], Wanted)
+WANTED = types.NamedTuple([_numbers, types.Array(_i, 1, "C"), _cube, _cube, _f, _table, _i], Wanted)
 SOLVE_STEP = types.boolean(_f, _cube, SPACE)
 ESTIMATED_ERROR = _f(_f, _cube, WANTED, SPACE)
 AT_FRACTION = types.void(_f, _f, _cube, SPACE, _table, _table)

@@ -85,6 +85,7 @@ STRUCTURE = types.NamedTuple([_integers, types.Array(_i, 2, "C"), _i, _integers]
 RECORD = types.Tuple((_f, _f, _i, _i))(
     SPAN, DRIVE, NUMBERS, STRUCTURE, KERNELS, METHOD, LIMITS, LOG
 )  # time reached, next step to try, status, rows filled
+STATES_ALONG = types.void(MOTION, _numbers, _table, _table)
 FIND_KINKS = _i(MOTION, DRIVE, _numbers, STRUCTURE, KernelType(LINEARISE), _table)
 
 
@@ -240,6 +241,18 @@ def state_at(t, k, motion, w):
         w[Q + i] = (1.0 - x) * row[0, i] + x * (row[2, i] + (1.0 - x) * dq)
         w[V + i] = (1.0 - x) * row[1, i] + x * (row[3, i] + (1.0 - x) * dv)
     return k
+
+
+@step_loop(STATES_ALONG)
+def states_along(motion, times, angle, speed):
+    """Fill ``angle`` and ``speed`` (m, n) with the states at ``times`` (m,)."""
+    w = np.zeros(SIZE)
+    k = 0
+    for m in range(times.shape[0]):
+        k = state_at(times[m], k, motion, w)
+        for i in range(angle.shape[1]):
+            angle[m, i] = w[Q + i]
+            speed[m, i] = w[V + i]
 
 
 @step_loop(FIND_KINKS)

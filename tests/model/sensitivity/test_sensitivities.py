@@ -127,6 +127,35 @@ def test_events_agree_with_differences(action: model.Action, forte: Blow, found:
             assert found.d_events[event][j] == pytest.approx(difference, rel=2e-4), (name, event)
 
 
+def test_where_the_hammer_is_held_moves_with_the_hold(action: model.Action) -> None:
+    """`check_m` is read half-way through the hold, whose ends move with the parameter."""
+    blow, step = cut(model.force_table("forte"), 0.45), 2e-6
+    options = model.SensitivityOptions(tolerance=1e-10, relative_tolerance=1e-7, output_time_s=[0.45])
+    found, *ends = (
+        model.sensitivities(changed(action, "hammer.mass", by), blow, ["hammer.mass"], options=options)
+        for by in (0.0, step, -step)
+    )
+    for event in ("check_s", "check_m", "drop_s"):
+        difference = (ends[0].events[event] - ends[1].events[event]) / (2.0 * step)
+        assert found.d_events[event][0] == pytest.approx(difference, rel=3e-5), event
+
+
+def test_the_front_of_a_key_that_lifts_lands_where_its_felt_is_touched(action: model.Action, forte: Blow) -> None:
+    options = model.SensitivityOptions(scene="lifting-key", contact_forces=True)
+    found = model.sensitivities(action, forte, ["key.mass"], options=options)
+    assert found.contact_forces is not None
+    pressed = np.flatnonzero(found.contact_forces[:, found.contact_names.index("contact02")] > 0.0)[0]
+    assert found.time_s[pressed - 1] <= found.events["key_bottom_s"] < found.time_s[pressed]
+    without = model.sensitivities(action.with_values({"contact02": 0.0}), cut(forte, 0.01), ["key.mass"])
+    assert without.absent_events["key_bottom_s"] == "the scene has no felt under the key's front"
+
+
+def test_let_off_without_the_lever_at_the_knuckle(action: model.Action, forte: Blow) -> None:
+    without = action.with_values({"contact10": 0.0})
+    found = model.sensitivities(without, forte, ["key.mass"])
+    assert found.events["let_off_s"] < found.events["strike_s"]
+
+
 def test_events_that_do_not_happen_say_why(found: model.Sensitivities, action: model.Action) -> None:
     assert found.absent_events == {"check_m": "the hammer is not held", "drop_s": "the hammer is not held"}
     assert np.isnan(found.events["check_m"]) and np.all(np.isnan(found.d_events["drop_s"]))
