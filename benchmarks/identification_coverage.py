@@ -48,7 +48,7 @@ from validation.identification.outcome.result import IDENTIFIED
 from validation.identification.problem import Problem
 from validation.identification.runs.exact_runs import ExactRuns
 from validation.identification.scatter import lacking
-from validation.identification.unknowns.priors import Unknowns, unknowns
+from validation.identification.unknowns.priors import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, Unknowns, unknowns
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -163,9 +163,20 @@ def freed(start: model.Action, options: argparse.Namespace, rng: np.random.Gener
     return unknowns(start, [str(name) for name in some], ["*"])
 
 
-def truth_z(problem: Problem, truth: dict[str, float]) -> np.ndarray:
-    """The true values (p,), errors of the force apart."""
-    return np.array([truth[p.name] if p.paths else 0.0 for p in problem.unknowns.moved])
+def force_errors(s: Sensors) -> dict[str, float]:
+    """True errors of the force, in standard uncertainties."""
+    f = s.config.force
+    return {
+        FORCE_GAIN: (s.gain - 1) / f.u_gain_relative,
+        FORCE_LEVEL: (s.preload_n - f.preload_n) / f.u_preload_n,
+        FORCE_DELAY: -(s.delay_s - DELAY_S) / f.u_group_delay_s,
+    }
+
+
+def truth_z(problem: Problem, truth: dict[str, float], sensors: Sensors) -> np.ndarray:
+    """The true values (p,), errors of the force among them."""
+    force = force_errors(sensors)
+    return np.array([truth[p.name] if p.paths else force[p.name] for p in problem.unknowns.moved])
 
 
 def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]:
@@ -191,7 +202,7 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
         response = ExactRuns(start, (*free.moved, *free.held), trials, RUNS)
         problem = Problem(start, free, tuple(trials), response, held_columns(response, free))
         fits = (
-            [refine(problem, fit(problem, truth_z(problem, truth)))]
+            [refine(problem, fit(problem, truth_z(problem, truth, sensors)))]
             if options.from_truth
             else search(problem, 1, None, None)
         )

@@ -34,7 +34,15 @@ from scipy import stats
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import model
-from benchmarks.identification_coverage import DELAY_S, LEARNINGS, RUNS, Sensors, drawn_truth, freed, played
+from benchmarks.identification_coverage import (
+    LEARNINGS,
+    RUNS,
+    Sensors,
+    drawn_truth,
+    force_errors,
+    freed,
+    played,
+)
 from model.errors import ModelError
 from validation.conventions import Array
 from validation.errors import ValidationError
@@ -49,7 +57,7 @@ from validation.identification.observations import ObservedTrial, observe
 from validation.identification.problem import Columns, Problem, linear_residuals
 from validation.identification.runs.exact_runs import ExactRuns
 from validation.identification.scatter import factors
-from validation.identification.unknowns.priors import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, Unknowns
+from validation.identification.unknowns.priors import Unknowns
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -128,16 +136,6 @@ class Experiment:
             blocks.append(replace(b, moved=m, instrument=i))
             linear.append(left)
         return blocks, linear
-
-
-def force_errors(s: Sensors) -> dict[str, float]:
-    """True errors of the force, in standard uncertainties."""
-    f = s.config.force
-    return {
-        FORCE_GAIN: (s.gain - 1) / f.u_gain_relative,
-        FORCE_LEVEL: (s.preload_n - f.preload_n) / f.u_preload_n,
-        FORCE_DELAY: -(s.delay_s - DELAY_S) / f.u_group_delay_s,
-    }
 
 
 def experiment(k: int, options: argparse.Namespace) -> dict[str, Any]:

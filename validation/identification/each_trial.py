@@ -53,14 +53,12 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
     Returns
     -------
     Fitted
-        As it was where no trial bends the model, not settled where one cannot be run.
+        As it was but not settled where a trial cannot be run.
     """
-    if not _bends(problem, fitted):
-        return fitted
     columns, box = Columns(problem), problem.box()
-    place = _look(problem, columns, fitted.z, nothing_own(fitted.marginal.blocks), fitted.marginal)
-    if place is None:
-        return replace(fitted, converged=False)
+    marginal, linear, z = fitted.marginal, fitted.linear, fitted.z
+    here = [r - b.moved @ z for r, b in zip(linear, marginal.blocks, strict=True)]
+    place = _Place(z, nothing_own(marginal.blocks), linear, here, marginal, marginal.log_evidence(linear))
     best, converged, steps = place, False, 0
     while not converged and steps < MOST_STEPS:
         steps += 1
@@ -70,7 +68,7 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
                 return replace(fitted, converged=False)
             break
         gained, place = new.evidence - place.evidence, new
-        best = place if place.evidence > best.evidence else best
+        best = max(best, place, key=lambda p: p.evidence)
         largest = largest_step(place.marginal, place.here, place.z, box, problem.watched)
         if say is not None:
             say(f"each trial, step {steps}: log likelihood {gained:+.1f}, largest change left {largest:.2g} u")
@@ -91,7 +89,7 @@ def _step(problem: Problem, columns: Columns, place: _Place, least: float) -> _P
     return None
 
 
-def _bends(problem: Problem, fitted: Fitted) -> bool:
+def bends(problem: Problem, fitted: Fitted) -> bool:
     """Whether what trials have of their own bends the model so far that a value or the noise shows it."""
     marginal, own = fitted.marginal, fitted.marginal.own(fitted.linear, fitted.z)
     curves = curves_at(problem, fitted.z, own)

@@ -58,7 +58,7 @@ class Fitted:
     steps : how many were taken
     converged : whether the last was small
     tight : whether it took the model to lack nothing until it had settled
-    left : whether it was left near the minimum, for what the discrepancy explained there
+    left : whether it was left near the minimum, to go on otherwise
     own : what each trial has of its own where the linear model was made; None: made where all trials are alike
     before : badness of the fit that this went on from, if it is the end of one
     """
@@ -90,9 +90,14 @@ class Fitted:
         return self.badness if self.before is None else self.before
 
     @property
+    def slight(self) -> bool:
+        """Whether the model lacks next to nothing."""
+        return float(self.marginal.sizes.discrepancy.max()) <= SLIGHT
+
+    @property
     def settled(self) -> bool:
         """Whether it has converged where the model lacks next to nothing."""
-        return self.converged and float(self.marginal.sizes.discrepancy.max()) <= SLIGHT
+        return self.converged and self.slight
 
     @property
     def covariance(self) -> Array:
@@ -122,7 +127,8 @@ def fit(
     tight : bool
         Take the model to lack nothing until the values have settled; sizes are learnt only then.
     leave : bool
-        End where the linear model is near enough and the discrepancy explains more than a slight part.
+        End where the linear model is near enough, and either the values are, or the discrepancy explains more than a
+        slight part.
 
     Raises
     ------
@@ -152,10 +158,12 @@ def fit(
         rounds = LAST_ROUNDS if near else ROUNDS
         kept = near and largest < NEAR or (tight and learnings == 0)
         marginal = Marginal(blocks, sizes) if kept else learn(blocks, linear, sizes, rounds, floor)
-        left = leave and near and float(marginal.sizes.discrepancy.max()) > SLIGHT
-        if left:
-            break
         largest = largest_step(marginal, here, z, (low, high), watched)
+        lacks = not tight and float(marginal.sizes.discrepancy.max()) > SLIGHT
+        left = leave and near and (largest < NEAR or lacks)
+        if left:
+            marginal = learn(blocks, linear, marginal.sizes, rounds) if tight else marginal
+            break
         anew = learnings == 0 and not tight  # a tight fit begins with the sizes that would be tried anew
         if near and largest < CLOSE:
             marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds, anew), learnings + 1

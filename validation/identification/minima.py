@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import norm, qmc
 
 from validation.conventions import Array
-from validation.identification.each_trial import refine
+from validation.identification.each_trial import bends, refine
 from validation.identification.fit import Fitted, fit
 from validation.identification.problem import Columns, Problem
 
@@ -38,9 +38,10 @@ def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns:
     fits: list[Fitted] = []
     for k, z in enumerate(points):
         fits += _from(problem, z, say, None if k else columns)
-    best = refine(problem, min(fits, key=_badness), say)
+    best = _ended(problem, min(fits, key=_badness), say)
     if best.settled:
         return [best, *_others(fits, best)]
+    fits = [fit(problem, f.z, say) if f.left else f for f in fits]
     for from_there in (True, False):
         last = min(fits, key=_badness)
         if last.settled:
@@ -53,9 +54,32 @@ def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns:
         fits.append(fit(problem, at, say, known, tight=True))
     last = min(fits, key=_badness)
     if last.badness < best.alike:
-        again = refine(problem, last, say)
-        best = min(best, again, key=_badness)
+        again = _ended(problem, last, say)
+        best = again if again.converged and not best.converged else min(best, again, key=_badness)
     return [best, *_others(fits, best)]
+
+
+def _from(problem: Problem, start: Array, say: Callable[[str], None] | None, columns: Columns | None) -> list[Fitted]:
+    """Fits from one start: one, or where the discrepancy explains something halfway, all that were made from there."""
+    columns = Columns(problem) if columns is None else columns
+    found = fit(problem, start, say, columns, leave=True)
+    if not found.left or found.slight:
+        return [found]
+    if say is not None:
+        say("on from there as if the model lacked nothing")
+    tight = fit(problem, found.z, say, columns, tight=True, leave=True)
+    if (tight.left or tight.converged) and tight.slight and tight.badness < found.badness:
+        return [tight]
+    if say is not None:
+        say("on from where it was")
+    return [tight, fit(problem, found.z, say, columns)]
+
+
+def _ended(problem: Problem, found: Fitted, say: Callable[[str], None] | None) -> Fitted:
+    """The fit with each trial where it was; settled as it is where that changes nothing."""
+    if not bends(problem, found):
+        return fit(problem, found.z, say) if found.left else found
+    return refine(problem, found, say)
 
 
 def _badness(found: Fitted) -> float:
@@ -65,22 +89,6 @@ def _badness(found: Fitted) -> float:
 def _others(fits: Sequence[Fitted], best: Fitted) -> list[Fitted]:
     """All but the one that the best went on from, the likeliest first."""
     return sorted((f for f in fits if f.badness != best.alike), key=_badness)
-
-
-def _from(problem: Problem, start: Array, say: Callable[[str], None] | None, columns: Columns | None) -> list[Fitted]:
-    """Fits from one start: one, or where the discrepancy explains something halfway, all that were made from there."""
-    columns = Columns(problem) if columns is None else columns
-    found = fit(problem, start, say, columns, leave=True)
-    if not found.left:
-        return [found]
-    if say is not None:
-        say("on from there as if the model lacked nothing")
-    tight = fit(problem, found.z, say, columns, tight=True)
-    if tight.settled and tight.badness < found.badness:
-        return [tight]
-    if say is not None:
-        say("on from where it was")
-    return [tight, fit(problem, found.z, say, columns)]
 
 
 def starts(problem: Problem, n: int) -> list[Array]:
