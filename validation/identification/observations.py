@@ -3,7 +3,7 @@
 Conventions: phases are times relative to the moment the hammer first came 90 % of its way; they are spaced so that the
 action moves equally far between them, from just before the force acts until it ends, before the key goes up: later
 differences grow of themselves. The force is trimmed to that, starts at its declared preload, and is not changed else.
-A film has a clock of its own: of each phase its nearest frame is compared, at its time (`channels.film_channels`).
+A film has a clock of its own: of each phase its nearest frame is compared, at its time (`film_channels`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from model.motion_driven.spline_fit import KeyFit
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import ValidationInputError
-from validation.identification.channels.film_channels import FilmSeen, film_seen
+from validation.identification.film_channels import FilmSeen, film_seen
 from validation.measurement.trial import MeasuredTrial
 
 PHASES = 60

@@ -13,7 +13,9 @@ from validation.conventions import Array
 from validation.identification.each_trial import bends, refine
 from validation.identification.fit import fit
 from validation.identification.problem import Problem, curves_at, residuals_there
+from validation.identification.profiles import profile
 from validation.identification.runs.own import Own
+from validation.identification.sampling.sample import _density
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 
@@ -73,3 +75,17 @@ def test_a_trial_that_the_model_cannot_follow_leaves_the_fit_unsettled() -> None
     problem, _ = played(1)
     found = refine(replace(problem, response=Lost(problem.trials)), fit(problem))
     assert found.own is None and not found.converged
+
+
+def test_a_profile_and_a_sampler_see_each_trial_where_it_was() -> None:
+    problem, _ = played(0)
+    after = refine(problem, fit(problem))
+    width = np.sqrt(after.covariance[1, 1])
+    made = profile(problem, after, 1, 1.96)
+    assert made.rise.min() > -0.05 and made.interval == "two-sided"
+    # held at the trials' common values the model would miss every trial, and the profile rise a hundredfold
+    assert made.high - made.low == pytest.approx(2 * 1.96 * width, rel=0.3)
+    density = _density(problem, after, np.eye(3) * width, None)
+    at, off = density(np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+    assert at == pytest.approx(-0.5 * after.objective, abs=0.05)
+    assert 0.2 < at - off < 50.0

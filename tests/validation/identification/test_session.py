@@ -116,7 +116,7 @@ def test_differences_agree_with_central_ones() -> None:
     runs = ModelRuns(start, free.moved, trials, 1e-8)
     (jacobian,) = runs.jacobian(np.zeros(len(free.moved)), [0, 1])
     for j, p in enumerate(free.asked):
-        up, down = (runs.run([Case(p.values(start, s * 2e-3))])[0] for s in (1, -1))
+        up, down = (runs.run([[Case(p.values(start, s * 2e-3))]])[0] for s in (1, -1))
         assert up is not None and down is not None
         central = (up[0] - down[0]) / 4e-3
         assert np.abs(jacobian[:, :, j] - central).max() < 0.05 * np.abs(central).max()

@@ -1,4 +1,4 @@
-"""Channels beside encoders under a recorded force: trials that the motion of the key drives, bodies that a film shows.
+"""Trials that the measured motion of the key drives, with or without a force beside it.
 
-In: measured trials. Out: what a fit compares of them (`key_driven`, `film_channels`).
+In: measured trials. Out: what a fit compares of them (`key_driven`).
 """

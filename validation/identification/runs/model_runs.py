@@ -99,6 +99,8 @@ class Case:
 
     def with_noise(self, trial: ObservedTrial, weights: Array) -> Case:
         """The same with the trial's own force and clock, weights of `Response.force_columns`."""
+        if weights.size == 0:
+            return self
         found = own_units(trial)[: weights.size] * weights
         late = float(found[1 + SEGMENTS]) if weights.size > 1 + SEGMENTS else 0.0
         noise = (0.0, *(float(v) for v in found[1 : 1 + SEGMENTS]))

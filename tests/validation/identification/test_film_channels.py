@@ -9,7 +9,7 @@ import pytest
 
 from tests.validation.identification import toy
 from validation.identification.blocks import INSTRUMENT, LOST_RAD, make_blocks, residuals
-from validation.identification.channels.film_channels import film_seen
+from validation.identification.film_channels import film_seen
 from validation.identification.observations import ENCODERS, FILM, with_film
 from validation.measurement.trial import FilmAngles
 
