@@ -38,6 +38,8 @@ def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns:
     fits: list[Fitted] = []
     for k, z in enumerate(points):
         fits += _from(problem, z, say, None if k else columns)
+    if n > 1:  # ends are compared, not how far each was left
+        fits = [fit(problem, f.z, say) if f.left else f for f in fits]
     best = _ended(problem, min(fits, key=_badness), say)
     if best.settled:
         return [best, *_others(fits, best)]
@@ -87,8 +89,8 @@ def _badness(found: Fitted) -> float:
 
 
 def _others(fits: Sequence[Fitted], best: Fitted) -> list[Fitted]:
-    """All but the one that the best went on from, the likeliest first."""
-    return sorted((f for f in fits if f.badness != best.alike), key=_badness)
+    """All ends but the one that the best went on from, the likeliest first."""
+    return sorted((f for f in fits if f.badness != best.alike and not f.left), key=_badness)
 
 
 def starts(problem: Problem, n: int) -> list[Array]:

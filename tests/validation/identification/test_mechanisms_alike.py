@@ -44,17 +44,17 @@ class Mechanism:
         seen = np.array([(joint + self.arm * rubbing) / (1 + self.arm), give, self.idle * idle, key, other])
         return np.asarray(0.1 * np.einsum("pt,cp,p->tc", self.shapes, self.weights, seen))
 
-    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+    def curves(self, points: Sequence[Array], own: object = None) -> list[list[Array] | None]:
         """As in `Response`."""
         return [[self.curve(z) for _ in self.trials] for z in points]
 
-    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+    def jacobian(self, z: Array, which: Sequence[int], own: object = None) -> list[Array]:
         """As in `Response`, by central differences."""
         step = 1e-5 * np.eye(z.size)
         found = np.stack([(self.curve(z + step[j]) - self.curve(z - step[j])) / 2e-5 for j in which], axis=2)
         return [found for _ in self.trials]
 
-    def force_columns(self, z: Array) -> list[Array]:
+    def force_columns(self, z: Array, own: object = None) -> list[Array]:
         """As in `Response`: next to nothing."""
         return [np.full((toy.M, 3, 2), 1e-7) for _ in self.trials]
 

@@ -104,7 +104,7 @@ def test_trials_of_both_kinds_come_back_in_their_order(turn: np.ndarray) -> None
         def __init__(self, value: float | None) -> None:
             self.value = value
 
-        def curves(self, points: list[np.ndarray]) -> list[list[np.ndarray] | None]:
+        def curves(self, points: list[np.ndarray], own: object) -> list[list[np.ndarray] | None]:
             n = 2 if self.value == 2.0 else 1
             return [None if self.value is None else n * [np.array([self.value])] for _ in points]
 
