@@ -2,8 +2,9 @@
 
 A soft stroke near a fork of its motion does not answer a scatter of 2 % linearly: a linear model around what all
 trials share then calls the rest felt or friction, with too small an uncertainty. Each step takes values and what trials
-have of their own to where the linear model wants them, and learns sizes of noise; half the way is gone where the
-marginal likelihood falls far. Source: Lindstrom and Bates (1990), Biometrics 46, 673.
+have of their own towards where the linear model wants them, as far as runs of the model agree better there, each
+trial by itself; sizes of noise are learnt once every trial is followed. Source: Lindstrom and Bates (1990),
+Biometrics 46, 673.
 """
 
 from __future__ import annotations
@@ -15,29 +16,43 @@ import numpy as np
 
 from model.errors import ModelError
 from validation.conventions import Array
+from validation.identification.blocks import residuals
 from validation.identification.fit import CLOSE, STALLED, Fitted
-from validation.identification.noise import FLOOR, Marginal, box_step, largest_step, learn, likeliest
+from validation.identification.noise import FLOOR, Marginal, OwnModes, box_step, largest_step, learn, likeliest
 from validation.identification.problem import Columns, Problem, curves_at, linear_residuals, residuals_there
 from validation.identification.runs.own import Own, nothing_own
 
-MOST_STEPS, MOST_HALVES = 10, 3
+MOST_STEPS = 15
+SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of the way to where the linear model puts values
+OWN_SHARES = (1.0, 0.5, 0.25, 0.1, 0.0)  # of each trial's way
 ROUNDS = 30
 BENT, SEEN = 0.1, 0.05  # of a posterior standard uncertainty, of the noise: a bend that is not followed
-FALLEN = 100.0  # of the log likelihood: a step after which it is so far below the highest was too long
+FOLLOWED = 3.0  # cost of a trial, per datum: above it the model is not yet where the trial was
 SAME = 1.0  # of the log likelihood: a step that changes it less, and no value by half its u, is the last
 OWN_CLOSE = 0.1  # standard deviations, RMS: what trials have of their own is known where it is that well
 
 
 @dataclass(frozen=True)
 class _Place:
-    """Values, what trials have of their own, and the linear model there."""
+    """Values, what trials have of their own, residuals of runs, the linear model, and each trial's cost per datum."""
 
     z: Array
     own: list[Own]
+    run: list[Array]
     linear: list[Array]
     here: list[Array]
     marginal: Marginal
-    evidence: float
+    costs: Array
+
+    @property
+    def evidence(self) -> float:
+        """Log likelihood of the linear model."""
+        return self.marginal.log_evidence(self.linear)
+
+    @property
+    def followed(self) -> bool:
+        """Whether the model is where each trial was."""
+        return bool(np.max(self.costs) < FOLLOWED)
 
 
 def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None = None) -> Fitted:
@@ -58,40 +73,74 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
     columns, box = Columns(problem), problem.box()
     marginal, linear, z = fitted.marginal, fitted.linear, fitted.z
     here = [r - b.moved @ z for r, b in zip(linear, marginal.blocks, strict=True)]
-    place = _Place(z, nothing_own(marginal.blocks), linear, here, marginal, marginal.log_evidence(linear))
-    best, converged, steps = place, False, 0
+    place = _Place(z, nothing_own(marginal.blocks), here, linear, here, marginal, np.full(len(linear), np.inf))
+    converged, steps, asked = False, 0, np.arange(len(problem.unknowns.asked))
     while not converged and steps < MOST_STEPS:
-        steps += 1
-        new = _step(problem, columns, place, best.evidence - FALLEN)
-        if new is None:
-            if steps == 1:
-                return replace(fitted, converged=False)
+        new = _step(problem, columns, place)
+        if new is None:  # a kink: no way on lowers the cost
+            converged = place.followed and largest_step(place.marginal, place.here, place.z, box, asked) < STALLED
             break
+        steps += 1
         gained, place = new.evidence - place.evidence, new
-        best = max(best, place, key=lambda p: p.evidence)
         largest = largest_step(place.marginal, place.here, place.z, box, problem.watched)
         if say is not None:
-            say(f"each trial, step {steps}: log likelihood {gained:+.1f}, largest change left {largest:.2g} u")
-        converged = largest < CLOSE and _known(place) or abs(gained) < SAME and largest < STALLED
-    return _fitted(problem, fitted, place if converged else best, steps, converged)
+            said = f"each trial, step {steps}: log likelihood {gained:+.1f}, largest change left {largest:.2g} u"
+            say(f"{said}, cost per datum up to {np.max(place.costs):.2g}")
+        still = largest < CLOSE and _known(place) or abs(gained) < SAME and largest < STALLED
+        converged = place.followed and still
+    if steps == 0:
+        return replace(fitted, converged=False)
+    return _fitted(problem, fitted, place, steps, converged)
 
 
-def _step(problem: Problem, columns: Columns, place: _Place, least: float) -> _Place | None:
-    """The longest of some steps after which the log likelihood is at least so high; None where there is none."""
+def _step(problem: Problem, columns: Columns, place: _Place) -> _Place | None:
+    """As far towards where the linear model wants all as runs agree better; None where they do nowhere."""
     step = box_step(place.marginal, place.here, place.z, problem.box(), 0.0)
-    most = place.marginal.own(place.linear, place.z + step)
-    for half in range(MOST_HALVES):
-        share = 0.5**half
-        own = [a.towards(b, share) for a, b in zip(place.own, most, strict=True)]
-        new = _look(problem, columns, place.z + share * step, own, place.marginal)
-        if new is not None and new.evidence > least:
-            return new
+    modes = OwnModes(place.marginal, place.linear, place.z)
+    before = float(np.sum(modes.costs(place.run, place.own)) + place.z @ place.z)
+    for share in SHARES:
+        z = place.z + share * step
+        found = _on_the_way(problem, place, z)
+        if found is not None and float(np.sum(found[1]) + z @ z) < before:
+            return _look(problem, columns, (z, *found), place.marginal)
     return None
+
+
+def _on_the_way(problem: Problem, place: _Place, z: Array) -> tuple[list[Own], Array] | None:
+    """Of each trial the likeliest place on its way to where the linear model puts it, and its cost."""
+    modes = OwnModes(place.marginal, place.linear, z)
+    tried = [[a.towards(b, s) for a, b in zip(place.own, modes.most, strict=True)] for s in OWN_SHARES]
+    found = problem.response.curves(len(tried) * [z], tried)
+    costs = [
+        np.full(len(place.own), np.inf) if curves is None else modes.costs(residuals(problem.trials, curves), own)
+        for curves, own in zip(found, tried, strict=True)
+    ]
+    if not np.all(np.isfinite(np.min(costs, axis=0))):
+        return None
+    return [tried[int(i)][k] for k, i in enumerate(np.argmin(costs, axis=0))], np.asarray(np.min(costs, axis=0))
+
+
+def _look(problem: Problem, columns: Columns, at: tuple[Array, list[Own], Array], before: Marginal) -> _Place | None:
+    """The linear model at a place, with sizes as before until every trial is followed; None where one cannot run."""
+    z, own, costs = at
+    curves = curves_at(problem, z, own)
+    if curves is None:
+        return None
+    try:
+        blocks = columns.blocks(z, own)
+    except ModelError:
+        return None
+    linear = linear_residuals(problem, blocks, curves, z, own)
+    each = costs / np.array([r.size for r in linear])
+    followed = bool(np.max(each) < FOLLOWED)
+    marginal = learn(blocks, linear, before.sizes, ROUNDS, FLOOR) if followed else Marginal(blocks, before.sizes)
+    here, run = residuals_there(problem, blocks, curves, own), residuals(problem.trials, curves)
+    return _Place(z, own, run, linear, here, marginal, each)
 
 
 def bends(problem: Problem, fitted: Fitted) -> bool:
     """Whether what trials have of their own bends the model so far that a value or the noise shows it."""
-    marginal, own = fitted.marginal, fitted.marginal.own(fitted.linear, fitted.z)
+    marginal, own = fitted.marginal, OwnModes(fitted.marginal, fitted.linear, fitted.z).most
     curves = curves_at(problem, fitted.z, own)
     if curves is None:
         return True
@@ -102,24 +151,9 @@ def bends(problem: Problem, fitted: Fitted) -> bool:
     return bool(seen or np.max(np.abs(away[problem.watched])) > BENT)
 
 
-def _look(problem: Problem, columns: Columns, z: Array, own: list[Own], before: Marginal) -> _Place | None:
-    """The linear model at a place, with sizes learnt from those before; None where a trial cannot run."""
-    curves = curves_at(problem, z, own)
-    if curves is None:
-        return None
-    try:
-        blocks = columns.blocks(z, own)
-    except ModelError:
-        return None
-    linear = linear_residuals(problem, blocks, curves, z, own)
-    marginal = learn(blocks, linear, before.sizes, ROUNDS, FLOOR)
-    here = residuals_there(problem, blocks, curves, own)
-    return _Place(z, own, linear, here, marginal, marginal.log_evidence(linear))
-
-
 def _known(place: _Place) -> bool:
     """Whether each trial is where what it has of its own most probably is."""
-    scatter, most = place.marginal.sizes.scatter, place.marginal.own(place.linear, place.z)
+    scatter, most = place.marginal.sizes.scatter, OwnModes(place.marginal, place.linear, place.z).most
     return max(a.apart(b, scatter) for a, b in zip(place.own, most, strict=True)) < OWN_CLOSE
 
 

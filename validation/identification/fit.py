@@ -20,6 +20,7 @@ from validation.identification.noise import (
     FLOOR,
     LEAST_DAMPING,
     Marginal,
+    OwnModes,
     Sizes,
     box_step,
     dampings,
@@ -77,7 +78,7 @@ class Fitted:
 
     def own_at(self, z: Array) -> list[Own] | None:
         """What each trial most probably has of its own at other values."""
-        return None if self.own is None else self.marginal.own(self.linear, z)
+        return None if self.own is None else OwnModes(self.marginal, self.linear, z).most
 
     @property
     def badness(self) -> float:

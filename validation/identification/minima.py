@@ -41,7 +41,7 @@ def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns:
     if n > 1:  # ends are compared, not how far each was left
         fits = [fit(problem, f.z, say) if f.left else f for f in fits]
     best = _ended(problem, min(fits, key=_badness), say)
-    if best.settled:
+    if best.settled or (best.slight and best.own is not None):  # other starts do not help at a fork of a trial
         return [best, *_others(fits, best)]
     fits = [fit(problem, f.z, say) if f.left else f for f in fits]
     for from_there in (True, False):

@@ -15,6 +15,7 @@ import numpy as np
 
 from validation.conventions import Array
 from validation.identification.fit import Fitted
+from validation.identification.noise import OwnModes
 from validation.identification.problem import Problem, curves_at, residuals_there
 from validation.identification.runs.own import Own
 
@@ -89,7 +90,7 @@ def _least(problem: Problem, fitted: Fitted, j: int, z: Array) -> float:
         if linear is None:
             break
         z = _corrected(problem, fitted, j, z, linear)
-        own = None if fitted.own is None else fitted.marginal.own(linear, z)
+        own = None if fitted.own is None else OwnModes(fitted.marginal, linear, z).most
         new, linear = _look(problem, fitted, z, own)
         if new > best - GAINED:
             return min(new, best)

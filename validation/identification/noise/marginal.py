@@ -13,7 +13,6 @@ from validation.conventions import Array
 from validation.identification.blocks import INSTRUMENT, Block
 from validation.identification.noise.parts import TINY, Columns, common_parts, own_parts, reached
 from validation.identification.noise.sizes import Sizes
-from validation.identification.runs.own import Own
 
 Parts = tuple[Mapping[int, Columns], Sequence[Columns]]
 
@@ -60,7 +59,8 @@ class Marginal:
         self.covariance = np.asarray(cho_solve(factor, np.eye(self.q)))
 
     @cached_property
-    def _rest(self) -> tuple[Array, bool]:
+    def rest(self) -> tuple[Array, bool]:
+        """Cholesky factor of the precision of all columns but z."""
         found: tuple[Array, bool] = cho_factor(self.precision[self.p :, self.p :])
         return found
 
@@ -68,7 +68,7 @@ class Marginal:
     def curvature(self) -> Array:
         """Half the second derivative (p, p) of the objective with respect to z."""
         across = self.precision[: self.p, self.p :]
-        return np.asarray(self.precision[: self.p, : self.p] - across @ cho_solve(self._rest, across.T))
+        return np.asarray(self.precision[: self.p, : self.p] - across @ cho_solve(self.rest, across.T))
 
     def columns_of(self, session: int) -> NDArray[np.intp]:
         """Indices of the columns that a trial of this session has."""
@@ -100,26 +100,13 @@ class Marginal:
         """Half the negative derivative (p,) of the objective at z, given residuals there."""
         b, _ = self.projected(residuals)
         across = self.precision[: self.p, self.p :]
-        return np.asarray(b[: self.p] - across @ cho_solve(self._rest, b[self.p :]) - z)
+        return np.asarray(b[: self.p] - across @ cho_solve(self.rest, b[self.p :]) - z)
 
     def objective(self, residuals: Sequence[Array], z: Array) -> float:
         """Twice the negative log posterior at z, but for a constant; residuals at z, everything else taken out."""
         b, square = self.projected(residuals)
         rest = b[self.p :]
-        return square - float(rest @ cho_solve(self._rest, rest)) + float(z @ z)
-
-    def own(self, residuals: Sequence[Array], z: Array) -> list[Own]:
-        """What each trial most probably has of its own, given z (p,) and residuals at z = 0 of the linear model."""
-        there = [r - b.moved @ z for r, b in zip(residuals, self.blocks, strict=True)]
-        rest = np.zeros(self.q)
-        rest[self.p :] = cho_solve(self._rest, self.projected(there)[0][self.p :])
-        scatter, out = self.sizes.scatter, []
-        for (lower, x), b, r in zip(self.white, self.blocks, there, strict=True):
-            left = solve_triangular(lower, r, lower=True) - x @ rest[self.columns_of(b.session)]
-            pull = solve_triangular(lower, left, lower=True, trans=1)
-            laws = scatter**2 * (np.hstack([b.moved, b.held]).T @ pull)
-            out.append(Own(laws, b.own[:, : b.driven].T @ pull))
-        return out
+        return square - float(rest @ cho_solve(self.rest, rest)) + float(z @ z)
 
     def log_likelihood(self, residuals: Sequence[Array]) -> float:
         """Log marginal likelihood of residuals at z = 0 of the linear model, but for a constant."""

@@ -143,7 +143,7 @@ def _density(
         for first in range(0, inside.size, AT_ONCE):
             part = inside[first : first + AT_ONCE]
             those = [z[i] for i in part]
-            own = None if fitted.own is None else [fitted.marginal.own(fitted.linear, at) for at in those]
+            own = None if fitted.own is None else [fitted.own_at(at) or [] for at in those]
             found = problem.response.curves(those, own)
             for i, curves, o in zip(part, found, len(those) * [None] if own is None else own, strict=True):
                 if curves is not None:
