@@ -74,12 +74,13 @@ def _from(problem: Problem, start: Array, say: Callable[[str], None] | None, col
         return [tight]
     if say is not None:
         say("on from where it was")
-    return [tight, fit(problem, found.z, say, columns)]
+    whole = fit(problem, found.z, say, columns)
+    return [whole] if tight.left else [tight, whole]
 
 
 def _ended(problem: Problem, found: Fitted, say: Callable[[str], None] | None) -> Fitted:
-    """The fit with each trial where it was; settled as it is where that changes nothing."""
-    if not bends(problem, found):
+    """The fit with each trial where it was; settled as it is where that changes nothing beside what the model lacks."""
+    if not found.slight or not bends(problem, found):
         return fit(problem, found.z, say) if found.left else found
     return refine(problem, found, say)
 
