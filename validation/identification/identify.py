@@ -41,8 +41,8 @@ from validation.prediction.posterior import EARLIER, TRIALS, posterior_of
 LEAST_EFFECT_RAD = 1e-8
 EVENT_TOLERANCE = 1e-5
 PROVISIONAL = (
-    "intervals are provisional: how often they hold the truth is known from few virtual experiments, and with several "
-    "kinds of strokes u may be too small (docs/explanation/identification.md)"
+    "intervals are provisional: how often they hold the truth is known from few virtual experiments "
+    "(docs/explanation/identification.md)"
 )
 SAME = 6.0  # of twice the log likelihood: starts that end this close have found the same minimum
 
