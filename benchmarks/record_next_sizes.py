@@ -35,7 +35,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import model
 from benchmarks.identification_coverage import (
-    LEARNINGS,
     RUNS,
     Sensors,
     drawn_truth,
@@ -65,6 +64,7 @@ NEAR = 0.2
 SAME = ("seed", "first", "next", "numbers", "more")
 FREE = (5, 9)
 TOLD = 0.9
+LEARNINGS = 40
 CLASSES = (
     ("all", "predicted", np.inf),
     ("told", "predicted", TOLD),
