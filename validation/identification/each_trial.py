@@ -17,15 +17,14 @@ import numpy as np
 from model.errors import ModelError
 from validation.conventions import Array
 from validation.identification.blocks import residuals
-from validation.identification.fit import CLOSE, STALLED, Fitted
+from validation.identification.fit import CLOSE, LAST_ROUNDS, STALLED, Fitted
 from validation.identification.noise import FLOOR, Marginal, OwnModes, box_step, largest_step, learn, likeliest
-from validation.identification.problem import Columns, Problem, curves_at, linear_residuals, residuals_there
-from validation.identification.runs.own import Own, nothing_own
+from validation.identification.problem import Columns, Problem, curves_at, residuals_there
+from validation.identification.runs.own import Own, nothing_own, without_own
 
 MOST_STEPS = 15
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of the way to where the linear model puts values
 OWN_SHARES = (1.0, 0.5, 0.25, 0.1, 0.0)  # of each trial's way
-ROUNDS = 30
 BENT, SEEN = 0.1, 0.05  # of a posterior standard uncertainty, of the noise: a bend that is not followed
 FOLLOWED = 3.0  # cost of a trial, per datum: above it the model is not yet where the trial was
 SAME = 1.0  # of the log likelihood: a step that changes it less, and no value by half its u, is the last
@@ -100,42 +99,47 @@ def _step(problem: Problem, columns: Columns, place: _Place) -> _Place | None:
     before = float(np.sum(modes.costs(place.run, place.own)) + place.z @ place.z)
     for share in SHARES:
         z = place.z + share * step
-        found = _on_the_way(problem, place, z)
-        if found is not None and float(np.sum(found[1]) + z @ z) < before:
-            return _look(problem, columns, (z, *found), place.marginal)
+        way = _on_the_way(problem, place, z)
+        if way is not None and float(np.sum(way.costs) + z @ z) < before:
+            return _look(columns, z, way, place.marginal)
     return None
 
 
-def _on_the_way(problem: Problem, place: _Place, z: Array) -> tuple[list[Own], Array] | None:
-    """Of each trial the likeliest place on its way to where the linear model puts it, and its cost."""
+@dataclass(frozen=True)
+class _Way:
+    """Of each trial a place on its way: what it has of its own there, residuals of its run, and its cost."""
+
+    own: list[Own]
+    run: list[Array]
+    costs: Array
+
+
+def _on_the_way(problem: Problem, place: _Place, z: Array) -> _Way | None:
+    """Of each trial the likeliest place on its way to where the linear model puts it; None where some cannot run."""
     modes = OwnModes(place.marginal, place.linear, z)
     tried = [[a.towards(b, s) for a, b in zip(place.own, modes.most, strict=True)] for s in OWN_SHARES]
     found = problem.response.curves(len(tried) * [z], tried)
-    costs = [
-        np.full(len(place.own), np.inf) if curves is None else modes.costs(residuals(problem.trials, curves), own)
-        for curves, own in zip(found, tried, strict=True)
-    ]
-    if not np.all(np.isfinite(np.min(costs, axis=0))):
+    run = [(own, residuals(problem.trials, c)) for own, c in zip(tried, found, strict=True) if c is not None]
+    if not run:
         return None
-    return [tried[int(i)][k] for k, i in enumerate(np.argmin(costs, axis=0))], np.asarray(np.min(costs, axis=0))
+    costs = np.array([modes.costs(r, own) for own, r in run])
+    best = [int(i) for i in np.argmin(costs, axis=0)]
+    own = [run[i][0][k] for k, i in enumerate(best)]
+    return _Way(own, [run[i][1][k] for k, i in enumerate(best)], np.asarray(costs.min(axis=0)))
 
 
-def _look(problem: Problem, columns: Columns, at: tuple[Array, list[Own], Array], before: Marginal) -> _Place | None:
-    """The linear model at a place, with sizes as before until every trial is followed; None where one cannot run."""
-    z, own, costs = at
-    curves = curves_at(problem, z, own)
-    if curves is None:
-        return None
+def _look(columns: Columns, z: Array, way: _Way, before: Marginal) -> _Place | None:
+    """The linear model at a place, with sizes as before until every trial is followed; None where it cannot be made."""
     try:
-        blocks = columns.blocks(z, own)
+        blocks = columns.blocks(z, way.own)
     except ModelError:
         return None
-    linear = linear_residuals(problem, blocks, curves, z, own)
-    each = costs / np.array([r.size for r in linear])
+    here = without_own(blocks, way.run, way.own)
+    linear = [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
+    each = way.costs / np.array([r.size for r in linear])
     followed = bool(np.max(each) < FOLLOWED)
-    marginal = learn(blocks, linear, before.sizes, ROUNDS, FLOOR) if followed else Marginal(blocks, before.sizes)
-    here, run = residuals_there(problem, blocks, curves, own), residuals(problem.trials, curves)
-    return _Place(z, own, run, linear, here, marginal, each)
+    marginal = learn(blocks, linear, before.sizes, LAST_ROUNDS, FLOOR) if followed else Marginal(blocks, before.sizes)
+    return _Place(z, way.own, way.run, linear, here, marginal, each)
 
 
 def bends(problem: Problem, fitted: Fitted) -> bool:
@@ -159,7 +163,7 @@ def _known(place: _Place) -> bool:
 
 def _fitted(problem: Problem, before: Fitted, place: _Place, steps: int, converged: bool) -> Fitted:
     """Where it ended, with the likeliest sizes of noise."""
-    marginal = likeliest(place.marginal.blocks, place.linear, place.marginal.sizes, ROUNDS)
+    marginal = likeliest(place.marginal.blocks, place.linear, place.marginal.sizes, LAST_ROUNDS)
     z, box = place.z, problem.box()
     asked = np.arange(len(problem.unknowns.asked))
     curves = curves_at(problem, z)

@@ -40,7 +40,10 @@ def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns:
         fits += _from(problem, z, say, None if k else columns)
     if n > 1:  # ends are compared, not how far each was left
         fits = [fit(problem, f.z, say) if f.left else f for f in fits]
-    best = _ended(problem, min(fits, key=_badness), say)
+    last = min(fits, key=_badness)
+    best = _ended(problem, last, say)
+    if best.own is None:
+        fits = [best if f is last else f for f in fits]
     if best.settled or (best.slight and best.own is not None):  # other starts do not help at a fork of a trial
         return [best, *_others(fits, best)]
     fits = [fit(problem, f.z, say) if f.left else f for f in fits]

@@ -7,6 +7,7 @@ residual and of what it has of its own, but for a constant. Source: Lindstrom an
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
@@ -48,14 +49,20 @@ class OwnModes:
 
     def costs(self, residuals: Sequence[Array], own: Sequence[Own]) -> Array:
         """Cost (trials,) of residuals of runs at z with what trials have of their own."""
-        size, scatters = np.exp(self.marginal.sizes.log()), self.scatter > 0.0
-        out = []
-        for k, (b, r, o) in enumerate(zip(self.marginal.blocks, residuals, own, strict=True)):
-            part, laws = self.marginal.parts[1][k], law_columns(b, self.marginal.sizes).shape[1]
-            wander = part.columns[:, laws:] * size[part.place[laws:]]
-            film = b.own[:, b.driven :]
-            lower = cholesky(np.diag(b.white) + wander @ wander.T + film @ film.T, lower=True)
-            white = solve_triangular(lower, r - self.shared[k], lower=True)
+        scatters, out = self.scatter > 0.0, []
+        for lower, shared, r, o in zip(self._alone, self.shared, residuals, own, strict=True):
+            white = solve_triangular(lower, r - shared, lower=True)
             prior = o.laws[scatters] / self.scatter[scatters]
             out.append(float(white @ white + prior @ prior + o.drive @ o.drive))
         return np.array(out)
+
+    @cached_property
+    def _alone(self) -> list[Array]:
+        """Root of the covariance of each trial's residual, given what it has of its own."""
+        size, out = np.exp(self.marginal.sizes.log()), []
+        for b, part in zip(self.marginal.blocks, self.marginal.parts[1], strict=True):
+            laws = law_columns(b, self.marginal.sizes).shape[1]
+            wander = part.columns[:, laws:] * size[part.place[laws:]]
+            film = b.own[:, b.driven :]
+            out.append(cholesky(np.diag(b.white) + wander @ wander.T + film @ film.T, lower=True))
+        return out
