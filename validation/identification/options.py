@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypedDict
 
 from validation.identification.observations import PHASES
-from validation.identification.runs.model_runs import TOLERANCE
+from validation.identification.runs.placed import TOLERANCE
 from validation.options import utc_now
 
 

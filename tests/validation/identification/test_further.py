@@ -19,8 +19,8 @@ from validation.identification.further.shelf import Candidate, at_level
 from validation.identification.further.shrink import Prospect, block_of, further, of_sizes, prospects
 from validation.identification.observations import ObservedTrial
 from validation.identification.problem import Problem
-from validation.identification.runs.model_runs import with_own
 from validation.identification.runs.own import Own
+from validation.identification.runs.placed import with_own
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 AGAIN = 6

@@ -12,8 +12,8 @@ from validation.conventions import Array
 from validation.identification.blocks import Block, rows
 from validation.identification.observations import ObservedTrial
 from validation.identification.problem import Columns, Problem
-from validation.identification.runs.model_runs import places, with_own
 from validation.identification.runs.own import Own
+from validation.identification.runs.placed import places, with_own
 from validation.identification.unknowns.priors import Unknowns, unknowns
 
 ASKED = ("key.joint_friction.A", "hammer.joint_friction.A", "contact07.friction.A")

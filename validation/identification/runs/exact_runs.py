@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +18,9 @@ from model.errors import InputError, ModelError
 from model.sensitivity.parameter_names import directions
 from validation.conventions import BODIES, Array
 from validation.identification.observations import ObservedTrial
-from validation.identification.runs.model_runs import TOLERANCE, Case, ModelRuns
+from validation.identification.runs.model_runs import Case, ModelRuns
 from validation.identification.runs.own import Own
+from validation.identification.runs.placed import TOLERANCE, PlacedRuns
 from validation.identification.unknowns.priors import Parameter
 from validation.prediction.elsewhere import spread
 
@@ -58,16 +59,6 @@ def tangents(task: Tangents) -> Array:
     found = model.sensitivities(task.action, blow, task.names, options=options)
     turn = found.d_angles - found.d_rest[None]
     return np.stack([task.trial.seen(d[:, : len(BODIES)]) for d in np.moveaxis(turn, -1, 0)], axis=-1)
-
-
-class _Runs(Protocol):
-    """What gives curves with a stated error, of trials that are each where they are."""
-
-    tolerance: float
-
-    def there(self, somewhere: Sequence[Array], own: Sequence[Own] | None) -> list[list[Array] | None]:
-        """Curves at each of several (trials, n) places."""
-        ...
 
 
 class ExactRuns(ModelRuns):
@@ -110,13 +101,9 @@ class ExactRuns(ModelRuns):
             return found
         return super().jacobian(z, which, own)
 
-    def units(self, which: Sequence[int], at: Array) -> Array:
-        """What one prior standard uncertainty is of each parameter, where a trial is."""
-        return np.array([self.parameters[j].per_u(self.action, float(at[j])) for j in which])
-
 
 def derivatives_hold(
-    runs: _Runs, at: Array, own: Sequence[Own] | None, which: list[int], jacobian: Sequence[Array]
+    runs: PlacedRuns[Any], at: Array, own: Sequence[Own] | None, which: list[int], jacobian: Sequence[Array]
 ) -> bool:
     """Whether a small step in all parameters at once does what the derivatives say.
 

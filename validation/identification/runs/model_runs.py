@@ -22,6 +22,7 @@ from validation.identification.blocks import MOVED_RAD
 from validation.identification.observations import ObservedTrial
 from validation.identification.runs.force_noise import SEGMENTS, noise_knots, own_units
 from validation.identification.runs.own import Own
+from validation.identification.runs.placed import TOLERANCE, PlacedRuns
 from validation.identification.unknowns.priors import (
     FORCE_DELAY,
     FORCE_GAIN,
@@ -34,7 +35,6 @@ from validation.prediction.elsewhere import lost
 
 STEP = 0.015  # of a prior standard uncertainty: half a percent of a friction; after an impact larger steps bend
 SMALL_STEP = 0.02  # of what is known well; strokes of several kinds tell the force's level to a hundredth of its prior
-TOLERANCE = 2e-7
 BUMP_N = 0.01
 OFFSET_N = 0.01
 LATE_S = 1e-4  # by which a film's clock is moved for its column
@@ -119,7 +119,7 @@ class Case:
         return self.level * trial.u_preload_n + self.offset_n
 
 
-class ModelRuns:
+class ModelRuns(PlacedRuns[Case]):
     """The project's model as a `Response`, by differences of runs.
 
     Parameters
@@ -143,8 +143,7 @@ class ModelRuns:
         tolerance: float = TOLERANCE,
         executor: Executor | None = None,
     ) -> None:
-        self.action, self.parameters, self.trials = action, tuple(parameters), tuple(trials)
-        self.tolerance, self.executor = tolerance, executor
+        super().__init__(action, parameters, trials, tolerance, executor)
         self.runs = 0
 
     def at(self, z: Array) -> dict[str, float]:
@@ -153,18 +152,6 @@ class ModelRuns:
         for parameter, value in zip(self.parameters, z, strict=True):
             out |= parameter.values(self.action, float(value))
         return out
-
-    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
-        """Curves at each point; see `Response`."""
-        return self.run([self.cases(self.places(z, o), o) for z, o in with_own(points, own)])
-
-    def places(self, z: Array, own: Sequence[Own] | None) -> Array:
-        """Where each trial is; see `places`."""
-        return places(z, len(self.parameters), len(self.trials), own)
-
-    def there(self, somewhere: Sequence[Array], own: Sequence[Own] | None) -> list[list[Array] | None]:
-        """Curves at each of several places (trials, n)."""
-        return self.run([self.cases(at, own) for at in somewhere])
 
     def cases(self, at: Array, own: Sequence[Own] | None) -> list[Case]:
         """The member of each trial where it is."""
@@ -275,20 +262,3 @@ class ModelRuns:
                 turn = np.asarray(solution.angle_rad)[:, :5] - rest.angle_rad[:5]
                 curves.append(case.read(trial, turn))
         return curves if len(curves) == len(self.trials) else None
-
-
-def with_own(
-    points: Sequence[Array], own: Sequence[Sequence[Own]] | None
-) -> Iterator[tuple[Array, Sequence[Own] | None]]:
-    """Each point with what the trials have of their own there."""
-    return zip(points, len(points) * [None] if own is None else own, strict=True)
-
-
-def places(z: Array, n: int, trials: int, own: Sequence[Own] | None) -> Array:
-    """Where each trial is, (trials, n) of all parameters; those that z does not reach are as the action has them."""
-    at = np.zeros((trials, n))
-    at[:, : z.size] = z
-    if own is not None:
-        for k, o in enumerate(own):
-            at[k, : o.laws.size] += o.laws
-    return at

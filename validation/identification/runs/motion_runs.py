@@ -23,8 +23,9 @@ from validation.conventions import BODIES, Array
 from validation.identification.blocks import MOVED_RAD
 from validation.identification.observations import ObservedTrial
 from validation.identification.runs.exact_runs import MOTION, TANGENT, acting, derivatives_hold
-from validation.identification.runs.model_runs import LATE_S, SMALL_STEP, STEP, TOLERANCE, places, with_own
+from validation.identification.runs.model_runs import LATE_S, SMALL_STEP, STEP
 from validation.identification.runs.own import Own
+from validation.identification.runs.placed import TOLERANCE, PlacedRuns
 from validation.identification.unknowns.priors import KEY_SCALE, KEY_ZERO, Parameter
 from validation.prediction.elsewhere import spread
 
@@ -62,7 +63,7 @@ class Drive:
         return fit.motion(c)
 
 
-class MotionRuns:
+class MotionRuns(PlacedRuns[Drive]):
     """The project's model under measured motions of the key; see `model_runs.ModelRuns` for the parameters."""
 
     def __init__(
@@ -73,8 +74,7 @@ class MotionRuns:
         tolerance: float = TOLERANCE,
         executor: Executor | None = None,
     ) -> None:
-        self.action, self.parameters, self.trials = action, tuple(parameters), tuple(trials)
-        self.tolerance, self.executor = tolerance, executor
+        super().__init__(action, parameters, trials, tolerance, executor)
         self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
 
     def drive(self, z: Array) -> Drive:
@@ -87,14 +87,6 @@ class MotionRuns:
                 errors[p.name] = float(value)
         return Drive(changed, errors[KEY_SCALE], errors[KEY_ZERO])
 
-    def places(self, z: Array, own: Sequence[Own] | None) -> Array:
-        """Where each trial is; see `model_runs.places`."""
-        return places(z, len(self.parameters), len(self.trials), own)
-
-    def there(self, somewhere: Sequence[Array], own: Sequence[Own] | None) -> list[list[Array] | None]:
-        """Curves at each of several places (trials, n)."""
-        return self.run([self.cases(at, own) for at in somewhere])
-
     def cases(self, at: Array, own: Sequence[Own] | None) -> list[Drive]:
         """What the run of each trial does where it is."""
         if own is None:
@@ -105,10 +97,6 @@ class MotionRuns:
             late = float(o.drive[DRAWS]) * trial.u_film_time_s if o.drive.size > DRAWS else 0.0
             out.append(replace(self.drive(place), draws=draws, film_late_s=late))
         return out
-
-    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
-        """Curves at each point; see `Response`."""
-        return self.run([self.cases(self.places(z, o), o) for z, o in with_own(points, own)])
 
     def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
         """Derivatives with respect to z; see `Response`."""
@@ -124,8 +112,7 @@ class MotionRuns:
                     (self.action.with_values(d.changed), names, d, t) for d, t in zip(drives, self.trials, strict=True)
                 ]
                 for out, here, columns in zip(found, at, spread(self.executor, driven_tangents, tasks), strict=True):
-                    units = [self.parameters[j].per_u(self.action, float(here[j])) for j in asked]
-                    out[:, :, place] = columns * np.array(units)
+                    out[:, :, place] = columns * self.units(asked, here)
             self._by_differences(found, at, own, which, errors)
         except ModelError:  # differences of runs go on where a tangent cannot
             found = []

@@ -11,9 +11,10 @@ import model
 from validation.conventions import Array
 from validation.identification.observations import ObservedTrial
 from validation.identification.runs.exact_runs import ExactRuns
-from validation.identification.runs.model_runs import TOLERANCE, Response
+from validation.identification.runs.model_runs import Response
 from validation.identification.runs.motion_runs import MotionRuns
 from validation.identification.runs.own import Own
+from validation.identification.runs.placed import TOLERANCE
 from validation.identification.unknowns.priors import Parameter
 
 
