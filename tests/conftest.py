@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hypothesis import configuration, settings
 
+from model.kernels.once import alone
 from tests.command_line import run
 
 PROCESSES = 2
@@ -16,14 +22,55 @@ PROCESSES = 2
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config: pytest.Config) -> None:
-    """Share the files of the whole suite out to two processes, unless its options ask for something else."""
+    """Share the whole suite out to two processes, unless its options ask for something else.
+
+    Each takes half of it, and whoever is done first takes half of what the other has left: both end together.
+    """
     option = config.option
     if not config.pluginmanager.hasplugin("xdist") or hasattr(config, "workerinput"):
         return  # not installed, or one of the two
     named = config.args_source is pytest.Config.ArgsSource.ARGS
     watched = option.collectonly or option.usepdb or option.capture == "no"
     if not named and not watched and option.numprocesses is None and option.dist == "no":
-        option.numprocesses, option.dist = min(PROCESSES, os.cpu_count() or 1), "loadfile"
+        option.numprocesses, option.dist = min(PROCESSES, os.cpu_count() or 1), "worksteal"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let Hypothesis measure no time (machines differ) and write nothing into the checkout."""
+    settings.register_profile("suite", deadline=None, database=None, print_blob=True)
+    settings.load_profile("suite")
+    own = tempfile.TemporaryDirectory(prefix="hypothesis-")
+    configuration.set_hypothesis_home_dir(own.name)
+    config.add_cleanup(own.cleanup)
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Any]:
+    """Make something costly once in a run, in whichever of its processes asks first; the others read a copy.
+
+    ``shared(make, *arguments)`` is ``make(folder, *arguments)``, with an empty folder for the files it may write. It
+    goes by the place of the function in the source and the text of the arguments; a second process that asks
+    meanwhile waits. Nothing outlives the run, so no older code can have made it.
+    """
+    own = tmp_path_factory.getbasetemp()
+    root = own.parent if os.environ.get("PYTEST_XDIST_WORKER") else own
+
+    def get(make: Callable[..., Any], *arguments: object) -> Any:
+        code = make.__code__
+        said = f"{code.co_filename}:{code.co_firstlineno}{arguments!r}"
+        name = "shared-" + hashlib.sha256(said.encode()).hexdigest()[:16]
+        file = root / f"{name}.pickle"
+        with alone(root, name):
+            if file.is_file():
+                return pickle.loads(file.read_bytes())
+            folder = Path(tempfile.mkdtemp(prefix=f"{name}-", dir=root))
+            value = make(folder, *arguments)
+            part = folder.with_suffix(".part")
+            part.write_bytes(pickle.dumps(value))
+            os.replace(part, file)
+            return value
+
+    return get
 
 
 def contents(folder: Path) -> dict[Path, bytes]:

@@ -1,4 +1,4 @@
-"""The house stays livable: no import circles, no crowded folder, no long file, every folder says what it is."""
+"""The house stays livable: no import circles, every folder says what it is, a late import says why."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("pianorig", "validation", "rig", "model", "vision")
-MOST_MODULES = 16
-MOST_LINES = 300
 FOLDERS = sorted({path.parent for package in PACKAGES for path in (ROOT / package).rglob("*.py")})
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
@@ -60,16 +58,9 @@ def test_no_module_imports_its_own_packages_face(graph: grimp.ImportGraph) -> No
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda p: p.relative_to(ROOT).as_posix())
-def test_folder_is_a_short_list_and_says_what_it_holds(folder: Path) -> None:
-    modules = [path.stem for path in folder.glob("*.py") if path.stem not in ("__init__", "__main__")]
-    assert len(modules) <= MOST_MODULES
+def test_folder_says_what_it_holds(folder: Path) -> None:
     said = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
     assert len(said.split()) >= 8, f"{folder.name}: its __init__ does not say what lives there"
-
-
-def test_no_file_is_long() -> None:
-    lines = {p.relative_to(ROOT).as_posix(): len(p.read_text(encoding="utf-8").splitlines()) for p in FILES}
-    assert {name: n for name, n in lines.items() if n > MOST_LINES} == {}
 
 
 def test_imports_inside_functions_give_their_reason() -> None:

@@ -3,9 +3,6 @@ film angles."""
 
 from __future__ import annotations
 
-import os
-import pickle
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -134,60 +131,41 @@ def film_table(camera, solution, rest, noise_rad=4e-4, lost=(700, 701, 702)):
 
 
 @pytest.fixture(scope="session")
-def once(tmp_path_factory) -> Callable:
-    """Make something in this run of the tests once, whichever of its processes asks first; others read it."""
-    own = tmp_path_factory.getbasetemp()
-    shared = own.parent if os.environ.get("PYTEST_XDIST_WORKER") else own
-
-    def get(name: str, make: Callable) -> object:
-        file = shared / f"{name}.pickle"
-        if file.is_file():
-            return pickle.loads(file.read_bytes())
-        value = make()
-        part = own / f"{name}.part"
-        part.write_bytes(pickle.dumps(value))
-        os.replace(part, file)  # of two made at the same time, which are alike, the later stays
-        return value
-
-    return get
-
-
-@pytest.fixture(scope="session")
-def recorded(tmp_path_factory, once):
+def recorded(shared):
     """Five trials on disk, the second one filmed, and their truth; read only."""
     from rig.session import Session
 
-    def make():
-        session, truth = make_session(tmp_path_factory.mktemp("sessions") / "forte")
+    def make(folder):
+        session, truth = make_session(folder / "forte")
         return session.path, truth
 
-    path, truth = once("recorded", make)
+    path, truth = shared(make)
     return Session.open(path), truth
 
 
 @pytest.fixture(scope="session")
-def compared(recorded, once):
+def compared(recorded, shared):
     """The comparison of the recorded session; predictions are not kept on disk."""
     from validation import compare_session
 
-    return once("compared", lambda: compare_session(recorded[0], recorded[1].action, keep_predictions=False))
+    return shared(lambda folder: compare_session(recorded[0], recorded[1].action, keep_predictions=False))
 
 
 @pytest.fixture(scope="session")
-def planted(once):
+def planted(shared):
     """The comparison of the shipped session with planted faults."""
     from validation import compare_session
 
     shipped = Path(__file__).parents[2] / "sessions" / "planted_faults"
-    return once("planted", lambda: compare_session(shipped, keep_predictions=False, rivals=(), budget=False))
+    return shared(lambda folder: compare_session(shipped, keep_predictions=False, rivals=(), budget=False))
 
 
 @pytest.fixture(scope="session")
-def written(compared, once, tmp_path_factory):
+def written(compared, shared):
     """The report of the comparison, written once."""
     from validation import write_report
 
-    return once("written", lambda: write_report(compared, tmp_path_factory.mktemp("report")))
+    return shared(lambda folder: write_report(compared, folder))
 
 
 @pytest.fixture
@@ -225,11 +203,11 @@ def side(compared):
 
 
 @pytest.fixture(scope="session")
-def side_written(side, once, tmp_path_factory):
+def side_written(side, shared):
     """The report of two sessions and two models, written once."""
     from validation import write_report
 
-    return once("side_written", lambda: write_report(side, tmp_path_factory.mktemp("side")))
+    return shared(lambda folder: write_report(side, folder))
 
 
 @pytest.fixture(scope="session")
