@@ -12,6 +12,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
 from model.errors import InputError
 from model.files.force_table import check_force_table
 from model.inside.observe_motion import observe
@@ -64,8 +65,8 @@ def output_times(start: float, end: float, rate_hz: float) -> Array:
 
 def check_output_times(output_time_s: ArrayLike | None, table_s: Array) -> Array:
     """Return output times (m,), by default those of the force table; ``InputError`` where they leave it or fall."""
-    outputs = table_s if output_time_s is None else np.asarray(output_time_s, dtype=float)
-    if outputs.ndim != 1 or not np.all(np.isfinite(outputs)) or np.any(np.diff(outputs) < 0):
+    outputs = table_s if output_time_s is None else as_numbers(output_time_s, "output times", 1)
+    if not np.all(np.isfinite(outputs)) or np.any(np.diff(outputs) < 0):
         raise InputError("output times: allowed a finite, increasing row of times")
     if len(outputs) and (outputs[0] < table_s[0] or outputs[-1] > table_s[-1]):
         raise InputError(

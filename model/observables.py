@@ -8,11 +8,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
+from model.errors import InputError
 from model.parameters.action import BODIES, CAPSTAN, KEY_FRONT, STRING, Action
 
 
 def _column(angle_rad: ArrayLike, body: str) -> NDArray[np.float64]:
-    return np.asarray(angle_rad, dtype=float)[..., BODIES.index(body)]
+    angles = as_numbers(angle_rad, "angles of the bodies")
+    if angles.ndim == 0 or angles.shape[-1] < len(BODIES):
+        raise InputError(f"angles of the bodies: found shape {angles.shape}, allowed (..., {len(BODIES)})")
+    return angles[..., BODIES.index(body)]
 
 
 def hammer_height_from_angle(action: Action, hammer_rad: ArrayLike) -> NDArray[np.float64]:
@@ -36,7 +41,7 @@ def hammer_height_from_angle(action: Action, hammer_rad: ArrayLike) -> NDArray[n
     >>> print(f"{1e3 * model.observables.hammer_height_from_angle(action, hammer_rad):.1f} mm")
     48.0 mm
     """
-    theta = np.asarray(hammer_rad, dtype=float)
+    theta = as_numbers(hammer_rad, "angle of the hammer")
     x, y = action[f"{STRING}.first.x"], action[f"{STRING}.first.y"]
     c, s = np.cos(theta), np.sin(theta)
     px = action["hammer.pivot.x"] + c * x - s * y
@@ -81,7 +86,7 @@ def hammer_height_m(
     if shank_rad is None:
         return hammer_height_from_angle(action, theta)
     # the head turned about the hinge: as a whole hammer turned by both angles, its pivot moved along
-    turned = theta + np.asarray(shank_rad, dtype=float)
+    turned = theta + as_numbers(shank_rad, "bend of the shank")
     hinge = complex(action["shank.hinge.x"], action["shank.hinge.y"])
     way = hinge * (np.exp(1j * theta) - np.exp(1j * turned))
     normal = complex(action[f"{STRING}.second.normal.x"], action[f"{STRING}.second.normal.y"])
@@ -102,6 +107,10 @@ def along_string_normal(action: Action, way: ArrayLike) -> NDArray[np.float64]:
     ndarray
         (...,), in the same unit.
 
+    Raises
+    ------
+    InputError : vectors that are not (..., 2)
+
     Examples
     --------
     >>> import model
@@ -109,7 +118,10 @@ def along_string_normal(action: Action, way: ArrayLike) -> NDArray[np.float64]:
     -0.001
     """
     normal = np.array([action[f"{STRING}.second.normal.x"], action[f"{STRING}.second.normal.y"]])
-    return np.asarray(np.asarray(way, dtype=float) @ (normal / np.hypot(*normal)))
+    ways = as_numbers(way, "vectors along the normal of the string")
+    if ways.ndim == 0 or ways.shape[-1] != 2:
+        raise InputError(f"vectors along the normal of the string: found shape {ways.shape}, allowed (..., 2)")
+    return np.asarray(ways @ (normal / np.hypot(*normal)))
 
 
 def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDArray[np.float64]:
@@ -135,7 +147,7 @@ def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDA
     >>> model.observables.encoder_rad([-0.05], [1e-4], 0.04)
     array([-0.0475])
     """
-    return np.asarray(angle_rad, dtype=float) + np.asarray(lift_m, dtype=float) / radius_m
+    return as_numbers(angle_rad, "angle") + as_numbers(lift_m, "lift") / radius_m
 
 
 def key_front_height_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
@@ -185,8 +197,8 @@ def key_dip_m(action: Action, angle_rad: ArrayLike, rest_rad: ArrayLike | None =
     >>> print(f"{1e3 * model.observables.key_dip_m(action, solution.angle_rad).max():.1f} mm")
     11.2 mm
     """
-    angles = np.asarray(angle_rad, dtype=float)
-    rest = angles[:1] if rest_rad is None else np.asarray(rest_rad, dtype=float)[None, :]
+    angles = as_numbers(angle_rad, "angles of the bodies")
+    rest = angles[:1] if rest_rad is None else as_numbers(rest_rad, "angles at rest", 1)[None, :]
     return key_front_height_m(action, rest) - key_front_height_m(action, angles)
 
 

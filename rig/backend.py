@@ -40,8 +40,9 @@ from importlib.metadata import entry_points
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from rig.arrays import ArrayRecord
 from rig.configuration.rig_file import RigConfig
 from rig.errors import RigInputError
 
@@ -83,7 +84,7 @@ class Timing:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class Block(ArrayRecord):
     """Successive samples: ``force_n`` (n,), ``force_raw`` (n,) in mV/V or V, ``encoder_count`` (n, 3).
 
     ``exposure_count`` (n,) is there when a free-running camera's exposures are counted, ``channel_values``
@@ -118,7 +119,7 @@ class Backend(Protocol):
     def capabilities(self) -> Capabilities:
         """What this backend is and can do."""
 
-    def configure(self, config: RigConfig, command_v: NDArray[np.float64] | None) -> Timing:
+    def configure(self, config: RigConfig, command_v: ArrayLike | None) -> Timing:
         """Reserve all channels and load the motor command, if there is one; nothing moves."""
 
     def arm(self, *, enable_drive: bool = True) -> None:

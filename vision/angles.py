@@ -13,6 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vision.arrays import as_numbers, as_points
+
 
 def picture_to_ccw(phi_rad: ArrayLike) -> NDArray[np.float64]:
     """Turn a rotation in picture axes (y down) into a counter-clockwise angle (y up).
@@ -33,7 +35,7 @@ def picture_to_ccw(phi_rad: ArrayLike) -> NDArray[np.float64]:
     >>> vision.picture_to_ccw([0.1])
     array([-0.1])
     """
-    return -np.asarray(phi_rad, dtype=float)
+    return -as_numbers(phi_rad, "angles")
 
 
 def ccw_to_picture(angle_rad: ArrayLike) -> NDArray[np.float64]:
@@ -55,7 +57,7 @@ def ccw_to_picture(angle_rad: ArrayLike) -> NDArray[np.float64]:
     >>> vision.ccw_to_picture([0.1, -0.2])
     array([-0.1,  0.2])
     """
-    return -np.asarray(angle_rad, dtype=float)
+    return -as_numbers(angle_rad, "angles")
 
 
 def ground_to_picture(
@@ -83,8 +85,8 @@ def ground_to_picture(
     >>> vision.ground_to_picture([[0.01, 0.02]], 1000.0, (200.0, 150.0))
     array([[210., 130.]])
     """
-    points = np.asarray(points_m, dtype=float)
-    return points * np.array([scale_px_per_m, -scale_px_per_m]) + np.asarray(origin_px, dtype=float)
+    points = as_points(points_m)
+    return points * np.array([scale_px_per_m, -scale_px_per_m]) + as_numbers(origin_px, "origin", 1)
 
 
 def relative_angle(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vision.arrays import ArrayRecord, as_numbers
 from vision.errors import VisionInputError
 
 MAX_OFFSET_FRAMES = 20.0
@@ -20,7 +21,7 @@ MIN_MOVED_U = 20.0
 
 
 @dataclass(frozen=True)
-class FrameTimes:
+class FrameTimes(ArrayRecord):
     """Middle of each exposure, s, shape (n,), and the standard uncertainty all of them share."""
 
     time_s: NDArray[np.float64]
@@ -54,7 +55,7 @@ def times_of_edges(edge_time_s: ArrayLike, exposure_s: float = 0.0, delay_s: flo
     >>> vision.times_of_edges([0.0, 0.0005], exposure_s=1e-4)
     array([5.0e-05, 5.5e-04])
     """
-    edges = np.asarray(edge_time_s, dtype=float)
+    edges = as_numbers(edge_time_s, "frame clock: edges")
     if edges.ndim != 1 or not np.all(np.isfinite(edges)) or np.any(np.diff(edges) <= 0.0):
         raise VisionInputError("frame clock: its edges must be finite and increase; check the counter's recording")
     if not (0.0 <= exposure_s < np.inf and np.isfinite(delay_s)):
@@ -104,11 +105,12 @@ def times_of_counts(
     >>> print(f"{1e3 * np.diff(frames.time_s).mean():.3f} ms")
     0.500 ms
     """
-    time, counted = np.asarray(sample_time_s, dtype=float), np.asarray(count)
+    time = as_numbers(sample_time_s, "counted frames: times")
+    counted = as_numbers(count, "counted frames: counts", dtype=np.int64)
     if time.ndim != 1 or counted.shape != time.shape or time.size < 3 or np.any(np.diff(time) <= 0.0):
         raise VisionInputError("counted frames: needs increasing sample times and one count for each")
-    steps = np.diff(counted.astype(np.int64))
-    if counted.dtype.kind not in "iu" or np.any(steps < 0):
+    steps = np.diff(counted)
+    if np.any(steps < 0):
         raise VisionInputError(
             "counted frames: counts must be whole numbers that never fall; check the counter's channel"
         )
@@ -206,8 +208,9 @@ def estimate_offset(
     >>> print(f"{1e3 * found.offset_s:.2f} ms")
     1.00 ms
     """
-    time, angle, u = (np.asarray(v, dtype=float) for v in (time_s, angle_rad, u_angle_rad))
-    clock, reading = np.asarray(encoder_time_s, dtype=float), np.asarray(encoder_rad, dtype=float)
+    where = "clock offset: columns"
+    time, angle, u = (as_numbers(v, where) for v in (time_s, angle_rad, u_angle_rad))
+    clock, reading = (as_numbers(v, where) for v in (encoder_time_s, encoder_rad))
     if not (time.shape == angle.shape == u.shape and time.ndim == 1 and clock.shape == reading.shape):
         raise VisionInputError("clock offset: film columns must have one length, encoder columns another")
     if clock.size < 8 or np.any(np.diff(clock) <= 0.0) or not np.all(np.isfinite(reading)):

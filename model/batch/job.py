@@ -19,6 +19,7 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import ArrayRecord
 from model.errors import ModelError
 from model.files.force_table import check_force_table
 from model.force_driven import ForceDrivenRun, check_output_times, strung_scenes
@@ -34,7 +35,7 @@ _LABELS = ("trial", "parameters", "failure")
 
 
 @dataclass(frozen=True)
-class Job:
+class Job(ArrayRecord):
     """What one member of a batch needs.
 
     Attributes
@@ -113,10 +114,6 @@ def code_sha256() -> str:
     return digest.hexdigest()
 
 
-def _row(array: Array) -> Array:
-    return np.require(array, float, ["C", "W"])
-
-
 def _writable(run: ForceDrivenRun) -> ForceDrivenRun:
     """The run with arrays that kernels accept; what comes from another process may be read-only."""
     fewer = None if run.fewer_modes is None else _writable_scene(run.fewer_modes)
@@ -127,7 +124,7 @@ def _writable_scene(scene: Scene) -> Scene:
     if all(array.flags.writeable for array in (scene.vector, *scene.tables)):
         return scene
     tables = type(scene.tables)(*(np.require(table, requirements=["C", "W"]) for table in scene.tables))
-    return replace(scene, vector=_row(scene.vector), tables=tables)
+    return replace(scene, tables=tables)  # with a vector that can be written, as every record is made
 
 
 def _tables(
@@ -141,8 +138,7 @@ def _tables(
         except ModelError as problem:
             yield name, empty, empty, empty, problem
             continue
-        # kernels want plain rows that can be written; made once for all members
-        yield name, _row(times), _row(forces), _row(outputs), None
+        yield name, times, forces, outputs, None
 
 
 def make_jobs(

@@ -16,9 +16,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import ArrayRecord, as_numbers
 from model.calibration.common_errors import PREFIX, CommonErrors, common_names
 from model.errors import InputError
 from model.files.csv_columns import read_columns
+from model.files.time_table import two_columns
 
 FEWEST_POINTS = 8  # of each phase: enough for a cubic and a noise estimate
 BACKWARDS_SHARE = 0.02  # of the largest displacement: jitter of the encoder that is not a change of direction
@@ -28,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class LoadingCurve:
+class LoadingCurve(ArrayRecord):
     """Both phases of a loading experiment, each in the order of growing displacement.
 
     Attributes
@@ -91,7 +93,7 @@ def split_phases(
     >>> print(f"{1e3 * curve.shared_m[1]:g} mm")
     1 mm
     """
-    x = np.asarray(displacement_m, dtype=float)
+    x = as_numbers(displacement_m, f"{where}: displacement_m", 1)
     turn = int(np.argmax(x)) if len(x) else 0
     phase = np.where(np.arange(len(x)) <= turn, PHASES[0], PHASES[1])
     return check_curve(x, force_n, phase, where, common)
@@ -110,7 +112,7 @@ def check_curve(
     ------
     InputError : not finite, one phase only, too few points, displacement reverses within a phase, phases do not overlap
     """
-    x, f = np.asarray(displacement_m, dtype=float), np.asarray(force_n, dtype=float)
+    x, f = two_columns(displacement_m, force_n, where)
     words = np.asarray(phase, dtype=str)
     for name, column in (("displacement_m", x), ("force_n", f)):
         bad = ~np.isfinite(column)
@@ -135,7 +137,12 @@ def check_curve(
         parts += [x[own][order], f[own][order]]
         orders.append(np.flatnonzero(own)[order])
     sort = np.concatenate(orders)
-    shared = {name: moved[:, sort] for name, moved in (common or {}).items()}
+    shared = {}
+    for name, moved in (common or {}).items():
+        each = as_numbers(moved, f"{where}: common error {name}", 2)
+        if each.shape != (2, len(x)):
+            raise InputError(f"{where}: common error {name}: found shape {each.shape}, allowed (2, {len(x)})")
+        shared[name] = each[:, sort]
     curve = LoadingCurve(parts[0], parts[1], parts[2], parts[3], shared)
     low, high = curve.shared_m
     deepest = max(curve.loading_m[-1], curve.unloading_m[-1])

@@ -23,6 +23,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar, nnls
 
+from model.arrays import ArrayRecord, as_numbers
 from model.calibration.curve import LoadingCurve
 from model.errors import InputError
 
@@ -46,7 +47,7 @@ class Phase:
 
     def basis(self, x_m: ArrayLike) -> Array:
         """Rows of the polynomial at displacements (n,)."""
-        x = np.asarray(x_m, dtype=float)
+        x = as_numbers(x_m, "displacements", 1)
         scaled = (2.0 * x - self.low_m - self.high_m) / (self.high_m - self.low_m)
         return np.asarray(chebyshev.chebvander(scaled, len(self.coefficients) - 1), dtype=float)
 
@@ -56,7 +57,7 @@ class Phase:
 
 
 @dataclass(frozen=True)
-class FeltFit:
+class FeltFit(ArrayRecord):
     """A felt's cubic with standard errors.
 
     Attributes
@@ -134,7 +135,7 @@ class FeltFit:
 
 
 def _cubic(x_m: ArrayLike) -> Array:
-    x = np.asarray(x_m, dtype=float)
+    x = as_numbers(x_m, "displacements", 1)
     return np.column_stack([x**3, x**2, x])
 
 

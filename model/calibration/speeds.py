@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import ArrayRecord, as_numbers
 from model.errors import InputError
 from model.files.csv_columns import read_columns
 from model.inside.state_observer import Observer
@@ -29,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class MeanSpeeds:
+class MeanSpeeds(ArrayRecord):
     """Mean normal speeds.
 
     Attributes
@@ -88,7 +89,7 @@ def mean_normal_speeds(
     >>> speeds.of("contact12") > speeds.of("contact02")  # the string is met faster than the key's felt
     True
     """
-    t, q = np.asarray(time_s, dtype=float), np.asarray(angle_rad, dtype=float)
+    t, q = as_numbers(time_s, "motion: times", 1), as_numbers(angle_rad, "motion: angles")
     if q.shape != (len(t), len(BODIES)):
         raise InputError(f"motion: angles found of shape {q.shape}, allowed ({len(t)}, {len(BODIES)})")
     bad = ~np.isfinite(np.column_stack([t, q])).all(axis=1)
@@ -98,7 +99,9 @@ def mean_normal_speeds(
         )
     if len(t) < 8 or (np.diff(t) <= 0.0).any():
         raise InputError("motion: times must increase, over at least 8 rows")
-    v = _differentiate(t, q) if speed_rad_per_s is None else np.asarray(speed_rad_per_s, dtype=float)
+    v = _differentiate(t, q) if speed_rad_per_s is None else as_numbers(speed_rad_per_s, "motion: speeds")
+    if v.shape != q.shape:
+        raise InputError(f"motion: speeds found of shape {v.shape}, allowed that of the angles, {q.shape}")
     scene = build_scene(action)
     observer, no_input = Observer(scene), np.zeros(len(t))
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import ArrayRecord
 from model.errors import InputError
 from model.files.atomic_write import whole_file
 from model.files.csv_columns import read_columns
@@ -22,7 +23,7 @@ JITTER = 0.01  # of a sample interval
 
 
 @dataclass(frozen=True, eq=False)
-class DriveLog:
+class DriveLog(ArrayRecord):
     """What was recorded, on one clock.
 
     Attributes
@@ -42,6 +43,7 @@ class DriveLog:
 
     def __post_init__(self) -> None:
         """Refuse a log that cannot be used."""
+        super().__post_init__()
         rows = {k: v for k, v in vars(self).items() if v is not None}
         for name, row in rows.items():
             if np.shape(row) != np.shape(self.time_s) or np.ndim(row) != 1:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
+from model.files.time_table import two_columns
 from model.kernels import layout as L
 from model.parameters.action import Action
 from model.parameters.effects import ARM, MOTOR, WINDING
@@ -94,7 +95,7 @@ def drive_readings(
     current = solution.speed_rad_per_s[:, solution.bodies.index(WINDING)]
     emf = numbers[L.WINDING_K] * solution.speed_rad_per_s[:, solution.bodies.index(MOTOR)]
     assert built.command is not None
-    table = built.command.table(np.asarray(time_s, dtype=float), np.asarray(command_v, dtype=float), False)
+    table = built.command.table(*two_columns(time_s, command_v, "command"), False)
     volts = amplifier_voltage(numbers, np.interp(solution.time_s, *table), current)
     force = np.full(len(current), np.nan)
     if solution.contact_normal_n is not None:

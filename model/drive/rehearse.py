@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
 from model.drive.log import DriveLog
 from model.drive.readings import static_torque_nm
 from model.errors import InputError
@@ -100,7 +101,7 @@ def simulated_log(
 
     Raises
     ------
-    InputError : the scene has no drive
+    InputError : the scene has no drive, or a command that cannot be followed
 
     Examples
     --------
@@ -116,7 +117,9 @@ def simulated_log(
     built = build_scene(choice.on(action), choice)
     if not built.wound:
         raise InputError("drive: found a scene without the effect motor_drive, allowed a scene with it")
-    volts = np.asarray(command_v, dtype=float)
+    volts = as_numbers(command_v, "command", 1)
+    if len(volts) < 2 or not np.isfinite(volts).all():
+        raise InputError(f"command: found {len(volts)} values, allowed 2 or more finite ones, V")
     times = np.arange(len(volts)) / RATE_HZ
     run = Simulation(built, State(0.0, solve_rest(built), np.zeros(built.size)), TOLERANCE)
     angle, speed = run.advance(float(times[-1]), times, volts, held=True, output_time_s=times)

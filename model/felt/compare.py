@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import ArrayRecord
 from model.errors import InputError
 from model.felt.fit import LawFit, fit_law, root_mean_square, shares
 from model.felt.laws import LAWS
@@ -27,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class LawComparison:
+class LawComparison(ArrayRecord):
     """All laws on presses they were not fitted to.
 
     Attributes

@@ -14,6 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
 from model.errors import InputError
 from model.kernels.felt_memory import fill_hysteresis, fill_stulov
 
@@ -43,7 +44,7 @@ class FeltLaw(Protocol):
 
 def _path(time_s: ArrayLike, depth_m: ArrayLike) -> tuple[Array, Array]:
     """Times and depths as arrays that can be followed."""
-    t, x = np.asarray(time_s, dtype=float), np.asarray(depth_m, dtype=float)
+    t, x = as_numbers(time_s, "press: times"), as_numbers(depth_m, "press: depths")
     if t.ndim != 1 or t.shape != x.shape or len(t) < 2:
         raise InputError(
             f"press: found {t.shape} times and {x.shape} depths, allowed two rows of one length, 2 or more"
@@ -194,6 +195,8 @@ class Hysteresis:
 
     def __post_init__(self) -> None:
         """Refuse a felt that pulls or gives energy."""
+        for name in ("beta", "eta"):
+            object.__setattr__(self, name, tuple(as_numbers(getattr(self, name), f"hysteresis: {name}", 1).tolist()))
         _check_cubic("hysteresis", self.a, self.b, self.c)
         if len(self.beta) != len(self.eta) or not self.beta:
             raise InputError(

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import ArrayRecord, as_numbers
 from model.errors import InputError
 from model.files.csv_columns import read_columns
 
@@ -26,7 +27,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Pressing:
+class Pressing(ArrayRecord):
     """A measured press and release.
 
     Attributes
@@ -99,7 +100,7 @@ def as_pressing(name: str, time_s: ArrayLike, displacement_m: ArrayLike, force_n
     ------
     InputError : too few samples, not finite, not evenly spaced, never pressed or never released
     """
-    t, x, f = (np.asarray(v, dtype=float) for v in (time_s, displacement_m, force_n))
+    t, x, f = (as_numbers(v, name, 1) for v in (time_s, displacement_m, force_n))
     if not len(t) == len(x) == len(f) or len(t) < FEWEST_SAMPLES:
         raise InputError(f"{name}: found {len(t)} samples, allowed at least {FEWEST_SAMPLES}")
     bad = ~np.isfinite(np.column_stack([t, x, f])).all(axis=1)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
 from model.errors import InputError
 
 Array = NDArray[np.float64]
@@ -17,10 +18,7 @@ LARGEST_TIME_S = 1e6
 
 def two_columns(time_s: ArrayLike, values: ArrayLike, where: str) -> tuple[Array, Array]:
     """Times and values (n,) as float arrays; ``InputError`` where they are not numbers or not equally many."""
-    try:
-        times, numbers = np.asarray(time_s, dtype=float), np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{where}: found something that is not a number; allowed two columns of numbers") from None
+    times, numbers = as_numbers(time_s, f"{where}: time_s"), as_numbers(values, where)
     if times.ndim != 1 or times.shape != numbers.shape:
         raise InputError(f"{where}: found shapes {times.shape} and {numbers.shape}, allowed two equal columns")
     return times, numbers

@@ -12,10 +12,11 @@ import html
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
 from model.files.atomic_write import whole_file
+from model.files.time_table import two_columns
 from model.inside.animated_svg import Clock, values_text
 from model.inside.labels import BODY_COLORS, close_up, contact_label, input_label
 from model.inside.moving_names import moving_names
@@ -78,7 +79,7 @@ def _first_motion_s(inside: Inside) -> float:
     return float(inside.time_s[int(np.argmax(moved))]) if moved.any() else float(inside.time_s[-1])
 
 
-def write_animation(action: Action, solution: Solution, force_n: Array, path: str | Path) -> None:
+def write_animation(action: Action, solution: Solution, force_n: ArrayLike, path: str | Path) -> None:
     """Write the moving side view to one file.
 
     Parameters
@@ -89,7 +90,7 @@ def write_animation(action: Action, solution: Solution, force_n: Array, path: st
 
     Raises
     ------
-    InputError : another ending, or a solution without an inside view
+    InputError : another ending, a solution without an inside view, or not one force for each of its times
 
     Examples
     --------
@@ -105,7 +106,7 @@ def write_animation(action: Action, solution: Solution, force_n: Array, path: st
     if inside is None:
         raise InputError("animation: the solution has no inside view; simulate with inside=True")
     rows = frame_rows(inside)
-    svg = _svg(action, inside, force_n, rows)
+    svg = _svg(action, inside, two_columns(inside.time_s, force_n, "animation")[1], rows)
     with whole_file(target) as part:
         part.write_text(svg, encoding="utf-8")
 

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
 from model.files.figure_sheet import check_ending, new_sheet, save_sheet
+from model.files.time_table import two_columns
 from model.inside.labels import BODY_COLORS, close_up, contact_label, input_label
 from model.observables import hammer_height_m, key_dip_m
 from model.parameters.action import BODIES, STRING, Action
@@ -30,7 +31,7 @@ NORMAL, FRICTION, FELT, TENSE = "#0072B2", "#C04A00", "#7A9E3B", "#D62728"
 WORTH_A_LABEL = 0.1  # of the largest, in the close-up; weaker ones would only cover each other
 
 
-def draw_sheet(action: Action, solution: Solution, force_n: Array, path: str | Path) -> None:
+def draw_sheet(action: Action, solution: Solution, force_n: ArrayLike, path: str | Path) -> None:
     """Write the inside view of a blow to one sheet.
 
     Parameters
@@ -41,7 +42,7 @@ def draw_sheet(action: Action, solution: Solution, force_n: Array, path: str | P
 
     Raises
     ------
-    InputError : a solution without an inside view, or a file that cannot be written
+    InputError : a solution without an inside view, not one force for each of its times, a file that cannot be written
 
     Examples
     --------
@@ -55,6 +56,7 @@ def draw_sheet(action: Action, solution: Solution, force_n: Array, path: str | P
     inside = solution.inside
     if inside is None:
         raise InputError("sheet: the solution has no inside view; simulate with inside=True")
+    force_n = two_columns(solution.time_s, force_n, "sheet")[1]
     figure = new_sheet(16.5, 11.7)
     layout: Any = figure.get_layout_engine()
     layout.set(hspace=0.0, h_pad=0.01, rect=(0.0, 0.0, 1.0, 0.965))  # the title stands above

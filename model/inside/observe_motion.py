@@ -10,8 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
+from model.errors import InputError
 from model.inside.state_observer import ObservedStates, Observer
 from model.kernels import layout as L
 from model.kernels.trajectory import contact_forces as O
@@ -47,7 +49,9 @@ class _Record:
         self.largest_n = np.maximum(self.largest_n, contact[:, :, O.SEEN_NORMAL].max(axis=0, initial=0.0))
 
 
-def observe(scene: Scene, states: States, time_s: Array, start: float, input_time_s: Array, value: Array) -> Inside:
+def observe(
+    scene: Scene, states: States, time_s: ArrayLike, start: float, input_time_s: ArrayLike, value: ArrayLike
+) -> Inside:
     """Forces, sliding, losses and accelerations along a motion.
 
     Parameters
@@ -63,6 +67,10 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
     Inside
         Arrays of m rows; `Inside.columns` names each with its unit.
 
+    Raises
+    ------
+    InputError : arrays that are no rows of numbers, or states of another scene
+
     Examples
     --------
     >>> import numpy as np
@@ -77,11 +85,15 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
     """
     scene.refuse_memory("inside view")
     observer, record = Observer(scene), _Record(scene)
+    wanted, input_s = as_numbers(time_s, "times to observe", 1), as_numbers(input_time_s, "input times", 1)
+    given = as_numbers(value, "input", 1)
+    if given.shape != input_s.shape:
+        raise InputError(f"input: found {input_s.shape} times and {given.shape} values, allowed as many")
     c, n, b = len(scene.contacts), scene.size, len(scene.tables.probe)
     width = 3 * c + n + b
 
     def evaluate(times: Array) -> ObservedStates:
-        found = observer.evaluate(*states(times), np.interp(times, input_time_s, value))
+        found = observer.evaluate(*states(times), np.interp(times, input_s, given))
         record.add(times, found)
         return found
 
@@ -95,21 +107,21 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
             work.append(float(np.trapezoid(np.abs(power).sum(axis=1), times)))
         return np.concatenate([power, np.abs(at.contact[:, :, O.SEEN_SLIDE])], axis=1), np.zeros(len(times))
 
-    end = float(time_s[-1]) if len(time_s) else start
-    totals = np.zeros((len(time_s), width))
+    end = float(wanted[-1]) if len(wanted) else start
+    totals = np.zeros((len(wanted), width))
     error = 0.0
     if end > start:
-        edges = panel_edges(start, end, LONGEST_PANEL_S, np.asarray(time_s), np.asarray(input_time_s))
+        edges = panel_edges(start, end, LONGEST_PANEL_S, wanted, input_s)
         panels = integrate_panels(rates, edges, np.zeros(width), lambda: GOAL * work[0] / len(edges), ROUNDS)
         sums = np.vstack([np.zeros(width), np.cumsum(panels.integral, axis=0)])
-        totals = sums[np.searchsorted(panels.end_s, time_s, side="right")]
+        totals = sums[np.searchsorted(panels.end_s, wanted, side="right")]
         error = float(panels.error_bound.sum())
-    at = evaluate(time_s)
+    at = evaluate(wanted)
     rubbed, felt, joint, tip, slid = np.split(totals, np.cumsum([c, c, n, b]), axis=1)
     dense, first = np.unique(np.concatenate(record.time_s), return_index=True)
     return Inside(
         scene=scene,
-        time_s=time_s,
+        time_s=wanted,
         normal_n=at.contact[:, :, O.SEEN_NORMAL],
         friction_n=at.contact[:, :, O.SEEN_FRICTION],
         penetration_m=at.contact[:, :, O.SEEN_DEPTH],

@@ -7,8 +7,10 @@ y up. `model.inside.observe_motion` evaluates them along a motion.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
+from model.errors import InputError
 from model.kernels import layout as L
 from model.kernels.trajectory import contact_forces as O
 from model.scene.build import Scene
@@ -28,9 +30,16 @@ class Observer:
         self.mass = blocks[:, L.MASS]
         self.pressed = [int(body) for kind, body in t.drive if kind == L.FORCE_DOWN]
 
-    def evaluate(self, q: Array, v: Array, u: Array) -> ObservedStates:
+    def evaluate(self, q: ArrayLike, v: ArrayLike, u: ArrayLike) -> ObservedStates:
         """Everything at states (m, n) under inputs (m,)."""
-        return ObservedStates(self, *(np.require(a, float, ["C", "W"]) for a in (q, v, u)))
+        angle, speed = as_numbers(q, "states: angles", 2), as_numbers(v, "states: speeds", 2)
+        value, n = as_numbers(u, "states: input", 1), len(self.parent)
+        if angle.shape != speed.shape or angle.shape != (len(value), n):
+            raise InputError(
+                f"states: found {angle.shape} angles, {speed.shape} speeds and {value.shape} inputs, "
+                f"allowed (m, {n}) twice and (m,)"
+            )
+        return ObservedStates(self, angle, speed, value)
 
 
 class ObservedStates:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
+from model.arrays import ArrayRecord, as_numbers
 from model.errors import InputError
 from model.files.force_table import LARGEST_FORCE_N
 from model.force_driven import check_output_times
@@ -67,7 +68,7 @@ class MotionDrivenOptions(SimulationOptions):
 
 
 @dataclass(frozen=True)
-class MotionDriven:
+class MotionDriven(ArrayRecord):
     """The force that a motion of the key takes, and the motion of the other bodies.
 
     Attributes
@@ -183,7 +184,7 @@ def simulate_motion(
     check_prescribed_key(options.choice)  # before the rest angle, for which the scene's kernels may have to be compiled
     rest = rest_angle(action, options.choice)
     if options.from_rest:
-        key_rad = np.asarray(key_rad, dtype=float) + rest
+        key_rad = as_numbers(key_rad, "key motion") + rest
     fit = fit_key_motion(time_s, key_rad, resolution_rad=options.resolution_rad, jitter_rad=options.jitter_rad)
     outputs = check_output_times(options.output_time_s, fit.time_s)
     if len(outputs) == 0:

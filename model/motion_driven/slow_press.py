@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
 from model.errors import InputError
 from model.integrators.servo import STEP_LOOP, Followed, Servo, ServoRun, Wanted, follow
 from model.kernels.codegen.load import kernels_of
@@ -92,8 +93,8 @@ def _speed_profile(
 
 def slow_press(
     action: Action,
-    rest_rad: Array,
-    dips_m: Sequence[float],
+    rest_rad: ArrayLike,
+    dips_m: ArrayLike,
     *,
     speed_m_per_s: float = 0.005,
     hold_s: float = 0.3,
@@ -117,7 +118,7 @@ def slow_press(
 
     Raises
     ------
-    InputError : a speed that is not above 0 and up to 1 m/s
+    InputError : a speed that is not above 0 and up to 1 m/s, no dip, or no rest state
     IntegrationError, StaticsError : the action cannot follow this motion
 
     Examples
@@ -130,12 +131,17 @@ def slow_press(
     """
     if not 0.0 < speed_m_per_s <= 1.0:
         raise InputError(f"speed of the press: found {speed_m_per_s:g} m/s, allowed above 0 to 1")
+    rest, dips = as_numbers(rest_rad, "angles at rest", 1), as_numbers(dips_m, "dips of the key", 1)
+    if len(rest) != len(BODIES) or len(dips) == 0:
+        raise InputError(
+            f"slow press: found {len(rest)} angles at rest and {len(dips)} dips, allowed {len(BODIES)} and 1 or more"
+        )
     lever = action["drive.point.x"]
-    stops = [key_angle_at_dip(action, rest_rad, dip) for dip in dips_m]
-    knots, speeds, arrived = _speed_profile(float(rest_rad[KEY]), stops, speed_m_per_s / abs(lever), hold_s)
-    ways = np.concatenate([[0.0], np.cumsum(np.diff(knots) * 0.5 * (speeds[1:] + speeds[:-1]))]) + rest_rad[KEY]
+    stops = [key_angle_at_dip(action, rest, float(dip)) for dip in dips]
+    knots, speeds, arrived = _speed_profile(float(rest[KEY]), stops, speed_m_per_s / abs(lever), hold_s)
+    ways = np.concatenate([[0.0], np.cumsum(np.diff(knots) * 0.5 * (speeds[1:] + speeds[:-1]))]) + rest[KEY]
     servo = action.with_values({"key.inertia": SERVO_INERTIA})
-    run = Simulation(build_scene(servo), State(0.0, np.array(rest_rad, float), np.zeros(len(BODIES))), tolerance)
+    run = Simulation(build_scene(servo), State(0.0, rest.copy(), np.zeros(len(BODIES))), tolerance)
     count = math.ceil(knots[-1] / BLOCK)
     middle = (np.arange(count) + 0.5) * BLOCK
     wanted_speed = np.interp(middle, knots, speeds)
@@ -150,7 +156,7 @@ def slow_press(
     normal, _ = run.contact_forces(q_all, v_all)
     return Press(
         time_s=times,
-        dip_m=key_dip_m(action, q_all, rest_rad),
+        dip_m=key_dip_m(action, q_all, rest),
         hammer_height_m=hammer_height_m(action, q_all),
         force_n=np.repeat(force, SAMPLES),
         angle_rad=q_all,

@@ -11,8 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
 from model.errors import InputError
 
 Array = NDArray[np.float64]
@@ -63,19 +64,20 @@ class String:
         """Half of the string's mass, for every mode."""
         return 0.5 * self.mass_kg
 
-    def wave_number(self, n: Array) -> Array:
+    def wave_number(self, n: ArrayLike) -> Array:
         """Wave numbers, 1/m, of modes (k,), which count from 1."""
-        return np.asarray(n * math.pi / self.length_m, dtype=float)
+        return as_numbers(n, "modes") * math.pi / self.length_m
 
-    def omega(self, n: Array) -> Array:
+    def omega(self, n: ArrayLike) -> Array:
         """Angular frequencies, rad/s, of modes (k,) without loss."""
         first = math.pi / self.length_m * math.sqrt(self.tension_n * self.length_m / self.mass_kg)
-        return np.asarray(n * first * np.sqrt(1.0 + math.pi**2 * self.stiffness * n**2), dtype=float)
+        n = as_numbers(n, "modes")
+        return np.asarray(n * first * np.sqrt(1.0 + math.pi**2 * self.stiffness * n**2))
 
-    def decay(self, n: Array) -> Array:
+    def decay(self, n: ArrayLike) -> Array:
         """Decay rates, 1/s, of modes (k,)."""
         return self.b1_per_s + self.b2_m2_per_s * self.wave_number(n) ** 2
 
-    def shape(self, n: Array) -> Array:
+    def shape(self, n: ArrayLike) -> Array:
         """Height of modes (k,) at the hammer."""
-        return np.asarray(np.sin(n * math.pi * self.struck_at), dtype=float)
+        return np.asarray(np.sin(as_numbers(n, "modes") * math.pi * self.struck_at))

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import ArrayRecord, as_numbers
 from model.errors import InputError
 from model.kernels import layout as L
 from model.kernels import workspace as W
@@ -35,7 +36,7 @@ PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35
 
 
 @dataclass(frozen=True)
-class Scene:
+class Scene(ArrayRecord):
     """Structure (``tables``) and numbers (``vector``) of one run.
 
     ``bodies`` names the coordinates in order; the first ``size`` are unknowns, the rest follow a prescribed motion.
@@ -53,11 +54,12 @@ class Scene:
         """Number of unknown coordinates."""
         return len(self.bodies) - int(self.tables.prescribed.sum())
 
-    def check_whole(self, angle_rad: NDArray[np.float64], what: str) -> None:
+    def check_whole(self, angle_rad: ArrayLike, what: str) -> None:
         """Refuse states (..., k) that do not hold all coordinates, including a prescribed key."""
-        if angle_rad.shape[-1] != len(self.bodies):
+        found = as_numbers(angle_rad, what).shape[-1:]
+        if found != (len(self.bodies),):
             raise InputError(
-                f"{what}: found states of {angle_rad.shape[-1]} coordinates, allowed all {len(self.bodies)}: "
+                f"{what}: found states of {found[0] if found else 0} coordinates, allowed all {len(self.bodies)}: "
                 f"{', '.join(self.bodies)}"
             )
 

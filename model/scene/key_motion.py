@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import ArrayRecord, as_numbers
 from model.errors import InputError
 from model.kernels.motion import ORDER, motion_along
 
@@ -20,7 +21,7 @@ JUMP = 1e-6  # share of the largest value of a derivative by which it may jump a
 
 
 @dataclass(frozen=True)
-class KeyMotion:
+class KeyMotion(ArrayRecord):
     """Angle of the key over time.
 
     Attributes
@@ -34,6 +35,7 @@ class KeyMotion:
 
     def __post_init__(self) -> None:
         """Refuse pieces that do not join."""
+        super().__post_init__()
         if self.break_s.ndim != 1 or self.coefficient.shape != (len(self.break_s) - 1, ORDER):
             raise InputError(
                 f"key motion: found {self.break_s.shape} times and {self.coefficient.shape} coefficients, "
@@ -71,7 +73,7 @@ class KeyMotion:
 
     def at(self, time_s: ArrayLike) -> Array:
         """Angle (rad), speed and acceleration at times (k,) within the breaks; (k, 3)."""
-        times = np.require(time_s, float, ["C", "W"])
+        times = as_numbers(time_s, "times of a key motion", 1)
         out = np.empty((len(times), 3))
         motion_along(times, np.array(self.packed()), 0, out)
         return out

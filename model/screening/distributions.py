@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr, ndtri
 
+from model.arrays import as_numbers
 from model.errors import InputError
 from model.parameters.action import Action
 from model.parameters.quantity import allowed_range
@@ -28,10 +29,10 @@ class Spread:
     low: float
     high: float
 
-    def at(self, share: Array) -> Array:
+    def at(self, share: ArrayLike) -> Array:
         """Values below which these shares (0 to 1) of the distribution lie."""
         low, high = (ndtr((end - self.parameter.value) / self.u) for end in (self.low, self.high))
-        value = self.parameter.value + self.u * ndtri(low + share * (high - low))
+        value = self.parameter.value + self.u * ndtri(low + as_numbers(share, "shares") * (high - low))
         return np.asarray(np.clip(value, self.low, self.high))
 
 

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import ArrayRecord
 from model.sensitivity.result import Sensitivities
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class LocalTable:
+class LocalTable(ArrayRecord):
     """Change of quantities of one blow with P parameters, the most influential first.
 
     An event's time is counted from the key's onset, the onset from the start of the table; a curve is an angle's turn

@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import ArrayRecord, as_numbers
 from model.batch.job import Job, Member, code_sha256, run_job
 from model.batch.lanes import can, run_together
 from model.batch.run import POLL_S, workers_here
@@ -42,7 +43,7 @@ MANY = 8  # units from which on a study is estimated before it goes on
 
 
 @dataclass(frozen=True)
-class Variants:
+class Variants(ArrayRecord):
     """What members of a study have in common.
 
     Attributes
@@ -63,20 +64,20 @@ class Variants:
     tolerance: float = 1e-5
     choice: SceneChoice = SceneChoice()
 
-    def sha256(self, values: Array) -> str:
+    def sha256(self, values: ArrayLike) -> str:
         """Hash of all that the marks of members with these values (m, P) depend on."""
         digest = hashlib.sha256(code_sha256().encode())
         about = (self.action.content(), repr(self.choice), repr(self.rest_input), repr(self.tolerance), MARKS)
         digest.update(repr(about).encode())
         digest.update(repr([(p.name, p.value, p.paths) for p in self.parameters]).encode())
-        for array in (self.time_s, self.force_n, values):
+        for array in (self.time_s, self.force_n, self._of_members(values)):
             digest.update(f"{array.shape} ".encode())
-            digest.update(np.ascontiguousarray(array).tobytes())
+            digest.update(array.tobytes())
         return digest.hexdigest()
 
-    def marks(self, values: Array) -> Array:
+    def marks(self, values: ArrayLike) -> Array:
         """Marks (m, len(MARKS)) of members with values (m, P); a row of NaN where one cannot rest or be simulated."""
-        action = self.choice.on(self.action)
+        action, values = self.choice.on(self.action), self._of_members(values)
         out = np.full((len(values), len(MARKS)), np.nan)
         times = output_times(float(self.time_s[0]), float(self.time_s[-1]), RATE_HZ)
         start = solve_rest(build_scene(action, self.choice), self.rest_input)
@@ -97,6 +98,12 @@ class Variants:
                 motion = times, member.solution.angle_rad, member.solution.speed_rad_per_s
                 out[i] = blow_marks(variant, job.run.scene, motion)
         return out
+
+    def _of_members(self, values: ArrayLike) -> Array:
+        found = as_numbers(values, "values of members", 2)
+        if found.shape[1] != len(self.parameters):
+            raise InputError(f"values of members: found shape {found.shape}, allowed (m, {len(self.parameters)})")
+        return found
 
 
 def _computed(jobs: Sequence[Job]) -> Iterator[Member]:

@@ -12,8 +12,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import ArrayRecord, as_numbers
 from model.errors import InputError
 from model.screening.distributions import Spread
 
@@ -26,7 +27,7 @@ MOST_WAYS = 10_000
 
 
 @dataclass(frozen=True)
-class Morris:
+class Morris(ArrayRecord):
     """Elementary effects of P parameters on Q quantities, per standard uncertainty of each parameter.
 
     Attributes
@@ -71,7 +72,7 @@ def check_ways(ways: int) -> None:
 
 def morris(
     spreads: Sequence[Spread],
-    compute: Callable[[Array], Array],
+    compute: Callable[[Array], ArrayLike],
     quantities: Sequence[str],
     ways: int,
     seed: int = 0,
@@ -108,7 +109,7 @@ def morris(
     count = len(spreads)
     points = design(count, ways, random)
     values = np.stack([spread.at(points[:, :, j]) for j, spread in enumerate(spreads)], axis=-1)
-    y = compute(values.reshape(-1, count)).reshape(ways, count + 1, len(quantities))
+    y = marks_of(compute, values.reshape(-1, count), len(quantities)).reshape(ways, count + 1, len(quantities))
     moved = np.diff(values, axis=1) / np.array([spread.u for spread in spreads])
     which = np.argmax(np.abs(moved), axis=2)
     effects = np.full((ways, count, len(quantities)), np.nan)
@@ -131,6 +132,14 @@ def morris(
         high.T,
         np.mean(np.isnan(y), axis=(0, 1)),
     )
+
+
+def marks_of(compute: Callable[[Array], ArrayLike], values: Array, count: int) -> Array:
+    """What ``compute`` gives for members with ``values`` (m, P), checked: (m, count) numbers."""
+    found = as_numbers(compute(values), "computed quantities", 2)
+    if found.shape != (len(values), count):
+        raise InputError(f"computed quantities: found shape {found.shape}, allowed {(len(values), count)}")
+    return found
 
 
 def _mean(effects: Array) -> Array:

@@ -11,11 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc, sobol_indices
 
+from model.arrays import ArrayRecord
 from model.errors import InputError
 from model.screening.distributions import Spread
+from model.screening.morris import marks_of
 
 Array = NDArray[np.float64]
 
@@ -25,7 +27,7 @@ FEW_ABSENT = 0.02  # share of members without a quantity up to which its indices
 
 
 @dataclass(frozen=True)
-class Sobol:
+class Sobol(ArrayRecord):
     """Indices of P parameters for Q quantities; NaN for a quantity that does not vary or is too often absent.
 
     Attributes
@@ -64,7 +66,7 @@ def check_base(n: int) -> None:
 
 def sobol(
     spreads: Sequence[Spread],
-    compute: Callable[[Array], Array],
+    compute: Callable[[Array], ArrayLike],
     quantities: Sequence[str],
     n: int,
     seed: int = 0,
@@ -85,7 +87,7 @@ def sobol(
 
     Raises
     ------
-    InputError : n is no power of 2 from 8
+    InputError : n is no power of 2 from 8, or quantities are not (m, Q) numbers
 
     Examples
     --------
@@ -104,7 +106,7 @@ def sobol(
         for half in (shares[:, :count], shares[:, count:])
     )
     mixed = [np.where(np.arange(count) == j, b, a) for j in range(count)]
-    y = compute(np.concatenate([a, b, *mixed]))
+    y = marks_of(compute, np.concatenate([a, b, *mixed]), len(quantities))
     absent = np.mean(np.isnan(y), axis=0)
     rows = [_indices(y[:, q], n, count, float(absent[q]), random) for q in range(len(quantities))]
     first, total = (np.array([row[k] for row in rows]).reshape(len(rows), 3, count) for k in (0, 1))

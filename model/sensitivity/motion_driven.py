@@ -141,8 +141,7 @@ def _fitted(motion: tuple[ArrayLike, ArrayLike] | KeyMotion) -> tuple[KeyMotion,
     """The motion that drives, and the times of its table."""
     if isinstance(motion, KeyMotion):
         return motion, motion.break_s
-    times, angles = (np.asarray(column, dtype=float) for column in motion)
-    fit = fit_key_motion(times, angles)
+    fit = fit_key_motion(*motion)
     return fit.motion(), fit.time_s
 
 

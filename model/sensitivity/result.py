@@ -8,11 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import ArrayRecord
+
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivities:
+class Sensitivities(ArrayRecord):
     """A blow and its derivatives; the last axis of every derivative is the parameters', (P,).
 
     Attributes

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import ArrayRecord
 from model.kernels import layout as L
 from model.parameters.effects import RAIL
 from model.scene.build import Scene
@@ -47,7 +48,7 @@ BODY_WORDS = {
 
 
 @dataclass(frozen=True)
-class Inside:
+class Inside(ArrayRecord):
     """Loads, losses and motion of contacts (c) and of bodies with their joints (n) at (m,) times.
 
     Attributes

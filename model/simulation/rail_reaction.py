@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from model.files.time_table import two_columns
 
 Array = NDArray[np.float64]
 
@@ -48,8 +50,9 @@ class _Negative(NamedTuple):
     integral: float
 
 
-def _negative_intervals(time_s: Array, signal: Array) -> Iterator[_Negative]:
+def _negative_intervals(time_s: ArrayLike, signal: ArrayLike) -> Iterator[_Negative]:
     """Intervals of a sampled signal (m,), straight lines between the samples."""
+    time_s, signal = two_columns(time_s, signal, "signal of the rail")
     turn = np.flatnonzero((signal[:-1] < 0.0) != (signal[1:] < 0.0))
     share = signal[turn] / (signal[turn] - signal[turn + 1])
     crossing = time_s[turn] + share * (time_s[turn + 1] - time_s[turn])
@@ -65,7 +68,7 @@ def _negative_intervals(time_s: Array, signal: Array) -> Iterator[_Negative]:
         yield _Negative(float(start), float(end), float(size[k]), float(at[k]), float(np.trapezoid(size, at)))
 
 
-def tensions(time_s: Array, upwards_n: Array) -> list[RailTension]:
+def tensions(time_s: ArrayLike, upwards_n: ArrayLike) -> list[RailTension]:
     """Intervals in which the force of the rail on the key points down: there the rail would have to pull.
 
     Parameters
@@ -89,7 +92,7 @@ def tensions(time_s: Array, upwards_n: Array) -> list[RailTension]:
     return [RailTension(*interval) for interval in _negative_intervals(time_s, upwards_n)]
 
 
-def lifts(time_s: Array, depth_m: Array) -> list[RailLift]:
+def lifts(time_s: ArrayLike, depth_m: ArrayLike) -> list[RailLift]:
     """Intervals in which the felt of the rail is not touched.
 
     Parameters

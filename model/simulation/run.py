@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
 from model.errors import InputError, IntegrationError
 from model.integrators.methods import DEFAULT_METHOD, get_method
 from model.integrators.step_control import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS
@@ -117,11 +118,11 @@ class Simulation:
     def advance(
         self,
         until: float,
-        input_time_s: NDArray[np.float64],
-        input_value: NDArray[np.float64],
+        input_time_s: ArrayLike,
+        input_value: ArrayLike,
         *,
         held: bool = False,
-        output_time_s: NDArray[np.float64] | None = None,
+        output_time_s: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Go on to time ``until`` under a tabulated input.
 
@@ -150,22 +151,21 @@ class Simulation:
     def plan(
         self,
         until: float,
-        input_time_s: NDArray[np.float64],
-        input_value: NDArray[np.float64],
+        input_time_s: ArrayLike,
+        input_value: ArrayLike,
         *,
         held: bool = False,
-        output_time_s: NDArray[np.float64] | None = None,
+        output_time_s: ArrayLike | None = None,
     ) -> Plan:
         """What a step loop is given to `advance` with these arguments; refuses what would give a wrong answer."""
         method = get_method(self.method)
         local = method.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA)
         if np.any(self.scene.tables.prescribed):
             local *= PRESCRIBED_SHARE
-        outputs = np.empty(0) if output_time_s is None else np.require(output_time_s, float, ["C", "W"])
+        outputs = np.empty(0) if output_time_s is None else as_numbers(output_time_s, "output times", 1)
         out_q = np.full((len(outputs), self.scene.size), np.nan)
         out_v = np.full((len(outputs), self.scene.size), np.nan)
-        times = np.require(input_time_s, float, ["C", "W"])
-        values = np.require(input_value, float, ["C", "W"])
+        times, values = as_numbers(input_time_s, "input times"), as_numbers(input_value, "input")
         check_input((self.state.time_s, float(until)), times, values, outputs)
         if self.scene.command is not None:
             times, values = self.scene.command.table(times, values, held)
@@ -237,18 +237,18 @@ class Simulation:
 
     def contact_forces(
         self,
-        angle_rad: NDArray[np.float64],
-        speed_rad_per_s: NDArray[np.float64],
-        memory: NDArray[np.float64] | None = None,
+        angle_rad: ArrayLike,
+        speed_rad_per_s: ArrayLike,
+        memory: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Normal and friction force of each contact at given states; (m, n) in, (m, c) out, N.
 
         Where felt remembers, ``memory`` (m, z) belongs to the states; by default that of the last outputs.
         """
-        self.scene.check_whole(angle_rad, "contact forces")
+        angle_rad, speed_rad_per_s = self._states(angle_rad, speed_rad_per_s, "contact forces")
         normal = np.zeros((len(angle_rad), len(self.scene.contacts)))
         tangential = np.zeros_like(normal)
-        rows = self.remembered if memory is None else memory
+        rows = self.remembered if memory is None else as_numbers(memory, "contact forces: memories", 2)
         if self.scene.remembers and len(rows) != len(angle_rad):
             raise InputError(f"contact forces: found {len(rows)} rows of memories, allowed {len(angle_rad)}")
         if self.scene.pins:
@@ -263,9 +263,9 @@ class Simulation:
                 normal[:, contact] = string_force(self.scene, angle_rad, speed_rad_per_s, rows)
         return normal, tangential
 
-    def probe_forces(self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def probe_forces(self, angle_rad: ArrayLike, speed_rad_per_s: ArrayLike) -> NDArray[np.float64]:
         """Force of each one-sided probe (the motor arm on the key) at given states; (m, n) in, (m, b) out, N."""
-        self.scene.check_whole(angle_rad, "probe forces")
+        angle_rad, speed_rad_per_s = self._states(angle_rad, speed_rad_per_s, "probe forces")
         if self.scene.pins:
             if len(self.remembered) != len(angle_rad):
                 raise InputError(f"probe forces: found {len(angle_rad)} states, allowed those last given out")
@@ -273,6 +273,18 @@ class Simulation:
         force = np.zeros((len(angle_rad), len(self.scene.tables.probe)))
         probe_forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, force)
         return force
+
+    def _states(
+        self, angle_rad: ArrayLike, speed_rad_per_s: ArrayLike, what: str
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Angles and speeds (m, n) as kernels take them; refuses those of another scene."""
+        q, v = as_numbers(angle_rad, f"{what}: angles"), as_numbers(speed_rad_per_s, f"{what}: speeds")
+        self.scene.check_whole(q, what)
+        if q.ndim != 2 or q.shape[1] != self.scene.size or v.shape != q.shape:
+            raise InputError(
+                f"{what}: found {q.shape} angles and {v.shape} speeds, allowed two of (m, {self.scene.size})"
+            )
+        return q, v
 
     def work(self) -> dict[str, int | float]:
         """Counters of the work done so far, by name; ``time_at_rest`` in s."""

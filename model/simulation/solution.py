@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import ArrayRecord
 from model.parameters.effects import column
 from model.simulation.giving_motion import GivingMotion
 from model.simulation.loads_and_losses import Inside
@@ -44,7 +45,7 @@ class EnergyAudit:
 
 
 @dataclass(frozen=True, repr=False)
-class Solution:
+class Solution(ArrayRecord):
     """Trajectory of a scene.
 
     Attributes

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import ArrayRecord
 from model.errors import InputError
 from model.kernels import workspace as W
 from model.kernels.codegen.load import kernels_of
@@ -24,7 +25,7 @@ LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
 
 
 @dataclass
-class State:
+class State(ArrayRecord):
     """State of a run: time (s), angles (n,) rad, speeds (n,) rad/s, next step to try (s), memories (z,).
 
     Memories are those of felt, then how far joints give (m) and how fast (m/s), then those of a string. Without them a

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import ArrayRecord
 from model.errors import InputError, StaticsError
 from model.kernels import workspace as W
 from model.kernels.codegen.load import kernels_of
@@ -30,7 +31,7 @@ MOST_ITERATIONS, MOST_ESCAPES = 2000, 10
 
 
 @dataclass(frozen=True)
-class RestState:
+class RestState(ArrayRecord):
     """Static balance: angles (n,) rad, contact forces (c,) N, penetrations (c,) m, residual N m."""
 
     bodies: tuple[str, ...]

@@ -5,12 +5,12 @@ The thesis does not print v_t and omega_t; this project takes 1e-3 m/s and 1e-2 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from model.arrays import as_numbers
 from model.files.force_table import check_force_table
 from model.force_driven import simulate as simulate_smoothed
 from model.observables import hammer_height_m
@@ -77,7 +77,7 @@ def compare(
     action: Action,
     time_s: ArrayLike,
     force_n: ArrayLike,
-    thresholds: Sequence[float] = THRESHOLDS,
+    thresholds: ArrayLike = THRESHOLDS,
     step_s: float = 2.5e-6,
 ) -> Limit:
     """Simulate a blow at each threshold speed and march it without one; see `Limit`.
@@ -108,14 +108,15 @@ def compare(
     >>> limit.v_t
     (0.001,)
     """
+    speeds = tuple(as_numbers(thresholds, "threshold speeds", 1).tolist())
     times, forces = check_force_table(time_s, force_n)
     marched, coarse = (simulate(action, times, forces, step) for step in (step_s, 2.0 * step_s))  # refuses at once
     ratio = action["friction_threshold.omega_t"] / action["friction_threshold.v_t"]
     smoothed = []
-    for v_t in thresholds:
+    for v_t in speeds:
         values = {"friction_threshold.v_t": v_t, "friction_threshold.omega_t": ratio * v_t}
         smoothed.append(
             simulate_smoothed(action.with_values(values), times, forces, tolerance=TOLERANCE, contact_forces=True)
         )
     measures = [measure_blow(action, solution, forces) for solution in (*smoothed, marched.solution)]
-    return Limit(action, tuple(thresholds), tuple(smoothed), marched, coarse, tuple(measures))
+    return Limit(action, speeds, tuple(smoothed), marched, coarse, tuple(measures))

@@ -14,8 +14,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
 from model.errors import InputError, IntegrationError
 from model.kernels.string_contact import fill_propagators, march
 from model.string.parameters import Hammer, String
@@ -154,7 +155,7 @@ def strike(
     string: String,
     hammer: Hammer,
     speed_m_per_s: float,
-    mistuning_cents: Sequence[float] = (0.0,),
+    mistuning_cents: ArrayLike = (0.0,),
     tolerance: float = 1e-4,
     seconds: float = 0.012,
     n_modes: int | None = None,
@@ -189,11 +190,12 @@ def strike(
     """
     if not (math.isfinite(speed_m_per_s) and speed_m_per_s > 0.0):
         raise InputError(f"strike: speed found {speed_m_per_s:g} m/s, allowed above 0")
-    if not 1 <= len(mistuning_cents) <= MOST_STRINGS or not np.isfinite(mistuning_cents).all():
-        raise InputError(f"strike: found {len(mistuning_cents)} strings, allowed 1 to {MOST_STRINGS} with finite cents")
+    choir = as_numbers(mistuning_cents, "strike: mistuning", 1).tolist()
+    if not 1 <= len(choir) <= MOST_STRINGS or not np.isfinite(choir).all():
+        raise InputError(f"strike: found {len(choir)} strings, allowed 1 to {MOST_STRINGS} with finite cents")
     if n_modes is not None and not 1 <= n_modes <= MOST_MODES:
         raise InputError(f"strike: found {n_modes} modes, allowed 1 to {MOST_MODES}")
-    strings = [replace(string, tension_n=string.tension_n * 2.0 ** (cents / 600.0)) for cents in mistuning_cents]
+    strings = [replace(string, tension_n=string.tension_n * 2.0 ** (cents / 600.0)) for cents in choir]
     modes = FIRST_MODES if n_modes is None else n_modes
     found = _settled(strings, hammer, speed_m_per_s, tolerance, modes, seconds)
     while n_modes is None:

@@ -7,13 +7,14 @@ rebound does to the check is not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
+from model.arrays import as_numbers
 from model.errors import InputError
 from model.force_driven import simulate
 from model.inside.state_observer import Observer
@@ -118,7 +119,7 @@ def strike_bar(hammer: Hammer, speed_m_per_s: float) -> StringBlow:
 
 
 def compare_with_bar(
-    hammer: Hammer, speeds_m_per_s: Sequence[float], string: String, mistuning_cents: Sequence[float] = (-0.5, 0.0, 0.5)
+    hammer: Hammer, speeds_m_per_s: ArrayLike, string: String, mistuning_cents: ArrayLike = (-0.5, 0.0, 0.5)
 ) -> list[StringBlow]:
     """Bar, one string and a choir under the same hammer at several speeds.
 
@@ -146,9 +147,12 @@ def compare_with_bar(
     True
     """
     out: list[StringBlow] = []
-    for speed in speeds_m_per_s:
+    choir = as_numbers(mistuning_cents, "mistuning", 1)
+    for speed in as_numbers(speeds_m_per_s, "speeds of the hammer", 1).tolist():
+        if not (math.isfinite(speed) and speed > 0.0):
+            raise InputError(f"speeds of the hammer: found {speed:g} m/s, allowed above 0")
         out.append(strike_bar(hammer, speed))
-        for name, cents in (("string", (0.0,)), ("choir", tuple(mistuning_cents))):
+        for name, cents in (("string", (0.0,)), ("choir", choir)):
             blow = strike(string, hammer, speed, cents, tolerance=1e-3, seconds=0.02)
             slope = blow.slope_db_per_octave(LOUDEST_HZ)
             counts = len(blow.contacts), blow.n_modes

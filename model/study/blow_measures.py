@@ -12,8 +12,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.files.time_table import two_columns
 from model.observables import along_string_normal, hammer_height_m
 from model.parameters.action import BACK_CHECK, BODIES, LEVER_KNUCKLE, STRING, Action
 from model.simulation.solution import Solution
@@ -52,7 +53,7 @@ class BlowMeasures:
     lever_bounces: int
 
 
-def measure_blow(action: Action, solution: Solution, force_n: Array) -> BlowMeasures:
+def measure_blow(action: Action, solution: Solution, force_n: ArrayLike) -> BlowMeasures:
     """Measures of a blow from its solution.
 
     Parameters
@@ -66,6 +67,10 @@ def measure_blow(action: Action, solution: Solution, force_n: Array) -> BlowMeas
     BlowMeasures
         NaN where something did not happen.
 
+    Raises
+    ------
+    InputError : not one force for each time of the solution
+
     Examples
     --------
     >>> import model
@@ -74,7 +79,7 @@ def measure_blow(action: Action, solution: Solution, force_n: Array) -> BlowMeas
     >>> print(f"{model.study.measure_blow(action, blow, force_n).strike_m_per_s:.1f} m/s")
     2.3 m/s
     """
-    time = solution.time_s
+    time, force_n = two_columns(solution.time_s, force_n, "force of the blow")
     normal = solution.contact_normal_n
     assert normal is not None, "a blow is measured with its contact forces"
     give, gives = (None, None) if solution.give is None else solution.give.of("hammer")

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.felt.laws import Hysteresis, Stulov
+from model.files.force_table import check_force_table
 from model.force_driven import output_times, simulate
 from model.kernels.trajectory.contact_forces import penetrations
 from model.parameters.action import BACK_CHECK, CONTACTS, KEY_FRONT, STRING, Action
@@ -127,7 +128,7 @@ def effects_at_equal_loss(
     True
     """
     plain = action.with_laws(dict.fromkeys(CONTACTS, HUNT_CROSSLEY))
-    blow = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
+    blow = check_force_table(time_s, force_n)
     out = []
     for name, contacts in felts.items():
         wanted = presses(plain, _blow(plain, blow), contacts)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import IntegrationError, StaticsError
+from model.files.force_table import check_force_table
 from model.force_driven import output_times, simulate
 from model.observables import hammer_height_m
 from model.parameters.action import BACK_CHECK, BODIES, CONTACTS, JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
@@ -91,7 +92,7 @@ def felt_law_effects(
     ['stulov', 'hysteresis']
     """
     plain = action.with_laws(dict.fromkeys(CONTACTS, HUNT_CROSSLEY))
-    blow = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
+    blow = check_force_table(time_s, force_n)
     out = [effect_of("all felts", HUNT_CROSSLEY, [plain], lambda a: touch_and_blow(a, blow))]
     for name, contacts in felts.items():
         for law, numbers in NUMBERS.items():
@@ -125,7 +126,7 @@ def string_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> lis
     >>> string.value["contact_ms"] > 2.0 * bar.value["contact_ms"]
     True
     """
-    blow = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
+    blow = check_force_table(time_s, force_n)
     strung, paths = load_scene("string"), [[f"string.{name}"] for name in OF_THE_STRING]
     return [
         effect_of("string", "bar", [action], lambda a: _blow_marks(a, blow, SceneChoice())),

@@ -14,6 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
+from model.files.force_table import check_force_table
 from model.force_driven import output_times, simulate
 from model.observables import hammer_height_m
 from model.parameters.action import JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
@@ -61,7 +63,7 @@ def joint_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> list
     ['none', 'key_pin']
     """
     action = loaded_as_at_rest(action)
-    blow = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
+    blow = check_force_table(time_s, force_n)
     out = [effect_of("none", "rigid", [action], lambda a: _marks(a, blow, SceneChoice()))]
     for effect in PINS:
         others = {f"{o}.{k}": x for o in PINS if o != effect for k, x in _rigid().items()}
@@ -76,7 +78,7 @@ def joint_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> list
 
 
 def joint_sweep(
-    action: Action, time_s: ArrayLike, force_n: ArrayLike, factors: Sequence[float] = FACTORS
+    action: Action, time_s: ArrayLike, force_n: ArrayLike, factors: ArrayLike = FACTORS
 ) -> dict[float, dict[str, float]]:
     """Marks of the blow, as in `joint_effects`, with all stiffnesses of joints times a factor, dampings times its root.
 
@@ -104,15 +106,15 @@ def joint_sweep(
     True
     """
     action = loaded_as_at_rest(action)
-    blow = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
+    blow = check_force_table(time_s, force_n)
     out = {0.0: _marks(action, blow, SceneChoice())}
-    for factor in factors:
+    for factor in as_numbers(factors, "factors", 1).tolist():
         values = {
             f"{effect}.{k}": share * action[f"{effect}.{k}"]
             for effect in PINS
             for k, share in (("stiffness", factor), ("damping", math.sqrt(factor)))
         }
-        out[float(factor)] = _marks(action.with_effects(values), blow, ALL)
+        out[factor] = _marks(action.with_effects(values), blow, ALL)
     return out
 
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
 from model.files.force_library import force_table
+from model.files.force_table import check_force_table
 from model.force_driven import simulate
 from model.parameters.action import KEY_FRONT, STRING, Action
 from model.study.variants import AS_GIVEN, Study, Variant, compare
@@ -97,8 +98,8 @@ def thesis_studies(action: Action, forte: tuple[ArrayLike, ArrayLike] | None = N
     >>> len(studies.observations)
     22
     """
+    time, force = force_table("thesis-forte") if forte is None else check_force_table(*forte)
     soft = compare(action, *force_table("piano"), [INCREASED])
-    time, force = force_table("thesis-forte") if forte is None else forte
     hard = compare(action, time, force, [DECREASED, UNDAMPED, UNDAMPED_BUT_STRING, SLIPPERY, SLIPPERY_CHECK, LOOSE])
     if not np.isfinite(hard.measures[0].strike_s):
         raise InputError("forte: the hammer never meets the string; allowed a blow that makes it strike")

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import ArrayRecord
 from model.batch.run import simulate_many
 from model.errors import InputError, ModelError
 from model.files.force_table import check_force_table
@@ -44,7 +45,7 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Study:
+class Study(ArrayRecord):
     """One blow on several variants.
 
     Attributes

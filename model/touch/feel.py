@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import ArrayRecord, as_numbers
 from model.parameters.action import Action
 from model.touch.hammer_speed import FORCES, hammer_speeds
 from model.touch.repetition import fastest_repetition
@@ -15,7 +16,7 @@ from model.touch.weights import Weights, weigh
 
 
 @dataclass(frozen=True)
-class Feel:
+class Feel(ArrayRecord):
     """Touch of one action.
 
     Attributes
@@ -61,7 +62,7 @@ class Feel:
 
 def feel(
     action: Action,
-    forces_n: Sequence[float] = FORCES,
+    forces_n: ArrayLike = FORCES,
     name: str | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Feel:
@@ -91,16 +92,16 @@ def feel(
     >>> print(f"{touch.weights.down_n:.2f} N down, {touch.repetition_hz:.1f} blows a second")
     0.44 N down, 12.3 blows a second
     """
-    report = progress or (lambda _: None)
+    forces, report = as_numbers(forces_n, "forces of the blows", 1), progress or (lambda _: None)
     report("slow press")
     weights = weigh(action)
     report("blows")
-    speeds = hammer_speeds(action, forces_n)
+    speeds = hammer_speeds(action, forces)
     report("repetition")
     return Feel(
         name=action.name if name is None else name,
         weights=weights,
-        blow_n=np.asarray(forces_n, dtype=float),
+        blow_n=forces,
         hammer_m_per_s=speeds,
         repetition_hz=fastest_repetition(action),
         gravity=action["gravity.g"],

@@ -7,11 +7,12 @@ striking point towards the string (m/s) at first touch, NaN where it never touch
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
+from model.errors import InputError
 from model.force_driven import simulate
 from model.observables import hammer_height_from_angle
 from model.parameters.action import BODIES, Action
@@ -40,7 +41,7 @@ def touches(height_m: Array) -> NDArray[np.int64]:
     return np.flatnonzero((height_m[:-1] > 0.0) & (height_m[1:] <= 0.0))
 
 
-def hammer_speeds(action: Action, forces_n: Sequence[float] = FORCES) -> Array:
+def hammer_speeds(action: Action, forces_n: ArrayLike = FORCES) -> Array:
     """Speed of the hammer at the string for each force of the blow.
 
     Parameters
@@ -55,6 +56,7 @@ def hammer_speeds(action: Action, forces_n: Sequence[float] = FORCES) -> Array:
 
     Raises
     ------
+    InputError : a force that is not above 0
     StaticsError, IntegrationError : the action has no rest state or cannot be simulated
 
     Examples
@@ -64,10 +66,13 @@ def hammer_speeds(action: Action, forces_n: Sequence[float] = FORCES) -> Array:
     >>> print(f"{soft:.2f} and {loud:.2f} m/s")
     2.05 and 4.14 m/s
     """
+    forces = as_numbers(forces_n, "forces of the blows", 1)
+    if not (forces > 0.0).all():
+        raise InputError(f"forces of the blows: found {forces.min():g} N, allowed above 0")
     rest = hand_set_rest(action)
     times = np.arange(round(LONGEST / SAMPLE) + 1) * SAMPLE
-    out = np.full(len(forces_n), math.nan)
-    for i, force in enumerate(forces_n):
+    out = np.full(len(forces), math.nan)
+    for i, force in enumerate(forces.tolist()):
         start = State(0.0, rest.copy(), np.zeros(len(BODIES)))
         # a harder blow takes less time: 0.6 s at 1.5 N
         end = min(LONGEST, max(0.1, LONGEST * 1.5 / force))

@@ -8,11 +8,11 @@ the highest rate f (blows per second) such that it and every slower rate tried i
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
 from model.force_driven import simulate
 from model.observables import hammer_height_from_angle
 from model.parameters.action import BODIES, Action
@@ -45,7 +45,7 @@ def sounded(
     return out
 
 
-def fastest_repetition(action: Action, peaks_n: Sequence[float] = PEAKS) -> float:
+def fastest_repetition(action: Action, peaks_n: ArrayLike = PEAKS) -> float:
     """Highest rate that the action follows.
 
     Parameters
@@ -68,11 +68,10 @@ def fastest_repetition(action: Action, peaks_n: Sequence[float] = PEAKS) -> floa
     >>> model.touch.fastest_repetition(model.load_action("hirschkorn2004"))
     4.5
     """
-
-    rest = hand_set_rest(action)
+    peaks, rest = as_numbers(peaks_n, "strengths of the blows", 1).tolist(), hand_set_rest(action)
 
     def follows(rate: float) -> bool:
-        return any(bool(sounded(action, rate, peak, rest)[SETTLING:].all()) for peak in peaks_n)
+        return any(bool(sounded(action, rate, peak, rest)[SETTLING:].all()) for peak in peaks)
 
     good, rate = math.nan, SLOWEST
     while rate <= FASTEST and follows(rate):

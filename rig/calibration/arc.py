@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from rig.arrays import as_numbers
 from rig.backend import Backend
 from rig.calibration.line_fit import fit_line
 from rig.calibration.rig_text import changed
@@ -42,7 +43,7 @@ class Arc:
     references_rad: tuple[float, ...]
 
 
-def there_and_back(angles_rad: Sequence[float]) -> tuple[float, ...]:
+def there_and_back(angles_rad: ArrayLike) -> tuple[float, ...]:
     """Return the reference angles up and down again.
 
     Raises
@@ -50,7 +51,7 @@ def there_and_back(angles_rad: Sequence[float]) -> tuple[float, ...]:
     RigInputError
         Fewer than three angles, or not rising.
     """
-    up = tuple(float(angle) for angle in angles_rad)
+    up = tuple(as_numbers(angles_rad, "reference angles", 1).tolist())
     if len(up) < 3 or list(up) != sorted(set(up)) or not np.all(np.isfinite(up)):
         raise RigInputError(f"reference angles {list(up)} rad: allowed from three, each once, rising")
     return up + up[-2::-1]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rig.arrays import as_numbers
 from rig.errors import RigInputError
 
 
@@ -37,7 +38,7 @@ def fit_line(reference: ArrayLike, reading: ArrayLike, where: str) -> LineFit:
     RigInputError
         With fewer than four readings at three different references, or a slope of zero.
     """
-    x, y = np.asarray(reference, dtype=float), np.asarray(reading, dtype=float)
+    x, y = as_numbers(reference, where, 1), as_numbers(reading, where, 1)
     if x.size < 4 or np.unique(x).size < 3:
         raise RigInputError(f"{where}: {x.size} readings at {np.unique(x).size} values, allowed from 4 at 3 values")
     centred = x - x.mean()

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
+from rig.arrays import ArrayRecord, as_numbers
 from rig.configuration import toml_file
 from rig.configuration.channels import Number, Table, Text
 from rig.errors import RigInputError
@@ -38,7 +39,7 @@ class _File(Table):
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class Profile(ArrayRecord):
     """A motor profile.
 
     Attributes
@@ -73,7 +74,7 @@ class Profile:
 
     def force_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Return the force at the given times, N; zero outside the profile."""
-        wanted = np.asarray(time_s, dtype=np.float64)
+        wanted = as_numbers(time_s, "times of a profile")
         if self.interpolation == "linear":
             return np.interp(wanted, self.time_s, self.force_n, left=0.0, right=0.0)
         from scipy.interpolate import PchipInterpolator  # start-up: costs 0.2 s, profiles joined by lines need none

@@ -9,7 +9,9 @@ from __future__ import annotations
 import nidaqmx
 import numpy as np
 from nidaqmx.stream_readers import AnalogSingleChannelReader
+from numpy.typing import ArrayLike
 
+from rig.arrays import as_numbers
 from rig.backend import Block, Expiry
 from rig.configuration.rig_file import RigConfig
 from rig.daq import analog_inputs, tasks
@@ -75,8 +77,9 @@ class BenchChecks:
                     task.close()
         return int(counted[-1]) - int(counted[0])
 
-    def loopback_read(self, config: RigConfig, channel: str, command_v: np.ndarray) -> np.ndarray:
+    def loopback_read(self, config: RigConfig, channel: str, command_v: ArrayLike) -> np.ndarray:
         """Return what a voltage input wired to the motor's output reads while the command is put out, V."""
+        command_v = as_numbers(command_v, "motor command", 1)
         made: list[nidaqmx.Task] = []
         values = np.empty(command_v.size)
         with translated("read", channel):

@@ -11,11 +11,11 @@ from dataclasses import replace
 from importlib.metadata import version
 
 import grpc
-import numpy as np
 from nidaqmx.constants import TaskMode
 from nidaqmx.system import Device
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
+from rig.arrays import as_numbers
 from rig.backend import Backend, Block, Capabilities, Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import analog_inputs, call_delay, read_samples, tasks
@@ -96,9 +96,10 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         """Return every card and chassis that the driver or server has, with modules and serial numbers."""
         return find_devices(self._channel)
 
-    def configure(self, config: RigConfig, command_v: NDArray[np.float64] | None) -> Timing:
+    def configure(self, config: RigConfig, command_v: ArrayLike | None) -> Timing:
         """Put the outputs in their safe state, reserve every channel, load the motor command."""
         if command_v is not None:
+            command_v = as_numbers(command_v, "motor command", 1)
             tasks.check_command(config, command_v)
         if self._live or not self._safe:
             self.safe_stop()

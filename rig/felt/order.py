@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rig.arrays import as_numbers
 from rig.configuration.felt_setup import FeltConfig
 from rig.configuration.rig_file import RigConfig
 from rig.errors import RigInputError
@@ -31,6 +32,11 @@ class FeltOrder:
     peaks_n: Sequence[float] = (15.0, 30.0)
     repeats: int = 1
     rest_s: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Take speeds and forces as they are given."""
+        for name in ("speeds_m_per_s", "peaks_n"):
+            object.__setattr__(self, name, tuple(as_numbers(getattr(self, name), f"felt: {name}", 1).tolist()))
 
 
 def checked(order: FeltOrder, config: RigConfig, source: str) -> FeltConfig:

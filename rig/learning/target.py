@@ -10,9 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.signal import butter, sosfiltfilt
 
+from rig.arrays import ArrayRecord, as_numbers
 from rig.errors import RigInputError
 
 LEAD_S = 0.05
@@ -33,7 +34,7 @@ FIRST_CUTOFF_HZ = 60.0
 
 
 @dataclass(frozen=True, eq=False)
-class TargetForce:
+class TargetForce(ArrayRecord):
     """A force to reproduce.
 
     Attributes
@@ -65,7 +66,7 @@ class TargetForce:
 
 def make_target(
     name: str,
-    force_n: NDArray[np.float64],
+    force_n: ArrayLike,
     interval_s: float,
     sample_rate_hz: float,
     *,
@@ -96,7 +97,7 @@ def make_target(
     Raises
     ------
     RigInputError
-        When the recording does not begin at rest, has no blow, or no spike at key bottom.
+        When the recording is no row of finite numbers, does not begin at rest, has no blow, or no spike at key bottom.
 
     Examples
     --------
@@ -106,6 +107,9 @@ def make_target(
     >>> print(f"{target.peak_n:.0f} N")
     10 N
     """
+    force_n = as_numbers(force_n, f"{name}: force", 1)
+    if not np.isfinite(force_n).all():
+        raise RigInputError(f"{name}: force: found a value that is not finite, allowed finite ones; cut lost data out")
     if not (np.isfinite(scale) and scale > 0):
         raise RigInputError(f"{name}: scale = {scale:g}, allowed above 0")
     if interval_s > 0.005:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.arrays import ArrayRecord
 from rig.configuration.channels import BODIES, ArmConfig
 from rig.configuration.profile import Profile
 from rig.configuration.rig_file import RigConfig
@@ -20,7 +21,7 @@ from rig.errors import RigInputError
 
 
 @dataclass(frozen=True, eq=False)
-class PredictedBlow:
+class PredictedBlow(ArrayRecord):
     """A predicted blow at n successive samples.
 
     Attributes

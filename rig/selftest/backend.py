@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rig.backend import Backend, Expiry
 from rig.configuration.rig_file import RigConfig
@@ -20,7 +20,7 @@ class SelftestBackend(Backend, Protocol):
     def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
         """Return the rising edges on a terminal."""
 
-    def loopback_read(self, config: RigConfig, channel: str, command_v: NDArray[np.float64]) -> NDArray[np.float64]:
+    def loopback_read(self, config: RigConfig, channel: str, command_v: ArrayLike) -> NDArray[np.float64]:
         """Return what an input wired to the motor's output reads, V."""
 
     def let_watchdog_expire(self, n_samples: int, blocks: int) -> Expiry:

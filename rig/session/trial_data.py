@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from rig.arrays import ArrayRecord, as_numbers
 from rig.configuration.channels import BODIES
 from rig.errors import RigInputError
 from rig.session.channel_info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
@@ -51,7 +52,7 @@ class CameraInfo:
 
 
 @dataclass(frozen=True, eq=False)
-class TrialData:
+class TrialData(ArrayRecord):
     """One recorded trial.
 
     Attributes
@@ -152,10 +153,13 @@ class TrialData:
             columns |= {channel.name: self.channel_values[:, k] for k, channel in enumerate(self.channels)}
         return pd.DataFrame(columns)
 
-    def angle_rad(self, zero: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+    def angle_rad(self, zero: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the encoder angles, rad, counter-clockwise, shape (n, encoders), zero at the first sample.
 
         ``zero`` (1, encoders): other counts at which the angles are zero.
         """
         per_count = np.array([encoder.rad_per_count for encoder in self.encoders])
-        return (self.encoder_count - (self.encoder_count[:1] if zero is None else zero)) * per_count
+        at = self.encoder_count[:1] if zero is None else as_numbers(zero, "counts at zero")
+        if at.shape not in ((), (len(per_count),), (1, len(per_count))):
+            raise RigInputError(f"counts at zero: found shape {at.shape}, allowed (1, {len(per_count)})")
+        return (self.encoder_count - at) * per_count

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 from typing import TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
+from model.files.time_table import two_columns
 from validation.conventions import Array
 from validation.errors import TrialError
 from validation.measurement.mains_hum import HumFit, fit_hum
@@ -106,6 +108,8 @@ class ForceChannel:
 
 
 def _refuse_lost(time: Array, force: Array) -> None:
+    if not (np.isfinite(time).all() and (np.diff(time) > 0.0).all()):
+        raise TrialError("force: found times that are lost or do not increase, allowed finite ones that increase")
     lost = np.flatnonzero(~np.isfinite(force))
     if lost.size:
         raise TrialError(
@@ -141,9 +145,9 @@ def _force_onset(force: Array, first: int) -> int | None:
 
 
 def find_quiet(
-    time_s: Array,
-    force_n: Array,
-    encoder_count: NDArray[np.int64] | None = None,
+    time_s: ArrayLike,
+    force_n: ArrayLike,
+    encoder_count: ArrayLike | None = None,
     *,
     mains_hz: float | None = None,
     group_delay_s: float = 0.0,
@@ -170,7 +174,8 @@ def find_quiet(
     Raises
     ------
     TrialError
-        When force samples are lost, less than 20 ms of baseline are left, or the force never leaves it.
+        When force samples are lost, times do not increase, less than 20 ms of baseline are left, or the force never
+        leaves it.
 
     Examples
     --------
@@ -179,7 +184,7 @@ def find_quiet(
     >>> print(f"{validation.find_quiet(trial.time_s, trial.force_n).onset_s:.2f} s")
     0.41 s
     """
-    time, force = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
+    time, force = two_columns(time_s, force_n, "force")
     _refuse_lost(time, force)
     step = float(np.median(np.diff(time)))
     first = max(int(round(FIRST_BASELINE_S / step)), 8)
@@ -198,7 +203,9 @@ def find_quiet(
         raise TrialError("force never leaves its baseline by 5 sigma; was the blow played? check motor and load cell")
     moved = onset
     if encoder_count is not None:
-        counts = np.asarray(encoder_count)
+        counts = as_numbers(encoder_count, "encoder counts", 2)
+        if len(counts) != time.size:
+            raise TrialError(f"encoder counts: found {len(counts)} rows, allowed {time.size}, one for each sample")
         jitter = MOVED_SIGMA * counts[:first].std(axis=0)
         away = np.abs(counts - np.median(counts[:first], axis=0)) > np.maximum(MOVED_COUNTS, jitter)
         hit = first_run(away.any(axis=1), ONSET_SAMPLES)
@@ -214,7 +221,7 @@ def find_quiet(
 
 
 def correct_force(
-    time_s: Array, force_n: Array, quiet: Quiet, **declared: Unpack[ForceChannelValues]
+    time_s: ArrayLike, force_n: ArrayLike, quiet: Quiet, **declared: Unpack[ForceChannelValues]
 ) -> CorrectedForce:
     """Correct a calibrated force for offset, mains hum and channel delay; never smooth it.
 
@@ -238,7 +245,7 @@ def correct_force(
     Raises
     ------
     TrialError
-        When force samples are lost (NaN).
+        When force samples are lost (NaN), or times do not increase.
 
     Examples
     --------
@@ -250,7 +257,7 @@ def correct_force(
     33 N
     """
     channel = ForceChannel(**declared)
-    time, force = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
+    time, force = two_columns(time_s, force_n, "force")
     _refuse_lost(time, force)
     hum = fit_hum(time[: quiet.stop], force[: quiet.stop], channel.mains_hz)
     corrected = force - hum.baseline_n(time) + channel.preload_n

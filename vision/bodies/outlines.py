@@ -21,8 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.arrays import as_numbers
 from vision.atomic_write import whole_file
-from vision.errors import BodyError
+from vision.errors import BodyError, VisionInputError
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,8 @@ class Body:
         if not self.name or not isinstance(self.name, str):
             raise BodyError(f"body name {self.name!r}: give a non-empty text")
         try:
-            points = np.array(self.polygon_px, dtype=float)
-        except (TypeError, ValueError):
+            points = as_numbers(self.polygon_px, "polygon_px").copy()
+        except VisionInputError:
             raise BodyError(f"body {self.name}: polygon_px must be a list of [x, y] pairs of numbers") from None
         if points.ndim != 2 or points.shape[1] != 2 or points.shape[0] < 3:
             raise BodyError(

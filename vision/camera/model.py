@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.arrays import as_numbers
 from vision.camera.projection import MAX_DISTORTION, Projection, tilted
 from vision.errors import VisionInputError
 
@@ -123,7 +124,8 @@ class CalibratedCamera:
     u_scale_px_per_m: float
 
     def __post_init__(self) -> None:
-        parameters, covariance = np.array(self.parameters, float), np.array(self.covariance, float)
+        parameters = as_numbers(self.parameters, "camera calibration: parameters")
+        covariance = as_numbers(self.covariance, "camera calibration: covariance")
         good = parameters.shape == (5,) and covariance.shape == (5, 5)
         good = good and bool(np.all(np.isfinite(parameters)) and np.all(np.isfinite(covariance)))
         if not good or np.linalg.eigvalsh(0.5 * (covariance + covariance.T)).min() < -1e-9 * np.abs(covariance).max():

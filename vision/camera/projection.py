@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vision.arrays import as_numbers, as_points
 from vision.errors import VisionInputError
 
 MAX_DISTORTION = 0.25
@@ -40,7 +41,7 @@ class Projection:
     radial: float = 0.0
 
     def __post_init__(self) -> None:
-        matrix = np.array(self.homography, dtype=float)
+        matrix = as_numbers(self.homography, "homography")
         if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)) or abs(np.linalg.det(matrix)) < 1e-12:
             raise VisionInputError("homography must be a finite, invertible 3 x 3 matrix")
         if not abs(self.radial) <= MAX_DISTORTION:
@@ -59,7 +60,7 @@ class Projection:
 
     def seen(self, rectified_px: ArrayLike) -> NDArray[np.float64]:
         """Where points of the plane, shape (..., 2), appear in the picture."""
-        flat = _project(self.homography, np.asarray(rectified_px, dtype=float) - self.centre_px)
+        flat = _project(self.homography, as_points(rectified_px) - self.centre_px)
         if self.radial:
             flat *= 1.0 + self.radial / self.half_diagonal_px**2 * _square(flat)
         flat += self.centre_px
@@ -67,7 +68,7 @@ class Projection:
 
     def rectified(self, seen_px: ArrayLike) -> NDArray[np.float64]:
         """Points of the plane that appear at the given points; undoes `seen`."""
-        bent = np.asarray(seen_px, dtype=float) - self.centre_px
+        bent = as_points(seen_px) - self.centre_px
         flat: NDArray[np.float64] = bent.copy()
         for _ in range(30):
             better = bent / (1.0 + self.radial / self.half_diagonal_px**2 * _square(flat))

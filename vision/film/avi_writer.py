@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vision.atomic_write import whole_file
 from vision.errors import FilmError
@@ -30,7 +30,7 @@ HEADER_BYTES = 12 + 8 + 4 + (8 + 56) + (8 + 4 + (8 + 56) + (8 + 40)) + 12
 
 def write_avi(
     path: str | os.PathLike[str],
-    frames: Iterable[NDArray[Any]],
+    frames: Iterable[ArrayLike],
     frame_rate_hz: float,
     *,
     quality: int | None = 95,
@@ -78,8 +78,9 @@ def write_avi(
     sizes: list[int] = []
     with whole_file(path, FilmError, "check folder and disk") as temporary, temporary.open("wb") as file:
         file.write(b"\0" * HEADER_BYTES)
-        for frame in frames:
-            shape = check_frame(path, frame, shape, 8, len(sizes), colour=True)
+        for given in frames:
+            frame = check_frame(path, given, shape, 8, len(sizes), colour=True).astype(np.uint8, copy=False)
+            shape = frame.shape
             data = _encode(path, frame, quality)
             if file.tell() + len(data) > MAX_BYTES:
                 raise FilmError(f"{path}: larger than 2 GB after {len(sizes)} frames; write MRAW, or fewer frames")

@@ -9,10 +9,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vision.atomic_write import remove, temporary_name
 from vision.errors import FilmError
@@ -22,7 +21,7 @@ from vision.film.frame_check import check_frame
 
 def write_mraw(
     path: str | os.PathLike[str],
-    frames: Iterable[NDArray[Any]],
+    frames: Iterable[ArrayLike],
     frame_rate_hz: float,
     *,
     bit_depth: int = 8,
@@ -78,8 +77,9 @@ def write_mraw(
         try:
             with temporary.open("wb") as file:
                 pending = np.empty(0, dtype=np.uint16)
-                for frame in frames:
-                    shape = check_frame(path, frame, shape, bit_depth, n_frames)
+                for given in frames:
+                    frame = check_frame(path, given, shape, bit_depth, n_frames)
+                    shape = frame.shape
                     if bit_depth == 12:
                         flat = np.concatenate([pending, frame.reshape(-1).astype(np.uint16)])
                         even = flat.size - flat.size % 2

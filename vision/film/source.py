@@ -12,8 +12,9 @@ from types import TracebackType
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from vision.arrays import as_numbers
 from vision.errors import FilmError
 from vision.film.compression import Compression
 
@@ -172,7 +173,8 @@ class ArrayFilm(Film):
 
     Parameters
     ----------
-    frames : ndarray, shape (n_frames, height, width), uint8 or uint16
+    frames : array_like, shape (n_frames, height, width)
+        Of uint8 or uint16, which are not copied; other whole numbers with their ``bit_depth``.
     frame_rate_hz, exposure_s : float or None
     bit_depth : int or None
         All bits of the type unless given.
@@ -180,26 +182,32 @@ class ArrayFilm(Film):
 
     def __init__(
         self,
-        frames: NDArray[Any],
+        frames: ArrayLike,
         frame_rate_hz: float | None = None,
         exposure_s: float | None = None,
         bit_depth: int | None = None,
     ) -> None:
         self.path = Path("<array>")
-        if frames.ndim != 3 or frames.dtype not in (np.uint8, np.uint16) or 0 in frames.shape:
+        where = "frames in memory"
+        stored = np.asarray(frames) if hasattr(frames, "dtype") else as_numbers(frames, where, dtype=np.int64)
+        if bit_depth is not None and stored.dtype not in (np.uint8, np.uint16):
+            stored = as_numbers(stored, where, dtype=np.uint8 if bit_depth <= 8 else np.uint16)
+        if stored.dtype == ">u2":
+            stored = stored.astype(np.uint16)
+        if stored.ndim != 3 or stored.dtype not in (np.uint8, np.uint16) or 0 in stored.shape:
             raise FilmError(
-                f"frames in memory have shape {frames.shape}, type {frames.dtype}; needs (n_frames, height, width) of "
-                "uint8 or uint16"
+                f"frames in memory have shape {stored.shape}, type {stored.dtype}; needs (n_frames, height, width) of "
+                "uint8 or uint16, or whole numbers and their bit_depth"
             )
-        self._frames = frames
-        self.n_frames, self.height, self.width = frames.shape
-        self.bit_depth = bit_depth or 8 * frames.dtype.itemsize
+        self._frames = stored
+        self.n_frames, self.height, self.width = stored.shape
+        self.bit_depth = bit_depth or 8 * stored.dtype.itemsize
         self.frame_rate_hz, self.exposure_s = frame_rate_hz, exposure_s
 
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width)."""
         self._check_index(index)
-        return self._frames[index]
+        return np.ascontiguousarray(self._frames[index])
 
     def frames(self, start: int, end: int) -> NDArray[Any] | None:
         """Frames ``start..end-1`` as they lie in memory, read-only; None where they do not lie one after the other."""

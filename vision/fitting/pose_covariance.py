@@ -11,11 +11,10 @@ ones. Common and per-frame part stay separate: the first cancels in differences 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from vision.arrays import as_numbers
 from vision.errors import BodyError
 from vision.fitting.template import Template, design_columns, invert_normal
 
@@ -127,7 +126,7 @@ def predicted_u_angle(template: Template, noise_grey: float) -> float:
     return float(noise_grey * np.sqrt(variance * (1.0 + 1.0 / template.n_averaged) / efficiency))
 
 
-def cramer_rao_bound(picture: NDArray[Any], mask: NDArray[np.bool_], noise_grey: float) -> tuple[float, float, float]:
+def cramer_rao_bound(picture: ArrayLike, mask: ArrayLike, noise_grey: float) -> tuple[float, float, float]:
     """Smallest standard deviation of an unbiased estimate of (angle, x, y) from the masked pixels.
 
     The template is taken as known without noise; gain and offset are unknown too (five parameters).
@@ -147,8 +146,8 @@ def cramer_rao_bound(picture: NDArray[Any], mask: NDArray[np.bool_], noise_grey:
 
     Raises
     ------
-    BodyError
-        When the masked region has no texture.
+    VisionInputError
+        No picture or mask of numbers; a `BodyError` when the masked region is empty or has no texture.
 
     Examples
     --------
@@ -159,8 +158,11 @@ def cramer_rao_bound(picture: NDArray[Any], mask: NDArray[np.bool_], noise_grey:
     >>> bool(u_angle_rad < 1e-4)
     True
     """
-    rows, cols = np.nonzero(mask)
-    columns, _, _ = design_columns(picture, mask, (float(cols.mean()), float(rows.mean())))
+    grey, used = as_numbers(picture, "picture", 2), as_numbers(mask, "mask", 2, np.bool_)
+    if used.shape != grey.shape or not used.any():
+        raise BodyError(f"Cramer-Rao bound: found {used.sum()} pixels of a mask {used.shape}, a picture {grey.shape}")
+    rows, cols = np.nonzero(used)
+    columns, _, _ = design_columns(grey, used, (float(cols.mean()), float(rows.mean())))
     inverse = invert_normal(columns.T @ columns)
     if inverse is None:
         raise BodyError("Cramer-Rao bound: the masked region has no texture, so its pose has no bound")

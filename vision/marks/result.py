@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.arrays import ArrayRecord
 from vision.errors import VisionInputError
 from vision.marks.mark import LineMark, Mark
 from vision.results.flags import FAILURE
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class MarkResult:
+class MarkResult(ArrayRecord):
     """Marks (m) in frames (n).
 
     Attributes

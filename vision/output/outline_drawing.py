@@ -8,8 +8,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from vision.arrays import as_numbers
 from vision.atomic_write import whole_file
 from vision.bodies.outlines import Body, signed_distance
 from vision.errors import FilmError
@@ -23,9 +24,7 @@ WHITE = (255, 255, 255)
 GRID = (0, 220, 255)
 
 
-def draw_bodies(
-    picture: NDArray[Any], bodies: Sequence[Body], bit_depth: int, *, grid: bool = False
-) -> NDArray[np.uint8]:
+def draw_bodies(picture: ArrayLike, bodies: Sequence[Body], bit_depth: int, *, grid: bool = False) -> NDArray[np.uint8]:
     """Draw outlines and names over a picture, with film pixels along its sides.
 
     Parameters
@@ -41,6 +40,11 @@ def draw_bodies(
     -------
     ndarray of uint8, shape (h, w, 3)
         Colour in the order of OpenCV, enlarged to a width of at least 800 px, with a margin for the scales.
+
+    Raises
+    ------
+    VisionInputError
+        A picture that is no table of finite numbers.
 
     Examples
     --------
@@ -68,11 +72,12 @@ def draw_bodies(
     return np.asarray(colour, dtype=np.uint8)
 
 
-def grey_picture(picture: NDArray[Any], bit_depth: int) -> NDArray[np.uint8]:
+def grey_picture(picture: ArrayLike, bit_depth: int) -> NDArray[np.uint8]:
     """A frame in 256 grey values, pixel by pixel."""
-    return np.asarray(
-        (np.asarray(picture, dtype=float) / 2.0 ** (bit_depth - 8)).clip(0, 255).astype(np.uint8), dtype=np.uint8
-    )
+    grey = as_numbers(picture, "picture", 2)
+    if not np.isfinite(grey).all():
+        raise FilmError("picture: found grey values that are not finite, allowed finite ones")
+    return np.asarray((grey / 2.0 ** (bit_depth - 8)).clip(0, 255).astype(np.uint8))
 
 
 def _inmost(polygon_px: NDArray[np.float64], height: int, width: int) -> tuple[int, int]:
@@ -111,19 +116,19 @@ def _write(picture: NDArray[Any], text: str, x: int, y: int, colour: tuple[int, 
         cv2.putText(picture, plain, at, cv2.FONT_HERSHEY_SIMPLEX, size, shade, width, cv2.LINE_AA)
 
 
-def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
+def write_picture(path: Path, picture: ArrayLike) -> None:
     """Write a picture as PNG: whole or not at all.
 
     Parameters
     ----------
     path : Path
-    picture : ndarray of uint8, shape (h, w) or (h, w, 3)
+    picture : array_like of uint8, shape (h, w) or (h, w, 3)
         Grey, or colour in the order of OpenCV.
 
     Raises
     ------
-    FilmError
-        The picture cannot be encoded.
+    VisionInputError
+        No numbers from 0 to 255; a `FilmError` where the picture cannot be encoded or written.
 
     Examples
     --------
@@ -132,7 +137,10 @@ def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
     >>> import vision
     >>> vision.write_picture(Path("grey.png"), np.full((48, 64), 128, np.uint8))
     """
-    ok, data = cv2.imencode(".png", picture)
+    grey = as_numbers(picture, f"{path}: picture", dtype=np.uint8)
+    if grey.ndim not in (2, 3) or 0 in grey.shape or grey.shape[2:] not in ((), (3,)):
+        raise FilmError(f"{path}: found a picture of shape {grey.shape}, allowed (h, w) or (h, w, 3)")
+    ok, data = cv2.imencode(".png", grey)
     if not ok:
         raise FilmError(f"{path}: the picture cannot be encoded as PNG")
     with whole_file(path, FilmError, "check the folder") as temporary:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import relative_angle
+from vision.arrays import ArrayRecord
 from vision.errors import VisionInputError
 from vision.results.flags import FAILURE
 from vision.uncertainty.budget import ErrorBudget
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class TrackResult:
+class TrackResult(ArrayRecord):
     """Poses of m bodies in n frames.
 
     Attributes

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vision.arrays import as_numbers
 from vision.bodies.masks import masks_of, outline_distances, unsaturated
 from vision.bodies.occlusion import Occlusion
 from vision.bodies.outlines import Body
@@ -159,7 +160,7 @@ def frame_times(film: FrameSource, given_s: ArrayLike | None) -> NDArray[np.floa
                 f"{film.path}: the film states no frame rate; give the time of each frame (--frame-rate)"
             )
         return own
-    time_s = np.asarray(given_s, dtype=float)
+    time_s = as_numbers(given_s, f"{film.path}: frame times")
     if time_s.shape != (film.n_frames,):
         raise VisionInputError(f"{film.path}: {time_s.size} frame times for {film.n_frames} frames; give one per frame")
     if not np.all(np.isfinite(time_s)) or np.any(np.diff(time_s) <= 0.0):

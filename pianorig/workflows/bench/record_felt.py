@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any, Unpack
@@ -122,9 +123,16 @@ def felt_lines(order: FeltOrder, facts: dict[str, Any]) -> list[str]:
     return lines
 
 
-def felt_order(contact: str, speeds: list[float] | None, peaks: list[float] | None, repeats: int | None) -> FeltOrder:
+def felt_order(
+    contact: str, speeds: Sequence[float] | None, peaks: Sequence[float] | None, repeats: int | None
+) -> FeltOrder:
     """The order of the command line; what is not given is the built-in one."""
     if contact != BLOCK and not (contact.startswith("contact") and contact[7:].isdigit()):
         raise CommandInputError(f"--felt {contact}: allowed contact01 to contact13, or {BLOCK}")
     usual = FeltOrder(contact)
-    return FeltOrder(contact, speeds or usual.speeds_m_per_s, peaks or usual.peaks_n, 1 if repeats is None else repeats)
+    return FeltOrder(
+        contact,
+        usual.speeds_m_per_s if speeds is None else speeds,
+        usual.peaks_n if peaks is None else peaks,
+        1 if repeats is None else repeats,
+    )

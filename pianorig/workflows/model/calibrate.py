@@ -9,7 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from numpy.typing import ArrayLike
+
 import model
+from model.arrays import as_numbers
 from model.calibration import (
     REST_SHARE,
     FeltFit,
@@ -169,9 +172,14 @@ def _judgement(fit: FeltFit) -> list[str]:
     return lines
 
 
-def friction(contact: str | None, mu: Sequence[float], u: Sequence[float]) -> Calibrated:
+def _row(values: ArrayLike, where: str) -> list[float]:
+    row: list[float] = as_numbers(values, where, 1).tolist()
+    return row
+
+
+def friction(contact: str | None, mu: ArrayLike, u: ArrayLike) -> Calibrated:
     """Eq. 2.10 from static and kinetic coefficient."""
-    fit = fit_friction(*mu, *u)
+    fit = fit_friction(*_row(mu, "friction"), *_row(u, "u of friction"))
     facts = {"A": fit.a, "B1": fit.b1, "B2": fit.b2, "u_A": fit.u_a, "u_B1": fit.u_b1}
     line = (
         f"friction {contact or ''}: A = {fit.a:.4g}  u {fit.u_a:.2g}, B1 = {fit.b1:.4g}  u {fit.u_b1:.2g}, "
@@ -181,18 +189,21 @@ def friction(contact: str | None, mu: Sequence[float], u: Sequence[float]) -> Ca
     return Calibrated(facts, [line], {f"{contact}.friction.{k}": v for k, v in values.items()} if contact else {})
 
 
-def rebound(speeds: Sequence[float], u: Sequence[float]) -> Calibrated:
+def rebound(speeds: ArrayLike, u: ArrayLike) -> Calibrated:
     """The string's damping from the hammer head's speed before and after it."""
-    d, u_d = damping_from_rebound(*speeds, *u)
+    d, u_d = damping_from_rebound(*_row(speeds, "rebound"), *_row(u, "u of rebound"))
     line = f"string {STRING}: D = {d:.4g}  u {u_d:.2g}  s/m"
     return Calibrated({"D": d, "u_D": u_d}, [line], {f"{STRING}.normal.D": (d, u_d)})
 
 
-def pendulum(action: model.Action, body: str | None, swing: Sequence[float], u: Sequence[float]) -> Calibrated:
+def pendulum(action: model.Action, body: str | None, swing: ArrayLike, u: ArrayLike) -> Calibrated:
     """A body's inertia from its mass, arm and period as a pendulum (eqs A.1, A.2)."""
     if body is not None and body not in model.BODIES:
         raise CommandInputError(f"--body {body}: not found; allowed {', '.join(model.BODIES)}")
-    found = inertia_from_pendulum(*swing, u_mass_kg=u[0], u_arm_m=u[1], u_period_s=u[2], g=action["gravity.g"])
+    mass, arm, period = _row(u, "u of pendulum")
+    found = inertia_from_pendulum(
+        *_row(swing, "pendulum"), u_mass_kg=mass, u_arm_m=arm, u_period_s=period, g=action["gravity.g"]
+    )
     facts = {
         "about_pivot_kg_m2": found.about_pivot,
         "about_center_kg_m2": found.about_center,

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 import model
 
@@ -78,8 +78,8 @@ def print_inside(seen: model.inside.Inside, words: dict[str, str]) -> None:
 
 def draw_inside(
     action: model.Action,
-    times: NDArray[np.float64],
-    force_n: NDArray[np.float64],
+    times: ArrayLike,
+    force_n: ArrayLike,
     *,
     figures: Path | None,
     animation: Path | None,
@@ -88,6 +88,7 @@ def draw_inside(
     method: str,
 ) -> None:
     """Simulate a blow again at a row rate for drawing; draw its sheet (needs matplotlib) and its animation."""
+    times, force_n = model.check_force_table(times, force_n)
     fine = model.output_times(times[0], times[-1], DRAWING_RATE_HZ)
     solution = model.simulate(
         action, times, force_n, output_time_s=fine, inside=True, tolerance=tolerance, scene=scene, method=method

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.arrays import ArrayRecord
 from rig.backend import Block
 from rig.session.folder import Session
 from rig.session.journal.format import BLOCK, OVERHEAD, block_of, parse, records
@@ -76,7 +77,7 @@ class JournalFollower:
 
 
 @dataclass(frozen=True, eq=False)
-class LiveView:
+class LiveView(ArrayRecord):
     """A session at one moment.
 
     Attributes

@@ -16,8 +16,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from rig.arrays import as_numbers
 from rig.simulated.bench.camera_view import (
     NAMES,
     ActionGeometry,
@@ -69,8 +70,8 @@ class FilmTruth:
 
 def film_trial(
     path: str | os.PathLike[str],
-    frame_time_s: NDArray[np.float64],
-    angle_rad_of_time: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    frame_time_s: ArrayLike,
+    angle_rad_of_time: Callable[[NDArray[np.float64]], ArrayLike],
     geometry: ActionGeometry | None = None,
     settings: CameraSettings | None = None,
     seed: int = 0,
@@ -116,7 +117,7 @@ def film_trial(
     (3, 3)
     """
     geometry, settings = geometry or ActionGeometry(), settings or CameraSettings()
-    times = np.asarray(frame_time_s, dtype=float)
+    times = as_numbers(frame_time_s, f"{path}: frame times")
     if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0.0):
         raise InputError(f"{path}: frame times must be finite and increasing, one per frame; found shape {times.shape}")
     scene = film_scene(settings, seed)
@@ -140,7 +141,7 @@ class _Exposures:
     geometry: ActionGeometry
     settings: CameraSettings
     times: NDArray[np.float64]
-    angle_of_time: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    angle_of_time: Callable[[NDArray[np.float64]], ArrayLike]
     seed: int
     progress: Callable[[int, int], None] | None
     n_instants: int = 0
@@ -178,7 +179,7 @@ class _Exposures:
                 self.progress(i + 1, self.times.size)
 
     def _angles(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        angles = np.asarray(self.angle_of_time(time_s), dtype=float)
+        angles = as_numbers(self.angle_of_time(time_s), "angle_rad_of_time")
         if angles.shape != (time_s.size, 3) or not np.all(np.isfinite(angles)):
             raise InputError(
                 f"angle_rad_of_time gave shape {angles.shape} for {time_s.size} times; needs finite ({time_s.size}, 3)"

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 import model
 from model.parameters.effects import EFFECTS, KEY_LIFT, MOTOR, MOTOR_DRIVE, WINDING
 from model.simulation.giving_motion import rows_of_pins
+from rig.arrays import ArrayRecord, as_numbers
 from rig.errors import RigInputError
 from rig.simulated.bench.bench_file import bench_table, read_bench
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
@@ -28,7 +29,7 @@ KEPT_S = 60.0
 
 
 @dataclass(frozen=True)
-class PlantTruth:
+class PlantTruth(ArrayRecord):
     """What really happened in one trial, at the edges of the sample clock.
 
     Attributes
@@ -56,7 +57,7 @@ class PlantTruth:
 
     def angles_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Coordinates at any times (k,) within the trial, by cubic Hermite interpolation of angles and speeds."""
-        t = np.clip(np.asarray(time_s, dtype=float), self.time_s[0], self.time_s[-1])
+        t = np.clip(as_numbers(time_s, "times of the trial", 1), self.time_s[0], self.time_s[-1])
         i = np.clip(np.searchsorted(self.time_s, t, side="right") - 1, 0, len(self.time_s) - 2)
         h = (self.time_s[i + 1] - self.time_s[i])[:, None]
         x = (t - self.time_s[i])[:, None] / h
@@ -124,11 +125,11 @@ class ActionPlant:
             return None
         return rows_of_pins(self._run.scene, self._run.remembered)[0][:, pins.index(("key", "y"))]
 
-    def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
+    def advance(self, command_v: ArrayLike) -> PlantBlock:
         """Apply each of the (n,) volts for one sample period; return the state at the n edges before them."""
-        count = len(command_v)
+        volts = as_numbers(command_v, "command", 1)
+        count = len(volts)
         edges = np.arange(self._edge, self._edge + count + 1) / self.sample_rate_hz
-        volts = np.asarray(command_v, dtype=float)
         # a motor with its drive takes volts; its scatter is that of the amplifier's gain
         torque = volts * (self._gain / self.torque_per_volt_nm if WINDING in self._names else self._gain)
         changes = np.concatenate([[True], np.diff(torque) != 0.0])  # no stop where the value stays

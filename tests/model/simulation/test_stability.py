@@ -140,7 +140,7 @@ def test_felt_with_a_pocket_makes_no_energy() -> None:
         (lambda a, s: model.simulate(a, [0, 0.1], [0, 1], initial=model.State(0.0, s * 1e5, np.zeros(5))), "to 1000"),
         (lambda a, s: model.simulate(a, [0, 0.1], [0, 1], initial=model.State(0.0, s, np.full(5, 1e7))), "to 1e.06"),
         (lambda a, s: model.simulate(a, [0, 0.1], [0, 1], initial=model.State(0.0, s, 0 * s, math.nan)), "next step"),
-        (lambda a, s: model.simulate(a, ["a", "b"], [0, 1]), "not a number"),
+        (lambda a, s: model.simulate(a, ["a", "b"], [0, 1]), "real numbers"),
         (lambda a, s: run_of(a, s).advance(math.nan, np.array([0.0, 1.0]), np.zeros(2)), "end of the run"),
         (lambda a, s: run_of(a, s).advance(-1.0, np.array([0.0, 1.0]), np.zeros(2)), "end of the run"),
         (lambda a, s: run_of(a, s).advance(0.1, np.array([0.0, 1.0]), np.array([0.0, math.inf])), "not finite"),

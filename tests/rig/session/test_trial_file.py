@@ -158,11 +158,11 @@ def test_no_changed_byte_reaches_the_hdf5_library(tmp_path) -> None:
             read_trial(path)
 
 
-def test_wrong_shapes_floats_for_counts_and_unknown_states_are_refused_before_writing(tmp_path) -> None:
+def test_wrong_shapes_broken_counts_and_unknown_states_are_refused_before_writing(tmp_path) -> None:
     for changes in (
         {"force_raw": np.zeros(3)},
         {"encoder_count": np.zeros((200, 2), dtype=np.int64)},
-        {"encoder_count": np.zeros((200, 3))},
+        {"encoder_count": np.full((200, 3), 0.5)},
         {"status": "fine"},
     ):
         with pytest.raises(InputError):

@@ -68,7 +68,7 @@ def test_a_film_in_use_keeps_its_header(tmp_path: Path, monkeypatch: pytest.Monk
         (np.full((1, 6, 8), 300, dtype=np.uint16), 8, "300"),
         (np.full((1, 6, 8), 4096, dtype=np.uint16), 12, "4096"),
         (np.full((1, 6, 8), -1, dtype=np.int16), 16, "-1"),
-        (np.zeros((1, 6, 8)), 8, "float64"),
+        (np.full((1, 6, 8), 0.5), 8, "whole"),
         (np.zeros((1, 6, 8, 3), dtype=np.uint8), 8, "shape"),
         (GOOD, 10, "bit depth 10"),
     ],

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import model
+from model.arrays import ArrayRecord
 from validation.conventions import Array
 from validation.prediction.posterior import Posterior
 
@@ -89,7 +90,7 @@ class Combination:
 
 
 @dataclass(frozen=True)
-class Identification:
+class Identification(ArrayRecord):
     """What was found.
 
     Attributes

@@ -9,6 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from pianorig.errors import CommandInputError
 from pianorig.workflows.bench.interrupted import interrupts_told
 from rig import load_rig, open_backend
@@ -21,7 +23,7 @@ SCHEMA = "piano-action-rig calibration 1"
 
 
 def calibrate_encoder(
-    body: str, angles_rad: list[float], u_angle_rad: float, rig: str | Path, backend: str, out: Path
+    body: str, angles_rad: ArrayLike, u_angle_rad: float, rig: str | Path, backend: str, out: Path
 ) -> dict[str, Any]:
     """Read an encoder at reference angles, up and down; write the rig file ``out`` and a record beside it.
 
