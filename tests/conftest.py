@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from hypothesis import configuration, settings
 
+import model
+from model.kernels.lanes.width import LANES, lanes_pay
 from model.kernels.once import alone
 from tests.command_line import run
 
@@ -32,6 +34,8 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     named = config.args_source is pytest.Config.ArgsSource.ARGS
     watched = option.collectonly or option.usepdb or option.capture == "no"
     if not named and not watched and option.numprocesses is None and option.dist == "no":
+        # several threads of several processes on as many processors wait for each other, and spin while they do
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         option.numprocesses, option.dist = min(PROCESSES, os.cpu_count() or 1), "worksteal"
 
 
@@ -42,6 +46,27 @@ def pytest_configure(config: pytest.Config) -> None:
     own = tempfile.TemporaryDirectory(prefix="hypothesis-")
     configuration.set_hypothesis_home_dir(own.name)
     config.add_cleanup(own.cleanup)
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Of two processes of a run, let one compile the step loops, the other the printed action: nobody waits.
+
+    Nearly every file needs them, and both would begin with the same.
+    """
+    worker = getattr(session.config, "workerinput", {}).get("workerid")
+    if worker == "gw0":
+        from model.integrators.lanes.rosenbrock import loop_in_lanes  # its import compiles the loop of one run
+
+        if lanes_pay():
+            loop_in_lanes(LANES)
+    elif worker == "gw1":
+        from model.kernels.codegen.load import kernels_of, lane_kernels_of
+        from model.scene.build import build_scene
+
+        tables = build_scene(model.load_action(), model.SceneChoice()).tables
+        kernels_of(tables)
+        if lanes_pay():
+            lane_kernels_of(tables, LANES)
 
 
 @pytest.fixture(scope="session")
