@@ -175,7 +175,7 @@ class Stulov:
 
 @dataclass(frozen=True)
 class Hysteresis:
-    """f(x) (1 + sum of beta z) with dz = (dx - |dx| z) / (eta x): a loop of the same area at any speed.
+    """f(x) (1 + sum of beta z) with ``dz = (dx - |dx| z) / (eta x)``: a loop of the same area at any speed.
 
     Several memories side by side give minor loops of several widths. On the way in from first touch z is 1, and after
     turning at x_m it is 2 (x / x_m)^(1/eta) - 1. A felt that parted has forgotten: it does not recover slowly.

@@ -2,7 +2,7 @@
 
 Numba's own cache watches one file only: a caller in another file keeps using an old callee and silently
 returns wrong numbers. The cache folder is therefore keyed by a SHA-256 over all sources that
-kernels are made of, the versions of Python, numba and numpy, and the processor.
+kernels are made of, the versions of Python, numba and numpy, and the processor they are compiled for.
 Any change of any kernel compiles all of them once (about 20 s) into a new folder.
 Where no user cache can be written, kernels are compiled in memory only.
 """
@@ -21,6 +21,7 @@ from typing import Any
 import numba
 import numpy as np
 from llvmlite import binding
+from numba.core import codegen
 from numba.core import config as _config
 
 from model.kernels.once import alone
@@ -36,15 +37,24 @@ def kernel_sources() -> list[Path]:
     return sorted([*_PACKAGE.glob("kernels/**/*.py"), *_PACKAGE.glob("integrators/**/*.py")])
 
 
+def target() -> tuple[str, str]:
+    """Name and features of the processor that numba compiles for: this one, unless ``NUMBA_CPU_*`` name another."""
+    name, features = numba_config.CPU_NAME, numba_config.CPU_FEATURES
+    return (
+        binding.get_host_cpu_name() if name is None else name,
+        codegen.get_host_cpu_features() if features is None else features,
+    )
+
+
 def cache_key() -> str:
-    """Digest of all kernel sources, versions and the processor, as 16 hexadecimal digits."""
+    """Digest of all kernel sources, versions and the processor compiled for, as 16 hexadecimal digits."""
     digest = hashlib.sha256()
     for part in (
         sys.version,
         numba.__version__,
         np.__version__,
         platform.machine(),
-        binding.get_host_cpu_name(),
+        *target(),
     ):
         digest.update(part.encode())
     for path in kernel_sources():

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ LIMIT = 4.0
 """Parameters stay within so many standard deviations of their priors."""
 MOST_RUNS = 25
 
+T = TypeVar("T")
 Predict = Callable[[Array, Stroke, Array | None], Array]
 """Displacement of the hammer (n,), m, for parameters (p,) and a stroke, the key's displacement given or measured."""
 
@@ -55,7 +57,7 @@ class Fit:
 def of_model(action: model.Action) -> Predict:
     """The full model under test as a prediction of all free parameters."""
 
-    nominal = Nominal.of(action)
+    nominal = _known(action, Nominal.of)
 
     def predict(z: Array, stroke: Stroke, displacement_m: Array | None) -> Array:
         sensing = _sensing(nominal, z, stroke)
@@ -66,12 +68,20 @@ def of_model(action: model.Action) -> Predict:
 
 def of_null(action: model.Action) -> Predict:
     """The null model as a prediction of the sensors' parameters alone."""
-    null, nominal = NullAction.of(action), Nominal.of(action)
+    nominal, null = _known(action, Nominal.of), _known(action, NullAction.of)
 
     def predict(z: Array, stroke: Stroke, displacement_m: Array | None) -> Array:
         return predict_null(null, stroke, _sensing(nominal, z, stroke), displacement_m)
 
     return predict
+
+
+def _known(action: model.Action, of: Callable[[model.Action], T]) -> T:
+    """What is known of an action before any stroke; one line where it does not even rest."""
+    try:
+        return of(action)
+    except model.ModelError as error:
+        raise ValidationInputError(f"{action.name}: the model cannot run ({error}); use another action") from None
 
 
 def _sensing(nominal: Nominal, z: Array, stroke: Stroke) -> Sensing:

@@ -11,10 +11,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import model
+from model.errors import ModelError
 from model.force_driven import simulate as own_simulate
 from validation.cache.content_hash import code_sha256
 from validation.cache.result_store import ResultStore
 from validation.conventions import Array
+from validation.errors import ValidationInputError
 from validation.measurement.geometry import ActionGeometry, geometry_of
 
 RIVALS = ("null", "raw_force")
@@ -117,8 +119,20 @@ class ModelUnderTest:
         return (self.stand_ins.rest_state or model.rest_state)(action, force_n=preload_n)
 
     def geometry_at(self, preload_n: float) -> ActionGeometry:
-        """Geometry under a preload."""
-        return self.load(preload_n).geometry
+        """Geometry under a preload.
+
+        Raises
+        ------
+        ValidationInputError
+            The action does not rest under it: then no trial can be read with it.
+        """
+        try:
+            return self.load(preload_n).geometry
+        except ModelError as error:
+            raise ValidationInputError(
+                f"{self.action.name}: the model cannot run from rest under {preload_n:g} N on the key ({error}); "
+                "use other values with --set"
+            ) from None
 
 
 def model_version(predict: Callable[..., model.Solution]) -> str:

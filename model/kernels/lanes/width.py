@@ -1,11 +1,11 @@
-"""How many members advance side by side, and whether this processor gains by it."""
+"""How many members advance side by side, and whether the processor that kernels are compiled for gains by it."""
 
 from __future__ import annotations
 
 import sys
 from functools import cache
 
-from llvmlite import binding
+from model.kernels.compile import target
 
 # doubles in a register of AVX-512. With AVX2 a row takes two registers, still a third faster than rows of four:
 # what is done lane by lane around the arithmetic is shared by more members
@@ -14,8 +14,6 @@ LANES = 8
 
 @cache
 def lanes_pay() -> bool:
-    """Whether this processor has vectors wide enough, and multiplies and adds in one: AVX-512, or AVX2 with FMA."""
-    if sys.maxsize < 2**32:
-        return False
-    features = binding.get_host_cpu_features()
-    return bool(features.get("avx512f") or (features.get("avx2") and features.get("fma")))
+    """Whether the target has vectors wide enough, and multiplies and adds in one: AVX-512, or AVX2 with FMA."""
+    features = target()[1].split(",")
+    return sys.maxsize > 2**32 and ("+avx512f" in features or {"+avx2", "+fma"} <= set(features))

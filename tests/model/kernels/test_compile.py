@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 import model
-from model.kernels.compile import kernel_sources
+from model.kernels.compile import cache_key, kernel_sources, numba_config
+from model.kernels.lanes.width import lanes_pay
 
 CODE = """
 import numpy as np, model
@@ -59,3 +60,30 @@ def test_every_compiled_module_of_the_step_loop_is_among_the_hashed_sources() ->
     for path in [*package.glob("kernels/**/*.py"), *package.glob("integrators/**/*.py")]:
         if any(word in path.read_text(encoding="utf-8") for word in compiled):
             assert path.relative_to(package).as_posix() in hashed
+
+
+AVX2 = "+avx2,+fma,+sse4.2"
+
+
+@pytest.mark.parametrize(
+    ("name", "features", "pays"),
+    [
+        ("nehalem", "+sse4.2,+popcnt", False),
+        ("generic", "", False),
+        ("haswell", AVX2, True),
+        ("haswell", "+avx2", False),  # no multiply-add
+        ("skylake-avx512", "+avx512f", True),
+        ("znver4", f"{AVX2},-avx512f", True),
+        ("ivybridge", "+avx,-avx2,-fma", False),
+    ],
+)
+def test_lanes_and_cache_follow_the_processor_that_is_compiled_for(
+    name: str, features: str, pays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keys = set()
+    for cpu_name, more in ((name, ""), (name, ",+aes"), ("x86-64", "")):
+        monkeypatch.setattr(numba_config, "CPU_NAME", cpu_name)
+        monkeypatch.setattr(numba_config, "CPU_FEATURES", features + more)
+        keys.add(cache_key())
+        assert lanes_pay.__wrapped__() is pays
+    assert len(keys) == 3

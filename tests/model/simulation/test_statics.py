@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import model
+from model.simulation import statics
+from model.simulation.statics import NO_REST
 from model.verification.reference_equations import Twin
 
 # Static balance of the printed parameters, found independently by two implementations (hand-written
@@ -55,3 +58,64 @@ def test_without_hammer_rest_the_hammer_lies_on_the_knuckle(action: model.Action
 def test_input_must_be_finite(action: model.Action) -> None:
     with pytest.raises(model.InputError, match="finite"):
         model.rest_state(action, float("nan"))
+
+
+def stiffnesses(action: model.Action) -> dict[str, float]:
+    """Every felt without stiffness."""
+    return {p: 0.0 for p, q in action.quantities.items() if ".normal." in p and q.unit.startswith("N")}
+
+
+@pytest.mark.parametrize("input_n", [0.0, 0.5])
+@pytest.mark.parametrize("g", [0.0, 1e-12])
+def test_without_weight_nothing_rests_and_one_line_says_it(action: model.Action, g: float, input_n: float) -> None:
+    with pytest.raises(model.StaticsError) as error:
+        model.rest_state(action.with_values({"gravity.g": g}), input_n)
+    assert str(error.value) == NO_REST
+
+
+def test_without_felt_nothing_rests_and_one_line_says_it(action: model.Action) -> None:
+    with pytest.raises(model.StaticsError) as error:
+        model.rest_state(action.with_values(stiffnesses(action)))
+    assert str(error.value) == NO_REST
+
+
+def test_a_felt_that_only_touches_holds_nothing(action: model.Action) -> None:
+    """Without weight a hammer that just touches is held by the stiffness there, and pressed by nothing."""
+    at_rest = model.rest_state(action)
+    scene = model.build_scene(action.with_values({"gravity.g": 0.0}))
+    for k in range(8):
+        start = at_rest.angle_rad.copy()
+        start[4] += 1e-9 * k  # rounding of another processor, and more
+        with pytest.raises(model.StaticsError):
+            statics.solve_rest(scene, 0.0, start)
+
+
+@pytest.mark.parametrize("g", [0.01, 1.6, 9.81, 100.0])
+def test_little_weight_is_enough(action: model.Action, g: float) -> None:
+    light = action.with_values({"gravity.g": g})
+    residual, _ = Twin(light).forces_and_mass(model.rest_state(light).angle_rad, np.zeros(5), 0.0)
+    assert np.abs(residual).max() < 1e-10
+
+
+def test_which_rest_is_found_off_a_saddle_does_not_hang_on_the_sign_of_an_eigenvector(
+    action: model.Action, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = model.build_scene(action.with_values({f"contact{c:02d}": 0 for c in (6, 7, 11, 12, 13)}))
+    start = np.array(model.rest_state(action).angle_rad)
+    upright = np.arctan2(action["hammer.center_of_mass.x"], action["hammer.center_of_mass.y"])
+
+    def moment(turn: float) -> float:
+        return float(statics.balance(scene, np.append(start[:4], turn), 0.0)[0][4])
+
+    start[4] = brentq(moment, upright - 0.1, upright + 0.1, xtol=1e-15)  # stands on its pivot: it may fall either way
+    found, eigh = [], np.linalg.eigh
+    for sign in (1.0, -1.0):
+
+        def other(matrix: np.ndarray, sign: float = sign) -> tuple[np.ndarray, np.ndarray]:
+            value, axes = eigh(matrix)
+            return value, sign * axes
+
+        monkeypatch.setattr(np.linalg, "eigh", other)
+        found.append(statics.solve_rest(scene, 0.0, start, held=(0, 1, 2, 3))[4])
+    assert abs(found[0] - start[4]) > 1.0  # it fell
+    assert found[0] == pytest.approx(found[1], abs=1e-9)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import model
+from rig.session import Session
 from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
@@ -24,6 +25,8 @@ from validation.identification.runs.own import Own
 from validation.identification.sources import _names, _refuse_other_actions, collect
 from validation.identification.unknowns.naming import expand
 from validation.identification.unknowns.priors import unknowns
+from validation.pipeline.compare_session import compare_session
+from validation.positions.identify import of_null
 
 SESSIONS = Path(__file__).parents[3] / "sessions"
 ACTION = model.load_action()
@@ -56,7 +59,12 @@ def test_a_set_without_a_rest_state_is_refused_in_one_line() -> None:
     floating = ACTION.with_values({"gravity.g": 0.0})
     with pytest.raises(ValidationInputError, match="the model cannot run .*; use other values with --set") as error:
         identify([SESSIONS / "example_forte"], ["hammer.joint_friction"], floating, fixed=("*",), phases=5)
-    refused(error)
+    said = refused(error)
+    with pytest.raises(ValidationInputError) as error:  # a comparison says the same
+        compare_session(Session.open(SESSIONS / "example_forte"), floating, budget=False, suspect=False)
+    assert refused(error) == said
+    with pytest.raises(ValidationInputError, match="hirschkorn2004: the model cannot run .*; use another action"):
+        of_null(floating)
 
 
 def test_a_pattern_leaves_out_what_the_geometry_fixes_and_fix_does_not() -> None:
