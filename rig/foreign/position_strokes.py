@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 SUSTAINED_S = 2e-3
 """How long a departure must hold: a spike is no stroke."""
+FIRST_S = 0.01
+"""Rest by which it is told when the first stroke leaves it, where it does so within the time kept before a stroke."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,10 @@ def cut_strokes(
         ``pre_s`` between them are one trial: the second would have no rest to begin from.
     """
     share = displacement / travel
-    level = np.median(share[: max(int(pre_s * rate_hz), 1)], axis=0)
+    pre = max(int(pre_s * rate_hz), 1)
+    level = np.median(share[: max(round(FIRST_S * rate_hz), 1)], axis=0)
+    if not np.any(np.abs(share[:pre] - level) > trigger):
+        level = np.median(share[:pre], axis=0)
     if np.any(level > trigger):  # begins within a stroke: rest is where the sensors are lowest
         level = np.percentile(share, 2.0, axis=0)
     away = np.any(np.abs(share - level) > trigger, axis=1)
@@ -69,7 +74,7 @@ def cut_strokes(
         reason = ""
         if end + rest > len(share):
             reason = "the recording ends during this stroke"
-        elif begin < SUSTAINED_S * rate_hz or (not k and begin < rest):
+        elif begin < SUSTAINED_S * rate_hz:
             reason = "the recording begins during this stroke"
         cuts.append(Cut(min(first, begin), begin, min(end + rest, after, len(share)), reason))
     return cuts

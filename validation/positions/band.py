@@ -19,13 +19,11 @@ import numpy as np
 import model
 from validation.conventions import Array
 from validation.positions.identify import Predict
-from validation.positions.measured import Stroke
+from validation.positions.measured import NORMAL, Stroke
 from validation.positions.phases import PHASES, phases
 
 LEVEL = 0.95
 DRAWS, SEED = 9, 19
-NORMAL = 1.4826
-"""Standard deviation of a normal distribution over its median departure."""
 WHOLE = "whole"
 """The number for the whole stroke, beside those of the phases."""
 
@@ -83,8 +81,9 @@ class PredictedStroke:
 def spread(stroke: Stroke, predict: Predict, z: Array, prediction: Array) -> Array:
     """Standard uncertainty u(t) (n,), m, of a prediction beside what the model lacks, without floor.
 
-    The ensemble draws calibrations of the key; its spread is the median departure, so that a draw in which the hammer
-    goes another way (is not caught, say) does not set it. What other strokes would have made of the parameters is in q.
+    The ensemble draws calibrations and rests of the key; its spread is the median departure, so that a draw in which
+    the hammer goes another way (is not caught, say) does not set it. What other strokes would have made of the
+    parameters is in q.
     """
     random = np.random.default_rng(SEED)
     away = []
@@ -94,7 +93,7 @@ def spread(stroke: Stroke, predict: Predict, z: Array, prediction: Array) -> Arr
         except model.ModelError:
             continue
     drawn = NORMAL * np.median(away, axis=0) if away else np.zeros(prediction.size)
-    return np.hypot(drawn, stroke.hammer.position.u_calibration_m)
+    return np.hypot(drawn, np.hypot(stroke.hammer.position.u_calibration_m, stroke.hammer.u_zero_m))
 
 
 def calibrate(strokes: Sequence[PredictedStroke]) -> Calibration:

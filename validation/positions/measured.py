@@ -11,16 +11,23 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rig.errors import RigError
 from rig.session import Session, TrialData
+from rig.session.channel_info import ChannelInfo
 from rig.session.ruler import Position, ruler_curve
 from validation.conventions import Array
 from validation.errors import TrialError, ValidationInputError
 
 QUIET_S = 0.25
-"""What is taken for rest before the stroke; at least half of it must be there."""
+"""What is taken for rest before the stroke, at most; at least a period of the mains, over which hum has no mean."""
+STILL_SIGMA = 5.0
+NORMAL = 1.4826
+"""Standard deviation of a normal distribution over its median departure."""
+LEAST_SPAN = 1e-4
+"""Of the ruler's readings: a departure by less is none, where neither noise nor rounding is stated."""
+FEWEST = 16
+"""Samples of rest, at least: twice as many as a level and its hum have numbers."""
 HARMONICS = 3
 NOISE_M = {"key": 2e-5, "hammer": 4e-5}
 """Noise down to which a sample is averaged with its neighbours."""
@@ -42,20 +49,25 @@ class Measured:
         Length of the ruler, m.
     zero_reading : float
         What the reading at rest had drifted by.
+    u_zero_m : ndarray, shape (n,)
+        Standard uncertainty of level and hum that a rest shorter than `QUIET_S` leaves beyond those of a whole one, m:
+        one error for all samples. What a whole rest leaves is in the numbers of a band, which are learnt from such.
     """
 
     position: Position
     value_m: Array
     travel_m: float
     zero_reading: float
+    u_zero_m: Array
 
     def draw(self, random: np.random.Generator) -> Array:
-        """Displacement by another calibration that the ruler's uncertainty allows, m, zero at rest."""
+        """Displacement by another calibration and rest that their uncertainties allow, m, zero at rest."""
         curve = ruler_curve(self.position.ruler)
         order = np.argsort(curve.displacement_m)
         at = curve.displacement_m[order]
         away = (curve.drawn(random, curve.reading) - curve.displacement_m)[order]
-        return np.asarray(self.value_m + np.interp(self.value_m, at, away - away[0]))
+        zero = random.spawn(1)[0].standard_normal() * self.u_zero_m
+        return np.asarray(self.value_m + np.interp(self.value_m, at, away - away[0]) + zero)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,32 +145,64 @@ def _measure(data: TrialData, name: str, body: str) -> Measured:
     k = [channel.name for channel in data.channels].index(name)
     info, reading = data.channels[k], data.channel_values
     assert info.ruler is not None and reading is not None
-    quiet = (data.time_s < min(QUIET_S, data.blow_start_s)) & (data.time_s <= QUIET_S)
-    if data.time_s[quiet].size * (1.0 / data.sample_rate_hz) < QUIET_S / 2:
+    mains_hz = float(data.provenance.get(MAINS, "60"))
+    quiet, needed = _rest(data, reading[:, k], info, 1.0 / mains_hz), round(data.sample_rate_hz / mains_hz)
+    if quiet < max(needed, FEWEST):
         raise TrialError(
-            f"{name}: {1e3 * data.blow_start_s:.0f} ms of rest before the stroke, {500 * QUIET_S:.0f} needed"
+            f"{name}: found {1e3 * quiet / data.sample_rate_hz:.0f} ms at rest, one period of the mains before the "
+            f"stroke; needed {1e3 * max(needed, FEWEST) / data.sample_rate_hz:.0f}, for in less than a period hum has "
+            "a level of its own; the stroke is left out"
         )
-    hum = mains_hum(data.time_s, reading[:, k], quiet, float(data.provenance.get(MAINS, "60")))
-    ruler_zero = float(info.ruler.reading[0])
-    zero = float(np.median((reading[:, k] - hum)[quiet])) - ruler_zero
+    hum, u_reading = mains_hum(data.time_s, reading[:, k], quiet, mains_hz)
+    lacking = max(1.0 - quiet / (QUIET_S * data.sample_rate_hz), 0.0)
+    zero = float(np.median((reading[:, k] - hum)[:quiet])) - float(info.ruler.reading[0])
     values = reading.copy()
     values[:, k] -= hum
     position = replace(data, channel_values=values).position(name, zero)
     value = smoothed(position.displacement_m, position.u_noise_m, NOISE_M[body])
-    value = value - float(np.median(value[quiet]))
-    return Measured(position, value, position.travel_m, zero)
+    value = value - float(np.median(value[:quiet]))
+    slope = np.abs(ruler_curve(info.ruler, name).slope(values[:, k] - zero))
+    return Measured(position, value, position.travel_m, zero, np.sqrt(lacking) * u_reading * slope)
 
 
-def mains_hum(time_s: Array, reading: Array, quiet: NDArray[np.bool_], mains_hz: float) -> Array:
-    """Hum of a reading (n,): sinusoids of the mains and its harmonics, fitted where it is quiet."""
+def _rest(data: TrialData, reading: Array, info: ChannelInfo, period_s: float) -> int:
+    """Number of samples at rest with which a trial begins.
 
-    def waves(t: Array) -> Array:
-        turns = [2.0 * np.pi * mains_hz * k * t for k in range(1, HARMONICS + 1)]
-        return np.column_stack([wave(turn) for turn in turns for wave in (np.sin, np.cos)])
+    Rest ends a period of the mains before the trigger, or before the mean over a period, which holds no hum, leaves
+    that of the first period for good by more than its noise and the ruler explain.
+    """
+    assert info.ruler is not None
+    time_s, step = data.time_s, 1.0 / data.sample_rate_hz
+    end = int(np.count_nonzero(time_s < data.blow_start_s))
+    summed = np.concatenate([[0.0], np.cumsum(0.5 * step * (reading[1:] + reading[:-1]))])
+    at = time_s[:end][time_s[:end] >= period_s]
+    if not at.size:
+        return 0
+    mean = (np.interp(at, time_s, summed) - np.interp(at - period_s, time_s, summed)) / period_s
+    bend = np.abs(np.diff(reading[:end], 2))  # of white noise six times its variance, of hum and drift next to nothing
+    noise = max(NORMAL * float(np.median(bend)) / np.sqrt(6.0), info.u_noise) if bend.size else info.u_noise
+    unsure = max(info.ruler.u_reading, LEAST_SPAN * float(np.ptp(info.ruler.reading)))
+    back = np.abs(mean - mean[0]) <= unsure + STILL_SIGMA * noise * np.sqrt(2.0 * step / period_s)
+    return int(np.count_nonzero(time_s < min(float(at[back][-1]) - period_s, QUIET_S)))
 
-    design = np.column_stack([np.ones(int(quiet.sum())), waves(time_s[quiet])])
-    fitted = np.linalg.lstsq(design, reading[quiet], rcond=None)[0]
-    return np.asarray(waves(time_s) @ fitted[1:])
+
+def _waves(time_s: Array, mains_hz: float) -> Array:
+    turns = [2.0 * np.pi * mains_hz * k * time_s for k in range(1, HARMONICS + 1)]
+    return np.column_stack([np.ones(time_s.size), *(wave(turn) for turn in turns for wave in (np.sin, np.cos))])
+
+
+def mains_hum(time_s: Array, reading: Array, quiet: int, mains_hz: float) -> tuple[Array, Array]:
+    """Hum of a reading (n,), sinusoids of the mains and its harmonics fitted to the first ``quiet`` samples.
+
+    And the standard uncertainty (n,) of hum and level together.
+    """
+    design = _waves(time_s, mains_hz)
+    still = design[:quiet]
+    fitted = np.linalg.lstsq(still, reading[:quiet], rcond=None)[0]
+    left = reading[:quiet] - still @ fitted
+    variance = float(left @ left) / max(quiet - fitted.size, 1)
+    u = np.sqrt(variance * np.einsum("ij,jk,ik->i", design, np.linalg.pinv(still.T @ still), design))
+    return design[:, 1:] @ fitted[1:], u
 
 
 def smoothed(value: Array, u_noise: Array, wanted: float) -> Array:

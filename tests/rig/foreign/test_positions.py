@@ -19,6 +19,7 @@ from rig.session.channel_info import ChannelInfo
 from rig.session.ruler import ABOVE, BELOW, position_of, ruler_curve
 from rig.session.ruler_info import RulerInfo
 from tests.command_line import run
+from validation.positions.measured import measure_positions
 
 RATE = 2000.0
 RULER_M = np.linspace(0.0, 0.010, 11)
@@ -213,6 +214,33 @@ def test_a_stroke_that_is_cut_off_is_kept_and_named(tmp_path, capsys) -> None:
     assert (data.status, data.reason) == ("incomplete", "the recording ends during this stroke")
     begun = cut_strokes(strokes(time_s, (-0.2,))[:, None], np.array([0.01]), RATE, trigger=0.1, pre_s=0.3, rest_s=0.1)
     assert begun[0].cut_off == "the recording begins during this stroke"
+
+
+@pytest.mark.parametrize("length_s", [0.1, 0.4, 1.2])
+@pytest.mark.parametrize("start_s", [0.01, 0.02, 0.04, 0.062, 0.1, 0.14, 0.2, 0.29])
+def test_a_stroke_soon_after_the_start_is_whole_and_begins_where_it_does(start_s: float, length_s: float) -> None:
+    time_s = np.arange(int(5.0 * RATE)) / RATE
+    x = strokes(time_s, (start_s, start_s + length_s + 0.5), length_s) + 0.0004  # the sensors have drifted
+    share = (x - 0.0004) / 0.01
+    first, second = cut_strokes(x[:, None], np.array([0.01]), RATE, trigger=0.15, pre_s=0.3, rest_s=0.12)
+    assert (first.first, first.cut_off, second.cut_off) == (max(first.trigger - 600, 0), "", "")
+    for cut, begin in ((first, 0), (second, round((start_s + length_s + 0.2) * RATE))):
+        assert abs(cut.trigger - begin - np.argmax(share[begin:] > 0.15)) <= 1
+
+
+@pytest.mark.parametrize("start_s", [0.02, 0.04, 0.062, 0.1, 0.2])
+def test_a_recording_with_a_short_rest_is_compared_as_far_as_its_rest_can_be_seen(tmp_path, start_s: float) -> None:
+    time_s = np.arange(int(2.5 * RATE)) / RATE
+    x = strokes(time_s, (start_s, 1.2))
+    session = import_text(tmp_path, mapping(), write(tmp_path / "soon.csv", x, 0.9 * x, time_s))
+    found = measure_positions(session)
+    assert [stroke.number for stroke in found.strokes] == ([1, 2] if start_s > 0.03 else [2])
+    assert all("\n" not in why and "at rest" in why for why in found.refused.values())
+    for stroke in found.strokes:
+        first = round(float(session.trial(stroke.number).read().provenance["source_start_s"]) * RATE)
+        true = x[first : first + stroke.time_s.size]
+        assert np.abs(stroke.key.value_m - true).max() < 2e-4
+        assert np.all(stroke.key.u_zero_m < 1e-4)
 
 
 @pytest.mark.parametrize(("apart_s", "trials"), [(0.2, 1), (0.35, 2)])

@@ -25,7 +25,7 @@ def sensor(body: str, value_m, travel_m) -> Measured:
     ruler = RulerInfo(body, "a", "b", (0.0, 0.3, 0.6, 1.0), tuple(travel_m * np.array([0.0, 0.3, 0.6, 1.0])), 1e-5)
     none = np.zeros(value_m.size)
     held = Position(body, ruler, none, value_m, none, none, none.astype(np.uint8), "")
-    return Measured(held, held.displacement_m, travel_m, 0.0)
+    return Measured(held, held.displacement_m, travel_m, 0.0, none)
 
 
 @pytest.fixture(scope="module")

@@ -72,9 +72,50 @@ def test_a_trial_without_a_hammer_is_named() -> None:
         measure_stroke(alone)
 
 
-def test_a_trial_without_rest_is_named() -> None:
-    with pytest.raises(TrialError, match="50 ms of rest before the stroke, 125 needed"):
-        measure_stroke(dataclasses.replace(trial(), blow_start_s=0.05))
+def begun(start_s: float, seed: int, hum: float = 0.004, rise_s: float = 0.03) -> tuple[TrialData, np.ndarray]:
+    """A trial whose stroke leaves its rest at a time, and the true displacement of its key."""
+    key_m = 0.009 * np.clip((TIME_S - start_s) / rise_s, 0, 1) * (1 - np.clip((TIME_S - start_s - 0.4) / 0.05, 0, 1))
+    extra = 0.02 + hum * np.sin(2 * np.pi * 50.0 * TIME_S + seed)
+    triggered = float(TIME_S[np.argmax(key_m > 0.15 * RULER_M[-1])])
+    return dataclasses.replace(trial(key_m, 0.8 * key_m, extra, seed), blow_start_s=triggered), key_m
+
+
+@pytest.mark.parametrize("start_s", [0.04, 0.05, 0.062, 0.1, 0.2])
+def test_a_short_rest_is_used_with_the_uncertainty_that_it_leaves(start_s: float) -> None:
+    errors, stated = [], []
+    for seed in range(20):
+        data, key_m = begun(start_s, seed)
+        stroke = measure_stroke(data)
+        held = (key_m > 0.0045) & (start_s + 0.05 < TIME_S) & (start_s + 0.35 > TIME_S)
+        errors.append((stroke.key.value_m - key_m)[held].mean())
+        stated.append(stroke.key.u_zero_m[held].mean())
+        assert abs(stroke.key.zero_reading - 0.02) < 0.002
+    u = float(np.hypot(np.mean(stated), stroke.key.position.u_calibration_m[held].mean()))
+    assert np.sqrt(np.mean(np.square(errors))) < 2.0 * u < 2e-3
+
+
+def test_the_shorter_the_rest_the_larger_its_uncertainty() -> None:
+    u = [measure_stroke(begun(start, 3)[0]).key.u_zero_m.max() for start in (0.04, 0.1, 0.2)]
+    assert u[0] > 1.3 * u[1] > 1.6 * u[2] > 0
+    assert measure_stroke(begun(0.35, 3)[0]).key.u_zero_m.max() < 1e-6  # a whole rest
+
+
+@pytest.mark.parametrize("rise_s", [0.01, 0.03, 0.3, 1.0])
+@pytest.mark.parametrize("start_s", [0.0, 0.005, 0.01, 0.02])
+def test_a_stroke_without_a_period_of_rest_is_left_out_and_says_why(start_s: float, rise_s: float) -> None:
+    for seed in range(10):
+        with pytest.raises(TrialError, match="at rest, one period .*; needed 20, .* is left out") as e:
+            measure_stroke(begun(start_s, seed, rise_s=rise_s)[0])
+        assert "\n" not in str(e.value)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_slow_press_is_not_taken_for_rest(seed: int) -> None:
+    data, key_m = begun(0.062, seed, hum=0.001, rise_s=1.0)
+    assert data.blow_start_s > 0.2  # most of what comes before the trigger is motion
+    stroke = measure_stroke(data)
+    assert np.abs((stroke.key.value_m - key_m)[:120]).max() < 4e-4
+    assert abs((stroke.key.value_m - key_m)[600:800].mean()) < 2.5e-4
 
 
 def test_another_calibration_stays_within_its_uncertainty() -> None:
