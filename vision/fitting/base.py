@@ -28,7 +28,8 @@ class Fit:
     ``covariance`` (3, 3) is from this frame's noise only, in rad and px. ``zncc`` is the correlation of fitted and
     observed grey values over the pixels in use, ``inlier`` the fraction of the template's pixels that agree with the
     fit, ``seen`` the fraction that is inside the picture and not covered. Where ``converged`` is False the other values
-    mean nothing. ``coherence`` tells how far the residuals are from white noise.
+    mean nothing. ``coherence`` tells how far the residuals are from white noise; ``level`` is the mean grey value of
+    the pixels in use, where it is known.
     """
 
     pose: NDArray[np.float64]
@@ -41,6 +42,7 @@ class Fit:
     iterations: int
     converged: bool
     coherence: Ratios = UNKNOWN
+    level: float = math.nan
 
 
 FAILED = Fit(np.full(3, np.nan), np.full((3, 3), np.nan), 0.0, 0.0, 0.0, np.nan, np.nan, 0, False)

@@ -22,6 +22,10 @@ from vision.fitting.template import TILE_PX
 BLOCK_PX = (TILE_PX, 2 * TILE_PX, 4 * TILE_PX)
 """Sides of the blocks."""
 N_LEVELS = len(BLOCK_PX)
+N_PARAMETERS = 5
+LEAST_BLOCKS = N_PARAMETERS + 3
+"""The fit makes the sums of all blocks vanish in as many directions as it has parameters; of fewer blocks too little is
+left to tell anything."""
 
 
 class Ratios(NamedTuple):
@@ -47,9 +51,12 @@ def blocks_of(offset_px: NDArray[np.float32]) -> Blocks:
         for step in (side // TILE_PX for side in BLOCK_PX)
     ]
     groups = np.array(numbers, dtype=np.int32)
-    # the scores of all blocks add up to zero in five directions
     count = groups.max(axis=1) + 1.0
-    return Blocks(first, groups, np.maximum(1.0 - 5.0 / count, 0.2))
+    for level in range(1, N_LEVELS):
+        if count[level] < LEAST_BLOCKS:  # a small body has nothing so large: the largest it has stands for them
+            groups[level], count[level] = groups[level - 1], count[level - 1]
+    # where not even the smallest tell anything their ratio is zero
+    return Blocks(first, groups, np.where(count < LEAST_BLOCKS, np.inf, 1.0 - N_PARAMETERS / count))
 
 
 def ratios_of(

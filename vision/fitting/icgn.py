@@ -278,6 +278,7 @@ class IcgnFitter:
             iterations=found.iterations,
             converged=True,
             coherence=coherence,
+            level=sums.value / max(sums.weight, 1.0),
         )
 
     def _assess_at_length(self, found: RigidFit, variance: float) -> tuple[NDArray[np.float64], Ratios]:

@@ -28,6 +28,8 @@ FIRST_GROWTH = 3.0
 """The second frame may differ from the first by this much more than the first's roughness."""
 TEXTURE_SHARE = 0.4
 """A still frame may also differ by this share of the texture's contrast; finer motion is left to the poses."""
+COMPARED = 9
+"""Frames compared of a film without still ones."""
 GREY_FLOOR = 0.4
 """Allowance for rounding to whole grey values, grey of the stored depth."""
 
@@ -109,8 +111,30 @@ def average_still_frames(
         count += 1
         mean = total.reshape(-1)[pixels].astype(float) / count
     # a camera that shakes makes frames differ by more than their noise, of which the roughness is an upper estimate
-    noise = min(float(np.sqrt(np.mean(variances))), spatial) if variances else spatial
+    noise = min(float(np.sqrt(np.mean(variances))) if variances else _noise_at_rest(film, mean), spatial)
     return Reference(total / np.float32(count), count, noise, saturated)
+
+
+def _noise_at_rest(film: FrameSource, grey: NDArray[np.float64]) -> float:
+    """Noise of a film whose bodies never rest, from what does not move in it.
+
+    Neighbouring frames are compared where the picture is as bright as the bodies are, whose grey values are ``grey``;
+    what moves there is left out as outlying. Infinite where frames do not differ: then they do not show their noise.
+    """
+    low, high = np.percentile(grey, [5.0, 95.0])
+    before = film.read(0).astype(np.float32)
+    bright = (before >= low) & (before <= high)
+    found = []
+    for k in range(1, min(COMPARED, film.n_frames)):
+        frame = film.read(k).astype(np.float32)
+        off = (frame - before)[bright]
+        off, before = np.abs(off - np.mean(off)), frame
+        spread = float(np.median(off)) / 0.6745
+        for _ in range(2):
+            spread = float(np.sqrt(np.mean(off[off <= 3.0 * spread + GREY_FLOOR] ** 2)))
+        found.append(spread / np.sqrt(2.0))
+    noise = float(np.median(found))
+    return noise if noise > 0.0 else np.inf
 
 
 def _roughness(picture: NDArray[np.float32], region: NDArray[np.bool_]) -> float:

@@ -29,8 +29,9 @@ class FrameFlag(IntFlag):
     UNCONFIRMED = 128
     """The backward pass did not find the body where the forward pass had it."""
     IMPRECISE = 256
-    """The stated standard uncertainty is above 25 mdeg, where the 95 % interval reaches 0.05 degrees; or it is as in
-    `WIDENED` and the film cannot be trusted to show its errors (coarse steps of grey, a codec); not a failure."""
+    """The stated standard uncertainty is above 25 mdeg, where the 95 % interval reaches 0.05 degrees, and above twice
+    that of the body's best quarter of rows, or above half a pixel at its rim; or it is above 12.5 mdeg and the film
+    cannot be trusted to show its errors (coarse steps of grey, a codec); not a failure."""
     COVERED = 512
     """Something no outline describes hides part of the body, and a fit without that part did not confirm the pose; not
     a failure."""
@@ -40,8 +41,9 @@ class FrameFlag(IntFlag):
     """Fitted against a later frame of the film, which the still frames no longer resemble; its drift is in u; not a
     failure."""
     WIDENED = 4096
-    """The stated standard uncertainty is more than twice what texture and noise allow and above 12.5 mdeg, up to 25:
-    usable with that uncertainty, which covers what disturbs the row; not a failure."""
+    """The stated standard uncertainty is more than twice what texture and noise allow, and than that of the body's best
+    quarter of rows, and above 12.5 mdeg, up to 25: usable with that uncertainty, which covers what disturbs the row;
+    not a failure."""
 
 
 FAILURE = (

@@ -31,7 +31,10 @@ PRECISE_U_RAD = np.radians(0.05) / 4.0
 MOST_PRECISE_U_RAD = np.radians(0.05) / 2.0
 """Beyond this the 95 % interval is wider than 0.05 degrees to each side, whatever the texture."""
 USUAL_SHARE = 2.0
-"""A u up to this many times what texture and noise allow is the film's, not the row's."""
+"""A u up to this many times what texture and noise allow, or what the body's best quarter of rows has, is the film's,
+not the row's."""
+LINEAR_PX = 0.5
+"""Beyond this u at the rim of a body neighbouring places of a texture fit alike, and u tells too little."""
 
 
 def widened_from(predicted_u_rad: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -44,11 +47,20 @@ def _width_flags(
     ready: PreparedFilm, predicted_u_rad: NDArray[np.float64], u_rad: NDArray[np.float64]
 ) -> NDArray[np.uint16]:
     """`WIDENED` and `IMPRECISE` of standard uncertainties (n, m)."""
-    wide = u_rad > widened_from(predicted_u_rad)
     film_tells = np.array([not in_coarse_steps(template, ready.grey_step) for template in ready.templates])
-    usable = film_tells & (not ready.skips_blocks) & (u_rad <= MOST_PRECISE_U_RAD)
+    film_tells &= not ready.skips_blocks
+    usual = USUAL_SHARE * usual_u(u_rad)
+    linear = LINEAR_PX / np.array([template.radius_px for template in ready.templates])
+    limit = widened_from(predicted_u_rad)
+    wide = u_rad > np.where(film_tells, np.maximum(limit, np.minimum(usual, linear)), limit)
+    usable = film_tells & (u_rad <= MOST_PRECISE_U_RAD)
     widened, imprecise = np.uint16(int(FrameFlag.WIDENED)), np.uint16(int(FrameFlag.IMPRECISE))
     return np.where(wide, np.where(usable, widened, imprecise), np.uint16(0))
+
+
+def usual_u(u_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What the best quarter of a body's rows have at most, (m,); 0 where it is lost in all of them."""
+    return np.array([np.quantile(u[np.isfinite(u)], 0.25) if np.isfinite(u).any() else 0.0 for u in u_rad.T])
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,8 @@ MIN_ZNCC = 0.6
 """Least correlation on a film without noise; with noise, `EXPECTED_SHARE` of what it leaves of a perfect match."""
 EXPECTED_SHARE = 0.75
 CHANCE = 12.0
-"""A correlation below this over the root of the number of pixels may be chance: neighbouring pixels are alike."""
+"""A correlation may be chance whose Fisher transform is below this over the root of the number of pixels: neighbouring
+pixels are alike."""
 MIN_INLIER = 0.3
 MAX_JUMP_RAD = math.radians(8.0)
 MAX_JUMP_PX = 12.0
@@ -37,7 +38,12 @@ USUAL_SHARE = 0.85
 NOISE_ONLY = 1.15
 """Residuals up to this many times the noise of the still frames are taken for noise."""
 MIN_GAIN = 0.6
-"""Flicker changes the light by some per cent; where the contrast collapses another surface hides the body."""
+"""Flicker changes the light by some per cent; where the contrast changes more than by this factor, up or down, another
+surface may hide the body."""
+LEAST_LIGHT, SAME_LEVEL, SAME_INLIER = 0.25, 1.3, 0.9
+"""Unless only the light has changed, by the first factor at most: then the mean grey value has changed with the
+contrast (out of focus it does not), up to the second, and at least this share of the pixels agrees, as well as before.
+"""
 COVERED_SHARE = 0.1
 """Share of visible pixels that do not agree; noise alone makes 0.003."""
 FAR_EVERY = 3
@@ -75,7 +81,9 @@ class BodyTracker:
         # what noise left in the reference takes off the contrast in common with frames that are not part of it
         self.common_contrast = max(texture / max(float(np.var(template.columns[3])), 1e-9), LEAST_COMMON)
         expected *= math.sqrt(self.common_contrast)
-        self.least_zncc = max(min(MIN_ZNCC, EXPECTED_SHARE * expected), CHANCE / math.sqrt(template.n_pixels))
+        self._chance = math.tanh(CHANCE / math.sqrt(template.n_pixels))
+        self.least_zncc = max(min(MIN_ZNCC, EXPECTED_SHARE * expected), self._chance)
+        self._noise_share = template.noise_grey**2 / max(texture, 1e-9)
 
     @property
     def template(self) -> Template:
@@ -146,8 +154,9 @@ class BodyTracker:
             self.flag |= FrameFlag.COVERED
         self.lost_in_a_row = 0
         usual_zncc, usual_gain = self.usual.tolist()
-        self.usual[0] = fit.zncc if usual_zncc == 0.0 else 0.9 * usual_zncc + 0.1 * fit.zncc
-        self.usual[1] = usual_gain + 0.1 * (fit.gain - usual_gain)
+        is_new = usual_zncc == 0.0 or self._odd_gain(fit)  # a lamp that was switched stays as it is
+        self.usual[0] = fit.zncc if is_new else 0.9 * usual_zncc + 0.1 * fit.zncc
+        self.usual[1] = fit.gain if self._odd_gain(fit) else usual_gain + 0.1 * (fit.gain - usual_gain)
         self.place(step, fit.pose)
         return fit
 
@@ -210,10 +219,11 @@ class BodyTracker:
         flag = GOOD
         # residuals that are the still frames' noise need no better correlation, however low that noise makes it
         noise_only = fit.noise_grey <= NOISE_ONLY * self.template.noise_grey * max(fit.gain, 1.0)
-        usual = noise_only or fit.zncc >= USUAL_SHARE * self.usual_zncc
-        if not (fit.zncc >= self.least_zncc and usual):
+        other_light = self._odd_gain(fit) and self._is_itself(fit)
+        usual = noise_only or other_light or fit.zncc >= USUAL_SHARE * self.usual_zncc
+        if not (fit.zncc >= (self._chance if other_light else self.least_zncc) and usual):
             flag |= FrameFlag.LOW_CORRELATION
-        if not MIN_GAIN * self.common_contrast <= fit.gain / self.usual_gain <= 1.0 / MIN_GAIN / self.common_contrast:
+        if self._odd_gain(fit) and not other_light:
             flag |= FrameFlag.ODD_GAIN
         if not fit.inlier >= MIN_INLIER:
             flag |= FrameFlag.FEW_INLIERS
@@ -224,6 +234,22 @@ class BodyTracker:
         if not (math.isfinite(sum(map(sum, fit.covariance.tolist()))) and fit.covariance[0, 0] > 0.0):
             flag |= FrameFlag.NO_COVARIANCE
         return flag
+
+    def _odd_gain(self, fit: Fit) -> bool:
+        """Whether the contrast has changed by more than lamps usually do."""
+        least = MIN_GAIN * self.common_contrast
+        return not least <= fit.gain / self.usual_gain <= 1.0 / least
+
+    def _is_itself(self, fit: Fit) -> bool:
+        """Whether a fit of odd gain is as good as the body's would be, were it only lit otherwise: where light falls,
+        what is wrong with the fit falls with it, but the noise stays."""
+        if not (LEAST_LIGHT <= fit.gain / self.usual_gain <= 1.0 / LEAST_LIGHT and fit.inlier >= SAME_INLIER):
+            return False
+        if not 1.0 / SAME_LEVEL <= fit.level / (fit.gain * self.template.mean_grey) <= SAME_LEVEL:
+            return False
+        noise = self._noise_share * max(1.0 / fit.gain**2 - 1.0 / self.usual_gain**2, 0.0)
+        expected = 1.0 / math.sqrt(1.0 / (self.usual_zncc or 1.0) ** 2 + noise)
+        return fit.zncc >= USUAL_SHARE * expected
 
     def _parent_placement(self, step: int) -> Placement | None:
         """The parent's placement at this step; None without a parent or when the parent is lost."""

@@ -2,8 +2,10 @@
 
 Why backward: an object that slides over a body is partly taken for the body just before the fit breaks down, and every
 test on that frame alone may pass. The backward pass comes from the other side, with weights that grew on other frames.
-Where both agree the frame stands; where they do not, or the backward pass finds nothing, the frame is lost with the
-flag ``UNCONFIRMED``; where only the backward pass finds the body, its pose is taken, flagged ``REACQUIRED``.
+Where both agree the frame stands. Where they differ by less than `SAME_PX` both hold the same pixels of the texture:
+the better one stands, and their difference is in its uncertainty. Where they are further apart, or the backward pass
+finds nothing, the frame is lost with the flag ``UNCONFIRMED``; where only the backward pass finds the body, its pose is
+taken, flagged ``REACQUIRED``.
 """
 
 from __future__ import annotations
@@ -34,6 +36,9 @@ BEFORE, AFTER = 12, 4
 """Rows before and after a doubtful row that are confirmed with it."""
 INLIER_CHANGE = 0.12
 """Share of the pixels that may stop agreeing from one row to the next; more means that something covers the body."""
+
+SAME_PX = 0.5
+"""Furthest that two fits of the same pixels are apart at the rim of a body."""
 
 
 @dataclass(frozen=True)
@@ -197,5 +202,12 @@ def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px
     if forward_lost:
         table.copy_from(back, row, body)
         table.flag[row, body] |= np.uint16(int(FrameFlag.REACQUIRED))
-    elif backward_lost or not agree(table, row, back, row, body, radius_px):
-        table.reject(row, body, FrameFlag.UNCONFIRMED)
+        return
+    apart = table.pose[row, body] - back.pose[row, body]
+    if backward_lost or abs(apart[0]) * radius_px + np.hypot(apart[1], apart[2]) > SAME_PX:
+        if backward_lost or not agree(table, row, back, row, body, radius_px):
+            table.reject(row, body, FrameFlag.UNCONFIRMED)
+    elif not agree(table, row, back, row, body, radius_px):
+        if back.zncc[row, body] > table.zncc[row, body]:
+            table.copy_from(back, row, body)
+        table.covariance[row, body] += np.outer(apart, apart)

@@ -58,3 +58,18 @@ def test_average_and_its_noise() -> None:
     assert reference.noise_grey == pytest.approx(np.hypot(3.0, 1 / np.sqrt(12)), rel=0.03)
     expected = base * gain[:22].mean()
     assert np.sqrt(np.mean((reference.picture - expected) ** 2)) == pytest.approx(3.01 / np.sqrt(22), rel=0.05)
+
+
+@pytest.mark.parametrize("noise", [1.0, 3.0])
+def test_noise_of_a_film_that_never_rests(noise: float) -> None:
+    """A textured body moves by a pixel in each frame: the noise is found where nothing moves, not in its texture."""
+    rng = np.random.default_rng(6)
+    wall, body = rng.integers(60, 190, (80, 120)).astype(float), rng.integers(60, 190, (30, 40)).astype(float)
+    frames = np.repeat(wall[None], 12, axis=0)
+    for k, frame in enumerate(frames):
+        frame[25:55, 30 + k : 70 + k] = body
+    frames = np.rint(frames + noise * rng.standard_normal(frames.shape))
+    region = np.zeros(wall.shape, dtype=bool)
+    region[29:51, 34:66] = True
+    reference = average_still_frames(ArrayFilm(frames.astype(np.uint8), 1000.0), region, n_still=1)
+    assert reference.noise_grey == pytest.approx(np.hypot(noise, 1 / np.sqrt(12)), rel=0.06)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from tests.vision.motion import bar_motion, smooth_step
 from vision.angles import ccw_to_picture
@@ -18,7 +20,7 @@ from vision.fitting.icgn import IcgnFitter
 from vision.fitting.pose_covariance import cramer_rao_bound
 from vision.fitting.template import build_template
 from vision.reference.still_average import average_still_frames
-from vision.synthetic import Scene, total_noise
+from vision.synthetic import Scene, SyntheticBody, background, box, speckle, total_noise
 from vision.tracking.track_film import track_film
 
 MDEG = np.radians(1e-3)
@@ -210,3 +212,75 @@ def test_a_body_that_leaves_the_picture_and_returns_elsewhere(
     error = result.angle_rad[found, 0] - (pose[found, 0, 0] - pose[:12, 0, 0].mean())
     assert np.abs(error / result.u_angle_rad[found, 0]).max() < 5.0
     assert found[:15].all() and not found[30:38].any() and found[-2:].all()
+
+
+@pytest.mark.parametrize("texture", ["speckle", "wood"])
+@pytest.mark.parametrize("light", [0.4, 0.55, 1.6])
+def test_light_that_changes_at_once_and_stays_loses_no_frame(
+    bar_scene: Callable[[str], Scene],
+    film_of: Callable[..., object],
+    pivot: tuple[float, float],
+    texture: str,
+    light: float,
+) -> None:
+    """In the middle of the motion; then back again, so that both ways are taken both up and down."""
+    n = 70
+    pose, gain = bar_motion(n, pivot, 0.25), np.ones(n)
+    gain[30:55] = light
+    known = film_of(bar_scene(texture), pose, gain=gain)
+    result = track_film(known.film, known.bodies)
+    assert not result.failed.any()
+    z = (result.angle_rad[:, 0] - (pose[:, 0, 0] - pose[: result.n_still, 0, 0].mean())) / result.u_angle_rad[:, 0]
+    assert np.mean(np.abs(z) < 1.96) > 0.9 and np.abs(z).max() < 4.5
+    if light < 1.0:  # where it is darker there is less contrast over the same noise
+        ratio = np.median(result.u_angle_rad[32:54, 0]) / np.median(result.u_angle_rad[16:28, 0])
+        assert 0.85 < ratio * light < 1.15
+
+
+def test_light_that_changes_on_one_body_alone(film_of: Callable[..., object]) -> None:
+    """A lamp's edge falls between two bodies."""
+    n, change = 60, 32
+    ends = [box(-30.0, -20.0, 30.0, 20.0)] * 2
+    bodies = [
+        SyntheticBody(name, ends[k], speckle((-36.0, -26.0, 36.0, 26.0), 3 + k))
+        for k, name in enumerate(("lit", "dark"))
+    ]
+    scene = Scene(bodies, background(150, 210, 9))
+    s = smooth_step((np.arange(n) - 14) / 40.0)
+    pose = np.stack(
+        [np.column_stack([t * s, x + 4.0 * s, 70.0 + 5.0 * s]) for t, x in ((0.2, 55.0), (-0.15, 150.0))], 1
+    )
+
+    def half_dark(i: int, light: NDArray[np.float32]) -> None:
+        if i >= change:
+            light[:, 103:] *= np.float32(0.45)
+
+    known = film_of(scene, pose, cover=half_dark)
+    result = track_film(known.film, known.bodies)
+    assert not result.failed.any()
+    z = (result.angle_rad - (pose[..., 0] - pose[: result.n_still, :, 0].mean(axis=0))) / result.u_angle_rad
+    assert np.mean(np.abs(z) < 1.96) > 0.9 and np.abs(z).max() < 4.5
+
+
+def test_another_surface_is_not_taken_for_other_light(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
+) -> None:
+    """A board of another texture and half the contrast slides before the bar and stays: those frames are lost."""
+    n = 50
+    pose = bar_motion(n, pivot, 0.25)
+    board = 0.5 * one_picture(np.random.default_rng(8))
+
+    def hidden(i: int, light: NDArray[np.float32]) -> None:
+        if i >= 30:
+            light[:] = board
+
+    known = film_of(bar_scene("speckle"), pose, cover=hidden)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", VisionWarning)
+        result = track_film(known.film, known.bodies)
+    np.testing.assert_array_equal(result.failed[:, 0], np.arange(n) >= 30)
+
+
+def one_picture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Smooth noise as large as the pictures of the tests."""
+    return (110.0 + 250.0 * ndimage.gaussian_filter(rng.standard_normal((150, 210)), 2.0)).astype(np.float32)
