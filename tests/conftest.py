@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
+
+# before NumPy is loaded: with more threads than free processors, those of OpenBLAS spin while they wait for each other
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import hashlib
 import pickle
 import tempfile
 from collections.abc import Callable
@@ -34,8 +38,6 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     named = config.args_source is pytest.Config.ArgsSource.ARGS
     watched = option.collectonly or option.usepdb or option.capture == "no"
     if not named and not watched and option.numprocesses is None and option.dist == "no":
-        # several threads of several processes on as many processors wait for each other, and spin while they do
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         option.numprocesses, option.dist = min(PROCESSES, os.cpu_count() or 1), "worksteal"
 
 
