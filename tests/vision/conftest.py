@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from vision.bodies.outlines import Body
+from vision.errors import VisionWarning
 from vision.film.source import ArrayFilm
+from vision.results.track_result import TrackResult
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, wood_grain
+from vision.tracking.track_film import track_film
 
 HEIGHT, WIDTH = 150, 210
 PIVOT = (92.0, 96.0)
+STRESS = Path(__file__).resolve().parents[2] / "benchmarks" / "stress_films.py"
 
 
 @dataclass(frozen=True)
@@ -28,6 +38,7 @@ class KnownFilm:
     noise_grey: float
 
 
+@cache  # its textures are tabulated once
 def one_body_scene(texture: str, seed: int = 5) -> Scene:
     """A bar of 110 x 44 px on a background, its origin off its middle."""
     extent = (-36.0, -28.0, 86.0, 28.0)
@@ -66,6 +77,36 @@ def film_of() -> Callable[..., KnownFilm]:
         return KnownFilm(film, bodies, pose, scene.light(pose[0][None]), noise_grey)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def stress() -> ModuleType:
+    """The renderer of the stress benchmark, no package, which shares no code with `vision`; a film is drawn once."""
+    spec = importlib.util.spec_from_file_location("stress_films", STRESS)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["stress_films"] = module
+    spec.loader.exec_module(module)
+    module.__dict__["stress_film"] = cache(module.stress_film)
+    return module
+
+
+@pytest.fixture(scope="session")
+def tracked(stress: ModuleType) -> Callable[..., tuple[TrackResult, np.ndarray, np.ndarray]]:
+    """Track a film of the stress benchmark, once: result, errors and errors over the stated uncertainty of the moving
+    rows."""
+
+    @cache
+    def track(kind: str, surface: str, seed: int) -> tuple[TrackResult, np.ndarray, np.ndarray]:
+        film = stress.stress_film(kind, surface, seed)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", VisionWarning)
+            result = track_film(ArrayFilm(film.frames, 2000.0), [Body("bar", film.outline_px)])
+        still = min(result.n_still, stress.STILL)
+        error = (result.angle_rad[:, 0] - film.angle_rad + film.angle_rad[:still].mean())[stress.STILL :]
+        return result, error, error / result.u_angle_rad[stress.STILL :, 0]
+
+    return track
 
 
 @pytest.fixture

@@ -112,10 +112,9 @@ def _turned(
     columns = np.rint(x - left).astype(int)
     rows = np.rint(y - top).astype(int)
     shape = (int(rows.max()) + 1, int(columns.max()) + 1)
-    count = np.zeros(shape, dtype=np.float32)
-    total = np.zeros(shape, dtype=np.float32)
-    np.add.at(count, (rows, columns), 1.0)
-    np.add.at(total, (rows, columns), template.columns[3])
+    at, cells = rows * shape[1] + columns, shape[0] * shape[1]
+    count = np.bincount(at, minlength=cells).reshape(shape)
+    total = np.bincount(at, template.columns[3], cells).reshape(shape)
     mask = (count >= 0.5 * coarse**2).astype(np.float32)
     patch = (total / np.maximum(count, 1.0) * mask).astype(np.float32)
     return patch, mask, float(-left), float(-top)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
+from types import ModuleType
 
 import numpy as np
 
-from tests.vision.tracking.test_disturbed_films import stress, tracked  # noqa: F401  (fixture)
 from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.source import ArrayFilm
@@ -20,14 +21,14 @@ from vision.tracking.prepare import prepare
 COVERED = np.uint16(int(FrameFlag.COVERED))
 
 
-def test_a_slat_that_slides_over_needs_no_flag(stress: object) -> None:  # noqa: F811
-    result, _, z = tracked(stress, "neighbour", "speckle", 501)
+def test_a_slat_that_slides_over_needs_no_flag(stress: ModuleType, tracked: Callable[..., tuple]) -> None:
+    result, _, z = tracked("neighbour", "speckle", 501)
     assert result.info["rows_uncovered"] > 10
     assert np.mean(result.flag[stress.STILL :] != 0) < 0.1
     assert np.abs(z).max() < 5.0 and np.mean(np.abs(z) < 1.96) > 0.85
 
 
-def test_a_doubted_body_keeps_its_flag_and_a_wrong_pose_widens(stress: object) -> None:  # noqa: F811
+def test_a_doubted_body_keeps_its_flag_and_a_wrong_pose_widens(stress: ModuleType) -> None:
     film = stress.stress_film("neighbour", "speckle", 501)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", VisionWarning)

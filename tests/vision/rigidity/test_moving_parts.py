@@ -10,7 +10,6 @@ import pytest
 from scipy import ndimage
 
 from tests.vision.motion import bar_motion, smooth_step
-from tests.vision.tracking.test_disturbed_films import stress  # noqa: F401  (fixture)
 from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.source import ArrayFilm
@@ -91,24 +90,24 @@ def test_a_rigid_body_is_not_named(
 
 
 KINDS = {
-    "scale_change": "fine",
-    "row_flicker": "wood",
-    "neighbour": "fine",
-    "dust": "wood",
-    "defocus": "wood",
-    "jpeg": "speckle",
+    "scale_change": ("speckle", 1),
+    "row_flicker": ("fine", 106),
+    "neighbour": ("speckle", 501),
+    "dust": ("wood", 101),
+    "defocus": ("speckle", 1),
+    "jpeg": ("speckle", 1),
 }
-"""Each with the surface of the default run; the others are `slow`: python -m pytest -m slow tests/vision/rigidity."""
+"""Each with a film that other tests track too; `slow` has further ones: python -m pytest -m slow tests/vision/rigidity."""
 
 
 @pytest.mark.parametrize(
-    ("kind", "surface"),
-    [
-        pytest.param(kind, surface, marks=() if surface == usual else pytest.mark.slow)
-        for kind, usual in KINDS.items()
+    ("kind", "surface", "seed"),
+    [(kind, *film) for kind, film in KINDS.items()]
+    + [
+        pytest.param(kind, surface, 401, marks=pytest.mark.slow)
+        for kind in KINDS
         for surface in ("speckle", "wood", "fine")
     ],
 )
-def test_disturbed_films_of_a_rigid_body(stress: object, kind: str, surface: str) -> None:  # noqa: F811
-    film = stress.stress_film(kind, surface, 401)
-    assert quiet(ArrayFilm(film.frames, 2000.0), [Body("bar", film.outline_px)]).info["moving_parts"] == {}
+def test_disturbed_films_of_a_rigid_body(tracked: Callable[..., tuple], kind: str, surface: str, seed: int) -> None:
+    assert tracked(kind, surface, seed)[0].info["moving_parts"] == {}

@@ -58,7 +58,8 @@ def test_resumed_run_gives_the_same_numbers(
     checkpoint.write_bytes(stored)
     other = track_film(known.film, known.bodies, method=method, every=2, checkpoint=checkpoint)
     assert other.info["rows_resumed"] == 0
-    for damaged in (b"", b"no archive", stored[:1000], stored[: len(stored) // 2] + b"\0" * 99):
+    damages = (b"", b"no archive", stored[:1000], stored[: len(stored) // 2] + b"\0" * 99)
+    for damaged in damages if method == "icgn" else damages[3:]:  # the file is the same for both
         checkpoint.write_bytes(damaged)
         again = track_film(known.film, known.bodies, method=method, checkpoint=checkpoint)
         assert again.info["rows_resumed"] == 0

@@ -30,10 +30,10 @@ REAL_FILM = Path(__file__).resolve().parents[4] / "shared" / "data" / "ball_12bi
 def test_lost_frames_are_nan_and_found_again(
     bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
 ) -> None:
-    """25 dark frames in which the bar turns by 13 degrees: all flagged, found on the first visible frame."""
-    n, dark = 90, range(40, 65)
+    """10 dark frames in which the bar turns by 13 degrees: all flagged, found on the first visible frame."""
+    n, dark = 64, range(32, 42)
     pose = bar_motion(n, pivot, 0.0)
-    pose[:, 0, 0] = np.radians(13.0) * smooth_step((np.arange(n) - 38) / 28.0)
+    pose[:, 0, 0] = np.radians(13.0) * smooth_step((np.arange(n) - 30) / 13.0)
 
     def blackout(i: int, light: NDArray[np.float32]) -> None:
         if i in dark:
