@@ -25,7 +25,7 @@ def test_a_solution_shows_each_body_in_degrees() -> None:
     row = cells(solution)[cells(solution).index("hammer") :][:4]
     degrees = 57.29578 * solution.angle_rad[:, 4]
     assert [float(value) for value in row[1:]] == pytest.approx([degrees[0], degrees.min(), degrees.max()], abs=1e-3)
-    bent = model.simulate(model.load_action(), [0.0, 0.01], [0.0, 0.0], scene="lifting-key")
+    bent = model.simulate(model.load_action(), [0.0, 0.01], [0.0, 0.0], scene="lifting-key-flexible-shank")
     assert "mm" in cells(bent)  # the lift is a length
 
 

@@ -157,7 +157,7 @@ def test_hash_covers_what_decides_and_no_more(action: model.Action, monkeypatch:
     others = [
         jobs(trials={"a": blow(3.0 + 1e-12)}),
         jobs(parameter_sets={"x": {"hammer.mass": action["hammer.mass"] * (1 + 1e-15)}}),
-        jobs(parameter_sets={"x": {"contact13": 0.0}}),
+        jobs(parameter_sets={"x": {"contact12": 0.0}}),  # a structure that test_selection.py compiles, too
         jobs(tolerance=1e-5),
         jobs(output_time_s=OUT[:-1]),
         jobs(scene=model.SceneChoice(effects=("motor_arm",))),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -39,6 +40,7 @@ def bench_film(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FilmTrut
     return path, truth
 
 
+@cache  # drawn once for the tests that look at the same motion
 def film_of_two(
     beam_rad: float = 0.12, finger_rad: float = 0.5, moving: int = 50
 ) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:

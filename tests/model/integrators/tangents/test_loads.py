@@ -23,7 +23,15 @@ def accelerations(scene: Scene, state: tuple[np.ndarray, np.ndarray, float], vec
     return out.acceleration
 
 
-@pytest.mark.parametrize("name", ["whole", "motor-arm", "lifting-key", "lifting-key-flexible-shank"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "whole",
+        "motor-arm",
+        pytest.param("lifting-key", marks=pytest.mark.slow),  # compiles a scene of its own, a part of the next one
+        "lifting-key-flexible-shank",
+    ],
+)
 def test_loads_of_all_numbers_agree_with_differences(action: model.Action, name: str) -> None:
     choice = model.load_scene(name)
     paths = model.sensitivity.effective_paths(action, choice)
