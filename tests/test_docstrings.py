@@ -11,9 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from docutils import frontend
+from docutils.parsers.rst import Parser
+from docutils.transforms.references import Substitutions
+from docutils.utils import Reporter, new_document
 
 from tests.command_line import run
-from tests.public_functions import ROOT, public_functions
+from tests.public_functions import ROOT, public_classes, public_functions, with_methods
 
 FUNCTIONS = public_functions()
 
@@ -63,3 +67,21 @@ def test_the_example_of_a_public_function_runs(name: str, folder: Path, monkeypa
     said: list[str] = []
     failed, tried = doctest.DocTestRunner(verbose=False).run(found, out=said.append)
     assert tried and not failed, "".join(said)
+
+
+def test_markup_of_public_docstrings_is_closed_and_refers_to_nothing_unknown() -> None:
+    """``|dx|`` outside of literals asks for a substitution, which stops the site; few build it.
+
+    Sections are numpydoc's and set by it, so that only what stands within a line is judged.
+    """
+    settings = frontend.get_default_settings(Parser)
+    settings.report_level, settings.halt_level, settings.warning_stream = Reporter.WARNING_LEVEL, 5, ""
+    said: list[str] = []
+    for name, one in {**with_methods(), **public_classes()}.items():
+        document = new_document(name, settings)
+        document.reporter.attach_observer(lambda message: said.append(message.astext()))
+        text = re.sub(r"^\*+(?=\w)", "", inspect.getdoc(one) or "", flags=re.MULTILINE)  # of **keywords
+        Parser().parse(text, document)
+        Substitutions(document).apply()
+    wrong = [one for one in said if re.search("without end-string|Undefined substitution|Unknown target", one)]
+    assert not wrong, "\n".join(wrong)
