@@ -77,7 +77,9 @@ def _directive(face: str, name: str) -> list[str]:
     module = __import__(face, fromlist=[name])
     found = getattr(module, name)
     if isinstance(found, type):
-        return [f".. autoclass:: {name}", "   :members:", ""]
+        above = face.rpartition(".")[0]  # a class that the package above gives out as well is indexed there
+        again = bool(above) and getattr(__import__(above, fromlist=[name]), name, None) is found
+        return [f".. autoclass:: {name}", "   :members:", *(["   :no-index:"] if again else []), ""]
     if callable(found):
         return [f".. autofunction:: {name}", ""]
     return [f".. py:data:: {name}", "", f"   ``{_short(found)}``", ""]
