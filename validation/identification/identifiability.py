@@ -17,6 +17,7 @@ from scipy.linalg import qr
 
 from validation.conventions import Array
 from validation.identification.outcome.result import Combination
+from validation.prediction.principal_axes import largest_first, principal_axes
 
 HALF = 0.5
 CANNOT_TELL = "these strokes cannot tell the size of"
@@ -40,7 +41,7 @@ def directions(names: Sequence[str], covariance: Array) -> tuple[list[Combinatio
         A direction of one parameter alone is among them, too.
     """
     cov = 0.5 * (covariance + covariance.T)
-    values, vectors = np.linalg.eigh(cov)
+    values, vectors = principal_axes(cov)
     left = np.sqrt(np.maximum(values, 0.0))
     precision = np.asarray(np.linalg.inv(cov), dtype=float)
     undetermined = []
@@ -76,7 +77,7 @@ def _share(vector: Array, covariance: Array) -> float:
 
 def _named(vector: Array, covariance: Array, left: float) -> Array:
     """The vector with its largest components only, as few as are known nearly as well as the whole."""
-    order = np.argsort(-np.abs(vector), kind="stable")
+    order = largest_first(vector)
     short = np.zeros_like(vector)
     for i in order:
         short[i] = vector[i]
@@ -89,7 +90,7 @@ def _named(vector: Array, covariance: Array, left: float) -> Array:
 
 def _shortest(vector: Array, precision: Array) -> Array:
     """The vector with its largest components only, as few as leave it undetermined."""
-    order = np.argsort(-np.abs(vector), kind="stable")
+    order = largest_first(vector)
     short = np.zeros_like(vector)
     for i in order:
         short[i] = vector[i]
@@ -99,7 +100,7 @@ def _shortest(vector: Array, precision: Array) -> Array:
 
 
 def _weights(names: Sequence[str], vector: Array) -> dict[str, float]:
-    order = np.argsort(-np.abs(vector), kind="stable")
+    order = largest_first(vector)
     share = vector / vector[order[0]]
     return {names[i]: float(share[i]) for i in order if share[i] != 0.0}
 

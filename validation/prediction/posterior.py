@@ -18,6 +18,7 @@ import numpy as np
 import model
 from validation.conventions import Array
 from validation.errors import ValidationInputError
+from validation.prediction.principal_axes import principal_axes
 
 TABLE = "posterior"
 TRIALS, EARLIER = "trials_sha256", "earlier_sha256"
@@ -98,7 +99,7 @@ def make_posterior(
     covariance : (p, p) of z
     trials : label -> SHA-256
     """
-    values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    values, vectors = principal_axes(covariance)
     told = np.abs(values - 1.0) > TOLD
     names, paths, u, factor = zip(*moved, strict=True)
     return Posterior(names, paths, u, factor, vectors.T[told], np.maximum(values[told], 0.0), dict(trials))

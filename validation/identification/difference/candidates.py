@@ -20,6 +20,7 @@ from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.naming import NORMAL, single_names
 from validation.identification.unknowns.priors import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, LAW_U, THRESHOLDS
 from validation.prediction.posterior import posterior_of
+from validation.prediction.principal_axes import principal_axes
 
 MASS_WRONG, LENGTH_WRONG_M = 0.1, 1e-3
 GAIN_WRONG, LEVEL_WRONG_N, DELAY_WRONG_S = 0.05, 0.1, 1e-3
@@ -97,7 +98,7 @@ def known_root(action: model.Action, listed: Sequence[Candidate]) -> Array:
     mine, theirs = [i for i, _ in both], [j for _, j in both]
     unit = np.array([before.u[j] / listed[i].wrong for i, j in both])
     together = before.covariance[np.ix_(theirs, theirs)] * np.outer(unit, unit)
-    values, vectors = np.linalg.eigh(together)
+    values, vectors = principal_axes(together)
     root[mine] = 0.0
     root[np.ix_(mine, mine)] = vectors * np.sqrt(np.maximum(values, 0.0))
     return root

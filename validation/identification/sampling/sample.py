@@ -22,6 +22,7 @@ from validation.identification.problem import Problem, residuals_there
 from validation.identification.sampling.chains import Chains, sample
 from validation.identification.sampling.curved import curved
 from validation.identification.scatter import factors
+from validation.prediction.principal_axes import principal_axes
 
 MOST_DIRECTIONS = 15
 CHAINS, DRAWS = 4, 250
@@ -97,7 +98,7 @@ def sample_posterior(
         half = factors(fitted)[at] * np.sqrt(np.diag(fitted.covariance)[at])
         bent = curved(found.details.profiles, fitted.z[at], half)
     rng = np.random.default_rng(SEED)
-    values, vectors = np.linalg.eigh(0.5 * (fitted.covariance + fitted.covariance.T))
+    values, vectors = principal_axes(fitted.covariance)
     width = np.sqrt(np.maximum(values, 0.0))
     free = rng.standard_normal((CHAINS, DRAWS, width.size))
     if not (bent or always):
