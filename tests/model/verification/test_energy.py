@@ -27,7 +27,7 @@ def test_kinetic_energy_is_that_of_the_twins_mass_matrix(action: model.Action, t
 
 def test_slope_of_the_energy_is_the_twins_force_at_rest(action: model.Action, twin: Twin) -> None:
     step, still = 1e-6, np.zeros(5)
-    for q, _, _ in random_states(50, 4):
+    for q, _, _ in random_states(25, 4):
         force, _ = twin.forces_and_mass(q, still, 0.0)
         slope = [total(action, q + step * e, still) - total(action, q - step * e, still) for e in np.eye(5)]
         np.testing.assert_allclose(np.array(slope) / (2 * step), -force, rtol=0, atol=1e-7 * np.abs(force).max())
@@ -44,7 +44,7 @@ def test_energy_changes_by_what_flows(action: model.Action, pocket: bool) -> Non
         action = action.with_values({f"{f}.b": -((6.0 * action[f"{f}.a"] * action[f"{f}.c"]) ** 0.5) for f in felts})
     twin = Twin(action)
     step = 1e-9
-    for q, v, force in random_states(200, 5):
+    for q, v, force in random_states(80, 5):
         a = twin.acceleration(q, v, force)
         late, early = (q + s * v + 0.5 * s * s * a for s in (step, -step))
         rate = (total(action, late, v + step * a) - total(action, early, v - step * a)) / (2 * step)

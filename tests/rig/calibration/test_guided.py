@@ -15,7 +15,7 @@ from rig.configuration.rig_file import load_rig, parse_rig
 from rig.errors import InputError
 from tests.command_line import run
 
-MASSES = (0.1, 0.2, 0.5, 1.0, 2.0)
+MASSES = (0.2, 1.0, 2.0)
 
 
 def weighed(make_backend, rig, masses=MASSES, gravity=9.81, **force):
@@ -29,11 +29,11 @@ def weighed(make_backend, rig, masses=MASSES, gravity=9.81, **force):
     return dead_weights(rig, backend, masses, ask, u_mass_kg=1e-6, gravity=gravity), backend, asked
 
 
-@pytest.mark.parametrize(("gain", "offset_n"), [(0.03, 0.4), (-0.015, -0.2), (0.0, 0.0)])
+@pytest.mark.parametrize(("gain", "offset_n"), [(0.03, 0.4), (-0.015, -0.2)])
 def test_dead_weights_find_gain_and_zero(gain, offset_n, make_backend, assert_safe) -> None:
     rig = load_rig("virtual")
     done, backend, asked = weighed(make_backend, rig, gain_error=gain, offset_n=offset_n)
-    assert asked[0] == asked[-1] == "take everything off the load cell" and len(asked) == 11
+    assert asked[0] == asked[-1] == "take everything off the load cell" and len(asked) == 7
     found = done.found
     assert abs(found["gain_against_rig_file"] - (1 + gain)) < 3 * found["u_slope_relative"] < 0.003
     assert found["zero_n"] == pytest.approx((offset_n + 0.05 * (1 + gain)) / (1 + gain), abs=0.01)
@@ -110,7 +110,7 @@ def test_values_change_and_everything_else_stays() -> None:
 
 def test_the_command_writes_a_rig_file_that_records(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "cal.toml"
-    assert run("calibrate-force", "--weights", "0.2,0.5,1", "--gravity", "9.81", "--operator", "ana", "--out", out) == 0
+    assert run("calibrate-force", "--weights", "0.5,1", "--gravity", "9.81", "--operator", "ana", "--out", out) == 0
     record = tomllib.loads((tmp_path / "cal.weights.toml").read_text())
     assert record["operator"] == "ana" and record["found"]["gain_against_rig_file"] == pytest.approx(1.002, abs=2e-3)
     assert run("record", "--rig", out, "--profile", "piano", "--trials", "1", "--out", tmp_path / "s") == 0

@@ -63,7 +63,7 @@ def test_the_felt_is_recovered_within_its_uncertainty(
     tmp_path: Path, contact: str, stiffness: float, off: float, speed: float
 ) -> None:
     bench = planted(tmp_path, contact, stiffness, off, seed=len(contact) + int(100 * off) % 7)
-    order = rig.FeltOrder(contact, (speed,), (20.0,), rest_s=0.5)
+    order = rig.FeltOrder(contact, (speed,), (20.0,), rest_s=0.0)
     done = rig.record_felt(tmp_path / "s", order, rig_config=bench.rig, backend=bench.address)
     assert [trial.status for trial in done.session.trials] == ["complete", "complete"]
     assert done.session.info.kind == "felt"
@@ -85,7 +85,7 @@ def test_the_felt_is_recovered_within_its_uncertainty(
 def test_an_uncorrected_compliance_would_be_found_out(tmp_path: Path) -> None:
     """Left at zero, with a small uncertainty, the stated one is exceeded: the correction is what makes it right."""
     bench = planted(tmp_path, "contact02", 1.5e5, 0.0, seed=3, u=0.01)
-    order = rig.FeltOrder("contact02", (0.012,), (20.0,), rest_s=0.5)
+    order = rig.FeltOrder("contact02", (0.012,), (20.0,), rest_s=0.0)
     done = rig.record_felt(tmp_path / "s", order, rig_config=bench.rig, backend=bench.address)
     trial, setup = done.session.trials[1].read(), bench.rig.config.felt
     assert setup is not None
@@ -106,7 +106,7 @@ def test_the_block_gives_the_compliance_and_a_rig_file_with_it(tmp_path: Path) -
     text = DEFAULT_BENCH.read_text("utf-8").replace("contact_c = 2.0e5 ", "contact_c = 1.1e5 ")
     (tmp_path / "bench.toml").write_text(text, encoding="utf-8")
     address = f"sim://?felt=block&bench={(tmp_path / 'bench.toml').as_posix()}"
-    done = rig.record_felt(tmp_path / "s", rig.FeltOrder("block", peaks_n=(30.0,)), backend=address)
+    done = rig.record_felt(tmp_path / "s", rig.FeltOrder("block", peaks_n=(30.0,), rest_s=0.0), backend=address)
     found = done.compliance
     assert found is not None and not done.presses
     truth = 1.0 / 1.1e5 + 1e-9
