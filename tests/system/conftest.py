@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,10 +39,12 @@ class Closed:
 
 
 @pytest.fixture(scope="session")
-def closed(tmp_path_factory: pytest.TempPathFactory) -> Closed:
-    demo = run_demo(tmp_path_factory.mktemp("system") / "session")
-    truth = {t.number: replay(BENCH, t.number, t.read().motor_command_v) for t in demo.session.trials}
-    return Closed(demo, truth)
+def closed(shared: Callable[..., Closed]) -> Closed:
+    def make(folder: Path) -> Closed:
+        demo = run_demo(folder / "session")
+        return Closed(demo, {t.number: replay(BENCH, t.number, t.read().motor_command_v) for t in demo.session.trials})
+
+    return shared(make)
 
 
 def fine_height(truth: PlantTruth, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:

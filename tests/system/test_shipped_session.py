@@ -28,7 +28,8 @@ def test_the_shipped_session_reads_as_recorded() -> None:
 
 def test_the_shipped_session_validates(tmp_path: Path) -> None:
     copy = shutil.copytree(SHIPPED, tmp_path / "session")
-    result = validation.validate_session(copy, "hirschkorn2004", tmp_path / "report")
+    quick = {"rivals": (), "budget": False, "suspect": False}
+    result = validation.validate_session(copy, "hirschkorn2004", tmp_path / "report", **quick)
     assert result.files["report.html"].is_file()
     events = result.events[(result.events["source"] == "trial") & (result.events["event"] == "hammer_speed")]
     # every trial's own truth at the string lies within 2.31 to 2.33 m/s (this bench's scatter of the blow is 0.1 %)
