@@ -53,6 +53,7 @@ from .film.session_film import SessionFilm as SessionFilm
 from .film.track import budget_lines as budget_lines
 from .film.track import camera_of as camera_of
 from .film.track import draw_track as draw_track
+from .film.track import rows_per_second as rows_per_second
 from .film.track import track_film_file as track_film_file
 from .film.track import tracking_kept as tracking_kept
 from .film.track import tracking_summary as tracking_summary

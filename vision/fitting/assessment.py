@@ -8,7 +8,7 @@ written with NumPy, and `vision.fitting.coherence`.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -103,27 +103,33 @@ def inverse_and_covariance(
 
 
 @njit(cache=True, fastmath=FAST)
+def block_sums(columns: F32, work: F32, weight: F32, start: int, end: int) -> tuple[Any, Any, Any, Any, Any]:
+    """Scores of pixels ``start..end-1``: sums of their weighted residuals times each column, and of these residuals."""
+    # slices begin at zero, as the compiler needs to keep the sums in vector registers
+    w, seen, left = weight[start:end], work[1][start:end], work[2][start:end]
+    a0, a1, a2, a3 = columns[0][start:end], columns[1][start:end], columns[2][start:end], columns[3][start:end]
+    s0 = s1 = s2 = s3 = s4 = np.float32(0.0)
+    for i in range(w.size):
+        r = w[i] * seen[i] * left[i]
+        s0, s1, s2, s3, s4 = s0 + r * a0[i], s1 + r * a1[i], s2 + r * a2[i], s3 + r * a3[i], s4 + r
+    return s0, s1, s2, s3, s4
+
+
+@njit(cache=True)
 def block_ratios(
     blocks: Blocks, columns: F32, work: F32, weight: F32, influence: F64, white: F64, ratio: F64, count: F64
 ) -> None:
     """Squares of what each block moves turn, x and y by, added and over ``white`` (3,), their variances if residuals
     were white; and, from their fourth powers, the number of blocks that carry them: each (sizes, 3).
 
-    ``work`` holds visible pixels and residuals in rows 1 and 2; ``influence`` (3, 5) is the change per score.
+    ``work`` holds visible pixels and residuals in rows 1 and 2; ``influence`` (3, 5) is the change per score. Only the
+    sums over pixels are of fast arithmetic, which orders anything else anew wherever it is compiled into a caller.
     """
     first, groups = blocks.first, blocks.groups
     n_sizes, n_runs = groups.shape
     moved = np.zeros((n_sizes, n_runs, 3))
-    at, ax, ay, ref, visible, residual = columns[0], columns[1], columns[2], columns[3], work[1], work[2]
     for k in range(n_runs):
-        # slices begin at zero, as the compiler needs to keep the sums in vector registers
-        start, end = first[k], first[k + 1]
-        w, seen, left = weight[start:end], visible[start:end], residual[start:end]
-        a0, a1, a2, a3 = at[start:end], ax[start:end], ay[start:end], ref[start:end]
-        s0 = s1 = s2 = s3 = s4 = np.float32(0.0)
-        for i in range(w.size):
-            r = w[i] * seen[i] * left[i]
-            s0, s1, s2, s3, s4 = s0 + r * a0[i], s1 + r * a1[i], s2 + r * a2[i], s3 + r * a3[i], s4 + r
+        s0, s1, s2, s3, s4 = block_sums(columns, work, weight, first[k], first[k + 1])
         for j in range(3):
             way = influence[j, 0] * s0 + influence[j, 1] * s1 + influence[j, 2] * s2
             way += influence[j, 3] * s3 + influence[j, 4] * s4

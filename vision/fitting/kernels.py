@@ -24,6 +24,7 @@ TUKEY = 4.685
 """Tukey's constant: 95 % efficiency on normal noise."""
 SCALE_BINS = 512
 FAST = {"reassoc", "contract", "arcp", "nsz"}
+"""For sums over pixels alone: other operations would be ordered anew in each caller that they are compiled into."""
 SIXTH, THIRD = 1.0 / 6.0, 2.0 / 3.0
 BASIS = ((-SIXTH, 0.5, -0.5, SIXTH), (0.5, -1.0, 0.5, 0.0), (-0.5, 0.0, 0.5, 0.0), (SIXTH, THIRD, SIXTH, 0.0))
 """Cubic B-splines of the four coefficients around a point, times the fraction's cube, its square, itself and one."""
@@ -135,7 +136,7 @@ def sample(region: Region, places: Places, value: F32, visible: F32) -> None:
         visible[i] = np.float32(1.0) if known else zero
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(cache=True, nogil=True)
 def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
     """Mean noise gain of every sixteenth sample."""
     total, count, steps = 0.0, 0, np.float32(gain_table.size - 1)
@@ -171,7 +172,7 @@ def accumulate(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64,
     right[0], right[1], right[2], right[3], right[4] = b0, b1, b2, b3, b4
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(cache=True, nogil=True)
 def robust_scale(residual: F32, visible: F32, top: float) -> float:
     """1.4826 times the median of ``|residual|`` over the visible pixels, from a histogram up to ``top``."""
     bins = np.zeros(SCALE_BINS, dtype=np.int64)

@@ -166,7 +166,7 @@ def assemble_result(
         flag=flag,
         predicted_u_rad=predicted,
         covariance=table.covariance,
-        budget=budget_of(ready, settings.camera_model, tracked, settings.u_time_s, each),
+        budget=budget_of(ready, settings.camera_model, tracked, settings.u_time_s, settings.rows_per_s, each),
         n_still=reference.n_averaged,
         method=ready.method,
         film=str(film.path),

@@ -28,6 +28,7 @@ class FitOptions(TypedDict, total=False):
     max_pixels: int | None
     camera: CameraModel | None
     u_time_s: float
+    rows_per_s: float | None
 
 
 class TrackOptions(FitOptions, total=False):
@@ -50,12 +51,18 @@ class FitSettings:
     max_pixels: int | None = MAX_PIXELS
     camera: CameraModel | None = None
     u_time_s: float = 0.0
+    rows_per_s: float | None = None
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise VisionInputError(f"method {self.method!r} is not known; choose {' or '.join(METHODS)}")
         if not 0.0 <= self.u_time_s < np.inf:
             raise VisionInputError(f"u_time_s = {self.u_time_s!r}; needs a standard uncertainty of at least 0 s")
+        if self.rows_per_s is not None and not self.rows_per_s > 0.0:
+            raise VisionInputError(
+                f"rows_per_s = {self.rows_per_s!r}; needs the rows that a rolling shutter reads per second, above 0, "
+                "or infinity for a global shutter"
+            )
 
     @property
     def camera_model(self) -> CameraModel:

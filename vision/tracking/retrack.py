@@ -48,7 +48,7 @@ def retrack_frames(
     places : sequence of dict
         Per frame: body name to (angle rad, x px, y px) from which the fit starts; every body must be named. The row
         of a good neighbour, or an estimate by eye, is near enough: 4 degrees and 4 px, backed by a wide search.
-    method, n_still, max_pixels, camera, u_time_s
+    method, n_still, max_pixels, camera, u_time_s, rows_per_s
         As for `track`, and with the same values; the zero is found anew from the still frames.
 
     Returns
@@ -116,7 +116,7 @@ def preview(
         As for `track`.
     count : int
         Frames, spread over the film up to its last.
-    method, n_still, max_pixels, camera, u_time_s
+    method, n_still, max_pixels, camera, u_time_s, rows_per_s
         As for `track`.
 
     Returns

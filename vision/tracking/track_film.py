@@ -78,6 +78,9 @@ def track(
         A calibrated camera corrects the angles; without one `AssumedCamera` stands in the budget.
     u_time_s : float
         Standard uncertainty of the frame times, for the budget.
+    rows_per_s : float or None
+        Rows that the sensor's rolling shutter reads per second, first the top one, for the budget; infinity for a
+        global shutter, None (default) where it is not declared: no film shows it.
     threads : int or None
         Threads that track parts of the film at the same time; None takes what the computer has, at most 8. The result
         is the same to the bit.
@@ -134,7 +137,7 @@ def _track(
     with workers(threads if several_may_read(film) else 1) as crew:
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method, crew.each)
     if settings.expected is not None:
-        settings.expected(expected_budget(ready, camera, settings.u_time_s))
+        settings.expected(expected_budget(ready, camera, settings.u_time_s, rows_per_s=settings.rows_per_s))
     frame = np.arange(0, film.n_frames, settings.every)
     checkpoint = None
     if settings.checkpoint is not None:

@@ -6,6 +6,9 @@ terms of the two bodies are independent.
 Shutter: a speed step D within the exposure T_e, anywhere within a frame T, shifts the mean by a root mean
 square of ``D T_e sqrt(T_e / (320 T))``; steady acceleration shifts it by less. D is taken from the second
 difference of the angles, less what noise alone gives.
+
+Rows: of a rolling shutter, what the fit makes of rows that are later the further down they lie, to first order
+(`PoseResponse.read_late`). Two bodies of a relative angle share the delay of the rows they both lie in.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from vision.each import Each, in_turn
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.reference.prepared_film import PreparedFilm
-from vision.uncertainty.budget import ErrorBudget, rms
+from vision.uncertainty.budget import ErrorBudget, rms, shutter_text
 from vision.uncertainty.compression_noise import compression_u_turn
 from vision.uncertainty.pose_response import PoseResponse
 
@@ -60,7 +63,11 @@ class TrackedAngles:
 
 
 def expected_budget(
-    ready: PreparedFilm, camera: CameraModel, u_time_s: float = 0.0, motion: ExpectedMotion | None = None
+    ready: PreparedFilm,
+    camera: CameraModel,
+    u_time_s: float = 0.0,
+    motion: ExpectedMotion | None = None,
+    rows_per_s: float | None = None,
 ) -> ErrorBudget:
     """Budget of one frame in which every body has turned about its centre, before the film is tracked.
 
@@ -85,11 +92,20 @@ def expected_budget(
     for name, values in single.items():
         absolute[name] = np.tile(values, (2, 1))
         relative[name] = _joined(absolute[name], ready.parents)
-    return ErrorBudget(tuple(b.name for b in ready.bodies), absolute, relative, camera.description())
+    speed = np.zeros_like(pose)
+    speed[..., 0] = motion.speed_rad_per_s
+    absolute["rows"], relative["rows"] = _row_terms(ready, pose, speed, rows_per_s)
+    names = tuple(b.name for b in ready.bodies)
+    return ErrorBudget(names, absolute, relative, camera.description(), shutter_text(rows_per_s))
 
 
 def budget_of(
-    ready: PreparedFilm, camera: CameraModel, tracked: TrackedAngles, u_time_s: float, each: Each = in_turn
+    ready: PreparedFilm,
+    camera: CameraModel,
+    tracked: TrackedAngles,
+    u_time_s: float,
+    rows_per_s: float | None = None,
+    each: Each = in_turn,
 ) -> ErrorBudget:
     """Budget of every tracked frame; ``u_time_s`` is the standard uncertainty of the frame times."""
     parents = ready.parents
@@ -111,7 +127,28 @@ def budget_of(
         speed, acceleration = _speed_and_acceleration(tracked.time_s, angle, u)
         terms["synchronisation"] = u_time_s * speed
         terms["shutter"] = acceleration * _shutter_factor(ready.film)
-    return ErrorBudget(tuple(b.name for b in ready.bodies), absolute, relative, camera.description())
+    speed = np.zeros_like(tracked.pose)
+    if len(tracked.time_s) > 1:
+        # zero where a neighbour is lost, as in the terms above
+        speed = np.nan_to_num(np.gradient(tracked.pose, tracked.time_s, axis=0))
+    absolute["rows"], relative["rows"] = _row_terms(ready, tracked.pose, speed, rows_per_s)
+    names = tuple(b.name for b in ready.bodies)
+    return ErrorBudget(names, absolute, relative, camera.description(), shutter_text(rows_per_s))
+
+
+def _row_terms(
+    ready: PreparedFilm, pose: NDArray[np.float64], speed: NDArray[np.float64], rows_per_s: float | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Term of a rolling shutter, absolute and relative, (n, m); noise of the speed adds less than the noise term."""
+    off = np.where(np.isfinite(pose[..., 0]), 0.0, np.nan)
+    if rows_per_s is not None and math.isfinite(rows_per_s):
+        for i, template in enumerate(ready.templates):
+            off[:, i] = PoseResponse(template).read_late(pose[:, i], speed[:, i], rows_per_s)[:, 0]
+    against = np.full_like(off, np.nan)
+    for i, parent in enumerate(ready.parents):
+        if parent is not None:
+            against[:, i] = off[:, i] - off[:, parent]
+    return np.abs(off), np.abs(against)
 
 
 def _shutter_factor(film: FrameSource) -> float:

@@ -56,12 +56,35 @@ class PoseResponse:
             moved_centre = centre + rows[:, 1:]
             apart = camera.seen(_moved(flat - flat_centre, c, s, camera.rectified(moved_centre)))
             apart -= _moved(self._at, c, s, moved_centre)
-            # summed along the picture's axes first, then turned into the template's: c and s leave the sum
-            x, y = apart[..., 0], apart[..., 1]
-            along = x @ self._gain_x + y @ self._gain_y
-            across = y @ self._gain_x - x @ self._gain_y
-            result[start : start + ROWS_AT_ONCE] = c[:, None] * along + s[:, None] * across
+            result[start : start + ROWS_AT_ONCE] = self._of(apart, c, s)
         return result
+
+    def read_late(
+        self, pose: NDArray[np.float64], speed: NDArray[np.float64], rows_per_s: float
+    ) -> NDArray[np.float64]:
+        """Tracked pose less that at the time of the picture's first row, of pictures that are read row by row, (n, 3).
+
+        ``speed`` (n, 3) is that of ``pose``, rad/s and px/s. A row is as late as its number over ``rows_per_s``, and
+        what it shows has moved on by then.
+        """
+        centre = np.array(self.template.centre_px)
+        result = np.empty((len(pose), 3))
+        for start in range(0, len(pose), ROWS_AT_ONCE):
+            rows, rate = pose[start : start + ROWS_AT_ONCE], speed[start : start + ROWS_AT_ONCE, :, None]
+            c, s = np.cos(rows[:, 0]), np.sin(rows[:, 0])
+            place = _moved(self._at, c, s, np.zeros((len(rows), 2)))
+            late = (place[..., 1] + centre[1] + rows[:, 2:]) / rows_per_s
+            x, y = rate[:, 1] - rate[:, 0] * place[..., 1], rate[:, 2] + rate[:, 0] * place[..., 0]
+            result[start : start + ROWS_AT_ONCE] = self._of(late[..., None] * np.stack([x, y], axis=-1), c, s)
+        return result
+
+    def _of(self, apart: NDArray[np.float64], c: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pose (n, 3), in the body's own axes for the shift, by displacements (n, cells, 2) in the picture's."""
+        # summed along the picture's axes first, then turned into the template's: c and s leave the sum
+        x, y = apart[..., 0], apart[..., 1]
+        along = x @ self._gain_x + y @ self._gain_y
+        across = y @ self._gain_x - x @ self._gain_y
+        return c[:, None] * along + s[:, None] * across
 
     def without_error(self, camera: Projection, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """Turn, rad, shape (n,), that a perfect camera would give for tracked poses."""

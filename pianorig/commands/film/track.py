@@ -47,6 +47,12 @@ def command(
         float | None,
         typer.Option("--distortion", help="Without calibration: that of the distortion at the corner, % [0.1]."),
     ] = None,
+    shutter: Annotated[
+        str | None, typer.Option("--shutter", help="Of the sensor, for the budget: global or rolling.")
+    ] = None,
+    rows_per_second: Annotated[
+        float | None, typer.Option("--rows-per-second", help="With --shutter rolling: rows read per second.")
+    ] = None,
     frame_rate: Annotated[
         float | None, typer.Option("--frame-rate", help="True rate, frames/s, where the film does not say it.")
     ] = None,
@@ -124,6 +130,7 @@ def command(
             print("\n".join([f"{target}: {len(followed.frame)} frames", *workflows.marks_lines(summary)]))
         return
     camera = workflows.camera_of(calibration, tilt, distortion)
+    rows_per_s = workflows.rows_per_second(shutter, rows_per_second)
     if retrack:
         places = workflows.read_places(place or [])
         rows = workflows.retrack(filmed, target, retrack, places, method=method, n_still=n_still, camera=camera)
@@ -153,6 +160,7 @@ def command(
             confirm=confirm,
             threads=threads,
             camera=camera,
+            rows_per_s=rows_per_s,
             checkpoint=unfinished,
             expected=lambda budget: say("expected " + "\n".join(workflows.budget_lines(budget)), quiet=as_json),
             progress=progress,

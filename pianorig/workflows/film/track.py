@@ -49,6 +49,15 @@ def camera_of(
     return vision.load_calibration(calibration)
 
 
+def rows_per_second(shutter: str | None, rows: float | None) -> float | None:
+    """Rows per second of the sensor's shutter: infinite for a global one, None where it is not declared."""
+    if shutter not in (None, "global", "rolling"):
+        raise CommandInputError(f"--shutter {shutter}: choose global or rolling")
+    if (shutter == "rolling") != (rows is not None):
+        raise CommandInputError("--shutter rolling and --rows-per-second ROWS go together: give both or neither")
+    return float("inf") if shutter == "global" else rows
+
+
 def draw_track(
     film: SessionFilm,
     result: vision.TrackResult,
@@ -103,7 +112,7 @@ def _attributes(result: vision.TrackResult, every: int) -> dict[str, Any]:
     """How the angles were found and what makes up their uncertainty, as attributes of the stored table."""
     attributes: dict[str, Any] = {"method": result.method, "every": every, "n_still": result.n_still}
     attributes |= {f"{b}_u_common_rad": float(u) for b, u in zip(result.bodies, result.u_common_rad, strict=True)}
-    attributes["camera"] = result.budget.camera
+    attributes |= {"camera": result.budget.camera, "shutter": result.budget.shutter}
     for body, (offset, u) in result.info.get("clock_offset", {}).items():
         attributes |= {f"{body}_clock_offset_s": offset, f"{body}_u_clock_offset_s": u}
     for relative, tail in ((False, ""), (True, "_relative")):
@@ -125,6 +134,7 @@ def tracking_summary(result: vision.TrackResult) -> dict[str, Any]:
         "budget_rad": result.budget.typical(),
         "relative_budget_rad": result.budget.typical(relative=True),
         "camera": result.budget.camera,
+        "shutter": result.budget.shutter,
         "clock_offset_s": result.info.get("clock_offset", {}),
         **{name: result.info[name] for name in ("rows_resumed", "rows_confirmed", "wide_searches")},
     }
@@ -137,4 +147,4 @@ def budget_lines(budget: vision.ErrorBudget) -> list[str]:
     rows = {**budget.typical(), **{f"{b} from parent": terms for b, terms in budget.typical(relative=True).items()}}
     for body, terms in rows.items():
         lines.append(f"  {body:<24}" + "".join(f"{np.degrees(terms[name]) * 1e3:>11.1f}" for name in names))
-    return [*lines, f"  ({budget.camera})"]
+    return [*lines, f"  ({budget.camera})", f"  ({budget.shutter})"]

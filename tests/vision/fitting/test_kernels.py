@@ -9,10 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from vision.fitting.assessment import Blocks, block_ratios
 from vision.fitting.bspline import coefficients, noise_gain
+from vision.fitting.coherence import blocks_of
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.kernel_records import Region, Settings, State, Subset
-from vision.fitting.kernels import fit_rigid, robust_scale, solve5
+from vision.fitting.kernels import accumulate, fit_rigid, robust_scale, solve5, weighted_sums
 from vision.fitting.pose_covariance import TUKEY
 from vision.fitting.template import Template, build_template
 from vision.synthetic import Scene
@@ -101,3 +103,34 @@ def test_robust_scale_is_the_median() -> None:
     expected = 1.4826 * np.median(np.abs(residual[visible > 0]))
     assert robust_scale(residual, visible, 24.0) == pytest.approx(expected, rel=0.01)
     assert robust_scale(residual, np.zeros(5000, dtype=np.float32), 24.0) == 0.0
+
+
+@pytest.mark.parametrize("offset", range(8, 64, 8))
+def test_sums_do_not_depend_on_where_arrays_lie(offset: int) -> None:
+    """Threads and earlier work decide where memory is found; the bits are the same at any offset from 64 bytes."""
+    rng = np.random.default_rng(3)
+
+    def at(values: NDArray[np.generic], shift: int) -> NDArray[np.generic]:
+        raw = np.empty(values.nbytes + 128, dtype=np.uint8)
+        start = -raw.ctypes.data % 64 + shift
+        placed = raw[start : start + values.nbytes].view(values.dtype).reshape(values.shape)
+        placed[...] = values
+        return placed
+
+    x, y = np.meshgrid(np.arange(71.0), np.arange(37.0))
+    blocks, n = blocks_of(np.stack([x.ravel(), y.ravel()]).astype(np.float32)), x.size
+    columns, work = (rng.normal(0.0, 9.0, (rows, n)).astype(np.float32) for rows in (4, 5))
+    weight, influence, white = rng.uniform(0.0, 1.0, n).astype(np.float32), rng.normal(size=(3, 5)), np.ones(3)
+
+    def all_of_it(shift: int, other: int) -> list[bytes]:
+        ratio, count, matrix, right = (at(np.zeros(shape), shift) for shape in ((3, 3), (3, 3), (5, 5), 5))
+        moved = Blocks(*(at(part, other) for part in blocks))
+        a, w, wt = at(columns, shift), at(work, other), at(weight, shift)
+        block_ratios(moved, a, w, wt, at(influence, other), at(white, shift), ratio, count)
+        accumulate(a, w[0], wt, w[1], matrix, right)
+        sums = weighted_sums(w[2], wt, w[0], w[1], 2.0)
+        return [part.tobytes() for part in (ratio, count, matrix, right, np.array(sums))]
+
+    expected = all_of_it(0, 0)
+    assert all_of_it(offset, 0) == expected
+    assert all_of_it(0, offset) == expected and all_of_it(offset, 56 - offset % 56) == expected

@@ -15,7 +15,7 @@ from vision.errors import InputError, VisionWarning
 from vision.film.avi_writer import write_avi
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm
-from vision.synthetic import Scene
+from vision.synthetic import Scene, Sensor
 from vision.tracking.prepare import prepare
 from vision.tracking.track_film import track_film
 from vision.uncertainty.budget import TERMS
@@ -137,3 +137,56 @@ def test_codec_term_covers_jpeg(
     codec = np.nanmean(result.budget.absolute["codec"])
     noise = np.nanmean(result.budget.absolute["noise"])
     assert codec < 0.5 * noise if quality == 95 else codec > 0.6 * noise
+
+
+@pytest.mark.parametrize(("turning", "sliding"), [(30.0, 0.0), (0.0, 1500.0), (-25.0, 900.0)])
+def test_rolling_shutter_term_is_the_error_it_makes(
+    bar_scene: Callable[[str], Scene], pivot: tuple[float, float], turning: float, sliding: float
+) -> None:
+    """A film whose rows are drawn at their own times, of a bar at constant speed (rad/s, px/s), against its angle when
+    the first row is read; and against the closed form of a body with the same texture everywhere."""
+    n, rate, rows_per_s, still = 34, 2000.0, 2e5, 14
+    scene, sensor = bar_scene("speckle"), Sensor(0.3, 8, 2)
+    height = scene.background.shape[0]
+
+    def at(t: float) -> np.ndarray:
+        s = max(t - still / rate, 0.0)
+        return np.array([turning * s, pivot[0] + sliding * s, pivot[1]])
+
+    frames = []
+    for i in range(n):
+        light = np.empty(scene.background.shape, dtype=np.float32)
+        for row in range(0, height, 3):
+            light[row : row + 3] = scene.light(at(i / rate + (row + 1) / rows_per_s)[None, None])[row : row + 3]
+        frames.append(sensor.expose(light))
+    film = ArrayFilm(np.stack(frames), rate)
+    body = Body("bar", scene.bodies[0].outline(*at(0.0)))
+    result = track_film(film, [body], n_still=still - 2, camera=SQUARE, rows_per_s=rows_per_s)
+    late = slice(still + 4, n - 1)
+    true = np.array([at(i / rate)[0] for i in range(n)])
+    error, term = (result.angle_rad[:, 0] - true)[late], result.budget.absolute["rows"][late, 0]
+    u = result.predicted_u_rad[0]
+    assert np.abs(error).min() > 15.0 * u
+    np.testing.assert_allclose(term, np.abs(error), rtol=0.12, atol=3.0 * u)
+    # closed form, in the picture's sense: the delay of the middle, and what a slide makes of the rows' delays
+    pose_phi, rows = -turning, result.y_px[late, 0]
+    template = prepare(film, [body], still - 2).templates[0]
+    turn = true[late][:, None]
+    dx, dy = template.offset_px.astype(float)
+    across = -np.sin(turn) * dx + np.cos(turn) * dy  # rows from the middle; the picture's sense is clockwise
+    speed_x = np.gradient(result.x_px[:, 0], 1.0 / rate)[late]
+    skew = -speed_x * np.mean(across**2, axis=1) / np.mean(dx**2 + dy**2)
+    closed = np.abs((pose_phi * rows + skew) / rows_per_s)
+    np.testing.assert_allclose(term, closed, rtol=0.25)
+
+
+def test_a_shutter_that_is_not_declared_is_said_so(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
+) -> None:
+    known = film_of(bar_scene("speckle"), poses(30, pivot, np.maximum(np.arange(30) - 14, 0) * 0.01))
+    for declared, said in ((None, "not declared"), (np.inf, "global shutter"), (1e6, "rolling shutter, 1e+06 rows/s")):
+        result = track_film(known.film, known.bodies, n_still=12, rows_per_s=declared)
+        assert said in result.budget.shutter
+        assert (np.nanmax(result.budget.absolute["rows"]) > 0.0) == (declared == 1e6)
+    with pytest.raises(InputError, match="rows_per_s"):
+        track_film(known.film, known.bodies, rows_per_s=0.0)

@@ -55,6 +55,25 @@ def test_a_film_on_its_own(
     assert sorted(p.name for p in tmp_path.iterdir()) == ["film.avi", "o.csv", "plot.png", "worst.png"]
 
 
+def test_the_shutter_is_declared_or_said_to_be_unknown(
+    filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    film, outlines, _ = filmed
+    line = ("track", film, "--bodies", outlines, "--out", tmp_path / "o.csv", "--every", "10")
+    rolling = ("--shutter", "rolling", "--rows-per-second", "2e5")
+    for declared, said in (((), "shutter not declared"), (rolling, "rolling shutter, 200000 rows/s")):
+        assert run(*line, *declared) == 0
+        assert said in capsys.readouterr().out
+    for wrong, said in (
+        (rolling[:2], "--rows-per-second"),
+        (rolling[2:], "--shutter rolling"),
+        (("--shutter", "slow"), "slow"),
+        ((*rolling[:3], "-1"), "rows_per_s"),
+    ):
+        assert run(*line, *wrong) == 2
+        assert said in capsys.readouterr().err
+
+
 def test_three_frames_are_shown_before_the_film_is_tracked(
     filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
