@@ -129,11 +129,6 @@ def inlined_uncounted(function: Callable[..., Any]) -> Callable[..., Any]:
     return njit(function, nogil=True, error_model="numpy", fastmath=False, forceinline=True, _nrt=False)
 
 
-def uncounted_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Like `step_loop`, for a function that allocates nothing and counts no references."""
-    return _cached(signature, fastmath=False, _nrt=False)
-
-
 def piece(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a ``function`` of a module of its own into its callers, like `inlined`, but keep it for others on disk.
 
@@ -148,7 +143,7 @@ def lane_piece(function: Callable[..., Any]) -> Callable[..., Any]:
     return _cached(fastmath=False, forceinline=True, _nrt=False)(function)
 
 
-def step_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+def step_loop(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator of a step loop: explicit types, in which a scene's kernels are values, so that one loop serves all.
 
     Without them numba compiles the loop again for every scene, and never finds it on disk.
@@ -156,9 +151,14 @@ def step_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def compiled(function: Callable[..., Any]) -> Any:
         with alone(FOLDER, f"{function.__module__}.{function.__qualname__}"):
-            return _cached(signature, fastmath=False)(function)
+            return _cached(signature, fastmath=False, **options)(function)
 
     return compiled
+
+
+def uncounted_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Like `step_loop`, for a function that allocates nothing and counts no references."""
+    return step_loop(signature, _nrt=False)
 
 
 def generated(signature: Any) -> Callable[[Callable[..., Any]], Any]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import IntegrationError
-from model.integrators.tangents.follow import STEP_TOO_SMALL, TOO_MANY_STEPS, follow
+from model.integrators.tangents.follow import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, follow
 from model.integrators.tangents.loads import load_space
 from model.integrators.tangents.nodes import LANES, Linear, Space, linearise_node
 from model.integrators.tangents.normal_slopes import Moved, normal_slopes
@@ -224,9 +224,9 @@ class Recorded:
         wanted = Wanted(times[order], order, angle, speed, tolerance, floor, self._stride())
         run.space.largest[:] = 0.0
         run.space.largest[:n, :p] = np.abs(self.d_rest)
-        tangent = aligned(2, n, filled)
+        tangent, reached = aligned(2, n, filled), aligned(2, n, filled)
         tangent[0, :, :p] = self.d_rest
-        status, time, steps, rejected = follow(motion, self.drive, landing, run.linear, wanted, tangent)
+        status, time, steps, rejected = follow(motion, self.drive, landing, run.linear, wanted, tangent, reached, NODE)
         if status == STEP_TOO_SMALL:
             raise IntegrationError(f"sensitivities: the step of the derivatives fell below 1e-13 s at t = {time:.6g} s")
         if status == TOO_MANY_STEPS:

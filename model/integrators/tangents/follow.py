@@ -4,13 +4,13 @@ Steps land on the kinks of the forces, where the Jacobian jumps; the tangents th
 the forces are.
 """
 
-import numpy as np
 from numba import types
 
-from model.integrators.tangents.nodes import LINEAR, linearise_node
+from model.integrators.tangents.nodes import LINEAR, LINEARISE_NODE, linearise_node
 from model.integrators.tangents.radau import NODES, STAGES, WANTED, at_fraction, estimated_error, solve_step
 from model.integrators.tangents.recorded_motion import DRIVE, MOTION, state_at
-from model.kernels.compile import inlined, step_loop
+from model.kernels.compile import inlined_uncounted, uncounted_loop
+from model.kernels.kernel_value import Kernel, KernelType
 from model.kernels.stepping.inputs import input_at
 
 DONE, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2
@@ -22,31 +22,41 @@ FIRST_STEP = 1e-5  # s
 _f, _i = types.float64, types.int64
 _table, _cube = types.Array(_f, 2, "C"), types.Array(_f, 3, "C")
 FOLLOW = types.Tuple((_i, _f, _i, _i))(  # status, time reached, steps, rejected ones
-    MOTION, DRIVE, _table, LINEAR, WANTED, _cube
+    MOTION, DRIVE, _table, LINEAR, WANTED, _cube, _cube, KernelType(LINEARISE_NODE)
 )
+NODE = Kernel(linearise_node, LINEARISE_NODE)
+"""Given to `follow` as a value, so that LLVM does not compile it twice more inside the loop."""
 
 
-@inlined
+@inlined_uncounted
+def copy(out, given):
+    """Number by number: an assigned row brings the text of numba's message about shapes, seconds to compile."""
+    for i in range(given.shape[0]):
+        for k in range(given.shape[1]):
+            out[i, k] = given[i, k]
+
+
+@inlined_uncounted
 def fill_rest(out, until, wanted, tangent):
     """Fill the outputs wanted up to ``until`` with the tangent as it is; returns how many are filled."""
     while out < wanted.time.shape[0] and wanted.time[out] <= until:
         row = wanted.row[out]
-        wanted.angle[row] = tangent[0]
-        wanted.speed[row] = tangent[1]
+        copy(wanted.angle[row], tangent[0])
+        copy(wanted.speed[row], tangent[1])
         out += 1
     return out
 
 
-@inlined
-def node_at(t, m, place, motion, drive, linear):
+@inlined_uncounted
+def node_at(t, m, place, motion, drive, linear, linearise):
     """Linearise at ``t`` into row ``m``; ``place`` is where the step and the input were found last."""
     k = state_at(t, place[0], motion, linear.space.point)
     u, _, k_in = input_at(t, place[1], drive)
-    linearise_node(m, u, linear)
+    linearise(m, u, linear)
     return k, k_in
 
 
-@inlined
+@inlined_uncounted
 def before(t, k, motion, stride):
     """The time that a step from ``t`` may not pass: the end of the ``stride``-th step of the motion from there."""
     last = motion.time.shape[0] - 1
@@ -58,7 +68,7 @@ def before(t, k, motion, stride):
     return motion.time[k, 0] + motion.time[k, 1]
 
 
-@inlined
+@inlined_uncounted
 def fitted(h, left):
     """A step of ``h`` that leaves no sliver of what is ``left``."""
     if h < 0.5 * left:
@@ -66,7 +76,7 @@ def fitted(h, left):
     return 0.5 * left if h < 0.99 * left else left
 
 
-@inlined
+@inlined_uncounted
 def accept(tangent, reached, largest):
     """Take over the tangents that were reached, and note how large they have been."""
     n = tangent.shape[1]
@@ -78,22 +88,21 @@ def accept(tangent, reached, largest):
                 largest[n * half + i, k] = max(largest[n * half + i, k], abs(x))
 
 
-@inlined
+@inlined_uncounted
 def end_is_start(space):
     """The last node of a step is the start of the next."""
-    space.mass[0] = space.mass[STAGES]
-    space.stiff[0] = space.stiff[STAGES]
-    space.damp[0] = space.damp[STAGES]
-    space.load[0] = space.load[STAGES]
+    copy(space.mass[0], space.mass[STAGES])
+    copy(space.stiff[0], space.stiff[STAGES])
+    copy(space.damp[0], space.damp[STAGES])
+    copy(space.load[0], space.load[STAGES])
 
 
-@step_loop(FOLLOW)
-def follow(motion, drive, kinks, linear, wanted, tangent):
-    """Carry ``tangent`` (2, n, P) along the whole motion; fill the outputs wanted."""
+@uncounted_loop(FOLLOW)
+def follow(motion, drive, kinks, linear, wanted, tangent, reached, linearise):
+    """Carry ``tangent`` (2, n, P) along the whole motion; fill the outputs wanted (``reached``: memory)."""
     space = linear.space
     t = motion.time[0, 0]
     end = motion.time[-1, 0] + motion.time[-1, 1]
-    reached = np.zeros(tangent.shape)
     steps, rejected, kink = 0, 0, 0
     place = (0, 0)
     h = FIRST_STEP
@@ -108,13 +117,14 @@ def follow(motion, drive, kinks, linear, wanted, tangent):
             fresh = True
             continue
         if fresh:
-            place = node_at(t, 0, place, motion, drive, linear)
+            place = node_at(t, 0, place, motion, drive, linear, linearise)
             fresh = False
         stop = min(end, at_kink, before(t, place[0], motion, wanted.stride))
         step = fitted(h, stop - t)
         after = stop if step == stop - t else t + step
         for m in range(STAGES):
-            place = node_at(after if m == STAGES - 1 else t + NODES[m] * step, m + 1, place, motion, drive, linear)
+            at = after if m == STAGES - 1 else t + NODES[m] * step
+            place = node_at(at, m + 1, place, motion, drive, linear, linearise)
         error = 1e300
         if solve_step(step, tangent, space):
             error = estimated_error(step, tangent, wanted, space)
