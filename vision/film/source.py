@@ -207,7 +207,7 @@ class ArrayFilm(Film):
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width)."""
         self._check_index(index)
-        return np.ascontiguousarray(self._frames[index])
+        return self._frames[index]
 
     def frames(self, start: int, end: int) -> NDArray[Any] | None:
         """Frames ``start..end-1`` as they lie in memory, read-only; None where they do not lie one after the other."""
