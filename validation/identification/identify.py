@@ -96,7 +96,11 @@ def identify(
     asked = with_errors_of_what_drives(asked, sources.fitted)
     every = (*asked.moved, *asked.held)
     response = response_to(start, every, sources.fitted, options.tolerance, options.executor)
-    problem = Problem(start, asked, sources.fitted, response, held_columns(response, asked))
+    try:
+        held = held_columns(response, asked)
+    except ModelError as error:
+        raise _cannot_run(start, error) from None
+    problem = Problem(start, asked, sources.fitted, response, held)
     columns, before = look_before(problem)
     stuck = bounds_not_run(problem)
     for line in [*stuck, *before]:
@@ -168,8 +172,7 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
     try:
         blocks = columns.blocks(zero)
     except ModelError as error:
-        why = str(error).removeprefix("identification: ")
-        raise ValidationInputError(f"identify: {problem.action.name}: {why}; use other values with --set") from None
+        raise _cannot_run(problem.action, error) from None
     effect = np.max([np.abs(b.moved).max(axis=0) for b in blocks], axis=0)
     for name, size in zip(names, effect, strict=False):
         if size < LEAST_EFFECT_RAD:
@@ -181,6 +184,11 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
     usual = tight.grown(EXPECTED / float(tight.discrepancy.max()))
     at_best, expected = (Marginal(blocks, sizes).covariance[:n, :n] for sizes in (tight, usual))
     return columns, warnings_before(names, at_best, expected)
+
+
+def _cannot_run(action: model.Action, error: ModelError) -> ValidationInputError:
+    why = str(error).removeprefix("identification: ")
+    return ValidationInputError(f"identify: {action.name}: {why}; use other values with --set")
 
 
 def bounds_not_run(problem: Problem) -> list[str]:

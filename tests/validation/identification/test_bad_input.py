@@ -67,6 +67,18 @@ def test_a_set_without_a_rest_state_is_refused_in_one_line() -> None:
         of_null(floating)
 
 
+def test_tables_are_refused_by_a_set_without_a_rest_state_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tables are read without the action: it is asked first for the derivatives of laws that are held."""
+
+    def stuck(*_: object) -> None:
+        raise model.StaticsError("rest state: none")
+
+    monkeypatch.setattr("validation.identification.identify.held_columns", stuck)
+    with pytest.raises(ValidationInputError, match="identify: hirschkorn2004: rest state: none; use other") as error:
+        identify([SESSIONS / "example_forte"], ["hammer.joint_friction"], fixed=("*",), phases=5)
+    refused(error)
+
+
 def test_a_pattern_leaves_out_what_the_geometry_fixes_and_fix_does_not() -> None:
     assert "contact04.second.normal.x" not in expand(ACTION, ["contact04.*"])
     assert "contact04.second.x" in expand(ACTION, ["contact04.*"])
