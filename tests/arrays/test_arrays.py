@@ -195,6 +195,8 @@ def test_an_array_that_fits_is_not_copied() -> None:
     assert model.State(0.0, force, force).angle_rad is force
     frames = np.zeros((2, 12, 16), np.uint16)
     assert np.shares_memory(vision.ArrayFilm(frames).read(1), frames)
+    other = vision.ArrayFilm(frames.astype(">u2"))
+    assert (other.bit_depth, other.read(1).dtype) == (16, np.dtype(np.uint16))
 
 
 def test_what_a_mask_hides_is_lost_and_not_read() -> None:
