@@ -1,0 +1,197 @@
+"""Does the test suite pass on other processors than this one, and in other states of this machine?
+
+    python benchmarks/any_machine.py [--only NAME,…] [--list] [-- PYTEST OPTIONS]
+
+Each row runs ``python -m pytest`` once: as another processor would (kernels compiled for it into a cache of their own,
+NumPy, BLAS, the C library and OpenCV held to its instructions), or with this machine in another state. A processor
+this one cannot stand in for is said and left out. Processors one after the other, each with all cores; prints a table
+in Markdown, and below it the tests that failed. Exit code 1: a row failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from llvmlite import binding
+
+ROOT = Path(__file__).resolve().parents[1]
+SSE = ("sse3", "ssse3", "sse4.1", "sse4.2", "popcnt", "cx16")
+AVX2 = (*SSE, "avx", "avx2", "fma", "bmi", "bmi2", "lzcnt", "movbe", "f16c")
+NO_WIDE = "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512BW,-AVX512DQ"
+BUSY = "while True: pass"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run of the suite: what its environment adds, options of pytest, and the state it needs."""
+
+    environment: dict[str, str] = field(default_factory=dict)
+    options: tuple[str, ...] = ()
+    state: str = ""
+    needs: tuple[str, ...] = ()
+
+
+def processor(name: str, features: tuple[str, ...], blas: str, threads: int | None = None, **more: str) -> Row:
+    """Kernels, BLAS, NumPy, libm and OpenCV of a processor of LLVM's ``name`` with these instructions."""
+    wide = "avx2" in features
+    environment = {
+        "NUMBA_CPU_NAME": name,
+        "NUMBA_CPU_FEATURES": ",".join(f"+{one}" for one in features),
+        "OPENBLAS_CORETYPE": blas,
+        "NPY_DISABLE_CPU_FEATURES": " ".join(numpy_beyond(wide)),
+        "GLIBC_TUNABLES": NO_WIDE if wide else f"{NO_WIDE},-AVX2,-FMA,-AVX",
+        "OPENCV_CPU_DISABLE": "AVX512_SKX,AVX512-SKX,AVX512" if wide else "AVX512_SKX,AVX512-SKX,AVX512,AVX2,FMA3,AVX",
+        **more,
+    }
+    if threads is not None:
+        environment |= {"OPENBLAS_NUM_THREADS": str(threads), "OMP_NUM_THREADS": str(threads)}
+    return Row(environment, needs=features)
+
+
+def numpy_beyond(wide: bool) -> list[str]:
+    """NumPy's own names of instructions beyond AVX2, or beyond what it always uses."""
+    from numpy._core._multiarray_umath import __cpu_dispatch__ as dispatched  # type: ignore[import-not-found]
+
+    return [name for name in dispatched if not wide or re.search("V4|AVX512", name)]
+
+
+PROCESSORS = {
+    "this processor": Row(),
+    "haswell, one BLAS thread": processor("haswell", AVX2, "Haswell", 1),
+    "SSE4.2 only (nehalem)": processor("nehalem", SSE, "Nehalem"),
+    "znver3, four BLAS threads": processor("znver3", (*AVX2, "adx", "aes", "vaes", "sha"), "Zen", 4),
+    "generic x86-64": processor("generic", (), "Nehalem"),
+    "this one, BLAS of SkylakeX": Row({"OPENBLAS_CORETYPE": "SkylakeX"}, needs=("avx512f",)),
+    "this one, OpenCV without AVX2": Row({"OPENCV_CPU_DISABLE": "AVX2,AVX512"}),
+}
+STATES = {
+    "four busy processes, random order (seed 1)": Row(
+        options=("--random-order", "--random-order-seed=1"), state="busy"
+    ),
+    "one process, random order (seed 2)": Row(options=("-n", "0", "--random-order", "--random-order-seed=2")),
+    "Kathmandu, LC_ALL=C, no HOME, path with space and umlaut, -n 2": Row(
+        {"TZ": "Asia/Kathmandu", "LC_ALL": "C"}, ("-n", "2"), "moved"
+    ),
+    "not root, read-only checkout, installed wheel": Row(state="foreign"),
+}
+
+
+def missing(row: Row) -> list[str]:
+    """Instructions of a row that this processor does not have."""
+    has = binding.get_host_cpu_features()
+    return [one for one in row.needs if not has.get(one)]
+
+
+@contextmanager
+def busy_processes(number: int) -> Iterator[None]:
+    """Other work on the machine."""
+    others = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(number)]
+    try:
+        yield
+    finally:
+        for other in others:
+            other.kill()
+            other.wait()
+
+
+def copy_of_the_checkout(folder: Path) -> Path:
+    """The files that git knows, in another place."""
+    names = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in filter(None, names.split("\0")):
+        if (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+    return folder
+
+
+def installed(folder: Path, *what: str) -> Path:
+    """The interpreter of a new environment beside this one's packages, with the project installed."""
+    subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", folder], check=True)
+    python = folder / "bin" / "python"
+    # an environment made from another environment sees the interpreter's packages, not the other's
+    own = next(p for p in sys.path if p.endswith("site-packages") and Path(p).is_dir())
+    site = next((folder / "lib").glob("python*/site-packages"))
+    (site / "outer.pth").write_text(own + "\n", encoding="utf-8")
+    subprocess.run([python, "-m", "pip", "install", "--quiet", "--no-deps", *what], check=True)
+    return python
+
+
+def run(row: Row, extra: list[str]) -> tuple[str, float]:
+    """The output of one run of the suite, and its seconds."""
+    with ExitStack() as stack:
+        # not below the checkout, and open to a user who is not root
+        work = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="any_machine_")))
+        work.chmod(0o755)
+        environment = {**os.environ, "PIANORIG_CACHE_DIR": str(work / "kernels"), **row.environment}
+        command, folder = [sys.executable, "-m", "pytest", "-q", *row.options, *extra], ROOT
+        if row.state == "busy":
+            stack.enter_context(busy_processes(4))
+        if row.state == "moved":
+            folder = copy_of_the_checkout(work / "Hörsaal 3" / "piano action")
+            command[0] = str(installed(work / "venv", "-e", str(folder)))
+            environment.pop("HOME", None)
+        if row.state == "foreign":
+            folder = copy_of_the_checkout(work / "checkout")
+            wheels = work / "wheels"
+            subprocess.run(
+                [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", wheels, folder], check=True
+            )
+            command[0] = str(installed(work / "venv", str(next(wheels.glob("*.whl")))))
+            writable = work / "scratch"
+            writable.mkdir()
+            writable.chmod(0o777)
+            environment |= {"PIANORIG_CACHE_DIR": str(writable / "kernels"), "HOME": str(writable)}
+            environment |= {"TMPDIR": str(writable), "PYTHONDONTWRITEBYTECODE": "1"}
+            subprocess.run(["chmod", "-R", "a-w,a+rX", folder], check=True)
+            stack.callback(subprocess.run, ["chmod", "-R", "u+w", folder], check=True)
+            command = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", *command]
+        start = time.perf_counter()
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+        return done.stdout + done.stderr, time.perf_counter() - start
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", default="", help="rows whose names contain one of these words")
+    parser.add_argument("--list", action="store_true", help="the names of all rows")
+    parser.add_argument("options", nargs="*", help="handed to pytest, after --")
+    chosen = parser.parse_args()
+    rows = {**PROCESSORS, **STATES}
+    words = [word.strip() for word in chosen.only.split(",") if word.strip()]
+    names = [name for name in rows if not words or any(word in name for word in words)]
+    if chosen.list or not names:
+        print("\n".join(rows))
+        sys.exit(0 if chosen.list else "no row has such a name; the names are above")
+    print(f"{platform.processor() or platform.machine()} ({binding.get_host_cpu_name()}), {os.cpu_count()} cores\n")
+    print("| processor or state | result | seconds |\n|---|---|---:|", flush=True)
+    failures: dict[str, list[str]] = {}
+    for name in names:
+        lacking = missing(rows[name])
+        if lacking:
+            print(f"| {name} | not run: this processor lacks {', '.join(lacking)} | |", flush=True)
+            continue
+        said, seconds = run(rows[name], chosen.options)
+        last = re.findall(r"^(?:=+ )?(\d+ (?:passed|failed|error|deselected).*?)(?: in [\d.]+s.*)?$", said, re.M)
+        print(f"| {name} | {last[-1] if last else 'no result'} | {seconds:.0f} |", flush=True)
+        failed = re.findall(r"^(?:FAILED|ERROR) .*$", said, re.M)
+        if failed or not last or "passed" not in last[-1]:
+            failures[name] = failed or said.splitlines()[-20:]
+    for name, lines in failures.items():
+        print(f"\n{name}:", *lines, sep="\n  ")
+    sys.exit(1 if failures else 0)
+
+
+if __name__ == "__main__":
+    main()

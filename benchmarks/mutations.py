@@ -1,0 +1,106 @@
+"""How many planted faults do the tests find? Each mutation of `mutations.toml` is made in a copy of a checkout, alone.
+
+    python benchmarks/mutations.py [--checkout FOLDER] [--out FILE] [--only 3,17]
+
+A mutation is killed when a test of its own package fails: the file of tests of its name first, then the folders above
+it, up to all the package's tests, each until the first failure. What hangs for HANG_S is killed, too. ``--out`` keeps
+each outcome as a line of JSON; what stands there is not run again. Prints a line a mutation and the shares.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+HANG_S = 1800.0
+LARGE = 3
+"""Folders less than this deep under ``tests`` are shared out to two processes."""
+
+
+def stages(file: str, checkout: Path) -> list[str]:
+    """Tests of a source file, the nearest first."""
+    source = Path(file)
+    found = [Path("tests") / source.parent / f"test_{source.stem}.py"]
+    found += [Path("tests") / folder for folder in source.parents if folder != Path(".")]
+    return [path.as_posix() for path in found if (checkout / path).exists()]
+
+
+def mutate(checkout: Path, mutation: dict[str, str]) -> str | None:
+    """The text of the file before the mutation; None where its line is not there once."""
+    path = checkout / mutation["file"]
+    if not path.is_file():
+        return None
+    text = path.read_text(encoding="utf-8")
+    lines = text.splitlines()
+    places = [k for k, line in enumerate(lines) if line.strip() == mutation["line"]]
+    if len(places) != 1:
+        return None
+    lines[places[0]] = lines[places[0]].replace(mutation["line"], mutation["becomes"])
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return text
+
+
+def outcome(checkout: Path, mutation: dict[str, str]) -> tuple[str, str]:
+    """``killed`` or ``survived``, and the test that failed."""
+    environment = {**os.environ, "PYTHONPATH": str(checkout)}
+    for tests in stages(mutation["file"], checkout):
+        shared = ["-n", "2" if len(Path(tests).parts) < LARGE else "0"]
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "--no-header", *shared, tests]
+        try:
+            done = subprocess.run(
+                command, cwd=checkout, env=environment, capture_output=True, text=True, timeout=HANG_S, check=False
+            )
+        except subprocess.TimeoutExpired:
+            return "killed", f"{tests} hangs"
+        if done.returncode not in (0, 5):  # 5: nothing to run there
+            failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+            return "killed", (failed or done.stdout.splitlines()[-1:] or [tests])[0][:160]
+    return "survived", ""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--checkout", type=Path, default=ROOT)
+    parser.add_argument("--list", type=Path, default=Path(__file__).with_suffix(".toml"))
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--only", default="", help="numbers of mutations")
+    chosen = parser.parse_args()
+    mutations = tomllib.loads(chosen.list.read_text(encoding="utf-8"))["mutation"]
+    wanted = [int(n) for n in chosen.only.split(",") if n] or range(len(mutations))
+    kept = {}
+    if chosen.out and chosen.out.is_file():
+        kept = {row["number"]: row for row in map(json.loads, chosen.out.read_text(encoding="utf-8").splitlines())}
+    rows = []
+    with tempfile.TemporaryDirectory(prefix="mutations_") as place:
+        copy = Path(place) / "checkout"
+        shutil.copytree(chosen.checkout, copy, ignore=shutil.ignore_patterns(".git", "__pycache__", "_build"))
+        for number in wanted:
+            mutation = mutations[number]
+            row = kept.get(number)
+            if row is None:
+                before = mutate(copy, mutation)
+                said, by = outcome(copy, mutation) if before is not None else ("gone", "")
+                if before is not None:
+                    (copy / mutation["file"]).write_text(before, encoding="utf-8")
+                row = {"number": number, "outcome": said, "by": by}
+                if chosen.out:
+                    with chosen.out.open("a", encoding="utf-8") as file:
+                        file.write(json.dumps(row) + "\n")
+            rows.append({**mutation, **row})
+            print(f"{number:2} {row['outcome']:9}{mutation['kind']:11}{mutation['file']}  {row['by']}", flush=True)
+    told = Counter(row["outcome"] for row in rows)
+    ran = told["killed"] + told["survived"]
+    print(f"killed {told['killed']} of {ran}" + (f", {told['gone']} no longer in the code" if told["gone"] else ""))
+
+
+if __name__ == "__main__":
+    main()
