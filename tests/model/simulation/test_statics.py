@@ -11,6 +11,8 @@ from model.simulation import statics
 from model.simulation.statics import NO_REST
 from model.verification.reference_equations import Twin
 
+pytestmark = pytest.mark.processor
+
 # Static balance of the printed parameters, found independently by two implementations (hand-written
 # Newton-Euler, symbolic Lagrange), residual < 3e-14 N m; project note model.md, rest_state.json.
 REST = [0.028600363768885056, 0.025109511260139862, 0.31975495900647877, 0.3523367185735365, 0.2950879163697746]

@@ -55,6 +55,7 @@ def test_a_parameter_that_cannot_be_free_is_refused_by_name(name: str, said: str
     assert name in refused(error)
 
 
+@pytest.mark.processor
 def test_a_set_without_a_rest_state_is_refused_in_one_line() -> None:
     floating = ACTION.with_values({"gravity.g": 0.0})
     with pytest.raises(ValidationInputError, match="the model cannot run .*; use other values with --set") as error:

@@ -117,6 +117,7 @@ def test_an_added_or_rejected_trial_brings_in_one_trial_at_most(trials):
         assert len({m.number for m in without} - {m.number for m in before}) <= 1
 
 
+@pytest.mark.processor
 def test_draws_under_a_coarse_force_in_lanes_are_those_of_the_full_one(trials, tested):
     m = trials[0]
     at = m.time_s[::20]

@@ -25,6 +25,8 @@ from vision.synthetic import Scene, SyntheticBody, background, box, speckle
 from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.track_film import track_film
 
+pytestmark = pytest.mark.processor
+
 N, STILL = 44, 12
 
 

@@ -96,6 +96,7 @@ def test_what_cannot_be_used_is_one_line_and_writes_nothing(
     assert not list(tmp_path.glob("out/*"))
 
 
+@pytest.mark.processor
 def test_a_set_without_a_rest_state_is_one_line_and_writes_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
