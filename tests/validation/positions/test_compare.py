@@ -23,13 +23,16 @@ SHIPPED = Path(__file__).parents[3] / "sessions" / "kawai_kg3c"
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory) -> tuple[Path, dict]:
+def written(shared) -> tuple[Path, dict]:
     """The report of all strokes but the slow press, whose seven seconds cost as much as the others together."""
-    session = tmp_path_factory.mktemp("session") / "kawai_kg3c"
-    shutil.copytree(SHIPPED, session, ignore=shutil.ignore_patterns("trial_0002.h5", "report.html", "results.json"))
-    out = tmp_path_factory.mktemp("real")
-    assert run("validate", session, "--by-motion", "--out", out, "--json") == 0
-    return out, json.loads((out / "results.json").read_text())
+
+    def make(folder: Path) -> tuple[Path, dict]:
+        session, out = folder / "kawai_kg3c", folder / "real"
+        shutil.copytree(SHIPPED, session, ignore=shutil.ignore_patterns("trial_0002.h5", "report.html", "results.json"))
+        assert run("validate", session, "--by-motion", "--out", out, "--json") == 0
+        return out, json.loads((out / "results.json").read_text())
+
+    return shared(make)
 
 
 def rows(results, **wanted):

@@ -81,11 +81,16 @@ HOSTILE = "<script>alert('x')</script>&\"quote\""
 
 
 @pytest.fixture(scope="module")
-def lonely(make, tmp_path_factory):
+def lonely(make, shared):
     """One trial, no film, hostile text in the session; reported into its own folder."""
-    folder = tmp_path_factory.mktemp("lonely") / "s"
-    session, truth = make.session(folder, n_trials=1, filmed=(), operator=HOSTILE, name=HOSTILE)
-    return session, validate_session(session, truth.action, rivals=(), suspect=False)
+    from rig.session import Session
+
+    def reported(folder):
+        session, truth = make.session(folder / "s", n_trials=1, filmed=(), operator=HOSTILE, name=HOSTILE)
+        return session.path, validate_session(session, truth.action, rivals=(), suspect=False)
+
+    path, result = shared(reported)
+    return Session.open(path), result
 
 
 def test_text_from_a_session_is_escaped(lonely):

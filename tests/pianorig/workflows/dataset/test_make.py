@@ -28,14 +28,17 @@ FEW = (CONDITIONS[0], CONDITIONS[6])
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory) -> tuple[Path, Path]:
+def made(shared) -> tuple[Path, Path]:
     """A data set of two kinds of stroke, with a sealed split."""
-    place = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(make, "CONDITIONS", FEW)
-        patch.setattr("pianorig.workflows.dataset.films.LONG_S", 0.09)
-        make.make_dataset(place / "set", each=2, sealed_truth=place / "truth" / "sealed.json")
-    return place / "set", place / "truth" / "sealed.json"
+
+    def make_it(place: Path) -> tuple[Path, Path]:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(make, "CONDITIONS", FEW)
+            patch.setattr("pianorig.workflows.dataset.films.LONG_S", 0.09)
+            make.make_dataset(place / "set", each=2, sealed_truth=place / "truth" / "sealed.json")
+        return place / "set", place / "truth" / "sealed.json"
+
+    return shared(make_it)
 
 
 def perfect(folder: Path, factor: float = 1.0) -> pd.DataFrame:
