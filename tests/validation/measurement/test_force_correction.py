@@ -107,7 +107,7 @@ def test_lost_force_samples_are_refused_with_their_place():
             refuse()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(phase=st.floats(0, 0.999), resolution=st.sampled_from([1.92e-5, 3.83e-5]), travel=st.floats(-0.5, 0.5))
 def test_an_encoder_angle_is_never_further_off_than_its_rounding(phase, resolution, travel):
     time, force, _ = record()
