@@ -52,6 +52,7 @@ from .sensitivity.motion_driven import motion_sensitivities as motion_sensitivit
 from .sensitivity.options import SensitivityOptions as SensitivityOptions
 from .sensitivity.result import Sensitivities as Sensitivities
 from .simulation.compile_ahead import compile_ahead as compile_ahead
+from .simulation.compile_ahead import compile_lanes as compile_lanes
 from .simulation.hand_set_rest import hand_set_rest as hand_set_rest
 from .simulation.run import Simulation as Simulation
 from .simulation.run import State as State

@@ -1,4 +1,6 @@
-"""Compiling in less time: numba's answer to "what is float times float" is asked for once, not at every operation.
+"""Compiling in less time: what numba asks again and again is answered once, or more quickly.
+
+"What is float times float" is asked for once, not at every operation.
 
 Numba looks through all overloads of an operator wherever it stands; in generated text of thousands of operations on
 plain numbers that is a quarter of the time of compiling. ``remember_plain_numbers`` keeps what it found, by operator
@@ -10,7 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core import types
+from numba.core import targetconfig, types
 from numba.core.types import functions
 
 _plain: list[type] = [types.Float, types.Integer, types.Boolean]
@@ -47,4 +49,26 @@ def remember_plain_numbers() -> bool:
     get_call_type.remembers = True  # type: ignore[attr-defined]
     get_call_type.asks = known  # type: ignore[attr-defined]
     base.get_call_type = get_call_type
+    return True
+
+
+def compare_flags_quickly() -> bool:
+    """Have numba compare options of functions by what is set of them, then by all 25; False where it cannot.
+
+    Every question about an overload compares them.
+    """
+    kind: Any = getattr(targetconfig, "TargetConfig", None)
+    if kind is None or "_values" not in getattr(kind, "__slots__", ()):
+        return False
+    by_all = kind.__eq__
+    if getattr(by_all, "quick", False):
+        return True
+
+    def equal(self: Any, other: Any) -> Any:
+        if self is other or (type(self) is type(other) and self._values == other._values):
+            return True
+        return by_all(self, other)
+
+    equal.quick = True  # type: ignore[attr-defined]
+    kind.__eq__ = equal
     return True

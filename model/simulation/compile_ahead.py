@@ -6,6 +6,7 @@ In: choices of scenes. Out: nothing but files in the kernel cache. Whoever needs
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import pickle
@@ -16,7 +17,8 @@ from pathlib import Path
 from threading import Thread
 
 from model.kernels import compile as _compile
-from model.kernels.codegen.load import kernels_of, on_disk
+from model.kernels.codegen.load import kernels_of, lane_kernels_of, on_disk
+from model.kernels.lanes.width import LANES, lanes_pay
 from model.parameters.action import load_action
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
@@ -76,8 +78,30 @@ def compile_ahead(
     return beside
 
 
+def compile_lanes(choice: SceneChoice) -> None:
+    """Compile here, for members side by side, a scene and the loop that advances them, where lanes pay.
+
+    For a caller that will need them, while what it needs before is compiled beside it.
+
+    Parameters
+    ----------
+    choice : the scene
+
+    Examples
+    --------
+    >>> import model
+    >>> model.compile_lanes(model.SceneChoice())
+    """
+    if lanes_pay():
+        from model.integrators.lanes.rosenbrock import loop_in_lanes  # start-up: 0.1 s, few need lanes
+
+        lane_kernels_of(build_scene(choice.on(load_action()), choice).tables, LANES)
+        loop_in_lanes(LANES)
+
+
 def main() -> None:
     """Compile what the standard input names."""
+    gc.disable()  # what compiling leaves behind is looked through for a seventh of its time; the process ends soon
     choices, loop, then = pickle.load(sys.stdin.buffer)
     if loop:
         import model.integrators.rosenbrock  # noqa: F401  # start-up: seconds, its import compiles the loop

@@ -1,6 +1,6 @@
 """What a first demo compiles beyond the step loop and its scenes: called in a process beside it, on tiny inputs.
 
-The kernels of forces, null model, virtual film, tracking and scores are compiled when they are first called; here they
+The kernels of null model, virtual film, tracking and scores are compiled when they are first called; here they
 are, with arguments of the kinds that the demo gives them. What is already on disk costs nothing but the call.
 """
 
@@ -25,7 +25,7 @@ def call_once() -> None:
     action = model.load_action()
     times, force = model.force_table("forte")
     begins = times <= BEGINS_S
-    blow = model.simulate(action, times[begins], force[begins], tolerance=1e-3, contact_forces=True)
+    blow = model.simulate(action, times[begins], force[begins], tolerance=1e-3)
     with tempfile.TemporaryDirectory() as folder:
         film, bodies = Path(folder) / "film.mraw", Path(folder) / "bodies.toml"
         write_blow_film(film, bodies, blow, FRAMES)

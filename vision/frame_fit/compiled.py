@@ -16,7 +16,7 @@ from vision.bodies.occlusion import mark_covered
 from vision.fitting.assessment import Assessed, Blocks, BodyFacts, assess
 from vision.fitting.kernel_records import I64, Region, Settings, State, Subset
 from vision.fitting.kernels import fit_rigid
-from vision.frame_fit.compiling import digest_of_sources, uncounted
+from vision.frame_fit.compiling import digest_of_sources, inner, uncounted
 from vision.frame_fit.places import expect_body, parent_at, place_body
 from vision.frame_fit.records import Bodies, Found, Limits, States
 
@@ -53,7 +53,7 @@ def is_good(limits: Limits, bodies: Bodies, states: States, found: Found, body: 
     return math.isfinite(total) and found.covariance[body, 0, 0] > 0.0
 
 
-@njit(nogil=True)
+@inner
 def cover(bodies: Bodies, states: States, found: Found, body: int, step: int) -> Any:
     """As `Occlusion.covered` at the poses that `FilmTracker` takes; returns a view of ``states.covered``."""
     start, count = bodies.start[body], bodies.n_pixels[body]
@@ -78,7 +78,7 @@ def cover(bodies: Bodies, states: States, found: Found, body: int, step: int) ->
     return covered
 
 
-@njit(nogil=True)
+@inner
 def fit_body(
     part: Region, settings: Settings, limits: Limits, bodies: Bodies, states: States, found: Found, body: int, step: int
 ) -> bool:
@@ -127,7 +127,7 @@ def fit_body(
     return is_good(limits, bodies, states, found, body)
 
 
-@njit(nogil=True)
+@inner
 def go_on(
     part: Region,
     n_saturated: int,

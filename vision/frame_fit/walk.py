@@ -16,7 +16,7 @@ from numba import njit
 from vision.fitting.kernel_records import F32, I64, Region, Settings
 from vision.fitting.prefilter import prefilter, saturated_inside
 from vision.frame_fit.compiled import ALL_DONE, OUTSIDE, go_on
-from vision.frame_fit.compiling import digest_of_sources, uncounted
+from vision.frame_fit.compiling import digest_of_sources, inner, uncounted
 from vision.frame_fit.places import expect_body
 from vision.frame_fit.records import Bodies, Film, Found, Limits, Rows, States, Stop
 
@@ -50,7 +50,7 @@ def copy_box(one: I64, other: I64) -> None:
         other[k] = one[k]
 
 
-@njit(nogil=True)
+@inner
 def filtered(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
     """Coefficients of a rectangle of a frame, in ``buffer``, and the number of its pixels inside saturated areas."""
     y0, y1, x0, x1 = box[0], box[1], box[2], box[3]

@@ -11,7 +11,9 @@ file is left behind by an error.
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +35,8 @@ from vision.synthetic import Scene, Sensor, total_noise
 
 MAX_BLUR_STEP_PX = 0.15
 MAX_INSTANTS = 24
+AHEAD = 4
+"""Pictures drawn before the one that becomes a frame."""
 
 
 @dataclass(frozen=True)
@@ -164,19 +168,32 @@ class _Exposures:
         sensor = Sensor(settings.noise_grey, settings.bit_depth, 1000 * self.seed + 98)
         # mean of the ripple over the exposure
         ripple = settings.flicker * np.sinc(settings.flicker_hz * settings.exposure_s)
-        for i, time in enumerate(self.times):
-            count = int(self._instants[i])
-            if count == 1:
-                angles = self.centre[i : i + 1]
-            else:
-                step = (np.arange(count) + 0.5) / count - 0.5
-                angles = self._angles(time + settings.exposure_s * step)
-                self.mean[i] = angles.mean(axis=0)
-            self.n_instants += count
-            light = self.scene.light(poses(self.geometry, settings, angles))
+        for i, (time, light) in enumerate(zip(self.times, self._lights(), strict=True)):
             yield sensor.expose(light, 1.0 + ripple * np.cos(2.0 * np.pi * settings.flicker_hz * time))
             if self.progress is not None:
                 self.progress(i + 1, self.times.size)
+
+    def _lights(self) -> Iterator[NDArray[np.float32]]:
+        """Noise-free pictures in order, drawn on another thread while the ones before become frames and go to disk."""
+        with ThreadPoolExecutor(1) as pool:
+            drawn: deque[Future[NDArray[np.float32]]] = deque()
+            for i in range(self.times.size):
+                drawn.append(pool.submit(self.scene.light, poses(self.geometry, self.settings, self._angles_during(i))))
+                if len(drawn) > AHEAD:
+                    yield drawn.popleft().result()
+            while drawn:
+                yield drawn.popleft().result()
+
+    def _angles_during(self, i: int) -> NDArray[np.float64]:
+        """Angles at the instants of one exposure."""
+        count = int(self._instants[i])
+        self.n_instants += count
+        if count == 1:
+            return self.centre[i : i + 1]
+        step = (np.arange(count) + 0.5) / count - 0.5
+        angles = self._angles(self.times[i] + self.settings.exposure_s * step)
+        self.mean[i] = angles.mean(axis=0)
+        return angles
 
     def _angles(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         angles = as_numbers(self.angle_of_time(time_s), "angle_rad_of_time")

@@ -7,14 +7,13 @@ from typing import Any
 
 import pytest
 
-from model.kernels.trajectory.contact_forces import forces_along
 from model.null_model import time_stepping
 from pianorig.workflows import first_run
 from validation.scores import iso18571
 from vision.fitting import kernels
 
 
-def test_kernels_of_forces_null_model_tracking_and_scores_are_compiled_and_no_file_is_left(
+def test_kernels_of_null_model_tracking_and_scores_are_compiled_and_no_file_is_left(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     folders: list[Path] = []
@@ -29,5 +28,5 @@ def test_kernels_of_forces_null_model_tracking_and_scores_are_compiled_and_no_fi
     monkeypatch.setattr(first_run.vision, "track_film", tracked)
     first_run.call_once()
     assert len(folders) == 1 and not folders[0].exists()
-    for kernel in (forces_along, time_stepping.integrate, kernels.fit_rigid, iso18571._best_shift, iso18571._warp):
+    for kernel in (time_stepping.integrate, kernels.fit_rigid, iso18571._best_shift, iso18571._warp):
         assert kernel.signatures
