@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import pytest
 
-from model.kernels.compile import inlined, kernel, uncounted
+from model.kernels.compile import FOLDER, inlined, uncounted
 from model.kernels.machine_code import make_machine_code_when_called
 
 
@@ -31,13 +31,34 @@ def library_of(function):
 
 
 def test_only_the_outermost_of_three_functions_has_machine_code() -> None:
-    @kernel
-    def squared(x):
-        return shifted(x) ** 2
+    @inlined
+    def less(x):
+        return x - 1.0
 
-    assert squared(2.0) == 49.0
+    @inlined
+    def halved(x):
+        return 0.5 * less(x)
+
+    @numba.njit
+    def squared(x):
+        return halved(x) ** 2
+
+    assert squared(5.0) == 4.0
     assert library_of(squared)._made
-    assert not library_of(shifted)._made and not library_of(doubled)._made
+    assert not library_of(halved)._made and not library_of(less)._made
+
+
+def test_what_is_kept_on_disk_without_machine_code_serves_callers_again() -> None:
+    for _ in range(2):
+        shifted.overloads.clear()  # as in a new process
+
+        @numba.njit
+        def squared(x):
+            return shifted(x) ** 2
+
+        assert squared(2.0) == 49.0
+        assert not library_of(shifted)._made
+    assert FOLDER is None or sum(shifted.stats.cache_hits.values()) >= 1
 
 
 @pytest.mark.parametrize("function, expected", [(doubled, 4.0), (shifted, 7.0)])
