@@ -183,7 +183,7 @@ class IcgnFitter:
             noise2 = max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2
             # where light is known from place to place, or grey values are cut off
             left_out = LIGHT if self._light.light is not None else TILT if self._clipped else ()
-            more = self._slow_changes().measure(weight, residual, fit.gain, noise2, left_out)
+            more = self._slow_changes().measure(weight, residual, fit.gain, noise2, left_out, self._changes)
         both = added(self._changes, more)
         if more == UNCHANGED or both is None:
             return False
@@ -205,12 +205,15 @@ class IcgnFitter:
     ) -> Fit:
         """Fit under the light and at the scale known so far."""
         template, changed, offset_px = self.template, self._changes != UNCHANGED, self.template.offset_px
+        columns = template.columns
         if changed:
             coefficient = self._slow_changes().divided_out(coefficient, corner, start, self._changes)
             offset_px = self._slow_changes().offset_px(self._changes)
+            columns = self._slow_changes().columns(self._changes)
         pose = np.array(start, dtype=float)
         coefficient = self._light.taken_off(coefficient, corner, start)
-        subset = Subset(offset_px, template.columns, hidden, *template.centre_px, template.radius_px)
+        self._facts = self._facts._replace(columns=columns)
+        subset = Subset(offset_px, columns, hidden, *template.centre_px, template.radius_px)
         region = Region(coefficient, float(corner[1]), float(corner[0]))
         if self._cautious:
             self._weigh(region, subset, pose)
@@ -289,4 +292,4 @@ class IcgnFitter:
             return covariance, UNKNOWN
         white = covariance.diagonal() * (1.0 + gain**2 / template.n_averaged)
         influence = inverse[:3] / gain
-        return covariance, ratios_of(self.blocks, template.columns, self._work, self._weight, influence, white)
+        return covariance, ratios_of(self.blocks, self._facts.columns, self._work, self._weight, influence, white)

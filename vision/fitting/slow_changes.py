@@ -2,7 +2,8 @@
 
 Gain and offset follow light that changes everywhere alike. A lamp that moves with the body, a shadow's slow edge, or
 bands of a lamp's flicker in a rolling picture multiply the grey values by a factor that grows across the body; a body
-that comes nearer is larger, one that tilts is shorter one way. Five groups of terms, each fitted only where the
+that comes nearer is larger, one that tilts is shorter one way, one that leaves the plane of focus is blurred, and its
+contours drag the pose where they do not balance. Six groups of terms, each fitted only where the
 residuals ask for it, since on weak texture they take information from the pose: the covariance then grows by what they
 take.
 """
@@ -11,9 +12,11 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.fitting.bspline import gradient
 from vision.fitting.template import Template
 
 GROUPS: dict[str, slice] = {
@@ -22,11 +25,12 @@ GROUPS: dict[str, slice] = {
     "bend": slice(3, 6),
     "stretch": slice(6, 7),
     "shear": slice(7, 8),
+    "focus": slice(8, 9),
 }
 """Places of each group's amplitudes: the light's factor along x and y, the scale, the factor along xx, xy and yy, and
 the stretch along x less that along y, and along the diagonals; places in units of the body's radius, scale and stretch
-as the share by which it has grown."""
-N_TERMS = 8
+as the share by which it has grown; variance of the Gaussian by which the body is blurred, px^2."""
+N_TERMS = 9
 ASKED_FOR = 25.0
 """Chi-squared of a group from which it is believed: one fit in a hundred thousand by chance."""
 PERHAPS = 3.0
@@ -35,14 +39,16 @@ DEAREST = 2.0
 """Factor of the variance of the turn by which a group may be paid for, at most: what can hardly be told from the pose
 (a tilt about a diagonal, of a long body or one whose grain runs along it) would follow noise. It is left to the
 uncertainty."""
-MOST = np.array([0.6, 0.6, 0.05, 0.6, 0.6, 0.6, 0.05, 0.05])
+MOST = np.array([0.6, 0.6, 0.05, 0.6, 0.6, 0.6, 0.05, 0.05, 4.0])
 """Largest amplitudes that are followed."""
 
 Changes = tuple[float, ...]
 UNCHANGED: Changes = (0.0,) * N_TERMS
 LIGHT, TILT = ("light", "bend"), ("stretch", "shear")
-SHAPE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0])
-"""Terms of the body's shape, not of the light."""
+SHAPE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+"""Terms of the body's shape and focus, not of the light."""
+BLURS = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
+"""Variances, px^2, for which a blurred template is made."""
 
 
 class SlowChanges:
@@ -57,7 +63,9 @@ class SlowChanges:
         scale = -(template.columns[1] * dx + template.columns[2] * dy)
         along = template.columns[2] * dy - template.columns[1] * dx
         across = -(template.columns[1] * dy + template.columns[2] * dx)
-        terms = np.stack([grey * x, grey * y, scale, grey * x * x, grey * x * y, grey * y * y, along, across])
+        self._blurred = _blurred(template)
+        blur = (self._blurred[1, 3] - self._blurred[0, 3]) / BLURS[1]
+        terms = np.stack([grey * x, grey * y, scale, grey * x * x, grey * x * y, grey * y * y, along, across, blur])
         design = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
         self._across = terms @ design.T
         # what the five parameters of the fit cannot follow
@@ -89,13 +97,19 @@ class SlowChanges:
         gain: float,
         noise2: float,
         left_out: tuple[str, ...] = (),
+        changes: Changes = UNCHANGED,
     ) -> Changes:
         """What the residuals of a fit, with their weights, say of the group that explains them best; `UNCHANGED` where
-        each may be chance. Names of groups that are ``left_out`` may not."""
+        each may be chance, beyond ``changes`` in use. Names of groups that are ``left_out`` may not."""
+        terms = self._terms_at(changes)
         w = weight.astype(float)
         weighted = w * residual
         # sums, not products of matrices, whose order of adding may depend on threads
-        right = np.array([float(np.sum(weighted * term)) for term in self._terms])
+        right = np.array([float(np.sum(weighted * term)) for term in terms])
+        by_noise = gain * float(np.sum(w)) * self._noise_blurred(changes[8])
+        right[8] -= by_noise
+        if right[8] < by_noise:  # the noise of the reference is not known well enough to tell
+            left_out = (*left_out, "focus")
         best, found = ASKED_FOR, UNCHANGED
         for part in (own for name, own in GROUPS.items() if name not in left_out):
             if PERHAPS * right[part] @ self._inverses[part.start] @ right[part] < best * max(noise2, 1e-9):
@@ -103,7 +117,7 @@ class SlowChanges:
             rows = np.arange(N_TERMS)[part]
             if self.variance_factor(_placed(rows, np.ones(rows.size)))[0] > DEAREST:
                 continue
-            amplitude = self._solved(rows, w, right)
+            amplitude = self._solved(terms, rows, w, right)
             if amplitude is not None and (chi2 := float(amplitude @ right[part]) / max(noise2, 1e-9)) > best:
                 best, found = chi2, _placed(rows, amplitude / gain)
         return found
@@ -113,21 +127,42 @@ class SlowChanges:
     ) -> Changes:
         """How the groups in use have changed since ``changes``, by the residuals of a fit; `UNCHANGED` without any."""
         rows = _rows_in_use(changes)
-        w = weight.astype(float)
+        w, terms = weight.astype(float), self._terms_at(changes)
         right = np.zeros(N_TERMS)
-        right[rows] = [float(np.sum(w * residual * self._terms[row])) for row in rows]
-        amplitude = self._solved(rows, w, right) if rows.size else None
+        right[rows] = [float(np.sum(w * residual * terms[row])) for row in rows]
+        if changes[8]:
+            right[8] -= gain * float(np.sum(w)) * self._noise_blurred(changes[8])
+        amplitude = self._solved(terms, rows, w, right) if rows.size else None
         return UNCHANGED if amplitude is None else _placed(rows, amplitude / gain)
 
+    def _noise_blurred(self, variance: float) -> float:
+        """What the reference's noise adds per pixel to the products of residuals and the blur's term, grey^2 / px^2: a
+        blurred reference has less noise, so that frames seem the more blurred the noisier it is."""
+        noise2 = self._template.noise_grey**2 / self._template.n_averaged
+        now, more = (
+            cv2.getGaussianKernel(25, math.sqrt(v)).ravel() if v > 0.0 else np.eye(25)[12] for v in (variance, BLURS[1])
+        )
+        return float(noise2 * (now[12] ** 2 - float(now @ more) ** 2) / BLURS[1])
+
+    def _terms_at(self, changes: Changes) -> NDArray[np.float64]:
+        """The terms beside what the fit follows, that of the blur as it is where the body is blurred already."""
+        if changes[8] <= 0.0:
+            return self._terms
+        terms, k = self._terms.copy(), _next_blur(changes)
+        design = np.vstack([self.columns(changes).astype(float), np.ones(self._template.n_pixels)])
+        blur = (self._blurred[k, 3] - self._blurred[k - 1, 3]).astype(float) / (BLURS[k] - BLURS[k - 1])
+        terms[8] = blur - np.linalg.lstsq(design @ design.T, design @ blur, rcond=None)[0] @ design
+        return terms
+
     def _solved(
-        self, rows: NDArray[np.intp], w: NDArray[np.float64], right: NDArray[np.float64]
+        self, terms: NDArray[np.float64], rows: NDArray[np.intp], w: NDArray[np.float64], right: NDArray[np.float64]
     ) -> NDArray[np.float64] | None:
         """Amplitudes of some of the terms; None where the pixels do not tell them apart."""
         normal = np.empty((rows.size, rows.size))
         for i, one in enumerate(rows):
-            weighted = w * self._terms[one]
+            weighted = w * terms[one]
             for j, other in enumerate(rows[: i + 1]):
-                normal[i, j] = normal[j, i] = float(np.sum(weighted * self._terms[other]))
+                normal[i, j] = normal[j, i] = float(np.sum(weighted * terms[other]))
         scale = 1.0 / np.sqrt(np.maximum(normal.diagonal(), 1e-300))
         if np.linalg.eigvalsh(normal * scale[:, None] * scale)[0] < 1e-3:
             return None
@@ -135,10 +170,18 @@ class SlowChanges:
 
     def offset_px(self, changes: Changes) -> NDArray[np.float32]:
         """Places of the template's pixels on a body of another scale and tilt."""
-        _, _, scale, _, _, _, along, across = changes
+        _, _, scale, _, _, _, along, across, _ = changes
         stretch = np.array([[1.0 + scale + along, across], [across, 1.0 + scale - along]])
         dx, dy = self._template.offset_px.astype(float)
         return np.stack([a * dx + b * dy for a, b in stretch]).astype(np.float32)
+
+    def columns(self, changes: Changes) -> NDArray[np.float32]:
+        """Sensitivities (4, n) of the template as blurred as the body is."""
+        if changes[8] <= 0.0:
+            return self._template.columns
+        k = _next_blur(changes)
+        share = np.float32((changes[8] - BLURS[k - 1]) / (BLURS[k] - BLURS[k - 1]))
+        return np.asarray(self._blurred[k - 1] + share * (self._blurred[k] - self._blurred[k - 1]))
 
     def divided_out(
         self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: NDArray[np.float64], changes: Changes
@@ -154,9 +197,29 @@ class SlowChanges:
         return np.asarray(coefficient / np.maximum(light_factor(changes, x, y), 0.4), dtype=np.float32)
 
 
+def _next_blur(changes: Changes) -> int:
+    """Index of the first of `BLURS` beyond a blur, of the last where there is none."""
+    return min(int(np.searchsorted(BLURS, changes[8], side="right")), len(BLURS) - 1)
+
+
+def _blurred(template: Template) -> NDArray[np.float32]:
+    """Sensitivities (k, 4, n) of the template blurred by each of `BLURS`."""
+    found = np.repeat(template.columns[None], len(BLURS), axis=0)
+    if template.patch is None:
+        return found
+    dx, dy = template.offset_px.astype(float)
+    columns = np.rint(dx + template.centre_px[0] - template.patch_corner_px[0]).astype(np.intp)
+    rows = np.rint(dy + template.centre_px[1] - template.patch_corner_px[1]).astype(np.intp)
+    for k, variance in enumerate(BLURS[1:], start=1):
+        picture = cv2.GaussianBlur(template.patch, (0, 0), math.sqrt(variance), borderType=cv2.BORDER_REPLICATE)
+        gx, gy = (slope[rows, columns].astype(float) for slope in gradient(picture))
+        found[k] = np.stack([gy * dx - gx * dy, gx, gy, picture[rows, columns] - template.mean_grey])
+    return found
+
+
 def light_factor(changes: Changes, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """What the light is multiplied by at places in units of the body's radius."""
-    along_x, along_y, _, xx, xy, yy, _, _ = changes
+    along_x, along_y, _, xx, xy, yy, _, _, _ = changes
     return np.asarray(1.0 + x * (along_x + xx * x + xy * y) + y * (along_y + yy * y))
 
 
@@ -166,8 +229,9 @@ def without_light(changes: Changes) -> Changes:
 
 
 def added(one: Changes, other: Changes) -> Changes | None:
-    """Both changes together; None where that is more than is followed."""
+    """Both changes together; None where that is more than is followed. Nothing is sharper than the still frames."""
     both = np.add(one, other)
+    both[8] = max(both[8], 0.0)
     return tuple(both.tolist()) if np.all(np.abs(both) <= MOST) else None
 
 

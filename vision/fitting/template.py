@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from vision.errors import BodyError
 from vision.fitting.bspline import gradient, slope_noise_gain
 
+PATCH_PX = 8
+"""Of the picture kept around a body: what a blur of a few pixels reaches."""
 TILE_PX = 8
 """Side of the squares in which the pixels are kept together, so that loops over them find their neighbours near."""
 
@@ -50,6 +52,8 @@ class Template:
         Smallest and largest x and y offset: left, right, top, bottom.
     noise_grey : float
         Standard deviation of one frame's noise, as found in the still frames; 0 when not known.
+    patch : ndarray of float32, shape (height, width), or None
+        The averaged picture around the body, whose first pixel is ``patch_corner_px`` (x, y).
     """
 
     name: str
@@ -63,6 +67,8 @@ class Template:
     n_averaged: int
     box_px: tuple[float, float, float, float]
     noise_grey: float = 0.0
+    patch: NDArray[np.float32] | None = None
+    patch_corner_px: tuple[int, int] = (0, 0)
 
     @property
     def n_pixels(self) -> int:
@@ -113,6 +119,7 @@ def build_template(
     """
     rows, cols = np.nonzero(mask)
     centre = (float(cols.mean()), float(rows.mean()))
+    left, top = (max(0, int(where.min()) - PATCH_PX) for where in (cols, rows))
     columns, dx, dy = design_columns(picture, mask, centre)
     inverse = invert_normal(columns.T @ columns)
     if inverse is None:
@@ -138,6 +145,8 @@ def build_template(
         n_averaged=n_averaged,
         box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
         noise_grey=noise_grey,
+        patch=np.array(picture[top : rows.max() + PATCH_PX + 1, left : cols.max() + PATCH_PX + 1], dtype=np.float32),
+        patch_corner_px=(left, top),
     )
 
 

@@ -34,8 +34,11 @@ MOST = 12
 """Templates one after the other."""
 KEEPS = FrameFlag.IMPRECISE | FrameFlag.WIDENED | FrameFlag.REACQUIRED | FrameFlag.RENEWED
 """Flags that a frame may have to become a reference."""
-OTHERWISE = np.uint16(int(FrameFlag.REPEATED | FrameFlag.UNCONFIRMED))
-"""Flags of rows that are lost for other reasons than what the body looks like."""
+OTHERWISE = np.uint16(int(FrameFlag.REPEATED))
+"""Flag of rows that are lost for another reason than what the body looks like."""
+UNCONFIRMED = np.uint16(int(FrameFlag.UNCONFIRMED))
+"""Of rows that are lost for another reason, too, but before others: where a body leaves the plane of focus the backward
+pass, which begins with lost rows, does not confirm the last that the forward pass could follow."""
 F64 = NDArray[np.float64]
 
 
@@ -52,7 +55,9 @@ def _runs(table: PoseTable, i: int) -> list[int]:
     return [
         int(start)
         for start, end in zip(edges[::2], edges[1::2], strict=True)
-        if start > 1 and end - start >= LEAST_ROWS and _may_serve(table, int(start) - 1, i, float(usual))
+        if start > 1
+        and np.count_nonzero((table.flag[start:end, i] & UNCONFIRMED) == 0) >= LEAST_ROWS
+        and _may_serve(table, int(start) - 1, i, float(usual))
     ]
 
 

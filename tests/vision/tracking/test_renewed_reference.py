@@ -27,7 +27,7 @@ RENEWED = np.uint16(int(FrameFlag.RENEWED))
 def test_a_body_that_leaves_the_plane_of_focus(bar_scene: Callable[[str], Scene], pivot: tuple[float, float]) -> None:
     n = 52
     scene, pose = bar_scene("speckle"), bar_motion(n, pivot, 0.25)
-    width, sensor = 4.5 * smooth_step((np.arange(n) - 16) / 26), Sensor(2.0, 8, 3)
+    width, sensor = 6.0 * smooth_step((np.arange(n) - 16) / 26), Sensor(2.0, 8, 3)
     frames = [
         sensor.expose(ndimage.gaussian_filter(scene.light(pose[i][None]), width[i]).astype(np.float32))
         for i in range(n)
