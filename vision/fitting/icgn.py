@@ -27,7 +27,7 @@ from vision.fitting.kernel_records import Places, Region, RigidFit, Settings, St
 from vision.fitting.kernels import fit_rigid, place_pixels, sample, tukey_weights
 from vision.fitting.light.local_light import LocalLight
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
-from vision.fitting.slow_changes import LIGHT, TILT, UNCHANGED, Changes, SlowChanges, added, without_light
+from vision.fitting.slow_changes import FOCUS, LIGHT, TILT, UNCHANGED, Changes, SlowChanges, added, without_light
 from vision.fitting.template import Template
 
 TOLERANCE_PX = 0.002
@@ -65,7 +65,7 @@ class IcgnFitter:
         self._frames = frames
         self._slow: SlowChanges | None = None
         self._light = LocalLight(template)
-        self._followed = self._clipped = False
+        self._followed = self._clipped = self._coded = False
         self._settings = fit_settings()
         self.blocks = blocks_of(template.offset_px)
         self._facts = BodyFacts(
@@ -149,7 +149,7 @@ class IcgnFitter:
             if saturated is not None and self._under(saturated, start, y0, x0) > SATURATED_SHARE * template.n_pixels:
                 # not a number: the compiled loop leaves out every sample that such a coefficient enters
                 coefficient = np.where(saturated, np.float32(np.nan), coefficient)
-        self._clipped = part.n_saturated > 0
+        self._clipped, self._coded = part.n_saturated > 0, film.compression is not None
         hidden = self._uncovered if covered is None else covered
         if begun is None:
             result = self._solve(coefficient, (y0, x0), start, hidden)
@@ -182,7 +182,8 @@ class IcgnFitter:
         elif suspected:
             noise2 = max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2
             # where light is known from place to place, or grey values are cut off
-            left_out = LIGHT if self._light.light is not None else TILT if self._clipped else ()
+            left_out: tuple[str, ...] = LIGHT if self._light.light is not None else TILT if self._clipped else ()
+            left_out += FOCUS if self._coded else ()  # a codec blurs, too, and the budget has a term for it
             more = self._slow_changes().measure(weight, residual, fit.gain, noise2, left_out, self._changes)
         both = added(self._changes, more)
         if more == UNCHANGED or both is None:

@@ -44,7 +44,7 @@ MOST = np.array([0.6, 0.6, 0.05, 0.6, 0.6, 0.6, 0.05, 0.05, 4.0])
 
 Changes = tuple[float, ...]
 UNCHANGED: Changes = (0.0,) * N_TERMS
-LIGHT, TILT = ("light", "bend"), ("stretch", "shear")
+LIGHT, TILT, FOCUS = ("light", "bend"), ("stretch", "shear"), ("focus",)
 SHAPE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
 """Terms of the body's shape and focus, not of the light."""
 BLURS = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
