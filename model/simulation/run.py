@@ -280,10 +280,9 @@ class Simulation:
         """Angles and speeds (m, n) as kernels take them; refuses those of another scene."""
         q, v = as_numbers(angle_rad, f"{what}: angles"), as_numbers(speed_rad_per_s, f"{what}: speeds")
         self.scene.check_whole(q, what)
-        if q.ndim != 2 or q.shape[1] != self.scene.size or v.shape != q.shape:
-            raise InputError(
-                f"{what}: found {q.shape} angles and {v.shape} speeds, allowed two of (m, {self.scene.size})"
-            )
+        if q.ndim != 2 or v.shape != q.shape:
+            whole = len(self.scene.bodies)
+            raise InputError(f"{what}: found {q.shape} angles and {v.shape} speeds, allowed two of (m, {whole})")
         return q, v
 
     def work(self) -> dict[str, int | float]:

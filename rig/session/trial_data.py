@@ -159,7 +159,9 @@ class TrialData(ArrayRecord):
         ``zero`` (1, encoders): other counts at which the angles are zero.
         """
         per_count = np.array([encoder.rad_per_count for encoder in self.encoders])
-        at = self.encoder_count[:1] if zero is None else as_numbers(zero, "counts at zero")
+        if zero is None:
+            return (self.encoder_count - self.encoder_count[:1]) * per_count
+        at = as_numbers(zero, "counts at zero")
         if at.shape not in ((), (len(per_count),), (1, len(per_count))):
             raise RigInputError(f"counts at zero: found shape {at.shape}, allowed (1, {len(per_count)})")
         return (self.encoder_count - at) * per_count
