@@ -28,6 +28,7 @@ from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.felt_memory import memories_of
 from model.scene.giving_joints import AXES, pins_and_numbers
 from model.scene.key_motion import KeyMotion
+from model.scene.latest import keeps_latest
 from model.scene.selection import SceneChoice, check_prescribed_key
 from model.scene.string_terms import string_numbers
 
@@ -194,6 +195,7 @@ def _ancestors(parent: list[int]) -> NDArray[np.int64]:
     return out
 
 
+@keeps_latest
 def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
     """Scene of the whole action, or of what ``choice`` leaves out and adds.
 

@@ -80,7 +80,8 @@ class SceneChoice:
     def on(self, action: Action) -> Action:
         """The action with this scene's values; values that the user set by path take precedence."""
         chosen = action.with_laws(dict(self.laws)) if self.laws else action
-        return chosen.with_effects({path: value for path, value in self.values if path not in action.changed})
+        values = {path: value for path, value in self.values if path not in action.changed}
+        return chosen.with_effects(values) if values else chosen
 
     def check(self, action: Action) -> None:
         """Refuse a value set for an effect that the scene does not have: it would change nothing."""

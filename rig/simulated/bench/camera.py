@@ -174,8 +174,8 @@ class _Exposures:
                 self.progress(i + 1, self.times.size)
 
     def _lights(self) -> Iterator[NDArray[np.float32]]:
-        """Noise-free pictures in order, drawn on another thread while the ones before become frames and go to disk."""
-        with ThreadPoolExecutor(1) as pool:
+        """Noise-free pictures in order, drawn on threads while the ones before become frames and go to disk."""
+        with ThreadPoolExecutor(2) as pool:
             drawn: deque[Future[NDArray[np.float32]]] = deque()
             for i in range(self.times.size):
                 drawn.append(pool.submit(self.scene.light, poses(self.geometry, self.settings, self._angles_during(i))))
