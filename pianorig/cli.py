@@ -139,6 +139,9 @@ def main(arguments: list[str] | None = None) -> None:
     # nothing and would take a fifth of the time (docs/decisions/0054-start-up-collector.md)
     gc.set_threshold(20_000, 20, 50)
     atexit.register(gc.freeze)
+    # many small matrices, and threads of our own: those of the linear algebra wait for each other, on a busy computer
+    # for two thirds of `validate` (docs/decisions/0235-first-demo-compiles-less.md); read when NumPy is first imported
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         refuse_shadowed_packages()
         if arguments is None and not as_json:  # a program that calls `main` keeps its standard error

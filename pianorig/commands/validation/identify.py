@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-import os
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-
-# many small matrices: on a busy computer threads of the linear algebra wait for each other a hundred times as long
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import validation
 from pianorig import workflows
