@@ -7,12 +7,13 @@ names key, value and allowed range.
 
 from __future__ import annotations
 
+import copy
 import difflib
 import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -148,9 +149,15 @@ def _unknown_path(path: str, known: Mapping[str, Any]) -> str:
     return f"parameter {path}: unknown path{hint}; all paths are in {files}"
 
 
+@lru_cache(maxsize=8)
+def _parsed(text: str) -> dict[str, Any]:
+    """Table of a text, not to be changed: parsing takes three quarters of reading an action."""
+    return tomllib.loads(text)
+
+
 def _read_toml(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return _parsed(path.read_text(encoding="utf-8"))
     except OSError as problem:
         raise InputError(
             f"{path}: cannot be read ({problem.strerror}); name a built-in action or an existing file"
@@ -228,8 +235,8 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
     (0.3, 'kg')
     """
     path = find_action(name_or_path)
-    table = _read_toml(path)
-    found = table.pop(IDENTIFICATION, {})  # how the values were found: for people and for validation
+    table = dict(_read_toml(path))
+    found = copy.deepcopy(table.pop(IDENTIFICATION, {}))  # how the values were found: for people and for validation
     units, structure = _template()
     where = str(path)
     quantities: dict[str, Quantity] = {}

@@ -122,3 +122,15 @@ def test_a_normal_may_be_as_long_along_an_axis_as_across() -> None:
         model.load_action(overrides={"contact13.second.normal.x": 1.09, "contact13.second.normal.y": 1.09})
     with pytest.raises(model.InputError, match=r"allowed from -1\.1 to 1\.1"):
         model.load_action(overrides={"contact13.second.normal.x": 1.2})
+
+
+def test_what_is_done_to_an_action_is_not_in_the_next_of_the_same_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    text = (ACTIONS / f"{TEMPLATE}.toml").read_text(encoding="utf-8")
+    path.write_text(text + '\n[identification]\nnames = ["hammer.mass"]\n', encoding="utf-8")
+    first = model.load_action(path)
+    mass = first["hammer.mass"]
+    first.quantities.clear()  # type: ignore[attr-defined]
+    first.identification["names"].append("key.mass")
+    again = model.load_action(path)
+    assert again["hammer.mass"] == mass and again.identification["names"] == ["hammer.mass"]

@@ -9,10 +9,11 @@ import pytest
 
 import model
 from validation.errors import ValidationInputError
-from validation.identification.unknowns.naming import expand, group_members
+from validation.identification.unknowns.naming import expand, group_members, single_names
 from validation.identification.unknowns.priors import LAW_U, parameter_of, unknowns
 
 ACTION = model.load_action()
+NAMES = single_names(ACTION)
 
 
 def test_groups_and_felts_stand_for_their_members() -> None:
@@ -37,15 +38,15 @@ def test_what_cannot_be_identified_is_refused_by_name(asked: str, said: str) -> 
 
 
 def test_a_law_known_to_printed_digits_gets_a_wide_prior_and_says_so() -> None:
-    p = parameter_of(ACTION, "hammer.joint_friction.A")
+    p = parameter_of(ACTION, "hammer.joint_friction.A", NAMES["hammer.joint_friction.A"])
     assert p is not None and p.factor and p.u == LAW_U and "printed digits" in p.basis
     assert p.values(ACTION, 1.0)["hammer.joint_friction.A"] == pytest.approx(0.00101 * math.exp(LAW_U))
-    mass = parameter_of(ACTION, "hammer.mass")
+    mass = parameter_of(ACTION, "hammer.mass", NAMES["hammer.mass"])
     assert mass is not None and not mass.factor and mass.u == ACTION.quantities["hammer.mass"].u
 
 
 def test_a_stiffness_moves_all_three_coefficients_by_one_factor() -> None:
-    p = parameter_of(ACTION, "contact02")
+    p = parameter_of(ACTION, "contact02", NAMES["contact02"])
     assert p is not None
     moved = p.values(ACTION, 0.5)
     ratios = {moved[f"contact02.normal.{k}"] / ACTION[f"contact02.normal.{k}"] for k in "abc"}
@@ -54,7 +55,7 @@ def test_a_stiffness_moves_all_three_coefficients_by_one_factor() -> None:
 
 def test_slope_is_the_derivative_of_the_values() -> None:
     for name in ("contact02", "hammer.mass"):
-        p = parameter_of(ACTION, name)
+        p = parameter_of(ACTION, name, NAMES[name])
         assert p is not None
         up, down = p.values(ACTION, 0.3 + 1e-5), p.values(ACTION, 0.3 - 1e-5)
         for path, slope in p.slope(ACTION, 0.3).items():

@@ -13,7 +13,7 @@ stands for its members, each free by itself:
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatchcase
 
 import model
@@ -23,7 +23,17 @@ FELT = "felt:"
 STIFFNESS = ("a", "b", "c")
 PARAMETERS = "--parameters"
 NORMAL = (".second.normal.x", ".second.normal.y")
-GROUPS = ("friction", "joint_friction", "damping", "stiffness", "springs")
+BELONGS: Mapping[str, Callable[[str, Sequence[str]], bool]] = {
+    "friction": lambda name, paths: name.endswith(".friction.A"),
+    "joint_friction": lambda name, paths: name.endswith(".joint_friction.A"),
+    "damping": lambda name, paths: name.endswith(".normal.D"),
+    "stiffness": lambda name, paths: len(paths) > 1,
+    "springs": lambda name, paths: (
+        name.split(".")[0].endswith("_spring") and name.split(".")[-1] in ("torque", "stiffness")
+    ),
+}
+"""Whether a single name with its paths belongs to a group."""
+GROUPS = tuple(BELONGS)
 
 
 def single_names(action: model.Action) -> dict[str, tuple[str, ...]]:
@@ -42,15 +52,9 @@ def single_names(action: model.Action) -> dict[str, tuple[str, ...]]:
 
 def group_members(action: model.Action, group: str) -> list[str]:
     """Single names of a group; empty where it is none."""
-    names = single_names(action)
-    tails = {
-        "friction": lambda n: n.endswith(".friction.A"),
-        "joint_friction": lambda n: n.endswith(".joint_friction.A"),
-        "damping": lambda n: n.endswith(".normal.D"),
-        "stiffness": lambda n: len(names[n]) > 1,
-        "springs": lambda n: n.split(".")[0].endswith("_spring") and n.split(".")[-1] in ("torque", "stiffness"),
-    }
-    return [name for name in names if tails[group](name)] if group in tails else []
+    if group not in BELONGS:
+        return []
+    return [name for name, paths in single_names(action).items() if BELONGS[group](name, paths)]
 
 
 def expand(action: model.Action, asked: Sequence[str], option: str = PARAMETERS) -> list[str]:

@@ -15,13 +15,12 @@ from dataclasses import dataclass
 import model
 from model.parameters.quantity import allowed_range
 from validation.errors import ValidationInputError
-from validation.identification.unknowns.naming import expand, group_members, single_names
+from validation.identification.unknowns.naming import BELONGS, expand, single_names
 
 LAW_U = 0.3
 """Relative standard uncertainty of a law's value whose stated u is only that of printed digits."""
 BOX = 4.0
 """A parameter is looked for within this many prior standard uncertainties."""
-LAW_GROUPS = ("friction", "joint_friction", "damping", "stiffness", "springs")
 THRESHOLDS = ("friction_threshold.v_t", "friction_threshold.omega_t")
 LARGE_RELATIVE_U = 0.25
 PRINTED = "printed digits"
@@ -121,12 +120,13 @@ class Unknowns:
         return (*self.asked, *self.beside, *self.small, *self.force)
 
 
-def parameter_of(action: model.Action, name: str, given: float | None = None) -> Parameter | None:
-    """A single name with its prior; None where nothing says how large it may be."""
-    paths = single_names(action)[name]
+def parameter_of(
+    action: model.Action, name: str, paths: tuple[str, ...], given: float | None = None
+) -> Parameter | None:
+    """A single name with its paths and prior; None where nothing says how large it may be."""
     lead = action.quantities[paths[0]]
     value = abs(lead.value)
-    law = len(paths) > 1 or any(name in group_members(action, group) for group in LAW_GROUPS)
+    law = any(belongs(name, paths) for belongs in BELONGS.values())
     if given is not None:
         factor = law or name in THRESHOLDS
         return Parameter(name, paths, given, factor, "given with --prior")
@@ -162,17 +162,17 @@ def unknowns(
         if name.strip() in wanted:
             raise ValidationInputError(f"--fix {name}: found it in --parameters, too; allowed in one of the two")
     held = [name for name in held if name not in wanted]
-    found = []
+    names, found = single_names(action), []
     for name in wanted:
-        one = parameter_of(action, name, given.get(name))
+        one = parameter_of(action, name, names[name], given.get(name))
         if one is None:
             raise ValidationInputError(
                 f"--parameters {name}: its stated uncertainty is 0, so it has no prior; give one, --prior {name}=0.1"
             )
         found.append(one)
-    rest = [n for n in single_names(action) if n not in wanted and n not in held]
-    others = [p for p in (parameter_of(action, n, given.get(n)) for n in rest) if p is not None]
-    still = [p for p in (parameter_of(action, n) for n in held) if p is not None and p.factor]
+    rest = [n for n in names if n not in wanted and n not in held]
+    others = [p for p in (parameter_of(action, n, names[n], given.get(n)) for n in rest) if p is not None]
+    still = [p for p in (parameter_of(action, n, names[n]) for n in held) if p is not None and p.factor]
     beside, small = [p for p in others if p.factor], [p for p in others if not p.factor]
     return Unknowns(tuple(found), tuple(beside), tuple(small), tuple(still))
 
