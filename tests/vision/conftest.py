@@ -7,9 +7,10 @@ import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,7 +48,7 @@ def one_body_scene(texture: str, seed: int = 5) -> Scene:
     return Scene([body], background(HEIGHT, WIDTH, seed + 1))
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def film_of() -> Callable[..., KnownFilm]:
     """Factory: render a scene at given poses, (n_frames, n_bodies, 3), one instant each."""
 
@@ -79,8 +80,8 @@ def film_of() -> Callable[..., KnownFilm]:
     return make
 
 
-@pytest.fixture(scope="session")
-def stress() -> ModuleType:
+@cache
+def load_stress() -> ModuleType:
     """The renderer of the stress benchmark, no package, which shares no code with `vision`; a film is drawn once."""
     spec = importlib.util.spec_from_file_location("stress_films", STRESS)
     assert spec is not None and spec.loader is not None
@@ -92,30 +93,35 @@ def stress() -> ModuleType:
 
 
 @pytest.fixture(scope="session")
-def tracked(stress: ModuleType) -> Callable[..., tuple[TrackResult, np.ndarray, np.ndarray]]:
-    """Track a film of the stress benchmark, once: result, errors and errors over the stated uncertainty of the moving
-    rows."""
-
-    @cache
-    def track(kind: str, surface: str, seed: int) -> tuple[TrackResult, np.ndarray, np.ndarray]:
-        film = stress.stress_film(kind, surface, seed)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", VisionWarning)
-            result = track_film(ArrayFilm(film.frames, 2000.0), [Body("bar", film.outline_px)])
-        still = min(result.n_still, stress.STILL)
-        error = (result.angle_rad[:, 0] - film.angle_rad + film.angle_rad[:still].mean())[stress.STILL :]
-        return result, error, error / result.u_angle_rad[stress.STILL :, 0]
-
-    return track
+def stress() -> ModuleType:
+    return load_stress()
 
 
-@pytest.fixture
+def track_stress_film(_folder: Path, kind: str, surface: str, seed: int) -> tuple[TrackResult, np.ndarray, np.ndarray]:
+    """Result, errors and errors over the stated uncertainty of the moving rows."""
+    stress = load_stress()
+    film = stress.stress_film(kind, surface, seed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", VisionWarning)
+        result = track_film(ArrayFilm(film.frames, 2000.0), [Body("bar", film.outline_px)])
+    still = min(result.n_still, stress.STILL)
+    error = (result.angle_rad[:, 0] - film.angle_rad + film.angle_rad[:still].mean())[stress.STILL :]
+    return result, error, error / result.u_angle_rad[stress.STILL :, 0]
+
+
+@pytest.fixture(scope="session")
+def tracked(shared: Callable[..., Any]) -> Callable[..., tuple[TrackResult, np.ndarray, np.ndarray]]:
+    """Track a film of the stress benchmark, once in a run; as `track_stress_film`."""
+    return partial(shared, track_stress_film)
+
+
+@pytest.fixture(scope="session")
 def bar_scene() -> Callable[[str], Scene]:
     """Factory of the one-body scene."""
     return one_body_scene
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def pivot() -> tuple[float, float]:
     """Where the tests put the origin of the bar."""
     return PIVOT

@@ -3,14 +3,17 @@
 Those of the generated kernels are compared with them. A touching contact adds rank-one terms along its normal and its
 sliding direction and, through the rotation of both with each coordinate, the change of the directions themselves.
 Every derivative rests on one rule: turning coordinate b moves a point X that hangs from it by z x (X - P_b).
+Nothing of it is compiled, which would take longer than all the states that tests look at.
 """
+
+from functools import cache, cached_property
+from types import FunctionType
 
 import numpy as np
 
 import model
+from model.kernels import laws
 from model.kernels import layout as L
-from model.kernels.compile import kernel
-from model.kernels.laws import felt, friction
 from model.kernels.layout import (
     A_R,
     BODY_SIZE,
@@ -44,12 +47,25 @@ from model.kernels.layout import (
     SPRING_SIZE,
     V_T,
 )
-from model.kernels.trajectory import dynamics
-from model.kernels.trajectory.dynamics import Equations, probe_state
-from model.kernels.trajectory.kinematics import along_chain, contact_offset, gap_geometry, point
+from model.kernels.trajectory import dynamics, kinematics
+from model.kernels.trajectory.dynamics import Equations
 
 
-@kernel
+@cache
+def plain(kernel):
+    """The Python function of a kernel, which calls those of the kernels it calls."""
+    function = kernel.py_func
+    used = {name: function.__globals__[name] for name in function.__code__.co_names if name in function.__globals__}
+    names = {name: plain(value) if hasattr(value, "py_func") else value for name, value in used.items()}
+    return FunctionType(function.__code__, names)
+
+
+felt, friction, probe_state = (plain(f) for f in (laws.felt, laws.friction, dynamics.probe_state))
+along_chain, contact_offset, gap_geometry, point = (
+    plain(getattr(kinematics, name)) for name in ("along_chain", "contact_offset", "gap_geometry", "point")
+)
+
+
 def inertia_and_joints(v, u, a, p, tables, pose, stiff, damp, f_u):
     """Set ``stiff``, ``damp`` and ``f_u`` = df/du from everything but contacts."""
     parent = tables.parent
@@ -118,7 +134,6 @@ def inertia_and_joints(v, u, a, p, tables, pose, stiff, damp, f_u):
         o += DAMPER_SIZE
 
 
-@kernel
 def contacts(v, p, tables, pose, work, stiff, damp):
     """Add the derivatives of all touching contacts; ``work`` is (4, MAX_CHAIN) scratch."""
     start = tables.offset[1]
@@ -245,27 +260,39 @@ def contacts(v, p, tables, pose, work, stiff, damp):
         o += PROBE_SIZE
 
 
-@kernel
-def linearise(v, u, a, p, tables, pose, work, stiff, damp, f_u):
-    """K, D and df/du at a state whose ``pose`` and accelerations ``a`` are already filled."""
-    inertia_and_joints(v, u, a, p, tables, pose, stiff, damp, f_u)
-    contacts(v, p, tables, pose, work, stiff, damp)
-
-
 class Evaluation:
     """Terms of the equations of motion and their derivatives at (q, v, u), by loops over the scene's tables."""
 
     def __init__(self, scene: model.Scene, q: np.ndarray, v: np.ndarray, u: float) -> None:
         n, p, tables = scene.size, scene.vector, scene.tables
+        self.scene, self.v, self.u = scene, v, u
         self.pose = np.zeros((n, L.POSE_SIZE))
-        self.f, self.a, self.m_diag, m_up, self.f_u = (np.zeros(n) for _ in range(5))
-        self.stiff, self.damp = np.zeros((n, n)), np.zeros((n, n))
+        self.f, self.a, self.m_diag, m_up = (np.zeros(n) for _ in range(4))
         self.touching = dynamics.acceleration(
             q, v, u, p, tables, Equations(self.pose, self.m_diag, m_up, self.f, self.a)
         )
-        work = np.zeros((4, L.MAX_CHAIN))
-        linearise(v, u, self.a, p, tables, self.pose, work, self.stiff, self.damp, self.f_u)
         self.mass = np.diag(self.m_diag)
         for i, w in enumerate(tables.parent):
             if w >= 0:
                 self.mass[i, w] = self.mass[w, i] = m_up[i]
+
+    @cached_property
+    def derivatives(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """K, D and df/du."""
+        n, p, tables = self.scene.size, self.scene.vector, self.scene.tables
+        stiff, damp, f_u = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+        inertia_and_joints(self.v, self.u, self.a, p, tables, self.pose, stiff, damp, f_u)
+        contacts(self.v, p, tables, self.pose, np.zeros((4, L.MAX_CHAIN)), stiff, damp)
+        return stiff, damp, f_u
+
+    @property
+    def stiff(self) -> np.ndarray:
+        return self.derivatives[0]
+
+    @property
+    def damp(self) -> np.ndarray:
+        return self.derivatives[1]
+
+    @property
+    def f_u(self) -> np.ndarray:
+        return self.derivatives[2]

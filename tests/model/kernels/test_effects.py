@@ -79,7 +79,7 @@ def test_kernels_equal_twin_and_tables(changed: model.Action, effects: tuple[str
     scene, twin = build_scene(changed, SceneChoice(effects=effects)), Twin(changed, effects)
     assert list(scene.bodies) == twin.coordinates
     lifted = pressed = 0
-    for q, v, u in states(300, scene, seed=21):
+    for k, (q, v, u) in enumerate(states(300, scene, seed=21)):
         ours = generated(scene, q, v, u)
         f, mass = twin.forces_and_mass(q, v, u)
         np.testing.assert_allclose(ours["M"], mass, rtol=1e-12, atol=1e-12 * np.abs(mass).max())
@@ -89,6 +89,8 @@ def test_kernels_equal_twin_and_tables(changed: model.Action, effects: tuple[str
             at = scene.bodies.index("key_lift")
             force = twin.rail_force(q[at], v[at])
             lifted, pressed = lifted + (force == 0.0), pressed + (force > 0.0)
+        if k % 4:
+            continue  # the twin has no derivatives, the tables are slow
         at = Evaluation(scene, q, v, u)
         for name, table in (("a", at.a), ("K", at.stiff), ("D", at.damp), ("f_u", at.f_u)):
             np.testing.assert_allclose(ours[name], table, rtol=1e-9, atol=1e-11 * np.abs(table).max())

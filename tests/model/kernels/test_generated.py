@@ -40,7 +40,7 @@ def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple
     n, p, t = scene.size, scene.vector, scene.tables
     kernels = scenes.kernels_of(t)
     solved = 0
-    for q, v, u in random_states(300, seed=11):
+    for q, v, u in random_states(150, seed=11):
         if effects:
             q, v, u = np.append(q, -0.01), np.append(v, 0.3), 0.01 * u
         at = Evaluation(scene, q, v, u)
@@ -73,7 +73,7 @@ def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple
         o = W.U + 2 * W.WIDTH
         close(w[o + W.WIDTH : o + W.WIDTH + n], u_v, 1e-9)
         close(w[o : o + n], gh * (r_q + u_v), 1e-9)
-    assert solved > 270
+    assert solved > 135
 
 
 def test_skipped_contacts_never_touch(action: model.Action) -> None:
@@ -185,16 +185,24 @@ def test_an_edited_kernel_source_changes_the_answer_in_the_next_process(tmp_path
     root = Path(model.__file__).parents[1]
     shutil.copytree(root / "model", tmp_path / "model", ignore=shutil.ignore_patterns("__pycache__"))
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), "PIANORIG_CACHE_DIR": str(tmp_path / "cache")}
-    ask = [sys.executable, "-c", "from model.kernels.compile import cache_key; print(cache_key())"]
+    ask = """
+import sys
+from model.kernels.compile import cache_key
+print(cache_key())
+for name in sys.argv[1:]:
+    with open(f"model/kernels/{name}", "a") as file:
+        file.write("\\n# edited\\n")
+    print(cache_key())
+"""
 
-    def key() -> str:
-        return subprocess.run(ask, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    def keys(*edited: str) -> list[str]:
+        call = [sys.executable, "-c", ask, *edited]
+        done = subprocess.run(call, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
+        return done.stdout.split()
 
-    first = key()
-    assert key() == first
-    for name in ("laws.py", "terms.py", "codegen/contacts.py", "stepping/inputs.py", "../integrators/rosenbrock.py"):
-        path = tmp_path / "model" / "kernels" / name
-        path.write_text(path.read_text() + "\n# edited\n")
-        second = key()
-        assert second != first
-        first = second
+    names = ("laws.py", "terms.py", "codegen/contacts.py", "stepping/inputs.py", "../integrators/rosenbrock.py")
+    (first,) = keys()
+    seen = keys(*names)
+    assert seen[0] == first and len(set(seen)) == 1 + len(names)
+    (again,) = keys()
+    assert again == seen[-1]

@@ -17,8 +17,14 @@ from rig.felt.press_curve import press_curve
 from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.felt_plant import felt_law
 
+LONG_BLOCKS = {"block_s": 0.1}
+"""A fifth of the calls."""
 GAIN_ERROR, PRELOAD_N = 0.004, 0.06
 """Of the load cell, and what the arm's spring really presses with: within 1.4 of what the rig file states."""
+
+
+def long_blocks() -> rig.Rig:
+    return rig.parse_rig(changed(rig.load_rig("virtual").text, "recording", LONG_BLOCKS))
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,7 @@ def planted(folder: Path, contact: str, stiffness: float, off: float, seed: int,
     compliance = 1.0 / stiffness
     values = {"compliance_m_per_n": compliance * (1 + off * u), "u_compliance_m_per_n": compliance * u}
     rig_text = changed(rig.load_rig("virtual").text, "felt", values)
-    rig_text = changed(rig_text, "recording", {"block_s": 0.1})  # a fifth of the calls
+    rig_text = changed(rig_text, "recording", LONG_BLOCKS)
     address = f"sim://?felt={contact}&bench={bench.as_posix()}&seed={seed}"
     opened = rig.simulated.load_plant(bench, seed, 5000.0).action
     return Bench(address, rig.parse_rig(rig_text), np.array([opened[f"{contact}.normal.{k}"] for k in "abcD"]))
@@ -53,7 +59,7 @@ def planted(folder: Path, contact: str, stiffness: float, off: float, seed: int,
 @pytest.mark.parametrize(
     ("contact", "stiffness", "off", "speed"),
     [
-        ("contact02", 2.0e5, 1.0, 0.012),
+        pytest.param(*("contact02", 2.0e5, 1.0, 0.012), marks=pytest.mark.slow),
         pytest.param(*("contact03", 0.8e5, -1.2, 0.015), marks=pytest.mark.slow),
         pytest.param(*("contact05", 3.0e5, 0.5, 0.012), marks=pytest.mark.slow),
         ("contact07", 1.5e5, -0.7, 0.006),
@@ -107,7 +113,8 @@ def test_the_block_gives_the_compliance_and_a_rig_file_with_it(tmp_path: Path) -
     text = DEFAULT_BENCH.read_text("utf-8").replace("contact_c = 2.0e5 ", "contact_c = 1.1e5 ")
     (tmp_path / "bench.toml").write_text(text, encoding="utf-8")
     address = f"sim://?felt=block&bench={(tmp_path / 'bench.toml').as_posix()}"
-    done = rig.record_felt(tmp_path / "s", rig.FeltOrder("block", peaks_n=(30.0,), rest_s=0.0), backend=address)
+    order = rig.FeltOrder("block", peaks_n=(30.0,), rest_s=0.0)
+    done = rig.record_felt(tmp_path / "s", order, rig_config=long_blocks(), backend=address)
     found = done.compliance
     assert found is not None and not done.presses
     truth = 1.0 / 1.1e5 + 1e-9
@@ -120,7 +127,7 @@ def test_the_block_gives_the_compliance_and_a_rig_file_with_it(tmp_path: Path) -
 def test_a_felt_too_hard_for_the_speed_says_how_fast_it_may_be(tmp_path: Path) -> None:
     order = rig.FeltOrder("contact10", (0.05,), (20.0,))
     with pytest.raises(rig.RigInputError, match=r"needs .* N/s, allowed 1800 N/s .*; press at 0\.0\d+ m/s at most"):
-        rig.record_felt(tmp_path / "s", order, backend="sim://?felt=contact10")
+        rig.record_felt(tmp_path / "s", order, rig_config=long_blocks(), backend="sim://?felt=contact10")
     assert [trial.status for trial in rig.Session.open(tmp_path / "s").trials] == ["complete"]
 
 
@@ -141,7 +148,9 @@ def test_what_ends_a_recording_takes_no_curve_with_it(tmp_path: Path) -> None:
 
     order = rig.FeltOrder("contact02", (0.01, 0.02), (15.0,), rest_s=0.0)
     with pytest.raises(KeyboardInterrupt):
-        rig.record_felt(tmp_path / "s", order, backend="sim://?felt=contact02", after_trial=stop)
+        rig.record_felt(
+            tmp_path / "s", order, rig_config=long_blocks(), backend="sim://?felt=contact02", after_trial=stop
+        )
     assert [file.name for file in (tmp_path / "s" / "derived" / "felt").iterdir()] == ["trial_0002.csv"]
 
 

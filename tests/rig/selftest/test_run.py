@@ -145,22 +145,35 @@ def test_a_fault_of_the_hardware_is_a_finding_and_the_test_goes_on(run, assert_s
     assert_safe(backend)
 
 
-def test_the_command_writes_a_dated_record_and_fails_when_a_check_does(tmp_path, capsys) -> None:
-    path, record = check_bench("sim://?hand=yes", "pcie6363", tmp_path, operator="ana", ask=lambda question: None)
+@pytest.fixture
+def long_blocks(tmp_path):
+    """Path of a built-in rig file with long blocks."""
+
+    def write(name: str) -> str:
+        path = tmp_path / f"{name}.toml"
+        path.write_text(load_rig(name).text.replace(*LONG_BLOCKS))
+        return str(path)
+
+    return write
+
+
+def test_the_command_writes_a_dated_record_and_fails_when_a_check_does(long_blocks, tmp_path, capsys) -> None:
+    card = long_blocks("pcie6363")
+    path, record = check_bench("sim://?hand=yes", card, tmp_path, operator="ana", ask=lambda question: None)
     assert record.passed and read_record(path) == record.model_copy(
         update={"created_utc": record.created_utc.replace(microsecond=0)}
     )
-    assert record.operator == "ana" and record.rig_sha256 == load_rig("pcie6363").sha256
+    assert record.operator == "ana" and record.rig_sha256 == load_rig(card).sha256
     assert "output to input" in {finding.check for finding in record.findings}
     assert (datetime.now(UTC) - record.created_utc).total_seconds() < 600
     with pytest.raises(SystemExit) as end:  # nobody's hand: nothing moves, nothing is lifted
-        main(["selftest", "--backend", "sim://", "--out", str(tmp_path), "--json"])
+        main(["selftest", "--backend", "sim://", "--rig", long_blocks("virtual"), "--out", str(tmp_path), "--json"])
     assert end.value.code == 3
     printed = json.loads(capsys.readouterr().out)
     assert {f["check"] for f in printed["findings"] if not f["passed"]} >= {"key encoder", "preload"}
 
 
-def test_wiring_planted_in_the_bench_file_is_found(tmp_path) -> None:
+def test_wiring_planted_in_the_bench_file_is_found(long_blocks, tmp_path) -> None:
     from rig.simulated.backend import DEFAULT_BENCH
 
     bench = tmp_path / "bench.toml"
@@ -168,7 +181,9 @@ def test_wiring_planted_in_the_bench_file_is_found(tmp_path) -> None:
         '\n[wiring]\ndrive_enable = "bridged"\nkey = ["Mod3/PFI2", "Mod3/PFI3"]\nwhippen = ["Mod3/PFI1", "Mod3/PFI0"]\n'
     )
     bench.write_text(DEFAULT_BENCH.read_text() + planted)
-    _, record = check_bench(f"sim://?hand=yes&bench={bench}", "virtual", tmp_path, ask=lambda question: None)
+    _, record = check_bench(
+        f"sim://?hand=yes&bench={bench}", long_blocks("virtual"), tmp_path, ask=lambda question: None
+    )
     found = failed(record)
     assert {"key encoder", "whippen encoder", "drive disabled"} <= set(found)
     assert "swapped with the whippen" in found["key encoder"] and "bridged" in found["drive disabled"]

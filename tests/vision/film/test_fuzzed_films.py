@@ -25,7 +25,7 @@ def test_damaged_films_are_refused_or_read_right(tmp_path: Path, capfd: pytest.C
     sys.modules["fuzz_readers"] = script
     try:
         spec.loader.exec_module(script)
-        tallies = script.fuzz(tmp_path, 80, 7)
+        tallies = script.fuzz(tmp_path, 40, 7)
     finally:
         del sys.modules["fuzz_readers"]
     assert sum(tally.same for tally in tallies.values()) > 5

@@ -51,7 +51,7 @@ def test_measured_light(
     assert np.all(SlowChanges(template).variance_factor((0.1,) * 6 + (0.0, 0.0)) < 1.25)
 
 
-@pytest.mark.parametrize("texture", ["speckle", "wood"])
+@pytest.mark.parametrize("texture", ["wood", pytest.param("speckle", marks=pytest.mark.slow)])
 def test_light_that_grows_on_one_side(
     bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float], texture: str
 ) -> None:
@@ -103,8 +103,15 @@ def test_scale_and_bent_light(
     assert fit.noise_grey < 1.3
 
 
-@pytest.mark.parametrize("texture", ["speckle", "wood"])
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize(
+    ("texture", "seed"),
+    [
+        ("speckle", 0),
+        ("wood", 3),
+        pytest.param("speckle", 3, marks=pytest.mark.slow),
+        pytest.param("wood", 0, marks=pytest.mark.slow),
+    ],
+)
 def test_defocus_that_drifts_does_not_drag_the_pose(texture: str, seed: int) -> None:
     """Up to 1.5 px in the last frame: contours that do not balance would drag the angle by up to 160 mdeg."""
     n = 80

@@ -20,7 +20,7 @@ from vision.synthetic import Scene, box
 from vision.tracking.track_film import track_film
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def tracked(
     bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
 ) -> tuple[object, object]:

@@ -23,15 +23,17 @@ from vision.proposals.propose_outlines import propose_bodies
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
 from vision.tracking.track_film import track_film
 
+BENCH_FRAMES = 76
+
 
 @pytest.fixture(scope="module")
 def bench_film(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FilmTruth]:
     """A film of the virtual bench, bare wood, and its true angles."""
     geometry, camera = ActionGeometry(), CameraSettings(texture="wood")
-    x = np.clip((np.arange(130) / camera.frame_rate_hz - 0.015) / 0.04, 0.0, 1.0)
+    x = np.clip((np.arange(BENCH_FRAMES) / camera.frame_rate_hz - 0.01) / 0.024, 0.0, 1.0)
     angles = geometry.rest_angle_rad + np.outer(x * x * (3.0 - 2.0 * x), [0.08, -0.3, 0.2])
     path = tmp_path_factory.mktemp("bench") / "film.mraw"
-    times = np.arange(130) / camera.frame_rate_hz
+    times = np.arange(BENCH_FRAMES) / camera.frame_rate_hz
 
     def motion(t: np.ndarray) -> np.ndarray:
         return np.stack([np.interp(t, times, column) for column in angles.T], axis=-1)

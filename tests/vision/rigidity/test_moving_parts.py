@@ -27,8 +27,15 @@ def quiet(film: ArrayFilm, bodies: list[Body]) -> TrackResult:
         return track_film(film, bodies)
 
 
-@pytest.mark.parametrize("texture", ["speckle", "wood"])
-@pytest.mark.parametrize("noise", [2.0, 0.0])
+@pytest.mark.parametrize(
+    ("texture", "noise"),
+    [
+        ("speckle", 2.0),
+        ("wood", 0.0),
+        pytest.param("speckle", 0.0, marks=pytest.mark.slow),
+        pytest.param("wood", 2.0, marks=pytest.mark.slow),
+    ],
+)
 def test_an_outline_over_two_bodies(texture: str, noise: float) -> None:
     """A beam and an arm hinged to its end, turning by 0.1 and 0.25 rad, under one outline."""
     extent = (-10.0, -24.0, 90.0, 24.0)
@@ -51,7 +58,7 @@ def test_an_outline_over_two_bodies(texture: str, noise: float) -> None:
     assert apart.info["moving_parts"] == {}
 
 
-@pytest.mark.parametrize("sag_px", [3.0, -1.5])
+@pytest.mark.parametrize("sag_px", [-1.5, pytest.param(3.0, marks=pytest.mark.slow)])
 def test_a_body_that_bends_is_named(
     bar_scene: Callable[[str], Scene], pivot: tuple[float, float], sag_px: float
 ) -> None:
@@ -72,8 +79,15 @@ def test_a_body_that_bends_is_named(
     assert parts["bends"] and 0.4 * abs(sag_px) < parts["most_px"] < 2.0 * abs(sag_px)
 
 
-@pytest.mark.parametrize("texture", ["speckle", "wood"])
-@pytest.mark.parametrize("hidden", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("texture", "hidden"),
+    [
+        ("speckle", 1.0),
+        ("wood", 0.0),
+        pytest.param("speckle", 0.0, marks=pytest.mark.slow),
+        pytest.param("wood", 1.0, marks=pytest.mark.slow),
+    ],
+)
 def test_a_rigid_body_is_not_named(
     bar_scene: Callable[[str], Scene],
     film_of: Callable[..., object],

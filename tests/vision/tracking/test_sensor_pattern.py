@@ -23,7 +23,7 @@ def with_pattern(film: ArrayFilm, rms: float, seed: int = 0) -> tuple[ArrayFilm,
     return ArrayFilm(np.clip(np.rint(frames + pattern), 0, 255).astype(np.uint8), film.frame_rate_hz), pattern
 
 
-@pytest.mark.parametrize("texture", ["speckle", "wood"])
+@pytest.mark.parametrize("texture", ["speckle", pytest.param("wood", marks=pytest.mark.slow)])
 def test_a_fixed_pattern_is_taken_off(
     bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float], texture: str
 ) -> None:
@@ -65,10 +65,19 @@ def test_a_film_is_tracked_again_only_where_a_sample_of_rows_fits_better(
     assert (result.info["pattern_grey"] > 0.0) == (disturbed == "pattern")
 
 
-@pytest.mark.parametrize("surface", ["wood", "fine"])
-def test_errors_of_a_pattern_are_within_the_uncertainty(tracked: Callable[..., tuple], surface: str) -> None:
+@pytest.mark.parametrize(
+    ("surface", "seeds"),
+    [
+        ("wood", (201,)),
+        pytest.param("wood", (201, 202), marks=pytest.mark.slow),
+        pytest.param("fine", (201, 202), marks=pytest.mark.slow),
+    ],
+)
+def test_errors_of_a_pattern_are_within_the_uncertainty(
+    tracked: Callable[..., tuple], surface: str, seeds: tuple[int, ...]
+) -> None:
     zs = []
-    for seed in (201, 202):
+    for seed in seeds:
         result, error, z = tracked("fixed_pattern", surface, seed)
         assert not result.failed.any() and np.isfinite(error).all()
         zs.append(z)

@@ -139,7 +139,10 @@ def test_codec_term_covers_jpeg(
     assert codec < 0.5 * noise if quality == 95 else codec > 0.6 * noise
 
 
-@pytest.mark.parametrize(("turning", "sliding"), [(30.0, 0.0), (0.0, 1500.0), (-25.0, 900.0)])
+@pytest.mark.parametrize(
+    ("turning", "sliding"),
+    [(-25.0, 900.0), *(pytest.param(*s, marks=pytest.mark.slow) for s in ((30.0, 0.0), (0.0, 1500.0)))],
+)
 def test_rolling_shutter_term_is_the_error_it_makes(
     bar_scene: Callable[[str], Scene], pivot: tuple[float, float], turning: float, sliding: float
 ) -> None:
