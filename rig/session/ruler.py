@@ -10,7 +10,7 @@ ruler was read.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,8 +91,13 @@ class RulerCurve:
 
     def u_at(self, reading: Array) -> Array:
         """Standard uncertainty (m) of the calibration at readings: common to all samples there, not noise."""
+        return np.interp(reading, *self._u_grid)
+
+    @cached_property
+    def _u_grid(self) -> tuple[Array, Array]:
+        """Readings and the standard uncertainty there: drawn once for a ruler, not for each trial."""
         grid = np.linspace(0.0, 1.0, 257) ** 2 * (self.reading[-1] - self.reading[0]) + self.reading[0]
-        return np.interp(reading, grid, np.hypot(self.draws(grid).std(axis=0), CHOICE * self.u_m))
+        return grid, np.hypot(self.draws(grid).std(axis=0), CHOICE * self.u_m)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ film angles."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -91,20 +92,38 @@ def trial_data(number, time_s, force_n, change_rad, *, status="complete", camera
     )  # fmt: skip
 
 
+@cache
+def rest_of_specimen():
+    """The specimen at rest under the preload."""
+    import model
+
+    specimen = model.load_action("hirschkorn2004", SPECIMEN)
+    return specimen, model.rest_state(specimen, force_n=PRELOAD_N)
+
+
+@cache
+def motion_of_specimen(strength):
+    """Force of a blow at the sample times and how the specimen moves under it, computed once in a process."""
+    import model
+
+    specimen, rest = rest_of_specimen()
+    time = np.arange(int(LENGTH_S * RATE_HZ)) / RATE_HZ
+    force = PRELOAD_N + forte_n(time, strength)
+    return force, model.simulate(specimen, time, force, initial=rest)
+
+
 def make_session(folder: Path, n_trials=5, filmed=(2,), strength=STRENGTH, **info):
     """Create a session on disk whose specimen differs from the model in friction; return it with truth."""
     import model
     from rig.session import CameraInfo, Session
 
     action = model.load_action("hirschkorn2004")
-    specimen = model.load_action("hirschkorn2004", SPECIMEN)
-    rest = model.rest_state(specimen, force_n=PRELOAD_N)
+    specimen, rest = rest_of_specimen()
     session = Session.create(folder, session_info(**info))
     time = np.arange(int(LENGTH_S * RATE_HZ)) / RATE_HZ
     truth = Truth(time, {}, {}, {}, rest.angle_rad, action, specimen)
     for number in range(1, n_trials + 1):
-        force = PRELOAD_N + forte_n(time, strength[(number - 1) % len(strength)])
-        solution = model.simulate(specimen, time, force, initial=rest)
+        force, solution = motion_of_specimen(strength[(number - 1) % len(strength)])
         truth.angle_rad[number] = solution.angle_rad
         truth.speed_rad_per_s[number] = solution.speed_rad_per_s
         truth.force_n[number] = force

@@ -38,7 +38,7 @@ SPECIMEN = {
 def found() -> object:
     """The hammer's friction, all else as the specimen has it."""
     start = model.load_action("hirschkorn2004", SPECIMEN)
-    return identify([EXAMPLE], ["hammer.joint_friction"], start, fixed=("*",), hold_out_trials=(3,))
+    return identify([EXAMPLE], ["hammer.joint_friction"], start, fixed=("*",), hold_out_trials=(3,), phases=30)
 
 
 def test_two_trials_give_an_interval_that_holds_the_truth_and_no_claim(found) -> None:  # type: ignore[no-untyped-def]

@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from validation.conventions import Array
 from validation.identification.blocks import Block
 from validation.identification.noise.held_out import GROWN, held_out_score
-from validation.identification.noise.marginal import Marginal, parts_of
+from validation.identification.noise.marginal import Marginal, parts_of, solved
 from validation.identification.noise.parts import Columns, law_columns
 from validation.identification.noise.sizes import FLOOR, NOT_SEEN, Sizes
 
@@ -52,7 +51,7 @@ def scores(marginal: Marginal, residuals: Sequence[Array] | None = None) -> Scor
     towards = np.zeros((p, len(log)))  # of the laws' own scatter, summed over trials before it is squared
     for k, (b, (lower, x)) in enumerate(zip(marginal.blocks, marginal.white, strict=True)):
         mine = marginal.columns_of(b.session)
-        root = solve_triangular(lower, np.eye(len(lower)), lower=True)
+        root = solved(lower, np.eye(len(lower)))
         inverse, back = root.T @ root, root.T @ x
         total = of_session[b.session]
         weight = inverse - back @ marginal.covariance[np.ix_(mine, mine)] @ back.T

@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, cholesky
+from scipy.linalg.lapack import dtrtrs
 
 from validation.conventions import Array
 from validation.identification.blocks import INSTRUMENT, Block
@@ -22,6 +23,14 @@ def parts_of(blocks: Sequence[Block], sizes: Sizes) -> Parts:
     sessions = sorted({b.session for b in blocks})
     common = {s: common_parts([b for b in blocks if b.session == s], sizes) for s in sessions}
     return common, [own_parts(b, sizes) for b in blocks]
+
+
+def solved(lower: Array, right: Array) -> Array:
+    """Solution x of ``lower x = right``, ``lower`` of `scipy.linalg.cholesky`.
+
+    LAPACK's, as `scipy.linalg.solve_triangular` calls it; its checks take as long as the small systems here.
+    """
+    return np.asarray(dtrtrs(lower, right, lower=1)[0])
 
 
 class Marginal:
@@ -57,6 +66,8 @@ class Marginal:
         factor = cho_factor(self.precision)
         self.log_det = 2.0 * float(np.log(np.diag(factor[0])).sum())
         self.covariance = np.asarray(cho_solve(factor, np.eye(self.q)))
+        self._asked: Sequence[Array] | None = None
+        self._projected: tuple[Array, float] = np.zeros(self.q), 0.0
 
     @cached_property
     def rest(self) -> tuple[Array, bool]:
@@ -81,16 +92,19 @@ class Marginal:
 
     def _whiten(self, b: Block, own: Array) -> tuple[Array, Array]:
         lower = cholesky(np.diag(b.white) + b.own @ b.own.T + own, lower=True)
-        return lower, np.asarray(solve_triangular(lower, self.design(b), lower=True))
+        return lower, solved(lower, self.design(b))
 
     def projected(self, residuals: Sequence[Array]) -> tuple[Array, float]:
-        """Xᵀ C⁻¹ r (q,) and rᵀ C⁻¹ r."""
+        """Xᵀ C⁻¹ r (q,) and rᵀ C⁻¹ r; those of the residuals asked for last are kept."""
+        if self._asked is residuals:
+            return self._projected
         b, square = np.zeros(self.q), 0.0
         for (lower, x), r, block in zip(self.white, residuals, self.blocks, strict=True):
-            w = solve_triangular(lower, r, lower=True)
+            w = solved(lower, np.asarray_chkfinite(r))
             b[self.columns_of(block.session)] += x.T @ w
             square += float(w @ w)
-        return b, square
+        self._asked, self._projected = residuals, (b, square)
+        return self._projected
 
     def mean(self, residuals: Sequence[Array]) -> Array:
         """Most probable value (q,) of every column, given residuals at z = 0 of the linear model."""

@@ -22,7 +22,8 @@ def test_the_motion_is_that_of_the_comparison(tmp_path: Path) -> None:
     out = tmp_path / "angles.csv"
     assert run("simulate", "--force", session / "trial_0001.h5", "--out", out) == 0
     rows = np.loadtxt(out, delimiter=",", skiprows=1)
-    trace = validation.compare_session(rig.Session.open(session), "hirschkorn2004", by_motion=False).traces[1]
+    quick = {"by_motion": False, "rivals": (), "budget": False, "suspect": False}
+    trace = validation.compare_session(rig.Session.open(session), "hirschkorn2004", **quick).traces[1]
     known = trace.dropna(subset=["hammer_predicted_rad"])
     np.testing.assert_array_equal(rows[:, 0], trace["force_time_s"].to_numpy()[: len(rows)])
     for column, body in ((1, "key"), (2, "whippen"), (5, "hammer")):

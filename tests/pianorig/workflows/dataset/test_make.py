@@ -34,6 +34,7 @@ def made(shared) -> tuple[Path, Path]:
     def make_it(place: Path) -> tuple[Path, Path]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(make, "CONDITIONS", FEW)
+            patch.setattr(make, "SPECIMENS", ("A",))
             patch.setattr("pianorig.workflows.dataset.films.LONG_S", 0.09)
             make.make_dataset(place / "set", each=2, sealed_truth=place / "truth" / "sealed.json")
         return place / "set", place / "truth" / "sealed.json"
@@ -51,12 +52,12 @@ def perfect(folder: Path, factor: float = 1.0) -> pd.DataFrame:
 
 
 def test_a_seed_makes_the_same_bytes(made, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(make, "SPECIMENS", ("A",))
     monkeypatch.setattr(make, "CONDITIONS", FEW)
     make.make_dataset(tmp_path / "again", each=2, films=False)
     for file in sorted((made[0] / "open").glob("*.nc")):
         assert file.read_bytes() == (tmp_path / "again" / "open" / file.name).read_bytes(), file.name
     monkeypatch.setattr(make, "CONDITIONS", FEW[:1])
-    monkeypatch.setattr(make, "SPECIMENS", ("A",))
     make.make_dataset(tmp_path / "other", each=2, seed=7, films=False)
     first = "open/trial_0001.nc"
     assert (tmp_path / "other" / first).read_bytes() != (made[0] / first).read_bytes()
