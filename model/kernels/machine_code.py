@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core import codegen
+from numba.core import codegen, targetconfig
 
 _NAMES = ("_finalize_final_module", "_finalize_dynamic_globals", "get_pointer_to_function", "serialize_using_bitcode")
 
@@ -40,6 +40,14 @@ def make_machine_code_when_called() -> bool:
                 return
             self._finalize_dynamic_globals()
             self._finalized = True
+
+        def _optimize_final_module(self) -> None:
+            flags = targetconfig.ConfigStack.top_or_none()
+            inner = flags is not None and flags.no_cpython_wrapper and flags.no_cfunc_wrapper
+            # a caller's passes see it again; without fast arithmetic no pass changes a bit. What is inlined by force is
+            # small, and lanes ran 2 % slower without
+            if not inner or flags.fastmath or flags.forceinline:
+                super()._optimize_final_module()
 
         def _make(self) -> None:
             if self._made:

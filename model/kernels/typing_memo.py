@@ -10,9 +10,10 @@ inside than the one known here: then compiling only takes longer. docs/decisions
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
-from numba.core import targetconfig, types
+from numba.core import ir, targetconfig, types
 from numba.core.types import functions
 
 _plain: list[type] = [types.Float, types.Integer, types.Boolean]
@@ -53,9 +54,9 @@ def remember_plain_numbers() -> bool:
 
 
 def compare_flags_quickly() -> bool:
-    """Have numba compare options of functions by what is set of them, then by all 25; False where it cannot.
+    """Have numba compare the options of functions by those that are set, not by all 25; False where it cannot.
 
-    Every question about an overload compares them.
+    Every question about an overload compares them, and hashes their names.
     """
     kind: Any = getattr(targetconfig, "TargetConfig", None)
     if kind is None or "_values" not in getattr(kind, "__slots__", ()):
@@ -65,10 +66,50 @@ def compare_flags_quickly() -> bool:
         return True
 
     def equal(self: Any, other: Any) -> Any:
-        if self is other or (type(self) is type(other) and self._values == other._values):
+        if self is other:
             return True
-        return by_all(self, other)
+        if type(self) is not type(other):
+            return by_all(self, other)
+        one, two, options = self._values, other._values, self.options
+        for name in one.keys() | two.keys():
+            default = options[name].default
+            if one.get(name, default) != two.get(name, default):
+                return False
+        return True
 
     equal.quick = True  # type: ignore[attr-defined]
-    kind.__eq__ = equal
+    names_hash: Any = cache(lambda of: hash(tuple(sorted(of.options))))  # as numba's own: of the names alone
+    kind.__eq__, kind.__hash__ = equal, lambda self: names_hash(type(self))
+    return True
+
+
+def list_variables_quickly() -> bool:
+    """Have numba find the variables of an instruction by the types of its parts; False where it cannot.
+
+    Every pass over a function asks for those of all its instructions; most parts hold none.
+    """
+    kind: Any = getattr(ir, "Inst", None)
+    by_all = getattr(kind, "_rec_list_vars", None)
+    if by_all is None:
+        return False
+    if getattr(by_all, "quick", False):
+        return True
+    holders = ir.Var, ir.Inst, list, tuple, dict
+    holds: dict[type, bool] = {}
+
+    def variables(self: Any, part: Any) -> list[Any]:
+        found = []
+        for one in part.values() if type(part) is dict else (part,):
+            of = type(one)
+            if of is ir.Var:
+                found.append(one)
+                continue
+            if of not in holds:
+                holds[of] = issubclass(of, holders)
+            if holds[of]:
+                found.extend(by_all(self, one))
+        return found
+
+    variables.quick = True  # type: ignore[attr-defined]
+    kind._rec_list_vars = variables
     return True

@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from threading import Thread
 
+from llvmlite.binding import ffi
+
 from model.kernels import compile as _compile
 from model.kernels.codegen.load import kernels_of, lane_kernels_of, on_disk
 from model.kernels.lanes.width import LANES, lanes_pay
@@ -101,6 +103,8 @@ def compile_lanes(choice: SceneChoice) -> None:
 
 def main() -> None:
     """Compile what the standard input names."""
+    for told in list(getattr(getattr(ffi.lib, "_lock", None), "_cblist", ())):
+        ffi.unregister_lock_callback(*told)  # numba's own, which time each call of LLVM, as often as functions nest
     gc.disable()  # what compiling leaves behind is looked through for a seventh of its time; the process ends soon
     choices, loop, then = pickle.load(sys.stdin.buffer)
     if loop:
