@@ -6,7 +6,9 @@ Known truth (plant) -> DAQ, film, tracking, validation -> recovered angles, forc
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,6 +17,7 @@ from scipy.stats import chi2
 
 import model
 import validation
+from pianorig.workflows.demo import run_demo
 from rig.simulated.bench.plant import load_plant
 from tests.system.conftest import BENCH, FINE, Closed, fine_height
 
@@ -175,13 +178,23 @@ def test_report_and_results_are_whole(closed: Closed) -> None:
     assert scores["trial"].nunique() == 5
 
 
+@pytest.mark.slow  # a demo of its own
+def test_the_whole_demo_has_figures_and_says_what_explains_the_difference(tmp_path: Path) -> None:
+    demo = run_demo(tmp_path / "session", trials=2)
+    page = demo.result.files["report.html"].read_text(encoding="utf-8")
+    for figure in demo.figures.tracking:
+        assert figure.ratio < 1.5 and figure.lost == 0, figure
+    assert len(re.findall("<svg [^>]*data-panels", page)) == 9
+    assert any("about the model, not a fault of the session" in text for text in demo.result.warnings)
+
+
 def test_second_validation_simulates_nothing_again(closed: Closed, monkeypatch: pytest.MonkeyPatch) -> None:
     def simulated(*given: object, **options: object) -> None:
         raise AssertionError("simulated again")
 
     monkeypatch.setattr("model.simulation.run.Simulation.advance", simulated)  # each run of the model
     monkeypatch.setattr("validation.prediction.many_runs.run_jobs", simulated)  # many side by side
-    again = validation.compare_session(closed.demo.session, "hirschkorn2004")
+    again = validation.compare_session(closed.demo.session, "hirschkorn2004", suspect=False)
     pd.testing.assert_frame_equal(again.scores, closed.demo.result.scores)
     assert again.trials["reused"].all()
     assert replace(again, files={}).verdict == closed.demo.result.verdict
