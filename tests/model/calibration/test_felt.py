@@ -47,7 +47,10 @@ def test_noiseless_felt_is_found_to_rounding() -> None:
 
 
 # contact13 with this noise often meets a bound of the fit
-@pytest.mark.parametrize(("contact", "deepest"), [("contact02", 1e-3), ("contact10", 4e-4), ("contact13", 4e-4)])
+@pytest.mark.parametrize(
+    ("contact", "deepest"),
+    [("contact02", 1e-3), ("contact13", 4e-4), pytest.param("contact10", 4e-4, marks=pytest.mark.slow)],
+)
 def test_stated_uncertainty_equals_actual_error(contact: str, deepest: float) -> None:
     abc, d = printed(contact)
     rng = np.random.default_rng(20040521)
@@ -147,8 +150,22 @@ def test_a_felt_of_another_law_is_said_and_its_errors_widened(noise: float) -> N
     assert u > fit.loop_misfit_n / 40.0 and ratio > 1.0
 
 
-@pytest.mark.parametrize(("contact", "deepest"), [("contact02", 1e-3), ("contact10", 4e-4), ("contact13", 4e-4)])
-@pytest.mark.parametrize("share", [0.001, 0.02])
+@pytest.mark.parametrize(
+    ("contact", "deepest", "share"),
+    [
+        ("contact02", 1e-3, 0.001),
+        ("contact13", 4e-4, 0.02),
+        *(
+            pytest.param(*felt, share, marks=pytest.mark.slow)
+            for *felt, share in (
+                ("contact02", 1e-3, 0.02),
+                ("contact13", 4e-4, 0.001),
+                ("contact10", 4e-4, 0.001),
+                ("contact10", 4e-4, 0.02),
+            )
+        ),
+    ],
+)
 def test_a_felt_of_the_law_is_hardly_ever_doubted(contact: str, deepest: float, share: float) -> None:
     abc, d = printed(contact)
     rng = np.random.default_rng(77)

@@ -36,7 +36,7 @@ def presses(law: FeltLaw, seed: int = 1, noise: float = 0.01) -> list[Pressing]:
     return [press(law, depth, speed, rng, noise) for depth in DEPTHS for speed in SPEEDS]
 
 
-@pytest.mark.parametrize("kind", FELTS)
+@pytest.mark.parametrize("kind", ["hunt-crossley", "hysteresis", pytest.param("stulov", marks=pytest.mark.slow)])
 def test_the_law_of_the_felt_is_the_one_supported(kind: str) -> None:
     found = compare_laws(presses(FELTS[kind]))
     assert found.supported == (kind,)

@@ -11,7 +11,10 @@ from model.motion_driven.prescribed_key import run_prescribed
 from tests.model.key_blows import PROFILES, blow, counted, key_truth
 
 
-@pytest.mark.parametrize("name", PROFILES)
+@pytest.mark.parametrize(
+    "name",
+    ["forte", "double", *(pytest.param(n, marks=pytest.mark.slow) for n in PROFILES if n not in ("forte", "double"))],
+)
 def test_noiseless_round_trip(action: model.Action, name: str) -> None:
     time, force, forward = blow(name)
     driven = model.simulate_motion(action, time, forward.angle_rad[:, 0], members=0)

@@ -83,8 +83,8 @@ def test_tilted_projection_is_a_pinhole_camera() -> None:
     [
         ("checkerboard", 2),
         ("dots", 2),
-        pytest.param("checkerboard", 8, marks=pytest.mark.slow),
-        pytest.param("dots", 8, marks=pytest.mark.slow),
+        pytest.param("checkerboard", 5, marks=pytest.mark.slow),
+        pytest.param("dots", 5, marks=pytest.mark.slow),
     ],
 )
 def test_parameters_lie_within_their_uncertainty(kind: str, seeds: int) -> None:

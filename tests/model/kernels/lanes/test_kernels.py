@@ -6,6 +6,8 @@ The scene with the key alone is in the default suite; the others compile for sec
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,11 @@ from model.scene.selection import SCENES, load_scene
 SCALES = {"key_lift": 1e-3, "shank": 1e-2}  # of the coordinates that effects add; angles of an action: 0.05
 
 
+@cache
+def rest() -> np.ndarray:
+    return model.rest_state(model.load_action()).angle_rad
+
+
 def member(scene: Scene, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Parameters, angles, speeds and input of a random member: near rest, so that contacts touch, part and slide."""
     p = scene.vector.copy()
@@ -29,10 +36,9 @@ def member(scene: Scene, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarr
     for c in range(len(scene.contacts)):
         if rng.random() < 0.2:
             p[first + size * c + MU_A] = 0.0
-    rest = model.rest_state(model.load_action()).angle_rad
     q = np.zeros(scene.size)
     for i, body in enumerate(scene.bodies):
-        q[i] = rest[i] if i < len(rest) and len(scene.bodies) >= 5 else 0.0286
+        q[i] = rest()[i] if i < len(rest()) and len(scene.bodies) >= 5 else 0.0286
         if body not in model.BODIES:
             q[i] = 0.0
         q[i] += rng.normal() * SCALES.get(body, 0.05) * rng.choice([0.02, 1.0])
