@@ -126,7 +126,7 @@ def test_a_body_has_one_colour_in_all_pictures() -> None:
 
 
 def test_old_spellings_are_understood_and_not_listed(
-    short_force: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    short_force: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], undrawn: None
 ) -> None:
     drawn = tmp_path / "sheet.svg"
     assert run("simulate", "--force", short_force, "--figures", drawn, "--out", tmp_path / "o.csv") == 0

@@ -106,9 +106,9 @@ def test_several_presses_choose_a_law(tmp_path: Path, capsys: pytest.CaptureFixt
     paths = []
     for depth in (3e-4, 5e-4, 8e-4):
         for speed in (0.005, 0.02, 0.08):
-            time_s = np.linspace(0.0, 2.0 * depth / speed, 151)
-            depth_m = depth - speed * np.abs(time_s - time_s[75])
-            force_n = law.response(time_s, depth_m).force_n + rng.normal(0.0, 0.01, 151)
+            time_s = np.linspace(0.0, 2.0 * depth / speed, 61)
+            depth_m = depth - speed * np.abs(time_s - time_s[30])
+            force_n = law.response(time_s, depth_m).force_n + rng.normal(0.0, 0.01, 61)
             rows = "".join(f"{t!r},{x!r},{f!r}\n" for t, x, f in np.column_stack([time_s, depth_m, force_n]).tolist())
             paths.append(tmp_path / f"{depth}_{speed}.csv")
             paths[-1].write_text("time_s,displacement_m,force_n\n" + rows)

@@ -38,7 +38,9 @@ def test_local_table_as_text_json_and_files(tmp_path: Path, capsys: pytest.Captu
     assert len(facts["local"]) == len(table) and facts["local"][0]["rank"] == 1
 
 
-def test_morris_and_sobol_go_on_from_what_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_morris_and_sobol_go_on_from_what_is_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], undrawn: None
+) -> None:
     out = tmp_path / "study"
     study = ["sensitivity", FORTE, *FEW, "--u", "friction=0.05", "--morris", "3", "--sobol", "8", "--workers", "1"]
     assert run(*study, "--out", str(out)) == 0
