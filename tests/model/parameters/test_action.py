@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import model
@@ -108,6 +108,7 @@ def test_bad_overrides_are_refused(action: model.Action, path: str, value: float
         action.with_values({path: value})
 
 
+@settings(max_examples=30)  # each reads a whole set
 @given(st.floats(min_value=1e-6, max_value=1.0))
 def test_a_written_value_is_read_back_exactly(value: float) -> None:
     action = model.load_action(overrides={"hammer.mass": value})

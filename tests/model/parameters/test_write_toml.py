@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import model
@@ -24,6 +24,7 @@ def test_round_trip(action: model.Action, tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["a.toml"]
 
 
+@settings(max_examples=30)  # each reads a whole set
 @given(st.text(st.characters(exclude_categories=["Cs"]), max_size=40))
 def test_any_text_reads_back(text: str) -> None:
     action = model.load_action()

@@ -6,22 +6,48 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import model
 import rig
+from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
+from rig.simulated.bench.plant import ActionPlant
+from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
+from rig.simulated.bench.sensors import load_sensors
 from validation.measurement.force_correction import Quiet
 from validation.measurement.key_heads import two_heads
 from validation.measurement.session import measure_session
 from validation.prediction.model_under_test import ModelUnderTest
 
+FORCE_PER_VOLT_N = 12.0
+
+
+class PushedSpecimen(ActionPlant):
+    """A specimen pushed by the commanded force itself, without a motor's arm: a scene that other tests compile, too."""
+
+    def advance(self, command_v: ArrayLike) -> PlantBlock:
+        force = np.asarray(command_v) * FORCE_PER_VOLT_N
+        edges = np.arange(self._edge, self._edge + len(force) + 1) / self.sample_rate_hz
+        angles, speeds = self._run.advance(
+            edges[-1], edges, np.append(force, force[-1]), held=True, output_time_s=edges[:-1]
+        )
+        self._edge += len(force)
+        self._record.append((edges[:-1], angles, speeds, force))
+        encoded = angles[:, [model.BODIES.index(body) for body in ENCODED_BODIES]]
+        lift = angles[:, self._names.index("key_lift")]
+        return PlantBlock(edges[:-1], force, encoded, np.zeros_like(force), lift)
+
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[rig.Session, np.ndarray, np.ndarray]:
     """A session whose specimen's key lifts, and the truth of its only trial: rotation and lift since rest."""
-    bench = rig.open_backend("sim://?effects=balance_rail", rig.load_rig("key_lift").config)
+    config = rig.load_rig("key_lift").config
+    choice = model.SceneChoice(effects=("balance_rail", "shank"))
+    plant = PushedSpecimen(model.load_action(), choice, 1.0, {}, 1, config.device.sample_rate_hz)
+    bench = SimulatedBackend(build_device(config, plant, load_sensors(DEFAULT_BENCH)))
     folder: Path = tmp_path_factory.mktemp("heads") / "session"
     session = rig.record(folder, trials=1, rig_config="key_lift", backend=bench)
-    truth = bench.plant.truth()  # type: ignore[attr-defined]
+    truth = plant.truth()
     bench.close()
     lift = truth.column("key_lift")
     return session, truth.angle_rad[:, 0] - truth.angle_rad[0, 0], lift - lift[0]
