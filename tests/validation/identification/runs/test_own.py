@@ -37,6 +37,12 @@ def response(request: pytest.FixtureRequest) -> Response:
     return found
 
 
+@pytest.fixture(scope="module")
+def drive(response: Response) -> list[Array]:
+    """What drives each stroke, where it is: half the runs of this file."""
+    return response.force_columns(AT)
+
+
 def own(laws: dict[int, float], drive: Array | None = None) -> list[Own]:
     """The second trial has this of its own, the first nothing."""
     moved = np.zeros(len(EVERY))
@@ -71,8 +77,8 @@ def test_derivatives_are_taken_where_each_trial_is(response: Response) -> None:
     np.testing.assert_allclose(second, response.jacobian(moved, [0, 1])[1], atol=1e-9)
 
 
-def test_what_drives_a_trial_moves_it_as_its_columns_say(response: Response) -> None:
-    columns = response.force_columns(AT)[1]
+def test_what_drives_a_trial_moves_it_as_its_columns_say(response: Response, drive: list[Array]) -> None:
+    columns = drive[1]
     weights = 0.1 * np.random.default_rng(5).standard_normal(columns.shape[2])
     here, there = curves(response, AT), curves(response, AT, own({}, weights))
     np.testing.assert_array_equal(there[0], here[0])
@@ -81,13 +87,11 @@ def test_what_drives_a_trial_moves_it_as_its_columns_say(response: Response) -> 
     assert np.sqrt(np.mean((moved - said) ** 2)) < 0.1 * np.sqrt(np.mean(said**2))
 
 
-def test_the_linear_model_takes_out_what_it_put_in(response: Response) -> None:
+def test_the_linear_model_takes_out_what_it_put_in(response: Response, drive: list[Array]) -> None:
     trials = response.observed  # type: ignore[attr-defined]
     every = response.jacobian(AT, range(len(EVERY)))
     laws = np.array([p.factor for p in FREE.moved])
-    blocks = make_blocks(
-        trials, [j[:, :, :P] for j in every], response.force_columns(AT), laws, [j[:, :, P:] for j in every]
-    )
+    blocks = make_blocks(trials, [j[:, :, :P] for j in every], drive, laws, [j[:, :, P:] for j in every])
     alike = residuals(trials, curves(response, AT))
     nothing = without_own(blocks, alike, nothing_own(blocks))
     for a, b in zip(nothing, alike, strict=True):
