@@ -21,6 +21,10 @@ def test_groups_and_felts_stand_for_their_members() -> None:
     assert expand(ACTION, ["felt:contact02"]) == ["contact02", "contact02.normal.D"]
     assert expand(ACTION, ["contact04.friction", "contact04.friction.A"]) == ["contact04.friction.A"]
     assert len(group_members(ACTION, "joint_friction")) == 5
+    contacts = [f"contact{n:02d}" for n in range(1, 14)]
+    assert group_members(ACTION, "damping") == [f"{contact}.normal.D" for contact in contacts]
+    assert group_members(ACTION, "stiffness") == contacts
+    assert group_members(ACTION, "springs") == ["jack_spring.torque", "repetition_spring.stiffness"]
     assert expand(ACTION, ["jack_spring"]) == ["jack_spring.torque"]
 
 
