@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+import vision.proposals.point_tracks
 from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, film_trial
 from tests.command_line import run
 from tests.vision.motion import smooth_step
@@ -42,6 +43,12 @@ def bench_film(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FilmTrut
     return path, truth
 
 
+@pytest.fixture
+def few_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half as many frames as usual, where the motion is slow enough for them."""
+    monkeypatch.setattr(vision.proposals.point_tracks, "MOST_FRAMES", 30)
+
+
 @cache  # drawn once for the tests that look at the same motion
 def film_of_two(
     beam_rad: float = 0.12, finger_rad: float = 0.5, moving: int = 50
@@ -61,6 +68,7 @@ def film_of_two(
     return np.stack(frames), outlines, angle
 
 
+@pytest.mark.usefixtures("few_frames")
 def test_each_moving_body_gets_its_outline(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., None]
 ) -> None:
@@ -99,6 +107,7 @@ def overlapping(bodies: list[Body], height: int, width: int) -> int:
     return int(np.count_nonzero(np.sum(inside, axis=0) > 1))
 
 
+@pytest.mark.usefixtures("few_frames")
 def test_the_bodies_of_the_bench_can_be_tracked_as_proposed(bench_film: tuple[Path, FilmTruth]) -> None:
     path, truth = bench_film
     with open_film(path) as film:
@@ -142,6 +151,7 @@ def test_bodies_that_turn_so_fast_that_points_are_lost() -> None:
     assert overlapping(bodies, 170, 230) == 0
 
 
+@pytest.mark.usefixtures("few_frames")
 def test_a_motion_of_half_a_pixel() -> None:
     frames, outlines, _ = film_of_two(beam_rad=0.0, finger_rad=0.008)
     (finger,) = propose_bodies(ArrayFilm(frames, 2000.0))

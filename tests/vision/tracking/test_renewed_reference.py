@@ -35,7 +35,7 @@ def test_a_body_that_leaves_the_plane_of_focus(bar_scene: Callable[[str], Scene]
     body = Body("bar", scene.bodies[0].outline(*pose[0, 0]))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", VisionWarning)
-        result = track_film(ArrayFilm(np.stack(frames), 2000.0), [body])
+        result = track_film(ArrayFilm(np.stack(frames), 2000.0), [body], confirm="none")
     renewed = (result.flag[:, 0] & RENEWED) != 0
     assert not result.failed.any() and renewed.sum() == result.info["rows_renewed"] > 5
     error = result.angle_rad[:, 0] - (pose[:, 0, 0] - pose[: result.n_still, 0, 0].mean())
