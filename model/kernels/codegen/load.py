@@ -76,8 +76,20 @@ def _load(text: str, name: str = "") -> ModuleType:
     return module
 
 
+_asked: tuple[Tables | None, bytes] = None, b""
+
+
 def _key(tables: Tables) -> bytes:
-    return b"".join(bytes(str(t.shape), "ascii") + t.tobytes() for t in tables)
+    """What tells a structure from others; of the tables asked for last it is kept.
+
+    A search for rest asks for the same ones hundreds of times, and each time it would take as long as the kernel.
+    """
+    global _asked
+    last, key = _asked
+    if last is not tables:
+        key = b"".join(bytes(str(t.shape), "ascii") + t.tobytes() for t in tables)
+        _asked = tables, key
+    return key
 
 
 def energy_of(tables: Tables) -> Any:
