@@ -1,11 +1,11 @@
 """Does the test suite pass on other processors than this one, and in other states of this machine?
 
-    python benchmarks/any_machine.py [--only NAME,…] [--list] [-- PYTEST OPTIONS]
+    python benchmarks/any_machine.py [--only NAME,…] [--list] [--keep FOLDER] [-- PYTEST OPTIONS]
 
 Each row runs ``python -m pytest`` once: as another processor would (kernels compiled for it into a cache of their own,
 NumPy, BLAS, the C library and OpenCV held to its instructions), or with this machine in another state. A processor
 this one cannot stand in for is said and left out. Processors one after the other, each with all cores; prints a table
-in Markdown, and below it the tests that failed. Exit code 1: a row failed.
+in Markdown, and on standard error the tests that failed. Exit code 1: a row failed.
 """
 
 from __future__ import annotations
@@ -166,6 +166,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", default="", help="rows whose names contain one of these words")
     parser.add_argument("--list", action="store_true", help="the names of all rows")
+    parser.add_argument("--keep", type=Path, help="folder for what pytest printed in rows that failed")
     parser.add_argument("options", nargs="*", help="handed to pytest, after --")
     chosen = parser.parse_args()
     rows = {**PROCESSORS, **STATES}
@@ -188,8 +189,10 @@ def main() -> None:
         failed = re.findall(r"^(?:FAILED|ERROR) .*$", said, re.M)
         if failed or not last or "passed" not in last[-1]:
             failures[name] = failed or said.splitlines()[-20:]
-    for name, lines in failures.items():
-        print(f"\n{name}:", *lines, sep="\n  ")
+            print(f"\n{name}:", *failures[name], sep="\n  ", file=sys.stderr, flush=True)
+            if chosen.keep:
+                chosen.keep.mkdir(parents=True, exist_ok=True)
+                (chosen.keep / f"{re.sub(r'[^A-Za-z0-9.]+', '_', name)}.txt").write_text(said, encoding="utf-8")
     sys.exit(1 if failures else 0)
 
 
