@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 import inspect
 import re
@@ -18,9 +19,11 @@ ARRAYS = re.compile(
 )
 
 
+@functools.cache
 def _public(packages: tuple[str, ...]) -> tuple[dict[str, Any], list[ModuleType]]:
     """What stubs give out, by its shortest dotted name; and the modules among it."""
     found: dict[str, Any] = {}
+    seen: set[int] = set()
     modules: list[ModuleType] = []
     for package in packages:
         for stub in sorted((ROOT / package).rglob("__init__.pyi"), key=lambda path: len(path.parts)):
@@ -32,13 +35,15 @@ def _public(packages: tuple[str, ...]) -> tuple[dict[str, Any], list[ModuleType]
                         one = getattr(importlib.import_module(face), name)
                         if inspect.ismodule(one):
                             modules.append(one)
-                        elif not any(one is other for other in found.values()):
+                        elif id(one) not in seen:
                             found[f"{face}.{name}"] = one
+                            seen.add(id(one))
     for module in modules:
         for name, one in vars(module).items():
             ours = (inspect.isfunction(one) or inspect.isclass(one)) and one.__module__ == module.__name__
-            if ours and not name.startswith("_") and not any(one is other for other in found.values()):
+            if ours and not name.startswith("_") and id(one) not in seen:
                 found[f"{module.__name__}.{name}"] = one
+                seen.add(id(one))
     return found, modules
 
 
@@ -47,6 +52,7 @@ def public_functions() -> dict[str, Callable[..., Any]]:
     return {name: one for name, one in _public(PACKAGES)[0].items() if inspect.isfunction(one)}
 
 
+@functools.cache
 def public_classes() -> dict[str, type]:
     """Every class that a stub of the five packages or a listed module gives out, but protocols."""
     every = _public((*PACKAGES, "pianorig"))[0]
@@ -55,6 +61,7 @@ def public_classes() -> dict[str, type]:
     }
 
 
+@functools.cache
 def with_methods() -> dict[str, Callable[..., Any]]:
     """The public functions of the five packages, and the public methods of their public classes, inherited ones too."""
     every = _public((*PACKAGES, "pianorig"))[0]
