@@ -1,11 +1,12 @@
 """Does the test suite pass on other processors than this one, and in other states of this machine?
 
-    python benchmarks/any_machine.py [--only NAME,…] [--list] [--keep FOLDER] [-- PYTEST OPTIONS]
+    python benchmarks/any_machine.py [--only NAME,A+B,…] [--list] [--keep FOLDER] [-- PYTEST OPTIONS]
 
 Each row runs ``python -m pytest`` once: as another processor would (kernels compiled for it into a cache of their own,
 NumPy, BLAS, the C library and OpenCV held to its instructions), or with this machine in another state. A processor
-this one cannot stand in for is said and left out. Processors one after the other, each with all cores; prints a table
-in Markdown, and on standard error the tests that failed. Exit code 1: a row failed.
+this one cannot stand in for is said and left out. ``--only nehalem+busy`` is one run as that processor in that state.
+One run after the other, each with all cores; prints a table in Markdown, and on standard error the tests that failed.
+Exit code 1: a row failed.
 """
 
 from __future__ import annotations
@@ -88,6 +89,26 @@ STATES = {
 }
 
 
+def chosen_rows(only: str) -> dict[str, Row]:
+    """The rows whose names contain one of the words, all without words; of words joined by ``+`` one row for all."""
+    rows, found = {**PROCESSORS, **STATES}, {}
+    words = [word.strip() for word in only.split(",") if word.strip()]
+    for word in words or [""]:
+        parts = [[name for name in rows if part.strip() in name] for part in word.split("+")]
+        for name in parts[0]:
+            together = [name, *(names[0] for names in parts[1:] if names)]
+            joined = rows[name]
+            for other in (rows[one] for one in together[1:]):
+                joined = Row(
+                    joined.environment | other.environment,
+                    joined.options + other.options,
+                    joined.state or other.state,
+                    joined.needs + other.needs,
+                )
+            found[" + ".join(together)] = joined
+    return found
+
+
 def missing(row: Row) -> list[str]:
     """Instructions of a row that this processor does not have."""
     has = binding.get_host_cpu_features()
@@ -164,21 +185,19 @@ def run(row: Row, extra: list[str]) -> tuple[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", help="rows whose names contain one of these words")
+    parser.add_argument("--only", default="", help="rows whose names contain one of these words; A+B: both at once")
     parser.add_argument("--list", action="store_true", help="the names of all rows")
     parser.add_argument("--keep", type=Path, help="folder for what pytest printed in rows that failed")
     parser.add_argument("options", nargs="*", help="handed to pytest, after --")
     chosen = parser.parse_args()
-    rows = {**PROCESSORS, **STATES}
-    words = [word.strip() for word in chosen.only.split(",") if word.strip()]
-    names = [name for name in rows if not words or any(word in name for word in words)]
-    if chosen.list or not names:
-        print("\n".join(rows))
+    rows = chosen_rows("" if chosen.list else chosen.only)
+    if chosen.list or not rows:
+        print("\n".join([*PROCESSORS, *STATES]))
         sys.exit(0 if chosen.list else "no row has such a name; the names are above")
     print(f"{platform.processor() or platform.machine()} ({binding.get_host_cpu_name()}), {os.cpu_count()} cores\n")
     print("| processor or state | result | seconds |\n|---|---|---:|", flush=True)
     failures: dict[str, list[str]] = {}
-    for name in names:
+    for name in rows:
         lacking = missing(rows[name])
         if lacking:
             print(f"| {name} | not run: this processor lacks {', '.join(lacking)} | |", flush=True)

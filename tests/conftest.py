@@ -9,6 +9,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import hashlib
 import pickle
+import signal
 import tempfile
 import zlib
 from collections.abc import Callable
@@ -66,6 +67,9 @@ def pytest_configure(config: pytest.Config) -> None:
     own = tempfile.TemporaryDirectory(prefix="hypothesis-")
     configuration.set_hypothesis_home_dir(own.name)
     config.add_cleanup(own.cleanup)
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        # in the background of a shell Ctrl-C is ignored, also by what the tests start and stop by it
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

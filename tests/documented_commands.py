@@ -70,9 +70,7 @@ def rehearsal(words: list[str]) -> list[str]:
 
 
 def _serve(line: list[str], folder: Path, word: str) -> str:
-    # a test run in the background of a shell ignores Ctrl-C, and so would what it starts
-    heard = {} if sys.platform == "win32" else {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
-    server = subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, text=True, **heard)
+    server = subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, text=True)
     assert server.stdout is not None
     with server.stdout:
         said = server.stdout.readline()

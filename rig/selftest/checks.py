@@ -20,6 +20,8 @@ from rig.selftest.step_response import LEAD_S, encoder_advice, joined, push_resp
 
 PRESS_S = 4.5
 REST_WINDOW_S = 0.3
+SETTLED_S = 0.1
+"""Force before and after the watchdog trips is the mean over the last of this, however long the blocks are."""
 CAMERA_S = 0.5
 EDGE_LEAD = 10
 """Samples before the edge of a push that are evaluated with it."""
@@ -181,15 +183,16 @@ class Checks:
         self.backend.start()
         size = max(int(round(config.recording.block_s * self.rate)), 1)
         first = joined([self.backend.read_block(size, READ_TIMEOUT_S) for _ in range(int(0.6 * self.rate) // size)])
-        lead = int(LEAD_S * self.rate)
-        pushed = float(first.force_n[-size * 5 :].mean() - first.force_n[:lead].mean())
+        lead, settled = int(LEAD_S * self.rate), int(SETTLED_S * self.rate)
+        pushed = float(first.force_n[-settled:].mean() - first.force_n[:lead].mean())
         expiry = self.backend.let_watchdog_expire(size, int((timeout + 0.6) * self.rate) // size)
         self.backend.safe_stop()  # a chassis that has expired is reset by it, and everything made afresh
-        tripped, last = expiry.tripped, expiry.blocks[-5:]
         if expiry.locked:
-            last = [self._acquire(np.zeros(int(REST_WINDOW_S * self.rate)), enable_drive=False)[1]]
-        left = float(joined(last).force_n.mean() - first.force_n[:lead].mean())
-        after_s = None if tripped is None else (tripped + 1) * size / self.rate
+            last = self._acquire(np.zeros(int(REST_WINDOW_S * self.rate)), enable_drive=False)[1].force_n
+        else:
+            last = joined(expiry.blocks).force_n[-settled:]
+        left = float(last.mean() - first.force_n[:lead].mean())
+        after_s = None if expiry.tripped is None else (expiry.tripped + 1) * size / self.rate
         late = after_s is None or not 0.5 * timeout <= after_s <= timeout + 0.25
         self.add("watchdog trips", not late, "never" if after_s is None else f"after {after_s:.3f} s",
                  f"{0.5 * timeout:g} to {timeout + 0.25:g} s", "the device's watchdog does not run")  # fmt: skip

@@ -66,7 +66,7 @@ def command(
 
     Example:  pianorig validate sessions/try --action hirschkorn2004
     Example:  pianorig validate sessions/kawai_kg3c --by-motion --out real
-    Example:  pianorig validate sessions/try --action hirschkorn2004 --action hirschkorn2004-regulated --out both
+    Example:  pianorig validate sessions/try --action hirschkorn2004 --action hirschkorn2004-regulated --out compared
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action "hirschkorn2004: --set hammer.mass=0.01"
     """
     if by_motion and len(sessions) == 1 and validation.has_positions_only(sessions[0]):

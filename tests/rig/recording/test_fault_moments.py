@@ -7,6 +7,7 @@ a fault that ended a trial is named in it, and recovery leaves nothing to recove
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import random
 import signal
@@ -121,3 +122,5 @@ def test_at_whatever_call_faults_strike_the_bench_ends_safe_and_nothing_is_hidde
             run_into(faults, make_backend(rig.config, noise_n=0.02), rig, step_profile, tmp_path / str(turn))
         except AssertionError as error:
             raise AssertionError(f"{faults.planted}: {error}") from error
+    del faults
+    gc.collect()  # what the client says of timers whose making failed belongs to this test, not to whichever comes next

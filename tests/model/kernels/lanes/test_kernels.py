@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import model
+from model.batch.lanes import _kept_out_by
 from model.integrators.methods import get_method
 from model.kernels import workspace as W
 from model.kernels.codegen.load import kernels_of, lane_kernels_of
@@ -118,4 +119,7 @@ def test_kernels_of_the_key_in_lanes_are_the_scalar_ones(action: model.Action) -
 @pytest.mark.parametrize("name", [name for name in SCENES if name != "key"])
 def test_kernels_in_lanes_are_the_scalar_ones(name: str, action: model.Action) -> None:
     choice = load_scene(name)
-    assert compare(build_scene(choice.on(action), choice), 200) > 500
+    scene = build_scene(choice.on(action), choice)
+    if _kept_out_by(scene):
+        pytest.skip("not computed in lanes")
+    assert compare(scene, 200) > 500
