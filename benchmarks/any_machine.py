@@ -53,7 +53,7 @@ def processor(name: str, features: tuple[str, ...], blas: str, threads: int | No
         "OPENBLAS_CORETYPE": blas,
         "NPY_DISABLE_CPU_FEATURES": " ".join(numpy_beyond(wide)),
         "GLIBC_TUNABLES": NO_WIDE if wide else f"{NO_WIDE},-AVX2,-FMA,-AVX",
-        "OPENCV_CPU_DISABLE": "AVX512_SKX,AVX512-SKX,AVX512" if wide else "AVX512_SKX,AVX512-SKX,AVX512,AVX2,FMA3,AVX",
+        "OPENCV_CPU_DISABLE": "AVX512-SKX" if wide else "AVX512-SKX,AVX2,AVX",
         **more,
     }
     if threads is not None:
@@ -142,9 +142,9 @@ def installed(folder: Path, *what: str) -> Path:
     subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", folder], check=True)
     python = folder / "bin" / "python"
     # an environment made from another environment sees the interpreter's packages, not the other's
-    own = next(p for p in sys.path if p.endswith("site-packages") and Path(p).is_dir())
+    own = [p for p in sys.path if p.endswith("site-packages") and Path(p).is_dir()]
     site = next((folder / "lib").glob("python*/site-packages"))
-    (site / "outer.pth").write_text(own + "\n", encoding="utf-8")
+    (site / "outer.pth").write_text("\n".join(own) + "\n", encoding="utf-8")
     subprocess.run([python, "-m", "pip", "install", "--quiet", "--no-deps", *what], check=True)
     return python
 
@@ -162,6 +162,9 @@ def run(row: Row, extra: list[str]) -> tuple[str, float]:
         if row.state == "moved":
             folder = copy_of_the_checkout(work / "Hörsaal 3" / "piano action")
             command[0] = str(installed(work / "venv", "-e", str(folder)))
+            for found in (work / "venv").glob("lib/python*/site-packages/*piano*.pth"):
+                found.unlink()  # Python does not start under LC_ALL=C where one names a path with an umlaut
+            environment["PYTHONPATH"] = str(folder)
             environment.pop("HOME", None)
         if row.state == "foreign":
             folder = copy_of_the_checkout(work / "checkout")

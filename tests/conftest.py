@@ -9,7 +9,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import hashlib
 import pickle
+import re
 import signal
+import subprocess
+import sys
 import tempfile
 import zlib
 from collections.abc import Callable
@@ -70,6 +73,12 @@ def pytest_configure(config: pytest.Config) -> None:
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         # in the background of a shell Ctrl-C is ignored, also by what the tests start and stop by it
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if "OPENCV_CPU_DISABLE" in os.environ and not hasattr(config, "workerinput"):
+        # a name that its build does not know disables nothing, and is told by OpenCV in all that commands print
+        told = subprocess.run([sys.executable, "-c", "import cv2"], capture_output=True, text=True).stderr
+        unknown = re.findall(r"unknown CPU feature: '([^']+)'", told)
+        names = os.environ["OPENCV_CPU_DISABLE"].split(",")
+        os.environ["OPENCV_CPU_DISABLE"] = ",".join(name for name in names if name not in unknown)
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

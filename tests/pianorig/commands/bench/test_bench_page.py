@@ -23,11 +23,8 @@ from tests.pianorig.page.conftest import EXAMPLE, Page
 def bench(*words: str | Path) -> Iterator[tuple[subprocess.Popen[str], dict[str, Any]]]:
     """The command in a process of its own, and what it says at first."""
     pytest.importorskip("bokeh", reason="the page needs the extra 'bench'")
-    heard: dict[str, Any] = {}
-    if sys.platform != "win32":  # a test run in the background ignores Ctrl-C, and so would what it starts
-        heard["preexec_fn"] = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
     line = [sys.executable, "-m", "pianorig", "bench", *map(str, words), "--no-show", "--json"]
-    process = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **heard)
+    process = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
         yield process, json.loads(process.stdout.readline())
