@@ -32,6 +32,7 @@ SSE = ("sse3", "ssse3", "sse4.1", "sse4.2", "popcnt", "cx16")
 AVX2 = (*SSE, "avx", "avx2", "fma", "bmi", "bmi2", "lzcnt", "movbe", "f16c")
 NO_WIDE = "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512BW,-AVX512DQ"
 BUSY = "while True: pass"
+NOBODY = ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups")
 
 
 @dataclass(frozen=True)
@@ -109,10 +110,19 @@ def chosen_rows(only: str) -> dict[str, Row]:
     return found
 
 
-def missing(row: Row) -> list[str]:
-    """Instructions of a row that this processor does not have."""
+def missing(row: Row) -> str:
+    """Why a row cannot be run here; empty if it can."""
     has = binding.get_host_cpu_features()
-    return [one for one in row.needs if not has.get(one)]
+    lacking = [one for one in row.needs if not has.get(one)]
+    if lacking:
+        return f"this processor lacks {', '.join(lacking)}"
+    if row.state == "foreign":
+        asked = [*NOBODY, sys.executable, "-c", "import pytest"]
+        if shutil.which(NOBODY[0]) is None or os.getuid() != 0:
+            return "only root can become another user, with setpriv"
+        if subprocess.run(asked, capture_output=True, cwd="/").returncode:
+            return f"another user cannot read {sys.executable} and its packages"
+    return ""
 
 
 @contextmanager
@@ -180,7 +190,7 @@ def run(row: Row, extra: list[str]) -> tuple[str, float]:
             environment |= {"TMPDIR": str(writable), "PYTHONDONTWRITEBYTECODE": "1"}
             subprocess.run(["chmod", "-R", "a-w,a+rX", folder], check=True)
             stack.callback(subprocess.run, ["chmod", "-R", "u+w", folder], check=True)
-            command = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", *command]
+            command = [*NOBODY, *command]
         start = time.perf_counter()
         done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
         return done.stdout + done.stderr, time.perf_counter() - start
@@ -201,9 +211,8 @@ def main() -> None:
     print("| processor or state | result | seconds |\n|---|---|---:|", flush=True)
     failures: dict[str, list[str]] = {}
     for name in rows:
-        lacking = missing(rows[name])
-        if lacking:
-            print(f"| {name} | not run: this processor lacks {', '.join(lacking)} | |", flush=True)
+        if why := missing(rows[name]):
+            print(f"| {name} | not run: {why} | |", flush=True)
             continue
         said, seconds = run(rows[name], chosen.options)
         last = re.findall(r"^(?:=+ )?(\d+ (?:passed|failed|error|deselected).*?)(?: in [\d.]+s.*)?$", said, re.M)
