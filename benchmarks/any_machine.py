@@ -159,8 +159,8 @@ def installed(folder: Path, *what: str) -> Path:
     return python
 
 
-def run(row: Row, extra: list[str]) -> tuple[str, float]:
-    """The output of one run of the suite, and its seconds."""
+def run(row: Row, extra: list[str]) -> tuple[str, int, float]:
+    """The output of one run of the suite, its exit code, and its seconds."""
     with ExitStack() as stack:
         # not below the checkout, and open to a user who is not root
         work = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="any_machine_")))
@@ -193,7 +193,7 @@ def run(row: Row, extra: list[str]) -> tuple[str, float]:
             command = [*NOBODY, *command]
         start = time.perf_counter()
         done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-        return done.stdout + done.stderr, time.perf_counter() - start
+        return done.stdout + done.stderr, done.returncode, time.perf_counter() - start
 
 
 def main() -> None:
@@ -214,11 +214,12 @@ def main() -> None:
         if why := missing(rows[name]):
             print(f"| {name} | not run: {why} | |", flush=True)
             continue
-        said, seconds = run(rows[name], chosen.options)
+        said, code, seconds = run(rows[name], chosen.options)
         last = re.findall(r"^(?:=+ )?(\d+ (?:passed|failed|error|deselected).*?)(?: in [\d.]+s.*)?$", said, re.M)
-        print(f"| {name} | {last[-1] if last else 'no result'} | {seconds:.0f} |", flush=True)
+        result = f"{last[-1] if last else 'no result'}{f', exit code {code}' if code > 1 else ''}"
+        print(f"| {name} | {result} | {seconds:.0f} |", flush=True)
         failed = re.findall(r"^(?:FAILED|ERROR) .*$", said, re.M)
-        if failed or not last or "passed" not in last[-1]:
+        if code:
             failures[name] = failed or said.splitlines()[-20:]
             print(f"\n{name}:", *failures[name], sep="\n  ", file=sys.stderr, flush=True)
             if chosen.keep:
