@@ -7,12 +7,12 @@ import http.client
 import json
 import shutil
 import threading
-from collections.abc import Iterator
-from concurrent.futures import Future
+from collections.abc import Coroutine, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -24,6 +24,7 @@ from rig.storage.atomic_write import sha256_of_file
 from vision.film.mraw_writer import write_mraw
 from vision.results.flags import FAILURE
 
+Result = TypeVar("Result")
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
@@ -97,6 +98,12 @@ def serve(folder: Path, control: bool, backend: str = "sim://") -> Iterator[Page
         loop.call_soon_threadsafe(ended.set)
         thread.join(60)
         assert not thread.is_alive()
+
+
+def awaited(task: Coroutine[Any, Any, Result]) -> Result:
+    """What a coroutine returns, run in a thread of its own: in this one Playwright's loop may be running."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, task).result()
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import signal
 import struct
@@ -17,7 +16,7 @@ import numpy as np
 import pytest
 
 from rig.session import Session
-from tests.pianorig.page.conftest import Page
+from tests.pianorig.page.conftest import Page, awaited
 from tests.pianorig.page.recordings import recording
 from tests.pianorig.page.stories import opened, until
 
@@ -131,7 +130,7 @@ def test_over_the_wire_for_this_page_only(folder: Path, looking: Page) -> None:
 
     with recording(folder / "example_forte") as made:
         made.append(300)
-        state, samples, lamps = asyncio.run(first_three())
+        state, samples, lamps = awaited(first_three())
         assert json.loads(state)["recording"] and len(rows(samples, 5)[1]) == 300
         assert json.loads(lamps)["lamps"]["watchdog_s"] == 0.5
         for headers in (
@@ -139,8 +138,8 @@ def test_over_the_wire_for_this_page_only(folder: Path, looking: Page) -> None:
             {"Origin": "null"},
             {"Origin": here, "Host": "evil.example"},
         ):
-            assert asyncio.run(refused(headers)) == 403
-        message, reason = asyncio.run(gone())
+            assert awaited(refused(headers)) == 403
+        message, reason = awaited(gone())
         assert message is None and "no session" in str(reason)
 
 

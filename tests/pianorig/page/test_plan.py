@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from rig.session import Session
-from tests.pianorig.page.conftest import Page, serve
+from tests.pianorig.page.conftest import Page, awaited, serve
 
 ORDER = {"profile": "piano", "trials": 3, "session": "mine", "operator": "ana", "action": "upright"}
 PATHS = ("/api/plan", "/api/plan/pause", "/api/plan/resume", "/api/plan/abort", "/api/plan/answer")
@@ -86,9 +86,9 @@ def test_the_state_is_told_to_this_page_only(looking: Page) -> None:
         await left(socket)
         return found
 
-    assert json.loads(asyncio.run(first())) == {"phase": "idle"}
+    assert json.loads(awaited(first())) == {"phase": "idle"}
     for headers in ({"Origin": "http://evil.example"}, {"Origin": here, "Host": "evil.example"}):
-        assert asyncio.run(refused(headers)) == 403
+        assert awaited(refused(headers)) == 403
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ class Watch:
         raise AssertionError(f"never {phase} {more}: {self.states[-1]}")
 
     def __call__(self, phase: str, **more: Any) -> dict[str, Any]:
-        return asyncio.run(self.until(phase, **more))
+        return awaited(self.until(phase, **more))
 
 
 def quietly(page: Page, phase: str) -> dict[str, Any]:
