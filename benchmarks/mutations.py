@@ -52,9 +52,11 @@ def mutate(checkout: Path, mutation: dict[str, str]) -> str | None:
 def outcome(checkout: Path, mutation: dict[str, str]) -> tuple[str, str]:
     """``killed`` or ``survived``, and the test that failed."""
     environment = {**os.environ, "PYTHONPATH": str(checkout)}
+    done_before: list[str] = []
     for tests in stages(mutation["file"], checkout):
         shared = ["-n", "2" if len(Path(tests).parts) < LARGE else "0"]
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "--no-header", *shared, tests]
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "--no-header", *shared, tests, *done_before]
+        done_before.append(f"--ignore={tests}")
         try:
             done = subprocess.run(
                 command, cwd=checkout, env=environment, capture_output=True, text=True, timeout=HANG_S, check=False
