@@ -10,7 +10,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import hashlib
 import pickle
 import re
+import shutil
 import signal
+import stat
 import subprocess
 import sys
 import tempfile
@@ -63,6 +65,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = chosen
 
 
+def _copies_can_be_written() -> None:
+    """What tests copy from a checkout that only others may write is theirs to change."""
+
+    def writable(given: Callable[..., None]) -> Callable[..., None]:
+        def copied(source: Any, target: Any, **options: Any) -> None:
+            given(source, target, **options)
+            os.chmod(target, os.stat(target).st_mode | stat.S_IWUSR)
+
+        return copied
+
+    shutil.copystat, shutil.copymode = writable(shutil.copystat), writable(shutil.copymode)
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Let Hypothesis measure no time (machines differ) and write nothing into the checkout."""
     settings.register_profile("suite", deadline=None, database=None, print_blob=True)
@@ -73,6 +88,8 @@ def pytest_configure(config: pytest.Config) -> None:
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         # in the background of a shell Ctrl-C is ignored, also by what the tests start and stop by it
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if not os.access(__file__, os.W_OK):
+        _copies_can_be_written()
     if "OPENCV_CPU_DISABLE" in os.environ and not hasattr(config, "workerinput"):
         # a name that its build does not know disables nothing, and is told by OpenCV in all that commands print
         told = subprocess.run([sys.executable, "-c", "import cv2"], capture_output=True, text=True).stderr
