@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -25,6 +26,10 @@ from vision.tracking.track_film import track_film
 
 HEIGHT, WIDTH = 150, 210
 PIVOT = (92.0, 96.0)
+ECC = pytest.param(
+    "ecc",
+    marks=pytest.mark.skipif(not hasattr(cv2, "findTransformECCWithMask"), reason="masked ECC is in OpenCV 5"),
+)
 STRESS = Path(__file__).resolve().parents[2] / "benchmarks" / "stress_films.py"
 
 

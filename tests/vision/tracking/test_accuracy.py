@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.vision.conftest import ECC
 from tests.vision.motion import bar_motion, smooth_step
 from vision.angles import ccw_to_picture
 from vision.bodies.masks import build_masks
@@ -28,7 +29,7 @@ from vision.tracking.track_film import track_film
 MDEG = np.radians(1e-3)
 
 
-@pytest.mark.parametrize("engine", ["icgn", "ecc"])
+@pytest.mark.parametrize("engine", ["icgn", ECC])
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
 def test_error_and_stated_uncertainty_over_random_poses(
     bar_scene: Callable[[str], Scene],
@@ -217,10 +218,11 @@ def test_a_preview_is_what_the_whole_film_gives(film_of: Callable[..., object]) 
         preview(known.film, known.bodies, 0)
 
 
-def test_ecc_tracks_a_film(film_of: Callable[..., object]) -> None:
+@pytest.mark.parametrize("method", [ECC])
+def test_ecc_tracks_a_film(film_of: Callable[..., object], method: str) -> None:
     known = two_body_film(film_of, 80)
-    result = track_film(known.film, known.bodies, method="ecc")
-    assert result.method == "ecc" and not result.failed.any()
+    result = track_film(known.film, known.bodies, method=method)
+    assert result.method == method and not result.failed.any()
     angle, u, _ = result.relative("finger")
     relative = known.pose[:, 1, 0] - known.pose[:, 0, 0]
     error = angle - (relative - relative[: result.n_still].mean())

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import vision.tracking.passes
+from tests.vision.conftest import ECC
 from tests.vision.motion import bar_motion
 from vision.errors import InputError
 from vision.results.flags import FrameFlag
@@ -29,7 +30,7 @@ def same(a: object, b: object) -> None:
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
 
 
-@pytest.mark.parametrize("method", ["icgn", "ecc"])
+@pytest.mark.parametrize("method", ["icgn", ECC])
 def test_resumed_run_gives_the_same_numbers(
     bar_scene: Callable[[str], Scene],
     film_of: Callable[..., object],
