@@ -1,6 +1,6 @@
 """How many planted faults do the tests find? Each mutation of `mutations.toml` is made in a copy of a checkout, alone.
 
-    python benchmarks/mutations.py [--checkout FOLDER] [--out FILE] [--only 3,17]
+    python benchmarks/mutations.py [--checkout FOLDER] [--out FILE] [--only 3,17] [--near]
 
 A mutation is killed when a test of its own package fails: the file of tests of its name first, then the folders above
 it, up to all the package's tests, each until the first failure. What hangs for HANG_S is killed, too. ``--out`` keeps
@@ -49,11 +49,13 @@ def mutate(checkout: Path, mutation: dict[str, str]) -> str | None:
     return text
 
 
-def outcome(checkout: Path, mutation: dict[str, str]) -> tuple[str, str]:
-    """``killed`` or ``survived``, and the test that failed."""
+def outcome(checkout: Path, mutation: dict[str, str], near: bool) -> tuple[str, str]:
+    """``killed`` or ``survived``, and the test that failed; ``near``: without the tests of the whole package."""
     environment = {**os.environ, "PYTHONPATH": str(checkout)}
     done_before: list[str] = []
     for tests in stages(mutation["file"], checkout):
+        if near and len(Path(tests).parts) < LARGE:
+            break
         shared = ["-n", "2" if len(Path(tests).parts) < LARGE else "0"]
         command = [sys.executable, "-m", "pytest", "-q", "-x", "--no-header", *shared, tests, *done_before]
         done_before.append(f"--ignore={tests}")
@@ -75,6 +77,7 @@ def main() -> None:
     parser.add_argument("--list", type=Path, default=Path(__file__).with_suffix(".toml"))
     parser.add_argument("--out", type=Path)
     parser.add_argument("--only", default="", help="numbers of mutations")
+    parser.add_argument("--near", action="store_true", help="leave out the tests of the whole package: minutes each")
     chosen = parser.parse_args()
     mutations = tomllib.loads(chosen.list.read_text(encoding="utf-8"))["mutation"]
     wanted = [int(n) for n in chosen.only.split(",") if n] or range(len(mutations))
@@ -90,7 +93,7 @@ def main() -> None:
             row = kept.get(number)
             if row is None:
                 before = mutate(copy, mutation)
-                said, by = outcome(copy, mutation) if before is not None else ("gone", "")
+                said, by = outcome(copy, mutation, chosen.near) if before is not None else ("gone", "")
                 if before is not None:
                     (copy / mutation["file"]).write_text(before, encoding="utf-8")
                 row = {"number": number, "outcome": said, "by": by}
