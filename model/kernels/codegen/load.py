@@ -40,7 +40,7 @@ from model.kernels.signatures import (
 _loaded: dict[bytes, StepKernels] = {}
 _in_lanes: dict[tuple[bytes, int], LaneKernels] = {}
 _energies: dict[bytes, Any] = {}
-_latest: tuple[Tables, StepKernels] | None = None
+_asked: tuple[Tables | None, bytes] = None, b""
 # structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
 COMPILED = {"scenes": 0, "compiled": 0}
 _lock = threading.RLock()  # threads that start together load or compile a structure once
@@ -74,9 +74,6 @@ def _load(text: str, name: str = "") -> ModuleType:
     sys.modules[name] = module  # numba looks a cached function's module up by name
     spec.loader.exec_module(module)
     return module
-
-
-_asked: tuple[Tables | None, bytes] = None, b""
 
 
 def _key(tables: Tables) -> bytes:
@@ -138,10 +135,6 @@ def lane_kernels_of(tables: Tables, lanes: int) -> LaneKernels:
 
 def kernels_of(tables: Tables) -> StepKernels:
     """Kernels of the structure in ``tables``: from memory, from the disk cache, or compiled (a few seconds, once)."""
-    global _latest
-    asked = _latest
-    if asked is not None and asked[0] is tables:  # a search for rest asks thirty times
-        return asked[1]
     key = _key(tables)
     if key not in _loaded:
         with _lock:
@@ -158,5 +151,4 @@ def kernels_of(tables: Tables) -> StepKernels:
                 COMPILED["scenes"] += 1
                 COMPILED["compiled"] += not all(k.stats.cache_hits for k in kernels)
                 _loaded[key] = kernels
-    _latest = tables, _loaded[key]
     return _loaded[key]
