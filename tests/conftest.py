@@ -78,8 +78,16 @@ def _copies_can_be_written() -> None:
     shutil.copystat, shutil.copymode = writable(shutil.copystat), writable(shutil.copymode)
 
 
+def _name_only_what_opencv_knows() -> None:
+    """A name that its build does not know disables nothing, and is told by OpenCV in all that commands print."""
+    told = subprocess.run([sys.executable, "-c", "import cv2"], capture_output=True, text=True).stderr
+    unknown = re.findall(r"unknown CPU feature: '([^']+)'", told)
+    names = os.environ["OPENCV_CPU_DISABLE"].split(",")
+    os.environ["OPENCV_CPU_DISABLE"] = ",".join(name for name in names if name not in unknown)
+
+
 def pytest_configure(config: pytest.Config) -> None:
-    """Let Hypothesis measure no time (machines differ) and write nothing into the checkout."""
+    """Let what the machine, its shell and its user have set change no result; Hypothesis measures no time."""
     settings.register_profile("suite", deadline=None, database=None, print_blob=True)
     settings.load_profile("suite")
     own = tempfile.TemporaryDirectory(prefix="hypothesis-")
@@ -91,11 +99,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if not os.access(__file__, os.W_OK):
         _copies_can_be_written()
     if "OPENCV_CPU_DISABLE" in os.environ and not hasattr(config, "workerinput"):
-        # a name that its build does not know disables nothing, and is told by OpenCV in all that commands print
-        told = subprocess.run([sys.executable, "-c", "import cv2"], capture_output=True, text=True).stderr
-        unknown = re.findall(r"unknown CPU feature: '([^']+)'", told)
-        names = os.environ["OPENCV_CPU_DISABLE"].split(",")
-        os.environ["OPENCV_CPU_DISABLE"] = ",".join(name for name in names if name not in unknown)
+        _name_only_what_opencv_knows()
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -146,6 +150,16 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Any]:
             return value
 
     return get
+
+
+def leave_out_figures(patch: pytest.MonkeyPatch) -> None:
+    """Pages without their figures, which cost most of a page."""
+    patch.setattr("validation.report.sections.all_figures", lambda view: {"repeatability": [], "comparison": []})
+
+
+@pytest.fixture
+def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    leave_out_figures(monkeypatch)
 
 
 def contents(folder: Path) -> dict[Path, bytes]:

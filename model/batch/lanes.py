@@ -78,7 +78,7 @@ def choose(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
 
 def _tell_what_is_alone(alone: Sequence[Job], least: int) -> None:
     """Say in one line what keeps members out of lanes, where they are many: felt, string, joints or a motor's drive."""
-    kept = [names for job in alone if job.run is not None and (names := _kept_out_by(job.run.scene))]
+    kept = [names for job in alone if job.run is not None and (names := kept_out_by(job.run.scene))]
     if len(kept) < least:
         return
     why = sorted({name for names in kept for name in names})
@@ -89,7 +89,8 @@ def _tell_what_is_alone(alone: Sequence[Job], least: int) -> None:
     )
 
 
-def _kept_out_by(scene: Scene) -> tuple[str, ...]:
+def kept_out_by(scene: Scene) -> tuple[str, ...]:
+    """What keeps a scene out of lanes; empty where nothing does."""
     pins = dict.fromkeys(f"{body}_pin" for body, _ in scene.pins)
     return (*scene.what_remembers, *pins, *((MOTOR_DRIVE,) if scene.wound else ()))
 

@@ -138,6 +138,7 @@ def test_simulate_a_smaller_scene(short_force: Path, tmp_path: Path, capsys: pyt
     assert "scene 'upright': not found; built in: whole" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("without_figures")
 def test_validate_names_what_it_cannot_read_and_reports_the_rest(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -147,7 +148,6 @@ def test_validate_names_what_it_cannot_read_and_reports_the_rest(
         return compared(session, action, replace(options, rivals=(), budget=False, suspect=False))
 
     monkeypatch.setattr(compare_sessions, "compare_by", quickly)  # without what is not looked at here
-    monkeypatch.setattr("validation.report.sections.all_figures", lambda view: {"repeatability": [], "comparison": []})
     example = tmp_path / "example"
     shutil.copytree(Path(__file__).parents[2] / "sessions" / "example_forte", example)
     for number in (2, 3):

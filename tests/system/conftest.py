@@ -17,7 +17,7 @@ from pianorig.workflows.bench import render_film
 from pianorig.workflows.demo import Demo, run_demo
 from rig.simulated import FilmTruth, film_trial
 from rig.simulated.bench.plant import PlantTruth, load_plant
-from validation.report import sections
+from tests.conftest import leave_out_figures
 
 BENCH = Path(__file__).parents[2] / "rig" / "simulated" / "bench.toml"
 
@@ -56,7 +56,7 @@ def closed(shared: Callable[..., Closed]) -> Closed:
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(validation, "validate_session", partial(validation.validate_session, suspect=False))
-            patch.setattr(sections, "all_figures", lambda view: {"repeatability": [], "comparison": []})
+            leave_out_figures(patch)
             patch.setattr(render_film, "film_trial", film_blow)
             demo = run_demo(folder / "session")
         return Closed(demo, {t.number: replay(BENCH, t.number, t.read().motor_command_v) for t in demo.session.trials})

@@ -26,8 +26,8 @@ def test_the_shipped_session_reads_as_recorded() -> None:
         np.testing.assert_allclose(turned, [2.7, 5.1, 21.2], rtol=0.08)
 
 
-def test_the_shipped_session_validates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("validation.report.sections.all_figures", lambda view: {"repeatability": [], "comparison": []})
+@pytest.mark.usefixtures("without_figures")
+def test_the_shipped_session_validates(tmp_path: Path) -> None:
     copy = shutil.copytree(SHIPPED, tmp_path / "session")
     quick = {"rivals": (), "budget": False, "suspect": False}
     result = validation.validate_session(copy, "hirschkorn2004", tmp_path / "report", **quick)

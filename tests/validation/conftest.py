@@ -187,12 +187,6 @@ def written(compared, shared):
     return shared(lambda folder: write_report(compared, folder))
 
 
-@pytest.fixture
-def without_figures(monkeypatch):
-    """Pages without their figures, which cost most of a page."""
-    monkeypatch.setattr("validation.report.sections.all_figures", lambda view: {"repeatability": [], "comparison": []})
-
-
 HOSTILE = 'recalibrated $\\frac{ <b> & "quoted" ' + "x" * 120
 
 
