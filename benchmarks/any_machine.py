@@ -23,6 +23,8 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import reduce
+from itertools import product
 from pathlib import Path
 
 from llvmlite import binding
@@ -43,6 +45,13 @@ class Row:
     options: tuple[str, ...] = ()
     state: str = ""
     needs: tuple[str, ...] = ()
+
+    def beside(self, other: Row) -> Row:
+        """Both at once; two states cannot be had."""
+        if self.state and other.state:
+            sys.exit(f"--only: the states {self.state} and {other.state} cannot be had in one run")
+        environment, options = self.environment | other.environment, self.options + other.options
+        return Row(environment, options, self.state or other.state, self.needs + other.needs)
 
 
 def processor(name: str, features: tuple[str, ...], blas: str, threads: int | None = None, **more: str) -> Row:
@@ -95,18 +104,8 @@ def chosen_rows(only: str) -> dict[str, Row]:
     rows, found = {**PROCESSORS, **STATES}, {}
     words = [word.strip() for word in only.split(",") if word.strip()]
     for word in words or [""]:
-        parts = [[name for name in rows if part.strip() in name] for part in word.split("+")]
-        for name in parts[0]:
-            together = [name, *(names[0] for names in parts[1:] if names)]
-            joined = rows[name]
-            for other in (rows[one] for one in together[1:]):
-                joined = Row(
-                    joined.environment | other.environment,
-                    joined.options + other.options,
-                    joined.state or other.state,
-                    joined.needs + other.needs,
-                )
-            found[" + ".join(together)] = joined
+        for names in product(*([name for name in rows if part.strip() in name] for part in word.split("+"))):
+            found[" + ".join(names)] = reduce(Row.beside, (rows[name] for name in names))
     return found
 
 

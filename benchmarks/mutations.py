@@ -83,7 +83,8 @@ def main() -> None:
     wanted = [int(n) for n in chosen.only.split(",") if n] or range(len(mutations))
     kept = {}
     if chosen.out and chosen.out.is_file():
-        kept = {row["number"]: row for row in map(json.loads, chosen.out.read_text(encoding="utf-8").splitlines())}
+        lines = map(json.loads, chosen.out.read_text(encoding="utf-8").splitlines())
+        kept = {row["number"]: row for row in lines if row["near"] == chosen.near}
     rows = []
     with tempfile.TemporaryDirectory(prefix="mutations_") as place:
         copy = Path(place) / "checkout"
@@ -96,7 +97,7 @@ def main() -> None:
                 said, by = outcome(copy, mutation, chosen.near) if before is not None else ("gone", "")
                 if before is not None:
                     (copy / mutation["file"]).write_text(before, encoding="utf-8")
-                row = {"number": number, "outcome": said, "by": by}
+                row = {"number": number, "outcome": said, "by": by, "near": chosen.near}
                 if chosen.out:
                     with chosen.out.open("a", encoding="utf-8") as file:
                         file.write(json.dumps(row) + "\n")
