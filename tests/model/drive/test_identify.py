@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import model
 from model.drive.circuit import motor_torque
+from model.drive.lumps import _prior, _search
 from model.drive.windows import Windows
 from model.scene.build import build_scene
 
@@ -104,6 +106,15 @@ def test_limits_are_found_where_the_log_meets_them() -> None:
         log_of("voltage", push_n=40.0, current_limit=3.0), model.drive.DriveOptions("voltage")
     )
     assert abs(found["current_limit"].value - 3.0) < 3.0 * found["current_limit"].u < 0.4
+
+
+def test_the_search_weighs_the_log_against_what_was_known_before() -> None:
+    """Data that say 3 of each number, with variance 1, and a prior of weight w at 0: the minimum is 3 / (1 + w)."""
+    line = SimpleNamespace(free=np.ones(7, dtype=bool), linearised=lambda x: (x - 3.0, np.eye(11)))
+    found, cost = _search(line, np.full(11, -1.0), np.zeros(11), 40)  # type: ignore[arg-type]
+    weight = _prior(line) ** 2  # type: ignore[arg-type]
+    np.testing.assert_allclose(found, 3.0 / (1.0 + weight), atol=1e-3)
+    assert cost == pytest.approx(np.sum(9.0 * weight / (1.0 + weight)), rel=1e-6)
 
 
 def still(**rows: np.ndarray) -> model.drive.DriveLog:

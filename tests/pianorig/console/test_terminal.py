@@ -9,13 +9,16 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 if sys.platform == "win32":
     pytest.skip("pseudo-terminals are POSIX only", allow_module_level=True)
 
 from pianorig.console import progress
+from pianorig.console.braille_plot import curve
 from pianorig.console.compile_notice import ONCE
+from pianorig.console.output import nan_as_null, print_json
 from rig import Progress
 from tests.terminal_screen import OnTerminal, Screen
 
@@ -105,3 +108,27 @@ def test_interrupting_a_recording_says_what_it_did(tmp_path: Path) -> None:
     assert found, terminal.screen.shown()
     assert int(found[2]) == 50 - int(found[1]) + 1
     assert (tmp_path / "s" / f"trial_{int(found[1]):04d}.h5").is_file()
+
+
+def test_the_largest_force_of_a_trial_stays_shown_until_the_next_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[str] = []
+    monkeypatch.setattr(progress.LIVE, "show", shown.append)
+    with progress.recording_line() as recorded:
+        assert recorded is not None
+        for trial, peak_n in ((1, 2.0), (1, 30.5), (1, 9.0), (2, 4.0)):
+            recorded(Progress(trial, 2, 0.1, 0.5, peak_n))
+    assert [line.split("peak")[1].split() for line in shown] == [[n, "N"] for n in ("2.0", "30.5", "30.5", "4.0")]
+
+
+def test_a_peak_of_one_sample_is_drawn_from_top_to_bottom() -> None:
+    drawn = curve(np.eye(1, 2000, 1001)[0], width=10, height=3)  # a hundred samples under each dot
+    full, empty, base = 0x47, 0x2800, 0x28C0  # left dots of a cell; no dots; both dots of the lowest row
+    assert [ord(line[5]) & full for line in drawn] == [full] * 3
+    assert {ord(sign) for line in drawn[:2] for sign in line[:5] + line[6:]} == {empty}
+    assert {ord(sign) for sign in drawn[2][:5] + drawn[2][6:]} == {base}
+
+
+def test_a_number_that_is_not_known_is_null_in_json(capsys: pytest.CaptureFixture[str]) -> None:
+    """JSON has no NaN: other programs' readers stop at it."""
+    print_json(nan_as_null({"dip_mm": 9.5, "after_touch_mm": np.nan, "body": "key"}))
+    assert capsys.readouterr().out == '{"dip_mm": 9.5, "after_touch_mm": null, "body": "key"}\n'

@@ -173,6 +173,12 @@ def test_even_times_are_read_and_one_lost_sample_is_seen(origin_s: float, rate_h
             interval_of(np.delete(time, lost))
 
 
+@pytest.mark.parametrize(("unit", "step"), [("s", 2e-4), ("ms", 0.2), ("us", 200.0)])
+def test_times_are_in_the_unit_that_is_named(unit: str, step: float) -> None:
+    table = ChannelTable("a", {"t": step * np.arange(40), "f": np.zeros(40)})
+    assert table.interval(["f"], "t", unit=unit) == pytest.approx(2e-4)  # 5 kHz
+
+
 def test_times_must_be_even() -> None:
     time = np.arange(40) / 5000
     for wrong, words in (

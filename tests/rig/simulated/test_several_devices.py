@@ -179,6 +179,7 @@ def test_every_device_answers_for_itself(system: Any) -> None:
     assert list(names) == ["Dev1", "SC1Mod1", "Dev2", "Dev3"]
     of = {name: Device(name, grpc_options=system.options) for name in names}
     assert [of[name].product_type for name in names] == ["PCI-6034E", "SCXI-1520", "PCI-6602", "PCI-6733"]
+    assert of["Dev3"].ao_max_rate == 1e6  # 1 MS/s, as the card is specified
     assert len(of["Dev2"].ci_physical_chans) == 8 and len(of["Dev3"].ao_physical_chans) == 8
     assert all(channel.name.startswith("Dev2/") for channel in of["Dev2"].ci_physical_chans)
     with pytest.raises(DaqError):

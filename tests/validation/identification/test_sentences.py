@@ -1,16 +1,19 @@
-"""Lines of the page and the terminal: whole sentences, one line for one reason, and whether a fit predicts better."""
+"""Lines of the page and the terminal: sentences, one line for one reason; whether a fit predicts and fits better."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from tests.validation.identification import toy
 from validation.identification.further.shelf import Candidate
 from validation.identification.further.shrink import Prospect
 from validation.identification.outcome.held_out import CEILING, NULL, EventScore
 from validation.identification.page.render import breakable
 from validation.identification.page.sentences import as_sentence, plain_sentences, prospect_words, together
+from validation.identification.page.tables import residuals_table
 
 
 def test_a_line_becomes_a_sentence_and_names_stay_as_they_are() -> None:
@@ -61,3 +64,12 @@ def test_a_fit_that_predicts_no_better_says_so(after: float, said: str) -> None:
         in lines[2]
     )
     assert f"The identified values predict the curve {said} than those before." in lines[2] and "null" not in lines[2]
+
+
+def test_the_page_shows_in_mrad_how_far_the_model_was_from_the_trials_before_and_after_the_fit() -> None:
+    trials = toy.made(np.zeros(3), 2, np.random.default_rng(1))
+    # above one trial and below the other: the mean difference is none, its root mean square is not
+    before, after = ([t.change_rad + s * off for t, s in zip(trials, (1, -1), strict=True)] for off in (2e-3, 5e-4))
+    table = residuals_table(trials, before, after)
+    assert table.head == ["session", "phase", "key", "whippen", "hammer"] and ", mrad: before → after" in table.caption
+    assert table.rows == [["toy 0", phase, *["2.0 → 0.50"] * 3] for phase in ("until the hammer is up", "after")]

@@ -153,6 +153,7 @@ def test_sign_flip_p_is_exact_and_holds_its_level():
     rng = np.random.default_rng(11)
     rejected = [sign_flip_p(row) <= 0.05 for row in rng.normal(size=(1500, 7))]
     assert np.mean(rejected) <= 0.05 + 4 * np.sqrt(0.05 * 0.95 / 1500)
+    assert sign_flip_p(np.arange(1.0, 15.0)) == 2 / 2**14  # 14 trials: still all arrangements, none drawn
     many = np.abs(rng.normal(size=40)) + 0.1
     assert sign_flip_p(many) == pytest.approx(1 / 20001)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, film_bodies, film_trial
 from rig.simulated.bench.camera_view import film_scene, poses
+from rig.simulated.device.fault_injection import FaultPlan, parse_faults
 from vision.bodies.masks import build_masks
 from vision.errors import InputError
 from vision.film.mraw_reader import MrawFilm
@@ -157,3 +158,12 @@ def test_refusals_leave_nothing(tmp_path: Path) -> None:
     for bad in ({"texture": "silk"}, {"bit_depth": 10}, {"exposure_s": 1.0}, {"width": 3}, {"flicker": 2.0}):
         with pytest.raises(InputError, match=next(iter(bad)).split("_")[0]):
             CameraSettings(**bad)
+
+
+def test_five_frames_are_dropped_from_the_moment_on_wherever_blocks_end() -> None:
+    """A frame a millisecond; the count stands still at 10 until five are missing, then goes on without them."""
+    count, time_s = np.arange(21), np.arange(21) / 1000.0
+    for end in (7, 11, 14):  # 11: the moment is the last sample of its block
+        plan = FaultPlan(parse_faults("dropped@1/0.01"))
+        parts = [plan.exposures(1, time_s[part], count[part]) for part in (slice(end), slice(end, None))]
+        assert np.concatenate(parts).tolist() == [*range(10), *[10] * 6, *range(11, 16)]

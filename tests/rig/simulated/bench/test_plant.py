@@ -12,7 +12,8 @@ from rig.configuration.profile import load_profile
 from rig.errors import InputError
 from rig.simulated.bench.bench_file import read_bench
 from rig.simulated.bench.plant import ActionPlant, PlantTruth, load_plant
-from rig.simulated.bench.plant_protocol import Plant
+from rig.simulated.bench.plant_protocol import ENCODED_BODIES, Plant
+from rig.simulated.bench.swing_plant import swing_plant
 
 BENCH = Path(__file__).parents[4] / "rig" / "simulated" / "bench.toml"
 RATE = 5000.0
@@ -82,6 +83,17 @@ def test_rest_shows_the_preload_and_nothing_moves(plant: ActionPlant) -> None:
 def test_blocks_do_not_change_the_truth(plant: ActionPlant, forte: PlantTruth) -> None:
     again = play(plant, "forte", block=100)
     assert np.abs(again.angle_rad - forte.angle_rad).max() < 5e-6
+
+
+def test_a_lifted_body_is_let_go_after_600_ms_and_swings_whatever_the_blocks(plant: ActionPlant) -> None:
+    def swung(block: int) -> np.ndarray:
+        body = swing_plant(plant, "hammer")
+        parts = [body.advance(np.zeros(block)).angle_rad for _ in range(4000 // block)]
+        return np.concatenate(parts)[:, ENCODED_BODIES.index("hammer")]
+
+    whole = swung(4000)
+    assert np.ptp(whole[:3001]) == 0.0 and np.all(np.diff(whole[3000:3100]) < 0.0)  # sample 3000 is at 0.6 s
+    np.testing.assert_array_equal(swung(100), whole)
 
 
 def test_same_seed_same_trial_other_trial_differs_as_declared(plant: ActionPlant, forte: PlantTruth) -> None:
