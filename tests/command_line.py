@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import subprocess
 import sys
@@ -17,6 +18,14 @@ def run(*arguments: str | Path) -> int:
     with pytest.raises(SystemExit) as caught:
         main([str(argument) for argument in arguments])
     return int(caught.value.code or 0)
+
+
+@functools.cache
+def modules_of_numba() -> frozenset[str]:
+    """Modules that Numba's BLAS support loads: docs/decisions/0005-start-up-imports.md; SciPy 1.15 adds its sparse."""
+    code = "import sys, numba, scipy.linalg\nprint(*sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=os.environ)
+    return frozenset(done.stdout.split())
 
 
 def modules_after(*lines: tuple[str | Path, ...]) -> set[str]:
