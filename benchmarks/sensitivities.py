@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
-from model.kernels.codegen.load import kernels_of
+from model.derived.load import kernels_of
 from model.sensitivity import find_parameters
 from model.sensitivity.parameter_names import directions
 from model.sensitivity.tangents import Recorded

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from benchmarks.peers.compiled import CompiledEquations, force_at
 from benchmarks.peers.equations import N
 from model import Action
+from model.derived.load import kernels_of
 from model.kernels import workspace as W
-from model.kernels.codegen.load import kernels_of
 from model.kernels.kernel_value import KernelType
 from model.scene.build import build_scene
 

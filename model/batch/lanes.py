@@ -13,12 +13,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from model.batch.job import Job, Member, from_rest
+from model.derived.load import lane_kernels_of
 from model.errors import ModelError
 from model.force_driven import ForceDrivenRun
 from model.integrators.lanes.rosenbrock import loop_in_lanes
 from model.integrators.methods import METHODS
 from model.integrators.rosenbrock import integrate
-from model.kernels.codegen.load import lane_kernels_of
 from model.kernels.lanes.width import LANES, lanes_pay
 from model.parameters.effects import MOTOR_DRIVE
 from model.scene.build import Scene

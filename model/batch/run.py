@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 from model.batch.job import Job, Member, make_jobs, run_job
 from model.batch.lanes import choose, run_together, units, warm
 from model.batch.store import Store
+from model.derived.load import energy_of, kernels_of
 from model.errors import InputError
-from model.kernels.codegen.load import energy_of, kernels_of
 from model.parameters.action import Action
 from model.simulation.options import BatchKeywords, BatchOptions
 from model.simulation.statics import RestState

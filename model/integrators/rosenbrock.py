@@ -2,7 +2,7 @@
 
 State y = (q, v) with dq/dt = v, and what felt remembers, which the kernels eliminate. Eliminating the q part of each
 stage leaves, with W = 1/(gamma h), (W M - D - K/W) U_v = M r_v + K r_q / W and U_q = (r_q + U_v) / W: one n x n
-factorisation a step. The loop calls the four kernels of the scene (see ``model.kernels.codegen.step_kernels``) and
+factorisation a step. The loop calls the four kernels of the scene (see `model.derived.step`) and
 keeps all numbers of a step in one array.
 On failure the loop stops and says why with a status; the state is the last accepted one.
 """

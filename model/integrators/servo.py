@@ -14,7 +14,7 @@ from numba import types
 from model.integrators.rosenbrock import integrate
 from model.integrators.step_control import DONE
 from model.kernels.compile import step_loop
-from model.kernels.kernel_value import Kernel, KernelType
+from model.kernels.kernel_value import KernelType, numba_kernel
 from model.kernels.signatures import (
     INTEGRATE,
     Account,
@@ -83,7 +83,7 @@ FOLLOW = types.Tuple((_f, _f, _i))(  # time reached, next step to try, status of
     types.NamedUniTuple(_array, 3, Wanted),
     _SPAN,
     types.NamedTuple([_table, _block, _block, _block, _array, _array, _array], Followed),
-    types.NamedTuple([KernelType(INTEGRATE), *_GIVEN], ServoRun),
+    types.NamedTuple([KernelType(INTEGRATE, of_numba=True), *_GIVEN], ServoRun),
 )
 
 
@@ -118,5 +118,5 @@ def follow(servo: Servo, wanted: Wanted, span: Span, out: Followed, run: ServoRu
     return t, step, status
 
 
-STEP_LOOP = Kernel(integrate, INTEGRATE)
+STEP_LOOP = numba_kernel(integrate, INTEGRATE)
 """The step loop as a value."""

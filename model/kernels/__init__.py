@@ -1,5 +1,5 @@
 """Compiled kernels of the model, private to it; no parameter value is compiled in.
 
 In: a scene's integer tables and its parameter vector, in the order that ``layout`` gives; out: compiled functions.
-``codegen`` writes a scene's step kernels, ``stepping`` plans steps, ``trajectory`` evaluates forces along a motion.
+``stepping`` plans steps, ``trajectory`` evaluates forces along a motion; a scene's own kernels are in `model.derived`.
 """

@@ -40,7 +40,8 @@ NO_WRAPPERS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": T
 
 def kernel_sources() -> list[Path]:
     """Files whose text decides what the kernels compute."""
-    return sorted([*_PACKAGE.glob("kernels/**/*.py"), *_PACKAGE.glob("integrators/**/*.py")])
+    folders = ("kernels", "integrators", "compiler", "elements", "derived")
+    return sorted(path for folder in folders for path in _PACKAGE.glob(f"{folder}/**/*.py"))
 
 
 def target() -> tuple[str, str]:

@@ -29,11 +29,11 @@ def _is_plain_array(kind: Any) -> bool:
 
 
 class KernelType(types.Callable):  # type: ignore[misc]
-    """Type of kernels of one signature."""
+    """Type of kernels of one signature: C functions, or ``of_numba``, functions that numba compiled."""
 
-    def __init__(self, of: Signature) -> None:
-        self.of = of
-        super().__init__(name=f"kernel{of}")
+    def __init__(self, of: Signature, of_numba: bool = False) -> None:
+        self.of, self.of_numba = of, of_numba
+        super().__init__(name=f"kernel{of}{' of numba' if of_numba else ''}")
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
         """Signature of a call with these arguments; numbers are converted, arrays stand for their address."""
@@ -65,24 +65,25 @@ class Kernel:
 
     Parameters
     ----------
-    dispatcher : compiled function
+    address : of a C function
     of : its signature
+    owner : what keeps the machine code alive
+    of_numba : whether it takes and gives what numba's own functions do
     """
 
-    def __init__(self, dispatcher: Any, of: Signature) -> None:
-        compiled = dispatcher.get_compile_result(of)
-        self.dispatcher = dispatcher  # keeps the machine code alive
-        self.type = KernelType(of)
-        self.address: int = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+    def __init__(self, address: int, of: Signature, owner: Any, of_numba: bool = False) -> None:
+        self.address, self.type, self.owner = address, KernelType(of, of_numba), owner
 
     def __call__(self, *values: Any) -> Any:
         """Call it from Python, for tests and for what is not worth a loop."""
         return _call(self, *values)
 
-    @property
-    def stats(self) -> Any:
-        """Whether it came from the disk cache."""
-        return self.dispatcher.stats
+
+def numba_kernel(dispatcher: Any, of: Signature) -> Kernel:
+    """A function that numba has compiled for a signature, as a value."""
+    compiled = dispatcher.get_compile_result(of)
+    address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+    return Kernel(address, of, dispatcher, of_numba=True)
 
 
 @typeof_impl.register(Kernel)
@@ -106,10 +107,13 @@ def _lower_call(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         if of_kind == pointer and kind != pointer:
             value = context.make_array(kind)(context, builder, value).data
         given.append(value)
-    function = context.call_conv.get_function_type(of.return_type, of.args)
-    callee = builder.inttoptr(args[0], function.as_pointer())
-    _, result = context.call_conv.call_function(builder, callee, of.return_type, of.args, given)
-    return result
+    if sig.args[0].of_numba:
+        kind = context.call_conv.get_function_type(of.return_type, of.args)
+        callee = builder.inttoptr(args[0], kind.as_pointer())
+        _, result = context.call_conv.call_function(builder, callee, of.return_type, of.args, given)
+        return result
+    function = ir.FunctionType(context.get_value_type(of.return_type), [value.type for value in given])
+    return builder.call(builder.inttoptr(args[0], function.as_pointer()), given)
 
 
 @kernel

@@ -63,7 +63,7 @@ MEMORY_SIZE = 2
 
 # a string in place of the bar: in p how many modes it has and what those left out give way (m/N), then rows of their
 # gains (1/kg), stiffnesses (1/s^2), dampings (1/s); its states: the time at which free modes were left, or
-# `string_modes.AWAKE` while they are stepped, energy (J) lost meanwhile, then ways (m) and rates (m/s)
+# `elements.strings.AWAKE` while they are stepped, energy (J) lost meanwhile, then ways (m) and rates (m/s)
 STRING_GIVE, STRING_HEAD = 1, 2
 SINCE, RELEASED, STRING_STATES = 0, 1, 2
 

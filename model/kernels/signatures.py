@@ -4,7 +4,7 @@ With explicit types a compiled kernel is a plain value (`model.kernels.kernel_va
 and is compiled once. Numbers come in named tuples, so that two of the same type cannot change places unseen; numba
 converts nothing inside a tuple, so each field must have exactly its type: ``float``, ``int``, C-contiguous float64
 arrays.
-What the kernels do: ``model.kernels.codegen.step_kernels``.
+What the kernels do: `model.derived.step`.
 """
 
 from typing import Any, NamedTuple

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
+from model.derived.load import kernels_of
 from model.errors import InputError
 from model.integrators.servo import STEP_LOOP, Followed, Servo, ServoRun, Wanted, follow
-from model.kernels.codegen.load import kernels_of
 from model.kernels.signatures import Outputs
 from model.observables import hammer_height_m, key_dip_m
 from model.parameters.action import BODIES, Action

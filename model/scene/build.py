@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import ArrayRecord, as_numbers
+from model.elements.structure import solved_contacts
 from model.errors import InputError
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.codegen.structure import solved_contacts
 from model.parameters.action import CONTACTS, STRING, Action
 from model.parameters.effects import ARM, FINGER, KEY_LIFT, MOTOR, MOTOR_DRIVE, RAIL, SHANK, STRING_EFFECT, WINDING
 from model.scene import pressing

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.derived.load import kernels_of
+from model.elements.structure import solved_contacts
 from model.errors import IntegrationError
 from model.integrators.tangents.follow import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, follow
 from model.integrators.tangents.loads import load_space
@@ -20,8 +22,6 @@ from model.integrators.tangents.radau import STAGES, Wanted
 from model.integrators.tangents.recorded_motion import FULL, Log, Motion, Structure, find_kinks, record, states_along
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.codegen.load import kernels_of
-from model.kernels.codegen.structure import solved_contacts
 from model.kernels.signatures import SceneNumbers, StepKernels
 from model.sensitivity.parameter_names import Directions
 from model.sensitivity.sources import sources_of

@@ -18,8 +18,8 @@ from threading import Thread
 
 from llvmlite.binding import ffi
 
+from model.derived.load import kernels_of, lane_kernels_of, on_disk
 from model.kernels import compile as _compile
-from model.kernels.codegen.load import kernels_of, lane_kernels_of, on_disk
 from model.kernels.lanes.width import LANES, lanes_pay
 from model.parameters.action import load_action
 from model.scene.build import build_scene

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
+from model.derived.load import energy_of, kernels_of
 from model.errors import InputError, IntegrationError
 from model.integrators.methods import DEFAULT_METHOD, get_method
 from model.integrators.step_control import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from model.integrators.tableau import RosenbrockTableau
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.codegen.load import energy_of, kernels_of
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
 from model.kernels.trajectory.contact_forces import forces_along, probe_forces_along
 from model.scene.build import Scene

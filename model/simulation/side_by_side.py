@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from model.derived.load import lane_kernels_of
 from model.integrators.lanes import slots as S
 from model.integrators.lanes.rosenbrock import loop_in_lanes
 from model.kernels import workspace as W
-from model.kernels.codegen.load import lane_kernels_of
 from model.kernels.layout import COUNTERS, Tables
 from model.kernels.signatures import InputTable, LaneMembers, LaneSpace
 from model.simulation.run import Plan

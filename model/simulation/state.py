@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
+from model.derived.load import kernels_of
+from model.elements.structure import solved_contacts
 from model.errors import InputError
 from model.kernels import workspace as W
-from model.kernels.codegen.load import kernels_of
-from model.kernels.codegen.structure import solved_contacts
 from model.scene.build import Scene
 from model.scene.felt_memory import rested
 from model.simulation.statics import with_pins

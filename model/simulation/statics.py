@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
+from model.derived.load import kernels_of
 from model.errors import InputError, StaticsError
 from model.kernels import workspace as W
-from model.kernels.codegen.load import kernels_of
 from model.kernels.trajectory.contact_forces import forces_along, penetrations
 from model.parameters.action import Action
 from model.scene.build import Scene, build_scene

@@ -1,7 +1,7 @@
 """The string of a scene under way: its motion at the output times, the force on it, where its energy went.
 
 In: a scene with the effect ``string``, states and the string's states at some times. Between touches these are those
-of the time at which it was left alone (`model.kernels.string_modes`); here they are carried on in closed form.
+of the time at which it was left alone (`model.elements.strings`); here they are carried on in closed form.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from model.elements.strings import AWAKE
 from model.kernels import layout as L
-from model.kernels.string_modes import AWAKE
 from model.kernels.trajectory.contact_forces import depths_along
 from model.scene.build import Scene
 from model.simulation.giving_motion import contacts_along

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import model
+from model.derived.load import kernels_of
 from model.kernels import workspace as W
-from model.kernels.codegen.load import kernels_of
 from tests.model.conftest import read_table
 
 COUNT = 2.0 * np.pi / 327680

@@ -10,7 +10,7 @@ from model.integrators.tangents.nodes import LINEAR, LINEARISE_NODE, linearise_n
 from model.integrators.tangents.radau import NODES, STAGES, WANTED, at_fraction, estimated_error, solve_step
 from model.integrators.tangents.recorded_motion import DRIVE, MOTION, state_at
 from model.kernels.compile import inlined_uncounted, uncounted_loop
-from model.kernels.kernel_value import Kernel, KernelType
+from model.kernels.kernel_value import KernelType, numba_kernel
 from model.kernels.stepping.inputs import input_at
 
 DONE, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2
@@ -22,9 +22,9 @@ FIRST_STEP = 1e-5  # s
 _f, _i = types.float64, types.int64
 _table, _cube = types.Array(_f, 2, "C"), types.Array(_f, 3, "C")
 FOLLOW = types.Tuple((_i, _f, _i, _i))(  # status, time reached, steps, rejected ones
-    MOTION, DRIVE, _table, LINEAR, WANTED, _cube, _cube, KernelType(LINEARISE_NODE)
+    MOTION, DRIVE, _table, LINEAR, WANTED, _cube, _cube, KernelType(LINEARISE_NODE, of_numba=True)
 )
-NODE = Kernel(linearise_node, LINEARISE_NODE)
+NODE = numba_kernel(linearise_node, LINEARISE_NODE)
 """Given to `follow` as a value, so that LLVM does not compile it twice more inside the loop."""
 
 

@@ -2,7 +2,7 @@
 
 `record` is the step loop of ``model.integrators.rosenbrock`` without rest and energies; it keeps each step's dense
 output and notes which contacts push. `state_at` reads it. `find_kinks` finds, to a picosecond, when a contact begins or
-ceases to push, or passes from the arc of a surface to its tangent: there the Jacobian jumps.
+ceases to push, passes from the arc of a surface to its tangent, or slides the other way: there the Jacobian jumps.
 """
 
 from typing import NamedTuple
@@ -33,6 +33,7 @@ from model.kernels.layout import (
     K_A,
     K_B,
     K_C,
+    MU_A,
     N_CONTACT,
     N_JACOBIAN,
     N_REJECTED,
@@ -44,10 +45,11 @@ from model.kernels.signatures import INTEGRATE, LINEARISE
 from model.kernels.stepping.events import fit_to_events
 from model.kernels.stepping.inputs import fit_to_input, input_at
 from model.kernels.trajectory.kinematics import gap_geometry, place
-from model.kernels.workspace import GAP, GAP_RATE, Q1, SIZE, V1, WIDTH, Q, U, V
+from model.kernels.workspace import GAP, GAP_RATE, Q1, SIZE, SLIDE, V1, WIDTH, Q, U, V
 
 FULL = 9  # status: the rows are used up; go on with more of them
 NARROW = 1e-12  # s, between the two sides of a kink
+SLIDES_AT = 30  # bit of the first contact in what says that one slides forwards
 
 
 class Motion(NamedTuple):
@@ -91,7 +93,10 @@ FIND_KINKS = _i(MOTION, DRIVE, _numbers, STRUCTURE, KernelType(LINEARISE), _tabl
 
 @inlined
 def regime(w, p, structure, pose):
-    """Bits of the contacts that push, and of those of them that touch a hybrid surface beside its arc."""
+    """Bits of the contacts that push; of those of them that touch a hybrid surface beside its arc, or slide forwards.
+
+    Friction turns within a layer so thin that a step could pass over it unseen, had it no end there.
+    """
     solved, contact, start, parent = structure
     pushing = 0
     flat = 0
@@ -106,6 +111,8 @@ def regime(w, p, structure, pose):
         if not force > 0.0:
             continue
         pushing |= 1 << k
+        if p[o + MU_A] != 0.0 and w[SLIDE + k] > 0.0:
+            flat |= 1 << (SLIDES_AT + k)
         if contact[c, 2] == HYBRID:
             if not placed:
                 place(w[Q : Q + parent.shape[0]], w[V : V + parent.shape[0]], p, parent, pose)

@@ -17,8 +17,8 @@ import pytest
 import model
 from model import batch
 from model.batch import run as batch_run
+from model.derived import load as scenes
 from model.integrators.rosenbrock import integrate
-from model.kernels.codegen import load as scenes
 from model.kernels.trajectory.contact_forces import forces_along
 from model.simulation.options import ForceDrivenOptions
 
@@ -262,10 +262,10 @@ def test_structure_is_loaded_once_and_scene_and_rest_are_shared(
     action_rest = model.rest_state(action).angle_rad
     many(action)
     assert len(solved) == len(SETS)
-    loads: list[str] = []
-    original = scenes._load
+    loads: list[object] = []
+    original = scenes._compiled
     monkeypatch.setattr(scenes, "_loaded", {})
-    monkeypatch.setattr(scenes, "_load", lambda text: loads.append(text) or original(text))
+    monkeypatch.setattr(scenes, "_compiled", lambda *given: loads.append(given) or original(*given))
     gate = threading.Barrier(4)
     tables = model.build_scene(action).tables
 

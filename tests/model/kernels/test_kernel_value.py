@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numba import types
 
-from model.kernels.kernel_value import Kernel, KernelType, pointer
+from model.kernels.kernel_value import Kernel, KernelType, numba_kernel, pointer
 
 ADDS = types.int64(pointer, pointer, types.float64, types.int64)
 
@@ -19,12 +19,12 @@ def adding(sign: float) -> Kernel:
         a[k] += sign * (b[0] + x)
         return k + 1
 
-    return Kernel(numba.njit(ADDS)(add), ADDS)
+    return numba_kernel(numba.njit(ADDS)(add), ADDS)
 
 
 @pytest.fixture(scope="module")
 def twice() -> Any:
-    @numba.njit(types.int64(KernelType(ADDS), types.float64[::1], types.float64[::1]))
+    @numba.njit(types.int64(KernelType(ADDS, of_numba=True), types.float64[::1], types.float64[::1]))
     def run(kernel, a, b):  # type: ignore[no-untyped-def]
         k = kernel(a, b, 0.5, 0)
         return kernel(a, b, 1, k)  # whole numbers are converted

@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import eig
 
 import model
+from model.derived.load import kernels_of
 from model.inside import Observer
 from model.kernels import workspace as W
-from model.kernels.codegen.load import kernels_of
 from model.scene.effect_terms import bending, parts_of_hammer, sink_m
 from model.verification.energy_audit import audit
 from tests.model.conftest import read_table

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import model
-from model.kernels.codegen.energy import emit_energy
-from model.kernels.codegen.step_kernels import emit
+from model.kernels import workspace as W
 from model.kernels.laws import amplifier, soft_limit
 from model.scene.build import build_scene
 from model.scene.pressing import RAMP_S, AmplifierCommand, FingerCommand, amplifier_voltage, steady_current
 from model.verification.reference_equations import Twin
+from tests.model.compiler.machine import text_of, touched
 from tests.model.conftest import random_states
 from tests.model.kernels.jacobian_tables import Evaluation
 
@@ -127,5 +127,6 @@ def test_what_is_left_out_leaves_no_trace(action: model.Action) -> None:
         scene = build_scene(action, choice)
         other = build_scene(action.with_effects({"motor_drive.resistance": 5.0, "finger.mass": 1.0}), choice)
         assert scene.vector.tobytes() == other.vector.tobytes() and scene.command is None
-        text = emit(scene.tables) + emit_energy(scene.tables)
-        assert "amplifier" not in text and "volts" not in text
+        text = text_of(scene.tables) + text_of(scene.tables, "energy")
+        assert text == text_of(other.tables) + text_of(other.tables, "energy")
+        assert W.POWER_DRIVE not in touched(scene.tables, "energy")

@@ -23,7 +23,7 @@ from model.simulation import compile_ahead as ahead
 SEEN = """
 import model
 beside = model.compile_ahead([model.load_scene("key")])
-from model.kernels.codegen import load
+from model.derived import load
 choice = model.load_scene("key")
 tables = model.build_scene(choice.on(model.load_action()), choice).tables
 beside.wait()

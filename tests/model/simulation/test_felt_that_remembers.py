@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import model
+from model.derived.load import kernels_of
 from model.felt import Hysteresis, Stulov
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.codegen.load import kernels_of
-from model.kernels.codegen.step_kernels import emit
 from model.kernels.trajectory.contact_forces import penetrations
 from model.parameters.action import CONTACTS
 from model.simulation.run import Simulation, State
+from tests.model.compiler.machine import text_of, touched
 
 # a memory of each kind, two in one contact (string), with friction and on a chain of three joints (knuckle)
 MIXED = {"contact02": "stulov", "contact07": "hysteresis", "contact12": "hysteresis"}
@@ -43,9 +43,9 @@ def test_the_thesis_s_law_named_is_the_thesis_s_law() -> None:
     plain = model.load_action("hirschkorn2004")
     named = plain.with_laws(dict.fromkeys(CONTACTS, "hunt-crossley"))
     assert named.content() == plain.content()
-    text = emit(model.build_scene(plain).tables)
-    assert emit(model.build_scene(named).tables) == text
-    assert "mem" not in text.replace("memory_laws", "") and "memory_laws" not in text
+    text = text_of(model.build_scene(plain).tables)
+    assert text_of(model.build_scene(named).tables) == text
+    assert W.Z not in touched(model.build_scene(plain).tables)
     times, force = model.force_table("forte")
     ours, theirs = (model.simulate(a, times, force) for a in (named, plain))
     assert np.array_equal(ours.angle_rad, theirs.angle_rad)

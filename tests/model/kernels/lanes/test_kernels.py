@@ -13,9 +13,9 @@ import pytest
 
 import model
 from model.batch.lanes import kept_out_by
+from model.derived.load import kernels_of, lane_kernels_of
 from model.integrators.methods import get_method
 from model.kernels import workspace as W
-from model.kernels.codegen.load import kernels_of, lane_kernels_of
 from model.kernels.lanes.width import LANES
 from model.kernels.layout import MU_A
 from model.scene.build import Scene, build_scene

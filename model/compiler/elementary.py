@@ -1,0 +1,83 @@
+"""Functions that the processor has no instruction for, of operations that it has: the same bits on every machine.
+
+Polynomials of the FreeBSD maths library (fdlibm). Bounds, in units in the last place: exponential 1.25, cosine and sine
+1 up to 45 degrees; tanh 2.3e-16 absolute. Held to in tests/model/compiler/test_elementary.py.
+"""
+
+from __future__ import annotations
+
+import math
+
+from model.compiler.expressions import ONE, Expression, Number, constant, largest, lift, make
+
+EIGHTH_TURN = 0.7853981633974483
+ROUND = 6755399441055744.0  # 1.5 * 2^52: added and taken away it leaves a whole number
+LOG2_E, LN2_HIGH, LN2_LOW = 1.4426950408889634, 6.93147180369123816490e-01, 1.90821492927058770002e-10
+SINE = (
+    1.58969099521155010221e-10, -2.50507602534068634195e-08, 2.75573137070700676789e-06, -1.98412698298579493134e-04,
+    8.33333333332248946124e-03, -1.66666666666666324348e-01,
+)  # fmt: skip
+COSINE = (
+    -1.13596475577881948265e-11, 2.08757232129817482790e-09, -2.75573143513906633035e-07, 2.48015872894767294178e-05,
+    -1.38888888888741095749e-03, 4.16666666666666019037e-02,
+)  # fmt: skip
+PADE = tuple(math.comb(6, j) * math.factorial(12 - j) / math.factorial(12) for j in range(7))
+
+
+def _fused(x: Number, y: Number, z: Number) -> Expression:
+    """X y + z rounded once."""
+    return make("fused", lift(x), lift(y), lift(z))
+
+
+def _polynomial(z: Expression, coefficients: tuple[float, ...]) -> Expression:
+    out: Expression = constant(coefficients[0])
+    for c in coefficients[1:]:
+        out = _fused(out, z, c)
+    return out
+
+
+def sine(x: Expression) -> Expression:
+    """Sine up to 45 degrees."""
+    z = x * x
+    return x + x * z * _polynomial(z, SINE)
+
+
+def cosine(x: Expression) -> Expression:
+    """Cosine up to 45 degrees."""
+    z = x * x
+    return ONE - (0.5 * z - z * z * _polynomial(z, COSINE))
+
+
+def _reduced(x: Expression) -> tuple[Expression, Expression]:
+    """The multiple k of log 2 next to x, as it stands in the last bits of a sum, and what is left."""
+    shifted = _fused(x, LOG2_E, ROUND)
+    k = shifted - ROUND
+    return shifted, _fused(k, -LN2_LOW, _fused(k, -LN2_HIGH, x))
+
+
+def _exponential(x: Expression) -> Expression:
+    shifted, r = _reduced(x)
+    square = r * r
+    # Taylor's series: beyond r^13 it is below 2^-57
+    low, middle = _fused(r, 1.0 / 6.0, 0.5), _fused(r, 1.0 / 120.0, 1.0 / 24.0)
+    high, top = _fused(r, 1.0 / 5040.0, 1.0 / 720.0), _fused(r, 1.0 / 362880.0, 1.0 / 40320.0)
+    over, last = _fused(r, 1.0 / 39916800.0, 1.0 / 3628800.0), _fused(r, 1.0 / 6227020800.0, 1.0 / 479001600.0)
+    high = _fused(square, _fused(square, _fused(square, last, over), top), high)
+    tail = _fused(square, _fused(square, high, middle), low)
+    return (1.0 + _fused(square, tail, r)) * make("two_to", shifted)
+
+
+def _tanh(x: Expression) -> Expression:
+    """By Pade's quotient of the exponential (6, 6), exp r = (even + odd) / (even - odd): one division in all."""
+    y = largest(-40.0, -2.0 * abs(x))  # beyond, tanh is 1 to the last digit; what is no number stays none
+    shifted, r = _reduced(y)
+    square = r * r
+    fourth = square * square
+    even = _fused(fourth, _fused(square, PADE[6], PADE[4]), _fused(square, PADE[2], PADE[0]))
+    odd = r * _fused(fourth, PADE[5], _fused(square, PADE[3], PADE[1]))
+    up, down = make("two_to", shifted) * (even + odd), even - odd
+    return make("with_sign", make("quotient", down - up, down + up), x)
+
+
+WRITTEN = {"exponential": _exponential, "tanh": _tanh}
+"""Operations with the text that stands for them."""

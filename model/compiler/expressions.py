@@ -1,0 +1,370 @@
+"""Numbers that are not known yet: equal ones are one object, simplified as they are made, differentiated by rule.
+
+An element of a scene is a function of such numbers. Run once, it leaves a graph, of which forces, their derivatives by
+states and by parameters, energies and what else is asked for are written out (`model.compiler.native`). Which scene and
+which values plays no part here.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable
+from typing import Any
+
+_made: dict[tuple[Any, ...], Expression] = {}
+_count = itertools.count()
+TRUTHS = ("above", "at_least", "differs", "and", "or", "not", "bit")
+
+
+class Expression:
+    """A number, or a truth value (see `TRUTHS`): what is done, to which others, and when it was first made."""
+
+    __slots__ = ("args", "op", "order")
+
+    def __init__(self, op: str, args: tuple[Any, ...]) -> None:
+        self.op, self.args, self.order = op, args, next(_count)
+
+    def __add__(self, other: Number) -> Expression:
+        return _add(self, lift(other))
+
+    def __radd__(self, other: Number) -> Expression:
+        return _add(lift(other), self)
+
+    def __sub__(self, other: Number) -> Expression:
+        return _subtract(self, lift(other))
+
+    def __rsub__(self, other: Number) -> Expression:
+        return _subtract(lift(other), self)
+
+    def __mul__(self, other: Number) -> Expression:
+        return _multiply(self, lift(other))
+
+    def __rmul__(self, other: Number) -> Expression:
+        return _multiply(lift(other), self)
+
+    def __truediv__(self, other: Number) -> Expression:
+        return _divide(self, lift(other))
+
+    def __rtruediv__(self, other: Number) -> Expression:
+        return _divide(lift(other), self)
+
+    def __neg__(self) -> Expression:
+        return _negative(self)
+
+    def __abs__(self) -> Expression:
+        return make("abs", self)
+
+    def __gt__(self, other: Number) -> Expression:
+        return make("above", self, lift(other))
+
+    def __lt__(self, other: Number) -> Expression:
+        return make("above", lift(other), self)
+
+    def __ge__(self, other: Number) -> Expression:
+        return make("at_least", self, lift(other))
+
+    def __le__(self, other: Number) -> Expression:
+        return make("at_least", lift(other), self)
+
+    def __and__(self, other: Expression) -> Expression:
+        return make("and", self, other)
+
+    def __or__(self, other: Expression) -> Expression:
+        return make("or", self, other)
+
+    def __invert__(self) -> Expression:
+        return make("not", self)
+
+
+Number = Expression | float
+Given = tuple[Expression, ...]
+"""What a law is differentiated by."""
+
+
+def make(op: str, *args: Any) -> Expression:
+    """The one expression of an operation and its arguments."""
+    key = (op, *args)
+    found = _made.get(key)
+    if found is None:
+        found = _made[key] = Expression(op, args)
+    return found
+
+
+def forget() -> None:
+    """Let go of all expressions but the plain numbers that others are made with, once a program is written."""
+    _made.clear()
+    _slopes_of_laws.clear()
+    for plain in (ZERO, ONE):
+        _made[plain.op, *plain.args] = plain
+
+
+def constant(x: float) -> Expression:
+    """A number that is known; -0 is 0."""
+    return make("constant", float(x) + 0.0)
+
+
+def lift(x: Number) -> Expression:
+    """A known number as an expression."""
+    return x if isinstance(x, Expression) else constant(x)
+
+
+def read(array: str, place: int, *further: Expression) -> Expression:
+    """The number at a place of an array of the kernel, ``further`` whole numbers behind it."""
+    return make("read", array, place, *further)
+
+
+def argument(name: str) -> Expression:
+    """A number that the kernel is called with."""
+    return make("argument", name)
+
+
+def local(name: str) -> Expression:
+    """What a statement before has put to a name of the program."""
+    return make("read", "local", name)
+
+
+def _value(e: Expression) -> float | None:
+    return e.args[0] if e.op == "constant" else None
+
+
+def _add(a: Expression, b: Expression) -> Expression:
+    if a is ZERO:
+        return b
+    if b is ZERO:
+        return a
+    if a.op == b.op == "constant":
+        return constant(a.args[0] + b.args[0])
+    if b.op == "negative":
+        return _subtract(a, b.args[0])
+    if a.op == "negative":
+        return _subtract(b, a.args[0])
+    return make("add", a, b) if a.order <= b.order else make("add", b, a)
+
+
+def _subtract(a: Expression, b: Expression) -> Expression:
+    if b is ZERO:
+        return a
+    if a is ZERO:
+        return _negative(b)
+    if a is b:
+        return ZERO
+    if b.op == "add" and a in b.args:  # arms: a point less the pivot that it was counted from
+        return _negative(b.args[1] if b.args[0] is a else b.args[0])
+    if a.op == "add" and b in a.args:
+        return a.args[1] if a.args[0] is b else a.args[0]
+    if a.op == "subtract" and a.args[0] is b:
+        return _negative(a.args[1])
+    if b.op == "subtract" and b.args[0] is a:
+        return b.args[1]
+    if a.op == b.op == "constant":
+        return constant(a.args[0] - b.args[0])
+    if b.op == "negative":
+        return _add(a, b.args[0])
+    if a.op == "negative":
+        return _negative(_add(a.args[0], b))
+    return make("subtract", a, b)
+
+
+def _negative(a: Expression) -> Expression:
+    if a.op == "constant":
+        return constant(-a.args[0])
+    if a.op == "negative":
+        return a.args[0]
+    if a.op == "subtract":
+        return make("subtract", a.args[1], a.args[0])
+    return make("negative", a)
+
+
+def _multiply(a: Expression, b: Expression) -> Expression:
+    if a is ZERO or b is ZERO:
+        return ZERO
+    if a.op == b.op == "constant":
+        return constant(a.args[0] * b.args[0])
+    for one, other in ((a, b), (b, a)):
+        if one is ONE:
+            return other
+        if _value(one) == -1.0:
+            return _negative(other)
+        if one.op == "negative":
+            return _negative(_multiply(one.args[0], other))
+    return make("multiply", a, b) if a.order <= b.order else make("multiply", b, a)
+
+
+def _divide(a: Expression, b: Expression) -> Expression:
+    if a is ZERO:
+        return ZERO
+    if b is ONE:
+        return a
+    if b.op == "constant" and b.args[0] != 0.0:
+        return _multiply(a, constant(1.0 / b.args[0]))
+    return make("inverse", b) if a is ONE else _multiply(a, make("inverse", b))
+
+
+ZERO, ONE = constant(0.0), constant(1.0)
+
+
+def root(a: Expression) -> Expression:
+    """Square root."""
+    return make("root", a)
+
+
+def exponential(a: Expression) -> Expression:
+    """Exponential of a number up to 700 in size."""
+    return make("exponential", a)
+
+
+def tanh(a: Expression) -> Expression:
+    """Hyperbolic tangent."""
+    return make("tanh", a)
+
+
+def cosine(a: Expression) -> Expression:
+    """Cosine."""
+    return make("cosine", a)
+
+
+def sine(a: Expression) -> Expression:
+    """Sine."""
+    return make("sine", a)
+
+
+def largest(*numbers: Number) -> Expression:
+    """The largest of some numbers."""
+    first, *others = (lift(x) for x in numbers)
+    for x in others:
+        first = make("larger", first, x)
+    return first
+
+
+def smaller(a: Number, b: Number) -> Expression:
+    """The smaller of two numbers."""
+    return make("smaller", lift(a), lift(b))
+
+
+def where(condition: Expression, a: Number, b: Number) -> Expression:
+    """One of two numbers; both are computed."""
+    a, b = lift(a), lift(b)
+    return a if a is b else make("where", condition, a, b)
+
+
+def guarded(condition: Expression, a: Number) -> Expression:
+    """A number that is computed where the condition holds, and 0 elsewhere."""
+    a = lift(a)
+    return ZERO if a is ZERO else make("guarded", condition, a)
+
+
+def total(terms: Iterable[Expression]) -> Expression:
+    """Sum of some numbers."""
+    return sum(terms, ZERO)
+
+
+def law(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator of a law: its derivatives by its first argument, a tuple, are written once, however deep those lie.
+
+    Without it a chain of n coordinates would differentiate the law's inside n times.
+    """
+
+    def made(given: tuple[Number, ...], *rest: Any) -> Any:
+        named = tuple(x if x.op == "constant" else make("named", x) for x in map(lift, given))
+        by = tuple(x for x in named if x.op == "named")
+        out = function(named, *rest)
+        if isinstance(out, tuple):
+            return tuple(x if x.op in TRUTHS else _as_law(x, by) for x in out)
+        return _as_law(out, by)
+
+    made.__doc__ = function.__doc__
+    return made
+
+
+def _as_law(value: Expression, by: tuple[Expression, ...]) -> Expression:
+    return make("law", value, *by) if by and value.op not in ("constant", "named") else value
+
+
+def found_by_newton(unknown: Expression, residual: Expression, start: Number) -> Expression:
+    """The number at which a residual, a function of ``unknown``, vanishes: Newton's iteration from ``start``."""
+    return make("newton", unknown, residual, slopes({unknown: ONE})(residual), lift(start))
+
+
+_slopes_of_laws: dict[tuple[Any, ...], Expression] = {}
+
+
+def _slope_of_law(value: Expression, x: Expression, by: tuple[Expression, ...]) -> Expression:
+    key = (value, x, by)
+    if key not in _slopes_of_laws:
+        _slopes_of_laws[key] = slopes({one: ONE if one is x else ZERO for one in by})(value)
+    return _slopes_of_laws[key]
+
+
+def slopes(along: dict[Expression, Expression]) -> Callable[[Expression], Expression]:
+    """The function that differentiates along a direction: ``along`` gives what changes, and how fast."""
+    known = dict(along)
+
+    def slope(e: Expression) -> Expression:
+        found = known.get(e)
+        if found is None:
+            found = known[e] = _rule(e, slope)
+        return found
+
+    return slope
+
+
+def replaced(e: Expression, by: dict[Expression, Expression]) -> Expression:
+    """The expression with others in place of some of its parts."""
+    known = dict(by)
+
+    def go(x: Any) -> Any:
+        if not isinstance(x, Expression):
+            return x
+        if x not in known:
+            args = tuple(go(a) for a in x.args)
+            known[x] = x if args == x.args else make(x.op, *args)
+        return known[x]
+
+    out: Expression = go(e)
+    return out
+
+
+def _rule(e: Expression, d: Callable[[Expression], Expression]) -> Expression:
+    op, a = e.op, e.args
+    if op in ("constant", "read", "argument", "counter"):
+        return ZERO
+    if op == "law":
+        return total(_slope_of_law(a[0], x, a[1:]) * d(x) for x in a[1:] if d(x) is not ZERO)
+    if op == "newton":
+        unknown, residual, steep, _ = a
+        return -replaced(d(residual), {unknown: e}) / replaced(steep, {unknown: e})
+    if op == "where":
+        return where(a[0], d(a[1]), d(a[2]))
+    if op == "guarded":
+        return guarded(a[0], d(a[1]))
+    if op in ("larger", "smaller"):
+        first = a[0] > a[1] if op == "larger" else a[0] < a[1]
+        return where(first, d(a[0]), d(a[1]))
+    if op == "add":
+        return d(a[0]) + d(a[1])
+    if op == "subtract":
+        return d(a[0]) - d(a[1])
+    if op == "multiply":
+        return d(a[0]) * a[1] + a[0] * d(a[1])
+    da = d(a[0])
+    if da is ZERO:
+        return ZERO
+    if op == "named":
+        return da
+    if op == "negative":
+        return -da
+    if op == "inverse":
+        return -(da * (e * e))
+    if op == "root":
+        return da * (0.5 / e)
+    if op == "exponential":
+        return da * e
+    if op == "tanh":
+        return (1.0 - e * e) * da
+    if op == "cosine":
+        return -(sine(a[0]) * da)
+    if op == "sine":
+        return cosine(a[0]) * da
+    if op == "abs":
+        return where(a[0] > 0.0, da, -da)
+    raise TypeError(f"no derivative of {op}")

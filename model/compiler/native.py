@@ -1,0 +1,495 @@
+"""Programs as LLVM's intermediate code, for one run or for members side by side in lanes.
+
+A kernel takes addresses of arrays of float64, numbers and whole numbers, and returns a whole number. In lanes each
+entry of an array is a row with a number per lane; where a condition decides, a block runs if any lane needs it, and
+what it puts or adds reaches those lanes alone: a choice, never a product with zero. Products may be rounded once with
+the sum that they stand in; nothing else is reordered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from llvmlite import ir
+
+from model.compiler import elementary
+from model.compiler.expressions import Expression, make
+from model.compiler.programs import Add, Anew, For, If, Let, Place, Put, Reconsider, Statement, While
+
+DOUBLE, TRUTH, INTEGER, SHORT = ir.DoubleType(), ir.IntType(1), ir.IntType(64), ir.IntType(32)
+FLAGS = ("contract", "nsz")
+BUNDLE = 8  # like expressions of one run computed side by side
+NEWTON_STEPS, NEWTON_SHARE = 30, 1e-14
+COMPARED = {"above": ">", "at_least": ">=", "differs": "!="}
+
+
+class _Known:
+    """Values that expressions have in a block and in those around it."""
+
+    def __init__(self, around: _Known | None = None, changing: set[Any] | None = None) -> None:
+        self.around, self.here = around, {}  # type: ignore[var-annotated]
+        self.changing = changing or set()
+        self._changes: dict[Expression, bool] = {}
+
+    def get(self, e: Expression) -> Any:
+        found = self.here.get(e)
+        if found is None and self.around is not None and not (self.changing and self.moves(e)):
+            found = self.around.get(e)
+        return found
+
+    def moves(self, e: Expression) -> bool:
+        """Whether the expression reads what changes in a loop."""
+        if e not in self._changes:
+            read = e.op == "read" and (e.args[0] in self.changing or (e.args[0], e.args[1]) in self.changing)
+            parts = [a for a in e.args if isinstance(a, Expression)]
+            self._changes[e] = read or e in self.changing or any(self.moves(a) for a in parts)
+        return self._changes[e]
+
+
+def _written(statements: list[Statement]) -> set[Any]:
+    """What statements change: whole arrays, and names."""
+    out: set[Any] = set()
+    for s in statements:
+        if isinstance(s, Put | Add):
+            out.add(s.place[:2] if s.place[0] == "local" else s.place[0])
+        elif isinstance(s, If):
+            out |= _written(s.then) | _written(s.otherwise)
+        elif isinstance(s, For | While):
+            out |= _written(s.body)
+    return out
+
+
+class Writer:
+    """One kernel under way.
+
+    Parameters
+    ----------
+    module : LLVM module that it becomes part of
+    name : of its function
+    arguments : name and kind of each: ``array`` (in lanes of rows), ``plain`` array of numbers, ``number``, ``whole``
+    lanes : members side by side
+    bundles : whether the processor gains by computing like expressions of one run in a vector
+    """
+
+    def __init__(
+        self, module: ir.Module, name: str, arguments: dict[str, str], lanes: int = 1, bundles: bool = False
+    ) -> None:
+        kinds = {"array": DOUBLE.as_pointer(), "plain": DOUBLE.as_pointer(), "number": DOUBLE, "whole": INTEGER}
+        self._function = ir.Function(module, ir.FunctionType(INTEGER, [kinds[k] for k in arguments.values()]), name)
+        for given, kind in zip(self._function.args, arguments.values(), strict=True):
+            if kind in ("array", "plain"):
+                given.add_attribute("noalias")
+        self._flat = {a for a, kind in arguments.items() if kind == "plain"}
+        self._given = dict(zip(arguments, self._function.args, strict=True))
+        self.b = ir.IRBuilder(self._function.append_basic_block("entry"))
+        self._body = self._function.append_basic_block("body")
+        self._start = self.b.branch(self._body)
+        self.b.position_at_end(self._body)
+        self._module, self.lanes, self._bundles = module, lanes, bundles and lanes == 1
+        self._width = lanes
+        self._names: dict[str, Any] = {}
+        self._known = _Known()
+        self.mask = self._given.get("mask")
+        self.exceeded: Any = None
+
+    # what is written ---------------------------------------------------------------------------------------------
+
+    def write(self, statements: list[Statement], where: Any = None) -> None:
+        """Write statements; ``where``, in lanes, holds in those that take part."""
+        for s in statements:
+            if isinstance(s, Put | Add):
+                self._put(s, where)
+            elif isinstance(s, Let):
+                self._side_by_side([e for e in s.values if self._known.get(e) is None], s.alike)
+            elif isinstance(s, If):
+                self._choose(s, where)
+            elif isinstance(s, Anew):
+                self._known = _Known()
+            elif isinstance(s, Reconsider):
+                self.exceeded = self.value(s.condition)
+                self.mask = self.b.select(self._any(self.exceeded), ir.Constant(INTEGER, 0), self.mask)
+            else:
+                self._again(s, where)
+
+    def bits(self, truth: Any) -> Any:
+        """A truth value as 0 or 1; in lanes a bit for each."""
+        if self.lanes > 1:
+            truth = self.b.bitcast(truth, ir.IntType(self.lanes))
+        return self.b.zext(truth, INTEGER)
+
+    def mask_of(self, conditions: list[tuple[int, Expression]]) -> Any:
+        """Bit ``k`` where condition ``k`` does not hold, in lanes where it holds in none."""
+        out = ir.Constant(INTEGER, 0)
+        for k, condition in conditions:
+            fails = self.b.not_(self._any(self.value(condition)))
+            out = self.b.or_(out, self.b.shl(self.b.zext(fails, INTEGER), ir.Constant(INTEGER, k)))
+        return out
+
+    def count(self, name: str) -> Any:
+        """A count that is kept under a name; in lanes the first lane's."""
+        value = self.b.load(self._name(name))
+        if self.lanes > 1:
+            value = self.b.extract_element(value, ir.Constant(SHORT, 0))
+        return self.b.fptosi(value, INTEGER)
+
+    def end(self, result: Any = None) -> None:
+        """Return a whole number."""
+        self.b.ret(ir.Constant(INTEGER, 0) if result is None else result)
+
+    # statements --------------------------------------------------------------------------------------------------
+
+    def _put(self, s: Put | Add, where: Any) -> None:
+        value, pointer = self.value(s.value), self._pointer(s.place)
+        if isinstance(s, Add):
+            if where is not None:  # adding -0 changes no bit
+                value = self.b.select(where, value, self._number(-0.0))
+            value = self.b.fadd(self.b.load(pointer, align=8), value, flags=FLAGS)
+        elif where is not None:
+            value = self.b.select(where, value, self.b.load(pointer, align=8))
+        self.b.store(value, pointer, align=8)
+
+    def _choose(self, s: If, where: Any) -> None:
+        truth = self.value(s.condition)
+        uniform = self.lanes == 1 or truth.type == TRUTH
+        blocks = ((truth, s.then), (None, s.otherwise))
+        if uniform:
+            if not s.otherwise:
+                with self.b.if_then(truth), self._block():
+                    self.write(s.then, where)
+                return
+            with self.b.if_else(truth) as (then, otherwise):
+                for part, (_, statements) in zip((then, otherwise), blocks, strict=True):
+                    with part, self._block():
+                        self.write(statements, where)
+            return
+        for mine, statements in ((truth, s.then), (self.b.not_(truth), s.otherwise)):
+            if statements:
+                here = mine if where is None else self.b.and_(where, mine)
+                with self.b.if_then(self._any(here)), self._block():
+                    self.write(statements, here)
+
+    def _again(self, s: For | While, where: Any) -> None:
+        around, changing = self.b.block, _written(s.body)
+        head, body, after = (self._function.append_basic_block(n) for n in ("head", "loop", "after"))
+        counter: Any = None
+        if isinstance(s, For):
+            count = self._whole(s.count)
+            self.b.branch(head)
+            self.b.position_at_end(head)
+            counter = self.b.phi(INTEGER)
+            counter.add_incoming(ir.Constant(INTEGER, 0), around)
+            go_on, here = self.b.icmp_signed("<", counter, count), where
+        with self._block(changing):
+            if isinstance(s, For):
+                self._known.here[s.counter] = counter
+            else:
+                self.b.branch(head)
+                self.b.position_at_end(head)
+                truth = self.value(s.condition)
+                here = truth if self.lanes > 1 else None
+                if here is not None and where is not None:
+                    here = self.b.and_(here, where)
+                go_on = self._any(truth if here is None else here)
+            self.b.cbranch(go_on, body, after)
+            self.b.position_at_end(body)
+            with self._block():
+                self.write(s.body, here)
+            if counter is not None:
+                counter.add_incoming(self.b.add(counter, ir.Constant(INTEGER, 1)), self.b.block)
+            self.b.branch(head)
+        self.b.position_at_end(after)
+
+    @contextmanager
+    def _block(self, changing: set[Any] | None = None) -> Iterator[None]:
+        around = self._known
+        self._known = _Known(around, changing)
+        yield
+        self._known = around
+
+    # values ------------------------------------------------------------------------------------------------------
+
+    def value(self, e: Expression) -> Any:
+        """The LLVM value of an expression, computed here unless a block around has it."""
+        known = self._known
+        found = known.get(e)
+        if found is not None:
+            return found
+        todo = [e]
+        while todo:
+            x = todo[-1]
+            if known.get(x) is not None:
+                todo.pop()
+                continue
+            needed = x.args[:1] if x.op in ("guarded", "law") else () if x.op == "newton" else x.args
+            missing = [a for a in needed if isinstance(a, Expression) and known.get(a) is None]
+            if missing:
+                todo += missing
+                continue
+            known.here[x] = self._operation(x, [known.get(a) if isinstance(a, Expression) else a for a in x.args])
+            todo.pop()
+        return known.get(e)
+
+    def _operation(self, e: Expression, a: list[Any]) -> Any:
+        b, op = self.b, e.op
+        if op in ("named", "law"):
+            return a[0]
+        if op == "constant":
+            return self._number(a[0])
+        if op == "argument":
+            given = self._given[a[0]]
+            return given if self.lanes == 1 or given.type == INTEGER else self._splat(given, self.lanes)
+        if op == "read" and e.args[0] in self._flat:
+            index = ir.Constant(INTEGER, e.args[1]) if len(a) < 3 else b.add(ir.Constant(INTEGER, e.args[1]), a[2])
+            number = b.load(b.gep(self._given[e.args[0]], [index]), align=8)
+            return number if self.lanes == 1 else self._splat(number, self.lanes)
+        if op == "read":
+            return b.load(self._pointer((e.args[0], e.args[1], e.args[2] if len(e.args) > 2 else None)), align=8)
+        if op == "whole":
+            return self._whole(e.args[0])
+        if op == "whole_add":
+            return b.add(*(self._integer(x) for x in a))
+        if op == "whole_multiply":
+            return b.mul(*(self._integer(x) for x in a))
+        if op == "first":
+            return b.icmp_signed("==", self._given["k"], ir.Constant(INTEGER, 0))
+        if op == "bit":
+            held = b.and_(b.lshr(self.mask, ir.Constant(INTEGER, a[0])), ir.Constant(INTEGER, 1))
+            return b.icmp_signed("==", held, ir.Constant(INTEGER, 0))
+        if op in ("cosine", "sine"):
+            return self._turned([e])[op]
+        if op == "guarded":
+            return self._guarded(a[0], lambda: self.value(e.args[1]))
+        if op == "newton":
+            return self._newton(e)
+        if op in elementary.WRITTEN:
+            return self.value(elementary.WRITTEN[op](*e.args))
+        return self._plain(op, a)
+
+    def _plain(self, op: str, a: list[Any]) -> Any:
+        b = self.b
+        arithmetic = {"add": b.fadd, "subtract": b.fsub, "multiply": b.fmul}
+        if op in arithmetic:
+            return arithmetic[op](*a, flags=FLAGS)
+        if op in COMPARED:
+            compare = b.fcmp_unordered if op == "differs" else b.fcmp_ordered
+            return compare(COMPARED[op], *a)
+        if op == "negative":
+            return b.fneg(a[0], flags=FLAGS)
+        if op == "quotient":  # rounded once, where a product with the inverse is twice
+            return b.fdiv(*a, flags=FLAGS)
+        if op == "inverse":
+            return b.fdiv(self._number(1.0), a[0], flags=FLAGS)
+        if op in ("larger", "smaller"):
+            return b.select(b.fcmp_ordered(">" if op == "larger" else "<", *a), *a)
+        if op == "where":
+            return b.select(*a)
+        if op == "and":
+            return b.and_(*a)
+        if op == "or":
+            return b.or_(*a)
+        if op == "not":
+            return b.not_(a[0])
+        if op == "two_to":  # of a whole number that stands in the last bits of its sum with `elementary.ROUND`
+            kind = INTEGER if self._width == 1 else ir.VectorType(INTEGER, self._width)
+            whole = b.shl(b.bitcast(a[0], kind), self._splat_of(kind, 52))
+            return b.bitcast(b.add(whole, self._splat_of(kind, 1023 << 52)), self._kind)
+        intrinsics = {"root": "sqrt", "abs": "fabs", "fused": "fma", "with_sign": "copysign"}
+        return self._intrinsic(intrinsics[op], *a)
+
+    def _guarded(self, truth: Any, compute: Any) -> Any:
+        """A value computed where needed, 0 elsewhere."""
+        before = self.b.block
+        with self.b.if_then(self._any(truth)):
+            with self._block():
+                value = compute()
+            if value.type != DOUBLE and truth.type != TRUTH:
+                value = self.b.select(truth, value, self._number(0.0))
+            there = self.b.block
+        out = self.b.phi(value.type)
+        out.add_incoming(self._number(0.0), before)
+        out.add_incoming(value, there)
+        return out
+
+    def _newton(self, e: Expression) -> Any:
+        unknown, residual, steep, start = e.args
+        b, first, around = self.b, self.value(start), self.b.block
+        head, after = (self._function.append_basic_block(n) for n in ("newton", "found"))
+        b.branch(head)
+        b.position_at_end(head)
+        f, n = b.phi(self._kind), b.phi(INTEGER)
+        f.add_incoming(first, around)
+        n.add_incoming(ir.Constant(INTEGER, 0), around)
+        with self._block({unknown}):
+            self._known.here[unknown] = f
+            step = b.fdiv(self.value(residual), self.value(steep), flags=FLAGS)
+        better = b.fsub(f, step, flags=FLAGS)
+        size, share = self._intrinsic("fabs", step), self._intrinsic("fabs", better)
+        off = b.fcmp_ordered(">", size, b.fmul(self._number(NEWTON_SHARE), share))
+        more = b.add(n, ir.Constant(INTEGER, 1))
+        go_on = b.and_(self._any(off), b.icmp_signed("<", more, ir.Constant(INTEGER, NEWTON_STEPS)))
+        f.add_incoming(better, b.block)
+        n.add_incoming(more, b.block)
+        b.cbranch(go_on, head, after)
+        b.position_at_end(after)
+        return better
+
+    # cosines and what is computed side by side --------------------------------------------------------------------
+
+    def _turned(self, es: list[Expression]) -> dict[str, Any]:
+        """Cosine and sine of an angle, kept for both; beyond 45 degrees the C library's."""
+        angle = es[0].args[0]
+        out = self._rotation(self.value(angle), *(self.value(f(angle)) for f in (elementary.cosine, elementary.sine)))
+        for op, value in out.items():
+            self._known.here[make(op, angle)] = value
+        return out
+
+    def _rotation(self, x: Any, *near: Any) -> dict[str, Any]:
+        far = self.b.fcmp_ordered(">", self._intrinsic("fabs", x), self._number(elementary.EIGHTH_TURN))
+        before = self.b.block
+        with self.b.if_then(self._any(far), likely=False):
+            beyond = [self.b.select(far, self._intrinsic(n, x), v) for n, v in zip(("cos", "sin"), near, strict=True)]
+            there = self.b.block
+        out = {}
+        for op, inner, outer in zip(("cosine", "sine"), near, beyond, strict=True):
+            out[op] = self.b.phi(self._kind)
+            out[op].add_incoming(inner, before)
+            out[op].add_incoming(outer, there)
+        return out
+
+    def _side_by_side(self, es: list[Expression], alike: bool) -> None:
+        if not alike or not self._bundles or not 2 < len(es) <= BUNDLE or len({e.op for e in es}) > 1:
+            for e in es:
+                self.value(e)
+            return
+        self._memo: dict[tuple[Expression, ...], Any] = {}
+        padded = tuple(es + [es[-1]] * (BUNDLE - len(es)))
+        if es[0].op == "cosine":
+            angles = tuple(e.args[0] for e in padded)
+            x = self._row(angles)
+            near = [self._row(tuple(f(a) for a in angles)) for f in (elementary.cosine, elementary.sine)]
+            with self._wide():
+                rows = self._rotation(x, *near)
+            for op, row in rows.items():
+                for k, e in enumerate(es):
+                    self._known.here[make(op, e.args[0])] = self.b.extract_element(row, ir.Constant(SHORT, k))
+            return
+        row = self._row(padded)
+        for k, e in enumerate(es):
+            self._known.here[e] = self.b.extract_element(row, ir.Constant(SHORT, k))
+
+    def _row(self, es: tuple[Expression, ...]) -> Any:
+        """Vector of expressions that are made alike, of vectors of their parts."""
+        if es not in self._memo:
+            self._memo[es] = self._row_of(es)
+        return self._memo[es]
+
+    def _row_of(self, es: tuple[Expression, ...]) -> Any:
+        first, kind = es[0], ir.VectorType(DOUBLE, BUNDLE)
+        if all(e is first for e in es):
+            if first.op == "constant":
+                return ir.Constant(kind, [first.args[0]] * BUNDLE)
+            return self._splat(self.value(first), BUNDLE)
+        alike = all(e.op == first.op for e in es)
+        if alike and first.op == "constant":
+            return ir.Constant(kind, [e.args[0] for e in es])
+        if not alike or first.op in ("read", "argument", "cosine", "sine", "newton", "bit"):
+            out = ir.Constant(kind, ir.Undefined)
+            for k, e in enumerate(es):
+                out = self.b.insert_element(out, self.value(e), ir.Constant(SHORT, k))
+            return out
+        if first.op in ("named", "law"):
+            return self._row(tuple(e.args[0] for e in es))
+        if first.op in elementary.WRITTEN:
+            return self._row(tuple(elementary.WRITTEN[e.op](*e.args) for e in es))
+        if first.op == "guarded":
+            truth, kept = self._row(tuple(e.args[0] for e in es)), dict(self._memo)
+            with self._wide():
+                out = self._guarded(truth, lambda: self._narrow_row(tuple(e.args[1] for e in es)))
+            self._memo = kept
+            return out
+        parts = [self._row(tuple(e.args[k] for e in es)) for k in range(len(first.args))]
+        with self._wide():
+            return self._plain(first.op, parts)
+
+    def _narrow_row(self, es: tuple[Expression, ...]) -> Any:
+        width, self._width = self._width, 1
+        out = self._row(es)
+        self._width = width
+        return out
+
+    @contextmanager
+    def _wide(self) -> Iterator[None]:
+        width, self._width = self._width, BUNDLE
+        yield
+        self._width = width
+
+    # LLVM's own words ---------------------------------------------------------------------------------------------
+
+    @property
+    def _kind(self) -> Any:
+        return DOUBLE if self._width == 1 else ir.VectorType(DOUBLE, self._width)
+
+    def _number(self, x: float) -> Any:
+        return ir.Constant(DOUBLE, x) if self._width == 1 else ir.Constant(self._kind, [x] * self._width)
+
+    def _splat_of(self, kind: Any, x: int) -> Any:
+        return ir.Constant(kind, x) if kind == INTEGER else ir.Constant(kind, [x] * kind.count)
+
+    def _splat(self, value: Any, width: int) -> Any:
+        kind = ir.VectorType(value.type, width)
+        first = self.b.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(SHORT, 0))
+        return self.b.shuffle_vector(
+            first, ir.Constant(kind, ir.Undefined), ir.Constant(ir.VectorType(SHORT, width), None)
+        )
+
+    def _any(self, truth: Any) -> Any:
+        if truth.type == TRUTH:
+            return truth
+        bits = self.b.bitcast(truth, ir.IntType(truth.type.count))
+        return self.b.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
+
+    def _intrinsic(self, name: str, *values: Any) -> Any:
+        kind = values[0].type
+        full = f"llvm.{name}." + ("f64" if kind == DOUBLE else f"v{kind.count}f64")
+        function = self._module.globals.get(full)
+        if function is None:
+            function = ir.Function(self._module, ir.FunctionType(kind, [kind] * len(values)), full)
+        return self.b.call(function, values)
+
+    def _integer(self, x: Any) -> Any:
+        return x if isinstance(x, ir.Value) else ir.Constant(INTEGER, x)
+
+    def _whole(self, e: Expression) -> Any:
+        """A whole number that lanes share: the first lane's."""
+        value = self.value(e)
+        if value.type == INTEGER:
+            return value
+        if value.type != DOUBLE:
+            value = self.b.extract_element(value, ir.Constant(SHORT, 0))
+        return self.b.fptosi(value, INTEGER)
+
+    def _pointer(self, place: Place) -> Any:
+        array, k, further = place
+        if array == "local":
+            return self._name(str(k))
+        index = ir.Constant(INTEGER, k)
+        if further is not None:
+            index = self.b.add(index, self.value(further))
+        if self.lanes > 1:
+            index = self.b.mul(index, ir.Constant(INTEGER, self.lanes))
+        pointer = self.b.gep(self._given[array], [index])
+        return pointer if self.lanes == 1 else self.b.bitcast(pointer, self._lane_kind.as_pointer())
+
+    @property
+    def _lane_kind(self) -> Any:
+        return DOUBLE if self.lanes == 1 else ir.VectorType(DOUBLE, self.lanes)
+
+    def _name(self, text: str) -> Any:
+        if text not in self._names:
+            with self.b.goto_block(self._function.entry_basic_block):
+                self._names[text] = self.b.alloca(self._lane_kind, name=text)
+                zero = 0.0 if self.lanes == 1 else [0.0] * self.lanes
+                self.b.store(ir.Constant(self._lane_kind, zero), self._names[text])
+        return self._names[text]

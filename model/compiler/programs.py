@@ -1,0 +1,143 @@
+"""What a kernel does with numbers: statements, in blocks that run where a condition holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from model.compiler.expressions import Expression, lift, make
+
+Place = tuple[str, int | str, Expression | None]
+"""Array, or ``local``; place in it, or a name; a whole number behind that, or None."""
+
+
+@dataclass(frozen=True)
+class Put:
+    """Put a number to a place."""
+
+    place: Place
+    value: Expression
+
+
+@dataclass(frozen=True)
+class Add:
+    """Add a number to what is at a place."""
+
+    place: Place
+    value: Expression
+
+
+@dataclass(frozen=True)
+class Let:
+    """Compute numbers here, for all blocks behind; ``alike`` ones side by side in a vector where the processor can."""
+
+    values: tuple[Expression, ...]
+    alike: bool = False
+
+
+@dataclass(frozen=True)
+class If:
+    """Do one or the other."""
+
+    condition: Expression
+    then: list[Statement]
+    otherwise: list[Statement] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class While:
+    """Do it again for as long as the condition, computed anew, holds."""
+
+    condition: Expression
+    body: list[Statement]
+
+
+@dataclass(frozen=True)
+class For:
+    """Do it for each ``counter`` from 0 to ``count`` - 1."""
+
+    counter: Expression
+    count: Expression
+    body: list[Statement]
+
+
+@dataclass(frozen=True)
+class Anew:
+    """What follows reads again what was read before: places have changed."""
+
+
+@dataclass(frozen=True)
+class Reconsider:
+    """Where the condition holds, all blocks that a mask would leave out (`within`) are done after all."""
+
+    condition: Expression
+
+
+Statement = Reconsider | Put | Add | Let | If | While | For | Anew
+
+
+def at(array: str, place: int, further: Expression | None = None) -> Place:
+    """A place of an array of the kernel."""
+    return array, place, further
+
+
+def name(text: str) -> Place:
+    """A name of the program; it holds 0 until something is put to it."""
+    return "local", text, None
+
+
+def let(*values: Expression) -> Let:
+    """See `Let`."""
+    return Let(values)
+
+
+def alike(*values: Expression) -> Let:
+    """See `Let`."""
+    return Let(values, True)
+
+
+def each(label: str, count: Expression, body: Callable[[Expression], list[Statement]]) -> For:
+    """A loop; ``label`` tells its counter from those of others."""
+    counter = make("counter", label)
+    return For(counter, count, body(counter))
+
+
+def within(bit: int) -> Expression:
+    """That the bit of the kernel's ``mask`` is not set."""
+    return make("bit", bit)
+
+
+def whole(e: Expression) -> Expression:
+    """A number that is whole, as `read` takes it behind a place."""
+    return make("whole", lift(e))
+
+
+def mapped(statements: list[Statement], one: Callable[[Put | Add], list[Statement]]) -> list[Statement]:
+    """The same blocks with other statements in place of each that puts or adds; what is left empty goes."""
+    out: list[Statement] = []
+    for s in statements:
+        if isinstance(s, Put | Add):
+            out += one(s)
+        elif isinstance(s, If):
+            then, otherwise = mapped(s.then, one), mapped(s.otherwise, one)
+            if then or otherwise:
+                out.append(If(s.condition, then, otherwise))
+        elif isinstance(s, For):
+            out.append(For(s.counter, s.count, mapped(s.body, one)))
+        elif isinstance(s, While):
+            out.append(While(s.condition, mapped(s.body, one)))
+        else:
+            out.append(s)
+    return out
+
+
+def added(statements: list[Statement]) -> list[Place]:
+    """Places that statements add to."""
+    out: list[Place] = []
+
+    def one(s: Put | Add) -> list[Statement]:
+        out.extend([s.place] if isinstance(s, Add) else [])
+        return [s]
+
+    mapped(statements, one)
+    return out

@@ -1,0 +1,176 @@
+"""Find, write, compile and load the kernels of a scene's structure.
+
+Machine code lies in the kernel cache under the hash of the structure, in a folder that is keyed by all sources and the
+processor (`model.kernels.compile`): a structure is compiled once per machine, a changed value never. Where no cache can
+be written it is compiled in memory.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from llvmlite import binding, ir
+
+from model.compiler.expressions import forget
+from model.compiler.native import Writer
+from model.derived.step import Derived, Program
+from model.elements.structure import Structure
+from model.kernels import compile as _compile
+from model.kernels.kernel_value import Kernel
+from model.kernels.lanes.width import lanes_pay
+from model.kernels.layout import Tables
+from model.kernels.once import alone
+from model.kernels.signatures import (
+    ENERGY,
+    LANE_LINEARISE,
+    LANE_PREPARE,
+    LANE_SKIP,
+    LANE_STAGE,
+    LINEARISE,
+    PREPARE,
+    SKIP,
+    STAGE,
+    LaneKernels,
+    StepKernels,
+)  # fmt: skip
+
+STEP = {"linearise": LINEARISE, "prepare": PREPARE, "skip": SKIP, "stage": STAGE}
+IN_LANES = {"linearise": LANE_LINEARISE, "prepare": LANE_PREPARE, "skip": LANE_SKIP, "stage": LANE_STAGE}
+# structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
+COMPILED = {"scenes": 0, "compiled": 0}
+_loaded: dict[tuple[bytes, str], Any] = {}
+_asked: tuple[Tables | None, bytes] = None, b""
+_lock = threading.RLock()  # threads that start together load or compile a structure once; expressions are one thread's
+
+
+def _key(tables: Tables) -> bytes:
+    """What tells a structure from others; of the tables asked for last it is kept.
+
+    A search for rest asks for the same ones hundreds of times, and each time it would take as long as the kernel.
+    """
+    global _asked
+    last, key = _asked
+    if last is not tables:
+        key = b"".join(bytes(str(t.shape), "ascii") + t.tobytes() for t in tables)
+        _asked = tables, key
+    return key
+
+
+def kernels_of(tables: Tables) -> StepKernels:
+    """Kernels of the structure in ``tables``: from memory, from the disk cache, or compiled (about a second, once)."""
+    found: StepKernels = _kept(tables, "step", lambda: _step_kernels(tables))
+    return found
+
+
+def lane_kernels_of(tables: Tables, lanes: int) -> LaneKernels:
+    """Kernels of a structure for ``lanes`` members side by side; no coordinate may be prescribed."""
+    found: LaneKernels = _kept(tables, f"{lanes} lanes", lambda: LaneKernels(**_compiled(tables, IN_LANES, lanes)))
+    return found
+
+
+def energy_of(tables: Tables) -> Any:
+    """Kernel of the energy audit of a structure; compiled only when a run asks for it."""
+    return _kept(tables, "energy", lambda: _compiled(tables, {"energy": ENERGY}, 1)["energy"])
+
+
+def on_disk(tables: Tables) -> bool:
+    """Whether the kernels of a structure are in the disk cache."""
+    path = _path(tables, STEP, 1)
+    return path is not None and path.is_file()
+
+
+def _kept(tables: Tables, what: str, make: Callable[[], Any]) -> Any:
+    key = _key(tables), what
+    if key not in _loaded:
+        with _lock:
+            if key not in _loaded:
+                _loaded[key] = make()
+    return _loaded[key]
+
+
+def _step_kernels(tables: Tables) -> StepKernels:
+    found = _compiled(tables, STEP, 1)
+    return StepKernels(**found, energy=found["linearise"])
+
+
+def _path(tables: Tables, functions: dict[str, Any], lanes: int) -> Path | None:
+    if _compile.FOLDER is None:
+        return None
+    digest = hashlib.sha256(_key(tables) + f" {lanes} {' '.join(functions)}".encode())
+    return _compile.FOLDER / f"scene_{digest.hexdigest()[:16]}.o"
+
+
+def _compiled(tables: Tables, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
+    path = _path(tables, functions, lanes)
+    machine = _target_machine()
+    code = path.read_bytes() if path is not None and path.is_file() else None
+    made = code is None
+    if code is None:
+        with alone(_compile.FOLDER, path.stem if path is not None else "scene"):
+            if path is not None and path.is_file():  # another process was first
+                code, made = path.read_bytes(), False
+            else:
+                code = _machine_code(_module(tables, functions, lanes), machine)
+                if path is not None:
+                    _write(path, code)
+    if "energy" not in functions:
+        COMPILED["scenes"] += 1
+        COMPILED["compiled"] += made
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
+    engine.add_object_file(binding.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return {name: Kernel(engine.get_function_address(name), of, engine) for name, of in functions.items()}
+
+
+def _write(path: Path, code: bytes) -> None:
+    """Write whole or not at all."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    with os.fdopen(handle, "wb") as file:
+        file.write(code)
+    os.replace(temporary, path)
+
+
+def written(program: Program, module: ir.Module, name: str, lanes: int = 1) -> None:
+    """Write a program as function ``name`` of a module."""
+    writer = Writer(module, name, program.arguments, lanes, bundles=lanes_pay())
+    writer.write(program.statements)
+    result = program.result
+    if isinstance(result, list):
+        writer.end(writer.mask_of(result))
+    elif result == "exceeded":
+        writer.end(writer.bits(writer.exceeded))
+    elif isinstance(result, str):
+        writer.end(writer.count(result))
+    else:
+        writer.end(None if result is None else writer.bits(writer.value(result)))
+
+
+def _module(tables: Tables, functions: dict[str, Any], lanes: int) -> ir.Module:
+    module = ir.Module("scene")
+    for name in functions:
+        written(getattr(Derived(Structure(tables), lanes > 1), name)(), module, name, lanes)
+        forget()
+    return module
+
+
+def _target_machine() -> Any:
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    name, features = _compile.target()
+    target = binding.Target.from_default_triple()
+    return target.create_target_machine(cpu=name, features=features, opt=2, reloc="pic")
+
+
+def _machine_code(module: ir.Module, machine: Any) -> bytes:
+    parsed = binding.parse_assembly(str(module))
+    parsed.verify()
+    options = binding.create_pipeline_tuning_options(speed_level=2)
+    passes = binding.create_pass_builder(machine, options)
+    passes.getModulePassManager().run(parsed, passes)
+    return bytes(machine.emit_object(parsed))

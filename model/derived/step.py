@@ -1,0 +1,723 @@
+"""The kernels of a scene, derived from its elements: what a step loop calls at the start of a step and in its stages.
+
+``linearise``: accelerations, K = df/dq - (dM/dq) a, D = df/dv, df/du, what memories are coupled by, open gaps and
+sliding speeds with their rates. ``prepare``: factors of M / (gamma h) - D - gamma h K. ``skip``: contacts that cannot
+touch within the step. ``stage``: accelerations at a stage, and the stage of each state. ``energy``: energy of a state,
+power put in and powers lost. A memory z, of felt, acts on the joints of its contact's chain and on nothing else, so
+that each stage eliminates it. Numbers are read from a scene's parameter vector (`model.kernels.layout`) and kept in the
+workspace of a step (`model.kernels.workspace`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from model.compiler.expressions import (
+    ONE,
+    ZERO,
+    Expression,
+    argument,
+    constant,
+    largest,
+    local,
+    make,
+    read,
+    slopes,
+    total,
+    where,
+)
+from model.compiler.programs import (
+    Add,
+    Anew,
+    If,
+    Place,
+    Put,
+    Reconsider,
+    Statement,
+    added,
+    alike,
+    at,
+    each,
+    let,
+    mapped,
+    name,
+    within,
+)
+from model.elements.bodies import solved
+from model.elements.contacts import Contact, change, speeds_up
+from model.elements.kinematics import State
+from model.elements.prescribed import motion
+from model.elements.scene import Elements
+from model.elements.strings import StringContact
+from model.elements.structure import Structure
+from model.kernels import layout as L
+from model.kernels import workspace as W
+
+FARTHEST_M = 0.02  # a joint gives no farther than this; its body's other turns reach as much farther
+WORTH_OF_WAY = 10.0  # 1/s: an error of d weighs against one of a speed as that of an angle does
+LONGEST_OF_STAGE = 5.0  # steps over gamma times the step, at most: no method has a gamma below 0.2
+LONGEST_MEMORY = 1e-3  # s, for which an error of a memory is taken to act at most: a blow's contact
+SOUND = 1e-6  # share of a pivot that may be left
+
+LOSSES = {
+    "energy": W.ENERGY, "given": W.POWER_IN, "felt": W.POWER_FELT, "friction": W.POWER_FRICTION,
+    "joints": W.POWER_JOINTS, "rail": W.POWER_RAIL, "shank": W.POWER_SHANK, "pins": W.POWER_PINS,
+    "string": W.POWER_STRING, "drive": W.POWER_DRIVE,
+}  # fmt: skip
+Row = list[Expression]
+Slopes = tuple[list[Callable[[Expression], Expression]], ...]
+"""Derivatives by each coordinate and by each speed."""
+ALWAYS = {"energy", "given", "felt", "friction", "joints"}
+
+
+@dataclass(frozen=True)
+class Program:
+    """A kernel: its arguments by kind, statements, and what it returns.
+
+    ``result`` is None for 0, a truth value, conditions that clear their bit of a mask, a name that holds a count, or
+    ``"exceeded"``: whether contacts were reconsidered.
+    """
+
+    arguments: dict[str, str]
+    statements: list[Statement]
+    result: Expression | list[tuple[int, Expression]] | str | None = None
+
+
+class Derived:
+    """Programs of the kernels of a structure.
+
+    Parameters
+    ----------
+    s : the structure
+    lanes : whether what a kernel of one run is called with lies in rows of the workspace instead
+    """
+
+    def __init__(self, s: Structure, lanes: bool = False) -> None:
+        self._s, self._lanes = s, lanes
+        self._stiff, self._damp, self._lu = (
+            (W.P_STIFF, W.P_DAMP, W.P_LU) if s.pin else (W.STIFF, W.DAMP, W.LU)
+        )  # fmt: skip
+        self._width = W.WIDE if s.pin else W.WIDTH
+
+    # where numbers are --------------------------------------------------------------------------------------------
+
+    def _given(self, text: str) -> Expression:
+        rows = {"u": W.INPUT, "ft": W.INPUT_RATE, "gh": W.STAGE_STEP, "rate": W.STEP_RATE}
+        return read("w", rows[text]) if self._lanes else argument(text)
+
+    def _arguments(self, *numbers: str, arrays: str = "wp") -> dict[str, str]:
+        return dict.fromkeys(arrays, "array") | ({} if self._lanes else dict.fromkeys(numbers, "number"))
+
+    def _entry(self, start: int, i: int, j: int) -> Place:
+        return at("w", start + self._width * i + j)
+
+    def _kept(self, start: int, i: int, j: int) -> Expression:
+        """Entry of a matrix as it was put."""
+        return read("w", start + self._width * i + j)
+
+    def _acceleration(self, i: int) -> int:
+        return (W.P_ACC if self._s.pin else W.ACC) + i
+
+    def _coordinates(self, row: int, q: int, v: int) -> tuple[list[Expression], list[Expression]]:
+        """Coordinates and speeds of what is solved for, read from the workspace."""
+        s = self._s
+        qs, vs = [read("w", q + i) for i in range(s.own)], [read("w", v + i) for i in range(s.own)]
+        if s.pin:
+            places = s.pin_places(row)
+            qs += [read("w", places[g][0]) for g in s.pin]
+            vs += [read("w", places[g][1]) for g in s.pin]
+        return qs, vs
+
+    def _prescribed(self, moving: Expression) -> tuple[list[Statement], Row, Row, Row]:
+        """Angle, speed, acceleration of prescribed coordinates at the time ``u``, as names; still where not moving."""
+        s = self._s
+        before: list[Statement] = []
+        rows: list[list[Expression]] = [[], [], []]
+        for i in list(s.bodies)[s.own :]:
+            find, values = motion(s.offset[4], self._given("u"), read("w", W.PIECE))
+            before += find
+            for k, (row, value) in enumerate(zip(rows, values, strict=True)):
+                before.append(Put(name(f"motion{k}_{i}"), value * (moving if k else ONE)))
+                row.append(local(f"motion{k}_{i}"))
+        return before, rows[0], rows[1], rows[2]
+
+    def _chain(self, contact: Contact) -> list[int]:
+        return list(contact.ways)
+
+    # linearise ----------------------------------------------------------------------------------------------------
+
+    def linearise(self) -> Program:
+        """See the module."""
+        s, moving = self._s, ONE - read("w", W.STATIC)
+        find, pq, pv, pa = self._prescribed(moving)
+        q, v = self._coordinates(W.Z, W.Q, W.V)
+        z = [read("w", W.Z + m) for m in range(len(s.memory))]
+        e = Elements(s, State(q + pq, v + pv, z, self._given("u")))
+        if s.pin:  # coordinates of joints that give stand behind those of bodies
+            assert not pq
+        out: list[Statement] = [*find]
+        if pq:
+            out.append(Put(at("w", W.PIECE), local("piece")))
+            for k, i in enumerate(list(s.bodies)[s.own :]):
+                out += [Put(at("w", start + i), row[k]) for start, row in ((W.Q, pq), (W.V, pv), (W.ACC, pa))]
+        by_q = [slopes({x: ONE}) for x in e.state.q]
+        by_v = [slopes({x: ONE}) for x in e.state.v]
+        mass = e.bodies.mass
+        ease = [ONE / mass[i, i] for i in range(s.free)]
+        friction = list(e.bodies.joint_friction().values())
+        columns = self._columns(e)
+        entries = [(start, i, j) for i, j in sorted(columns) for start in (self._stiff, self._damp)]
+        out += [Put(self._entry(*entry), ZERO) for entry in entries]
+        out += [
+            alike(*e.k.rotations()), alike(*friction), alike(*(d(x) for d, x in zip(by_v, friction, strict=False))),
+            let(e.k.per_slide, *ease),
+        ]  # fmt: skip
+        out += e.smooth_forces()
+        later: list[Statement] = []
+        for c, contact in e.contacts.items():
+            out += self._linearised(e, contact, (by_q, by_v), ease)
+            later += self._second_rates(contact, s.place[c], pa)
+        for tip in e.tips:
+            out += self._differentiated(tip.forces(), e, (by_q, by_v), list(tip.ways), {})
+        a = solved(mass, [local(f"f{i}") for i in range(s.free)])
+        out += [Put(at("w", self._acceleration(i)), a[i]) for i in range(s.free)]
+        if s.pin:
+            out += [Put(at("w", W.ACC + i), a[i]) for i in range(s.own)]
+        out += later
+        out += self._smooth_slopes(e, (by_q, by_v), moving)
+        out += self._input_slopes(e, pv, pa)
+        return Program(self._arguments("u"), out, "touching")
+
+    def _columns(self, e: Elements) -> set[tuple[int, int]]:
+        """Entries of K and D that can differ from zero; rows are free coordinates, columns also prescribed ones."""
+        s = self._s
+        if s.pin:
+            return {(i, j) for i in range(s.n) for j in range(s.n)}
+        out = {(i, i) for i in range(s.free)}
+        out |= {pair for i, j in e.bodies.mass for pair in ((i, j), (j, i))}
+        for ways in [c.ways for c in e.contacts.values()] + [t.ways for t in e.tips]:
+            out |= {(i, j) for i in ways for j in ways}
+        for kind, i in s.drive:
+            if kind == L.AMPLIFIER:
+                out |= {(i, i - 1), (i - 1, i)}
+        return {(i, j) for i, j in out if i < s.free}
+
+    def _differentiated(
+        self,
+        statements: list[Statement],
+        e: Elements,
+        by: Slopes,
+        chain: list[int],
+        memories: dict[int, int],
+    ) -> list[Statement]:
+        """The statements, and beside each force and rate of a memory its derivatives, in the same block.
+
+        ``chain`` are coordinates it depends on, ``memories`` numbers of its memories by name.
+        """
+        rates = {f"fade{m}": m for m in memories.values()}
+        forces = {f"f{i}": i for i in range(self._s.free)}
+
+        def one(s: Put | Add) -> list[Statement]:
+            text = str(s.place[1])
+            out: list[Statement] = [s]
+            if s.place[0] != "local":
+                return out
+            if text in forces:
+                i = forces[text]
+                for start, slope in ((self._stiff, by[0]), (self._damp, by[1])):
+                    found = [(j, slope[j](s.value)) for j in chain]
+                    out += [Add(self._entry(start, i, j), d) for j, d in found if d is not ZERO]
+                for m in memories.values():
+                    d = slopes({e.state.z[m]: ONE})(s.value)
+                    if i in chain:
+                        out.append(Add(at("w", W.Z_PUSH + W.LINKS * m + chain.index(i)), d))
+            elif text in rates:
+                m = rates[text]
+                out.append(Put(at("w", W.Z_RATE + m), s.value))
+                out.append(Put(at("w", W.Z_FADE + m), slopes({e.state.z[m]: ONE})(s.value)))
+                for start, slope in ((W.Z_TURN, by[0]), (W.Z_SPEED, by[1])):
+                    places = [at("w", start + W.LINKS * m + k) for k in range(len(chain))]
+                    out += [Put(place, slope[j](s.value)) for place, j in zip(places, chain, strict=True)]
+            return out
+
+        return mapped(statements, one)
+
+    def _linearised(
+        self,
+        e: Elements,
+        contact: Contact,
+        by: Slopes,
+        ease: list[Expression],
+    ) -> list[Statement]:
+        """Force and derivatives of a contact where it touches; its gap and how fast that changes in any case."""
+        s, c = self._s, contact.c
+        where_ = s.place[c]
+        if isinstance(contact, StringContact):
+            return self._string_linearised(e, contact, by, ease)
+        chain = self._chain(contact)
+        memories = {m: m for m, *_ in contact.laws}
+        forces = self._differentiated(contact.forces(), e, by, chain, memories)
+        *before, touch = forces
+        assert isinstance(touch, If)
+        pressing, force = contact.felt
+        grip = contact.number(L.MU_A) * force * speeds_up(contact.slides(), ease)
+        turns, slides = contact.turns(), contact.slides()
+        inside = [
+            Put(self._event(W.GRIP, where_), ZERO), *touch.then, Add(name("touching"), ONE),
+            Put(self._event(W.ROOM, where_), ZERO), *self._gap(where_, contact.gap[0], contact.closing[0]),
+            Put(self._event(W.SLIDE, where_), contact.closing[1]),
+            If(pressing, [Put(self._event(W.GRIP, where_), grip), *self._weights(e, contact, ease, chain)]),
+            *self._directions(where_, turns, slides), self._kick(contact, contact.closing[0], turns, ease),
+        ]  # fmt: skip
+        open_turns = contact.open_turns()
+        rate = change(open_turns, e.state.v)
+        away = [
+            Put(self._event(W.ROOM, where_), contact.room()), Put(self._event(W.GAP, where_), contact.room()),
+            Put(self._event(W.GAP_RATE, where_), rate), *self._directions(where_, open_turns, {}),
+            self._kick(contact, rate, open_turns, ease),
+        ]  # fmt: skip
+        # hysteresis starts anew at the next touch
+        away += [Put(at("w", W.Z + m), ONE) for m, law, *_ in contact.laws if law == L.HYSTERESIS]
+        return [*self._memories_begun(contact, ease, chain), *before, If(contact.touches, inside, away)]
+
+    @staticmethod
+    def _event(row: int, contact: int) -> Place:
+        return at("w", row + contact)
+
+    def _gap(self, place: int, depth: Expression, rate: Expression) -> list[Statement]:
+        return [Put(self._event(W.GAP, place), -depth), Put(self._event(W.GAP_RATE, place), -rate)]
+
+    def _kick(
+        self, contact: Contact, rate: Expression, turns: dict[int, Expression], ease: list[Expression]
+    ) -> Statement:
+        stiff = contact.stiffness() * (1.0 + contact.number(L.DAMP) * abs(rate) if not contact.laws else ONE)
+        return Put(self._event(W.KICK, self._s.place[contact.c]), stiff * speeds_up(turns, ease))
+
+    def _directions(self, place: int, turns: dict[int, Expression], slides: dict[int, Expression]) -> list[Statement]:
+        """Keep how each coordinate changes the gap and slides, until accelerations are known."""
+        out: list[Statement] = [Put(name(f"turns{place}_{k}"), turn) for k, turn in turns.items()]
+        return out + [Put(name(f"slides{place}_{k}"), slides.get(k, ZERO)) for k in turns]
+
+    def _second_rates(self, contact: Contact, place: int, prescribed: list[Expression]) -> list[Statement]:
+        """How fast gap rate and sliding speed change, once the accelerations are known."""
+        s = self._s
+
+        def acceleration(k: int) -> Expression:
+            return read("w", self._acceleration(k)) if k < s.free else prescribed[k - s.own]
+
+        turn, slide = (
+            total(local(f"{text}{place}_{k}") * acceleration(k) for k in self._chain(contact))
+            for text in ("turns", "slides")
+        )
+        rubs = make("differs", contact.number(L.MU_A), ZERO)
+        if isinstance(contact, StringContact):
+            slide = ZERO
+        return [
+            Put(self._event(W.GAP_ACC, place), turn), Put(self._event(W.SLIDE_RATE, place), where(rubs, slide, 0.0)),
+        ]  # fmt: skip
+
+    def _memories_begun(self, contact: Contact, ease: list[Expression], chain: list[int]) -> list[Statement]:
+        """What holds of a contact's memories until it is known to press."""
+        out: list[Statement] = []
+        for m, law, _, share, tau in contact.laws:
+            out += [Put(at("w", W.Z_PUSH + W.LINKS * m + k), ZERO) for k in range(len(chain))]
+            worth = ZERO
+            if law == L.STULOV:  # of felt that is left alone: as if it were met again at once
+                push = share / (1.0 - share) * speeds_up(contact.open_turns(), ease)
+                worth = _remembered_error(push, -((1.0 - share) / tau))
+            out.append(Put(at("w", W.Z_WEIGHT + m), worth))
+        return out
+
+    def _weights(self, e: Elements, contact: Contact, ease: list[Expression], chain: list[int]) -> list[Statement]:
+        """What an error of each memory of a contact that presses is worth as one of a speed."""
+        out: list[Statement] = []
+        for m, *_ in contact.laws:
+            pushes = [
+                abs(read("w", W.Z_PUSH + W.LINKS * m + k)) * ease[j] for k, j in enumerate(chain) if j < self._s.free
+            ]
+            worth = _remembered_error(largest(*pushes), read("w", W.Z_FADE + m))
+            out.append(Put(at("w", W.Z_WEIGHT + m), worth))
+        return out
+
+    def _smooth_slopes(self, e: Elements, by: Slopes, moving: Expression) -> list[Statement]:
+        """K, D and df/du of everything but contacts, once accelerations are known; the mass matrix."""
+        s = self._s
+        out: list[Statement] = []
+        forces = [ZERO] * s.free
+        for line in e.smooth_forces():
+            assert isinstance(line, Add)
+            i = int(str(line.place[1])[1:])
+            forces[i] = forces[i] + line.value
+        accelerations = [read("w", self._acceleration(i)) for i in range(s.free)]
+        inertia = e.bodies.inertia(accelerations)
+        for i in range(s.free):
+            for j in range(s.free):
+                stiff, damp = by[0][j](forces[i]) - moving * by[0][j](inertia[i]), by[1][j](forces[i])
+                out += [] if stiff is ZERO else [Add(self._entry(self._stiff, i, j), stiff)]
+                out += [] if damp is ZERO else [Add(self._entry(self._damp, i, j), damp)]
+            u = e.state.u
+            by_input = slopes({u: ONE})(forces[i]) if s.own == len(s.bodies) else ZERO
+            out.append(Put(name(f"u{i}"), by_input))
+        for (i, j), m in e.bodies.mass.items():
+            if i < s.free and s.pin:
+                out.append(Put(self._entry(W.P_MASS, i, j), m))
+            if i < s.own and i == j:
+                out.append(Put(at("w", W.M_DIAG + i), m))
+            elif i < s.own and j < s.own:
+                out.append(Put(at("w", W.M_UP + max(i, j, key=lambda k: s.parent[k])), m))
+        return out
+
+    def _input_slopes(self, e: Elements, pv: list[Expression], pa: list[Expression]) -> list[Statement]:
+        """Change of forces and memories with the input, also where it is the time that moves prescribed coordinates."""
+        s = self._s
+        moved = list(s.bodies)[s.own :]
+        out: list[Statement] = []
+        for i in range(s.free):
+            more = total(
+                self._kept(self._stiff, i, j) * pv[k] + self._kept(self._damp, i, j) * pa[k]
+                for k, j in enumerate(moved)
+            )
+            value = local(f"u{i}") + more
+            out += [Put(at("w", W.F_U + i), value)] if i < s.own else []
+            out += [Put(at("w", W.P_INPUT + i), value)] if s.pin else []
+        for m, (c, _) in enumerate(s.memory):
+            terms = ZERO
+            for k, j in enumerate(self._chain(e.contacts[c])):
+                if j >= s.own and j < len(s.bodies):
+                    turn, speed = (read("w", start + W.LINKS * m + k) for start in (W.Z_TURN, W.Z_SPEED))
+                    terms = terms + turn * pv[j - s.own] + speed * pa[j - s.own]
+            out.append(Put(at("w", W.Z_INPUT + m), terms))
+        if s.pin:
+            for way, speed_place in s.pin_places(W.Z_WEIGHT).values():
+                out += [Put(at("w", way), constant(WORTH_OF_WAY)), Put(at("w", speed_place), ONE)]
+        return out
+
+    # the matrix of a step -----------------------------------------------------------------------------------------
+
+    def _pattern(self) -> tuple[Elements, set[tuple[int, int]]]:
+        s = self._s
+        q, v = self._coordinates(W.Z, W.Q, W.V)
+        spare = [read("w", W.Q + i) for i in range(s.own, len(s.bodies))] if not s.pin else []
+        z = [read("w", W.Z + m) for m in range(len(s.memory))]
+        e = Elements(s, State(q + spare, v + spare, z, self._given("u") if not self._lanes else ZERO))
+        return e, {(i, j) for i, j in self._columns(e) if j < s.free}
+
+    def _mass(self, i: int, j: int) -> Expression:
+        """Entry of the mass matrix as ``linearise`` left it."""
+        s = self._s
+        if s.pin:
+            return self._kept(W.P_MASS, max(i, j), min(i, j))
+        if i == j:
+            return read("w", W.M_DIAG + i)
+        return read("w", W.M_UP + (i if s.parent[i] == j else j))
+
+    def prepare(self) -> Program:
+        """See the module; 0 where factors without exchanges would lose six digits."""
+        s, gh = self._s, self._given("gh")
+        inverse = 1.0 / gh
+        e, pattern = self._pattern()
+        masses = {pair for i, j in e.bodies.mass for pair in ((i, j), (j, i)) if max(pair) < s.free}
+        m: dict[tuple[int, int], Expression] = {}
+        for i, j in pattern:
+            stiff, damp = (self._kept(start, i, j) for start in (self._stiff, self._damp))
+            m[i, j] = (inverse * self._mass(i, j) if (i, j) in masses else ZERO) - damp - gh * stiff
+        out: list[Statement] = []
+        for g, (_, speed) in s.pin_places(W.Z).items():
+            step = LONGEST_OF_STAGE * gh
+            way = 1.5 * step * abs(read("w", speed)) + step * step * abs(read("w", W.P_ACC + g)) + 1e-7
+            out.append(Put(at("w", W.P_ALLOWANCE + g), way))
+        for n, (c, _) in enumerate(s.memory):
+            ease = 1.0 / (inverse - read("w", W.Z_FADE + n))
+            out.append(Put(at("w", W.Z_EASE + n), ease))
+            chain = self._chain(e.contacts[c])
+            for k, j in enumerate(chain):
+                back = ease * (gh * read("w", W.Z_TURN + W.LINKS * n + k) + read("w", W.Z_SPEED + W.LINKS * n + k))
+                for other, i in enumerate(chain):
+                    if i < s.free and j < s.free:
+                        m[i, j] = m.get((i, j), ZERO) - read("w", W.Z_PUSH + W.LINKS * n + other) * back
+        for c in s.string:
+            contact = e.contacts[c]
+            assert isinstance(contact, StringContact)
+            out += contact.prepared(inverse, gh)
+            chain = self._chain(contact)
+            for k, j in enumerate(chain):
+                back = (1.0 - local("share")) * (gh * read("w", W.S_ANGLES + k) + read("w", W.S_SPEEDS + k))
+                for other, i in enumerate(chain):
+                    if i < s.free and j < s.free:
+                        m[i, j] = m.get((i, j), ZERO) + read("w", W.S_ALONG + other) * back
+        inverted, sound = _inverse(m, s.free)
+        out += [Put(self._entry(self._lu, i, j), x) for (i, j), x in inverted.items()]
+        self._filled = set(inverted)
+        return Program(self._arguments("gh", arrays="w"), out, sound)
+
+    def filled(self) -> set[tuple[int, int]]:
+        """Entries of the inverse that can differ from zero."""
+        self.prepare()
+        return self._filled
+
+    def skip(self) -> Program:
+        """See the module."""
+        s = self._s
+        out: list[Statement] = []
+        mask: list[tuple[int, Expression]] = []
+        e, _ = self._pattern()
+        needed = ZERO
+        idle = read("w", W.IDLE) > 0.0
+        for c, place in s.place.items():
+            way, reaches = ZERO, s.offset[1] + L.CONTACT_SIZE * c + L.REACH
+            for k in self._chain(e.contacts[c]):
+                if k in s.pin:
+                    way = way + read("w", W.P_ALLOWANCE + k)
+                    continue
+                farther = 2.0 * FARTHEST_M if s.pin else 0.0
+                reach = read("p", reaches + s.chain[c].index(k)) + farther if k in s.chain[c] else constant(farther)
+                way = way + reach * read("w", W.ALLOWANCE + k)
+            near = ~(way < read("w", W.ROOM + place))
+            if self._lanes:
+                near = near & ~idle
+                needed = needed + where(near, 1.0, 0.0)
+            mask.append((place, near))
+        if self._lanes:
+            out.append(Put(at("w", W.NEEDED), needed))
+        return Program(self._arguments(), out, mask)
+
+    # stages -------------------------------------------------------------------------------------------------------
+
+    def stage(self) -> Program:
+        """See the module."""
+        s = self._s
+        rate, k = self._given("rate"), argument("k")
+        out, q, v, z = self._summed(k)
+        find, pq, pv, pa = self._prescribed(ONE)
+        out += [*find, let(*q, *v, *z)]
+        moved = [abs(local(f"sq{i}")) > read("w", W.ALLOWANCE + i) for i in range(s.own)]
+        moved += [abs(local(f"sq{g}")) > read("w", W.P_ALLOWANCE + g) for g in s.pin]
+        moved += [abs(pq[i - s.own] - read("w", W.Q + i)) > read("w", W.ALLOWANCE + i) for i in list(s.bodies)[s.own :]]
+        far = moved[0]
+        for one in moved[1:]:
+            far = far | one
+        out.append(Reconsider(far & (read("w", W.IDLE) <= 0.0) if self._lanes else far))
+        e = Elements(s, State(q + pq, v + pv, z, self._given("u")))
+        for c in s.string:
+            contact = e.contacts[c]
+            assert isinstance(contact, StringContact)
+            out += contact.staged(k, rate)
+        out.append(If(make("first"), self._at_start(), self._at_stage(e, k)))
+        numbers = {} if self._lanes else dict.fromkeys(("gh", "rate", "u", "ft"), "number")
+        given = {"w": "array", "p": "array", "a": "plain", "c": "plain", "k": "whole", **numbers, "mask": "whole"}
+        return Program(given, [*out, *self._solved_for(e, k)], "exceeded")
+
+    def _summed(self, k: Expression) -> tuple[list[Statement], list[Expression], list[Expression], list[Expression]]:
+        """State at the stage, as names: sums over the stages so far."""
+        s = self._s
+        rows = [(f"{i}", W.Q + i, W.V + i, W.U + i, W.U + W.WIDTH + i, 2 * W.WIDTH) for i in range(s.own)]
+        at_z, at_u = s.pin_places(W.Z), s.pin_places(W.Z_U)
+        rows += [(f"{g}", *at_z[g], *at_u[g], W.MOST_MEMORIES) for g in s.pin]
+
+        def of_stage(j: Expression) -> list[Statement]:
+            a, c = (read(array, 0, make("whole_add", j, make("whole_multiply", k, W.MAX_STAGES))) for array in "ac")
+            out: list[Statement] = []
+            for text, _, _, uq, uv, stride in rows:
+                for place, sums in ((uq, ("sq", "b")), (uv, ("sv", "l"))):
+                    x = read("w", place, make("whole_multiply", j, stride))
+                    out += [Add(name(sums[0] + text), a * x), Add(name(sums[1] + text), c * x)]
+            for m in range(len(s.memory)):
+                x = read("w", W.Z_U + m, make("whole_multiply", j, W.MOST_MEMORIES))
+                out += [Add(name(f"sz{m}"), a * x), Add(name(f"kept{m}"), c * x)]
+            return out
+
+        out: list[Statement] = [each("stage", k, of_stage)]
+        q = [read("w", row[1]) + local("sq" + row[0]) for row in rows]
+        v = [read("w", row[2]) + local("sv" + row[0]) for row in rows]
+        z = [read("w", W.Z + m) + local(f"sz{m}") for m in range(len(s.memory))]
+        # one number each, so that derivatives and what is read are of the state and not of its sum
+        return out, [make("named", x) for x in q], [make("named", x) for x in v], [make("named", x) for x in z]
+
+    def _at_start(self) -> list[Statement]:
+        s = self._s
+        out: list[Statement] = [Put(name(f"a{i}"), read("w", self._acceleration(i))) for i in range(s.free)]
+        out += [Put(name(f"fade{m}"), read("w", W.Z_RATE + m)) for m in range(len(s.memory))]
+        return out + [Put(name("on the string"), read("w", W.S_FORCE)) for _ in s.string]
+
+    def _at_stage(self, e: Elements, k: Expression) -> list[Statement]:
+        s = self._s
+        out: list[Statement] = [
+            alike(*e.k.rotations()), alike(*e.bodies.joint_friction().values()), let(e.k.per_slide), *e.smooth_forces(),
+        ]  # fmt: skip
+        for c, contact in e.contacts.items():
+            *before, touch = contact.forces()
+            out += [*before, If(within(s.place[c]), [touch])]
+        out += [line for tip in e.tips for line in tip.forces()]
+        a = solved(e.bodies.mass, [local(f"f{i}") for i in range(s.free)])
+        return [*out, *(Put(name(f"a{i}"), a[i]) for i in range(s.free))]
+
+    def _solved_for(self, e: Elements, k: Expression) -> list[Statement]:
+        """The stage of each state, once accelerations there are known."""
+        s = self._s
+        gh, rate, ft = self._given("gh"), self._given("rate"), self._given("ft")
+        n, filled = range(s.free), self.filled()
+        columns = {(i, j) for i, j in self._columns(e) if j < s.free}
+        masses = {pair for i, j in e.bodies.mass for pair in ((i, j), (j, i)) if max(pair) < s.free}
+        a = [local(f"a{i}") + local(f"l{i}") * rate for i in n]
+        b = [e.state.v[i] + local(f"b{i}") * rate for i in n]
+        g: list[Expression] = []
+        out: list[Statement] = []
+        for i in n:
+            push = ft * read("w", (W.P_INPUT if s.pin else W.F_U) + i)
+            push = push + total(self._mass(i, j) * a[j] for j in n if (i, j) in masses)
+            stiff = total(self._kept(self._stiff, i, j) * b[j] for j in n if (i, j) in columns)
+            g.append(push + gh * stiff)
+        kept = []
+        for m, (c, _) in enumerate(s.memory):
+            chain = self._chain(e.contacts[c])
+            turned = total(
+                read("w", W.Z_TURN + W.LINKS * m + at_row) * b[j] for at_row, j in enumerate(chain) if j < s.free
+            )
+            follows = local(f"fade{m}") + local(f"kept{m}") * rate + ft * read("w", W.Z_INPUT + m) + gh * turned
+            kept.append(read("w", W.Z_EASE + m) * follows)
+            for at_row, j in enumerate(chain):
+                if j < s.free:
+                    g[j] = g[j] + read("w", W.Z_PUSH + W.LINKS * m + at_row) * kept[m]
+        for c in s.string:
+            contact = e.contacts[c]
+            assert isinstance(contact, StringContact)
+            out.append(Put(name("given"), ZERO))
+            awake, share = read("w", W.S_AWAKE) > 0.0, read("w", W.S_SHARE)
+            out.append(If(awake, contact.known(gh)))
+            chain = self._chain(contact)
+            turned = gh * total(read("w", W.S_ANGLES + at_row) * b[j] for at_row, j in enumerate(chain) if j < s.free)
+            less = where(awake, share * local("given") + (1.0 - share) * turned, 0.0)
+            for at_row, j in enumerate(chain):
+                if j < s.free:
+                    g[j] = g[j] - read("w", W.S_ALONG + at_row) * less
+        g = [total(self._factor(i, j) * g[j] for j in n if (i, j) in filled) for i in n]
+        behind = make("whole_multiply", k, 2 * W.WIDTH)
+        for i in range(s.own):
+            out += [Put(at("w", W.U + i, behind), gh * (b[i] + g[i])), Put(at("w", W.U + W.WIDTH + i, behind), g[i])]
+        behind = make("whole_multiply", k, W.MOST_MEMORIES)
+        for i, (way, speed) in s.pin_places(W.Z_U).items():
+            out += [Put(at("w", way, behind), gh * (b[i] + g[i])), Put(at("w", speed, behind), g[i])]
+        for m, (c, _) in enumerate(s.memory):
+            back = total(
+                (gh * read("w", W.Z_TURN + W.LINKS * m + at_row) + read("w", W.Z_SPEED + W.LINKS * m + at_row)) * g[j]
+                for at_row, j in enumerate(self._chain(e.contacts[c]))
+                if j < s.free
+            )
+            out.append(Put(at("w", W.Z_U + m, behind), kept[m] + read("w", W.Z_EASE + m) * back))
+        for c in s.string:
+            contact = e.contacts[c]
+            assert isinstance(contact, StringContact)
+            chain = self._chain(contact)
+            back = total(
+                (gh * read("w", W.S_ANGLES + at_row) + read("w", W.S_SPEEDS + at_row)) * g[j]
+                for at_row, j in enumerate(chain)
+                if j < s.free
+            )
+            turned = gh * total(read("w", W.S_ANGLES + at_row) * b[j] for at_row, j in enumerate(chain) if j < s.free)
+            more = read("w", W.S_SHARE) * (turned + back - local("given"))
+            stepped = [Put(name("more"), more), *contact.stepped(k, local("more"), gh)]
+            out.append(If(read("w", W.S_AWAKE) > 0.0, stepped))
+        return out
+
+    def _factor(self, i: int, j: int) -> Expression:
+        return self._kept(self._lu, i, j)
+
+    # the string ---------------------------------------------------------------------------------------------------
+
+    def _string_linearised(
+        self,
+        e: Elements,
+        contact: StringContact,
+        by: Slopes,
+        ease: list[Expression],
+    ) -> list[Statement]:
+        s = self._s
+        place, chain = s.place[contact.c], self._chain(contact)
+        pressing, force = contact.felt
+        x, rate = contact.under
+        along_x, along_rate = slopes({x: ONE, rate: ZERO}), slopes({x: ZERO, rate: ONE})
+        turns, open_turns = contact.turns(), contact.open_turns()
+        coupled: list[Statement] = []
+        for k, j in enumerate(chain):
+            coupled += [Put(at("w", W.S_ALONG + k), turns[j]), Put(at("w", W.S_ANGLES + k), by[0][j](force))]
+            coupled += [Put(at("w", W.S_SPEEDS + k), by[1][j](force))]
+        pushes = [Add(name(f"f{k}"), p) for k, p in contact.push(force, ZERO).items()]
+        press = [
+            Put(at("w", W.S_FORCE), force), Put(at("w", W.S_HARD), along_x(force)),
+            Put(at("w", W.S_LOSSY), along_rate(force)),
+            Put(name("worth"), along_x(force) * speeds_up(turns, ease)),
+            *self._differentiated(list(pushes), e, by, chain, {}), *coupled,
+        ]  # fmt: skip
+        stiff = contact.number(L.K_C)
+        inside = [
+            If(pressing, press), Add(name("touching"), ONE), Put(self._event(W.ROOM, place), ZERO),
+            *self._gap(place, x, rate), *self._directions(place, turns, {}),
+            Put(self._event(W.KICK, place), stiff * speeds_up(turns, ease)),
+        ]  # fmt: skip
+        rate_open = change(open_turns, e.state.v) + local("swing")
+        away = [
+            Put(self._event(W.ROOM, place), largest(-contact.gap[0] - read("w", W.S_REACH), 0.0)),
+            Put(self._event(W.GAP, place), largest(-x, 0.0)), Put(self._event(W.GAP_RATE, place), rate_open),
+            Put(name("worth"), stiff * speeds_up(open_turns, ease)), *self._directions(place, open_turns, {}),
+            Put(self._event(W.KICK, place), stiff * speeds_up(open_turns, ease)),
+        ]  # fmt: skip
+        cleared = [Put(at("w", row), ZERO) for row in (W.S_FORCE, W.S_HARD, W.S_LOSSY)]
+        cleared += [
+            Put(at("w", row + k), ZERO) for row in (W.S_ALONG, W.S_ANGLES, W.S_SPEEDS) for k in range(len(chain))
+        ]
+        return [
+            *contact.woken(), *cleared, Put(name("worth"), ZERO), If(x > 0.0, inside, away),
+            *contact.weighed(local("worth")), Anew(),
+        ]  # fmt: skip
+
+    # energy -------------------------------------------------------------------------------------------------------
+
+    def energy(self) -> Program:
+        """See the module."""
+        s = self._s
+        q, v = self._coordinates(W.AUDIT_Z, W.AUDIT_Q, W.AUDIT_V)
+        spare = range(s.own, len(s.bodies)) if not s.pin else range(0)
+        q += [read("w", W.AUDIT_Q + i) for i in spare]
+        v += [read("w", W.AUDIT_V + i) for i in spare]
+        z = [read("w", W.AUDIT_Z + m) for m in range(len(s.memory))]
+        e = Elements(s, State(q, v, z, self._given("u")))
+        out = e.energy()
+        found = {str(place[1]) for place in added(out)} | ALWAYS
+        out += [Put(at("w", place), local(text)) for text, place in LOSSES.items() if text in found]
+        return Program(self._arguments("u"), out)
+
+
+def _inverse(matrix: dict[tuple[int, int], Expression], n: int) -> tuple[dict[tuple[int, int], Expression], Expression]:
+    """Inverse of a matrix by factors without exchanges, and whether these lose less than six digits.
+
+    Its rows are sums that do not wait for each other, as steps of a substitution would.
+    """
+    m = dict(matrix)
+    small = {i: SOUND * abs(m[i, i]) for i in range(n)}
+    sound = abs(m[0, 0]) > small[0]
+    pivots = []
+    for k in range(n):
+        sound = sound & (abs(m[k, k]) > small[k])
+        pivots.append(ONE / m[k, k])
+        for i in range(k + 1, n):
+            if (i, k) in m:
+                m[i, k] = m[i, k] * pivots[k]
+                for j in range(k + 1, n):
+                    if (k, j) in m:
+                        m[i, j] = m.get((i, j), ZERO) - m[i, k] * m[k, j]
+    out: dict[tuple[int, int], Expression] = {}
+    for column in range(n):
+        x = [ONE if i == column else ZERO for i in range(n)]
+        for i in range(n):
+            x[i] = x[i] - total(m[i, j] * x[j] for j in range(i) if (i, j) in m)
+        for i in reversed(range(n)):
+            x[i] = (x[i] - total(m[i, j] * x[j] for j in range(i + 1, n) if (i, j) in m)) * pivots[i]
+        out |= {(i, column): e for i, e in enumerate(x) if e is not ZERO}
+    return out, sound
+
+
+def _remembered_error(push: Expression, fade: Expression) -> Expression:
+    """Error of a speed that one unit of a memory is worth: acceleration ``push`` while it lasts."""
+    lasts = 1.0 / largest(-fade, 1e-300)
+    return push * where(lasts > LONGEST_MEMORY, LONGEST_MEMORY, lasts)

@@ -1,0 +1,74 @@
+"""What drives a scene: a force on the key, a torque on a joint, an amplifier with a winding."""
+
+from __future__ import annotations
+
+from model.compiler.expressions import Expression, Given, law, root, where
+from model.compiler.programs import Add, Statement, name
+from model.elements.kinematics import Kinematics
+from model.elements.structure import Structure
+from model.kernels import layout as L
+
+
+def soft_limit(x: Expression, limit: Expression, share: Expression) -> Expression:
+    """``x`` held between -limit and limit: itself up to (1 - share) limit, with four continuous derivatives there."""
+    width = share * limit
+    s = (abs(x) - limit) / width + 1.0
+    held = limit - width + width * s / root(root(1.0 + s * s * s * s))
+    return where(abs(x) > limit - width, where(x > 0.0, held, -held), x)
+
+
+@law
+def amplifier(
+    given: Given, loop: Expression, supply: Expression, limit: Expression, hold: Expression, share: Expression
+) -> Expression:
+    """Voltage (V) at a source voltage and a current: less what its current loop takes, within its supply.
+
+    It gives way beyond the largest current.
+    """
+    u, current = given
+    return soft_limit(u - loop * current - hold * (current - soft_limit(current, limit, share)), supply, share)
+
+
+class Drives:
+    """All drives of a scene."""
+
+    def __init__(self, s: Structure, k: Kinematics) -> None:
+        self._s, self._k = s, k
+        self._rows = [
+            (kind, i, [s.number(2, L.DRIVE_SIZE, at, n) for n in range(L.WINDING_SIZE)])
+            for at, (kind, i) in enumerate(s.drive)
+            if i < s.free
+        ]
+
+    def _push(self, kind: int, i: int, numbers: list[Expression]) -> dict[int, Expression]:
+        u, v = self._k.state.u, self._k.state.v
+        if kind == L.FORCE_DOWN:
+            x, y = self._k.at(i, numbers[L.DRIVE_X], numbers[L.DRIVE_Y])
+            return {k: -(u * way[1]) for k, way in self._k.ways(i, x, y).items()}
+        if kind == L.AMPLIFIER:  # on the charge of a winding, whose rate is the current; the motor is the body before
+            resistance, turn = numbers[L.WINDING_R], numbers[L.WINDING_K]
+            return {i: self._volts(i, numbers) - resistance * v[i] - turn * v[i - 1], i - 1: turn * v[i]}
+        return {i: u}
+
+    def _volts(self, i: int, numbers: list[Expression]) -> Expression:
+        volts: Expression = amplifier(
+            (self._k.state.u, self._k.state.v[i]), *numbers[L.WINDING_AMPLIFIER : L.WINDING_SIZE]
+        )
+        return volts
+
+    def forces(self) -> list[Statement]:
+        """Forces N, torques N m, voltages V."""
+        pushes = [self._push(*row) for row in self._rows]
+        return [Add(name(f"f{i}"), e) for push in pushes for i, e in push.items() if i < self._s.free]
+
+    def energy(self) -> list[Statement]:
+        """Power put in, W, and lost in a winding."""
+        out: list[Statement] = []
+        for kind, i, numbers in self._rows:
+            v = self._k.state.v
+            if kind == L.AMPLIFIER:
+                out += [Add(name("given"), self._volts(i, numbers) * v[i])]
+                out += [Add(name("drive"), numbers[L.WINDING_R] * v[i] * v[i])]
+                continue
+            out += [Add(name("given"), e * v[k]) for k, e in self._push(kind, i, numbers).items()]
+        return out

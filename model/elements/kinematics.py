@@ -1,0 +1,134 @@
+"""Where bodies are and how they move: a tree of turning joints, vertical guides and pivots that give.
+
+The pivot of a body whose joint gives is moved to the right and up in the world; that displacement does not turn with
+what carries the joint (docs/decisions/0197-joints-that-give.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from model.compiler.expressions import ONE, ZERO, Expression, cosine, read, sine, total
+from model.elements.structure import Structure
+from model.kernels import layout as L
+
+Vector = tuple[Expression, Expression]
+
+
+@dataclass
+class State:
+    """What forces are functions of: coordinates, their speeds, memories, the input.
+
+    Parameters
+    ----------
+    q, v : of each coordinate: rad or m, and per s
+    z : of each memory of felt
+    u : input: N, N m, V, m or, where a coordinate is prescribed, s
+    """
+
+    q: list[Expression]
+    v: list[Expression]
+    z: list[Expression] = field(default_factory=list)
+    u: Expression = ZERO
+
+
+@dataclass(frozen=True)
+class _Pose:
+    pivot: Vector
+    cosine: Expression
+    sine: Expression
+    speed: Expression  # of turning
+    ways: dict[int, Vector | None]
+    """For each coordinate that moves the body: the point about which it turns the body, or None where it shifts it."""
+
+
+class Kinematics:
+    """Poses of a scene's bodies at a state."""
+
+    def __init__(self, s: Structure, state: State) -> None:
+        self.s, self.state = s, state
+        self.per_slide, self.per_turn = (ONE / read("p", k) for k in (L.V_T, L.OMEGA_T))
+        self._pose: dict[int, _Pose] = {}
+        for i in s.order():
+            self._pose[i] = self._placed(i)
+
+    def _placed(self, i: int) -> _Pose:
+        s, q, v = self.s, self.state.q, self.state.v
+        w, at = s.parent[i], (s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y))
+        if i in s.guided:
+            return _Pose((at[0], at[1] + q[i]), ONE, ZERO, ZERO, {i: None})
+        ways: dict[int, Vector | None] = {}
+        if w < 0:
+            pivot, angle, speed = at, q[i], v[i]
+        else:
+            up, turned = self._pose[w], self.along(w, *at)
+            pivot = (up.pivot[0] + turned[0], up.pivot[1] + turned[1])
+            fixed = w in s.guided
+            angle, speed = (q[i], v[i]) if fixed else (q[i] + q[w], v[i] + v[w])
+            ways = dict(up.ways)
+        given = [(q[g], ZERO) if s.axis[g] == 0 else (ZERO, q[g]) for g, body in s.pin.items() if body == i]
+        moved = total(d[0] for d in given), total(d[1] for d in given)
+        # what carries the joint turns the body about its own pivot moved by what the joint gives
+        ways = {k: c and (c[0] + moved[0], c[1] + moved[1]) for k, c in ways.items()}
+        pivot = (pivot[0] + moved[0], pivot[1] + moved[1])
+        ways |= {g: None for g, body in s.pin.items() if body == i} | {i: pivot}
+        return _Pose(pivot, cosine(angle), sine(angle), speed, ways)
+
+    def rotations(self) -> list[Expression]:
+        """Cosines of all bodies that turn."""
+        return [pose.cosine for pose in self._pose.values() if pose.cosine is not ONE]
+
+    def pivot(self, i: int) -> Vector:
+        """World position of a body's pivot, m."""
+        return self._pose[i].pivot
+
+    def turning(self, i: int) -> Expression:
+        """Angular speed of a body against the ground, rad/s."""
+        return self._pose[i].speed
+
+    def along(self, body: int, x: Expression, y: Expression) -> Vector:
+        """World components of a vector of a body's frame; of the ground's, -1, its own."""
+        if body < 0:
+            return x, y
+        pose = self._pose[body]
+        return pose.cosine * x - pose.sine * y, pose.sine * x + pose.cosine * y
+
+    def at(self, body: int, x: Expression, y: Expression) -> Vector:
+        """World position of a point of a body's frame, m."""
+        dx, dy = self.along(body, x, y)
+        return (dx, dy) if body < 0 else (self._pose[body].pivot[0] + dx, self._pose[body].pivot[1] + dy)
+
+    def ways(self, body: int, x: Expression, y: Expression) -> dict[int, Vector]:
+        """Velocity of the body's point that is at a world position, per unit speed of each coordinate."""
+        out: dict[int, Vector] = {}
+        for k, centre in (self._pose[body].ways if body >= 0 else {}).items():
+            if centre is not None:
+                out[k] = -(y - centre[1]), x - centre[0]
+            else:
+                out[k] = (ONE, ZERO) if self.s.axis[k] == 0 else (ZERO, ONE)
+        return out
+
+    def turns(self, body: int) -> list[int]:
+        """Coordinates that turn a body."""
+        return [k for k, centre in self._pose[body].ways.items() if centre is not None]
+
+    def velocity(self, ways: dict[int, Vector]) -> Vector:
+        """Velocity that goes with ways per unit speed, m/s."""
+        v = self.state.v
+        return total(way[0] * v[k] for k, way in ways.items()), total(way[1] * v[k] for k, way in ways.items())
+
+
+def apart(a: dict[int, Vector], b: dict[int, Vector]) -> dict[int, Vector]:
+    """Ways of one point against another's, of the coordinates that move them apart."""
+    nothing = (ZERO, ZERO)
+    out = {}
+    for k in {**a, **b}:
+        way = tuple(x - y for x, y in zip(a.get(k, nothing), b.get(k, nothing), strict=True))
+        if way != nothing:
+            out[k] = (way[0], way[1])
+    return out
+
+
+def dot(a: Vector, b: Vector) -> Expression:
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1]

@@ -1,0 +1,39 @@
+"""A coordinate that follows a given motion: piecewise polynomials in the time, which is then the scene's input.
+
+Layout of the motion in the parameter vector: `model.kernels.motion`.
+"""
+
+from __future__ import annotations
+
+from model.compiler.expressions import Expression, largest, local, make, read, smaller
+from model.compiler.programs import Put, Statement, While, name, whole
+from model.kernels.motion import ORDER
+
+Motion = tuple[Expression, Expression, Expression]
+
+
+def motion(o: int, t: Expression, piece: Expression) -> tuple[list[Statement], Motion]:
+    """Statements that find the piece that holds the time, from ``piece`` on; angle, speed, acceleration there."""
+    count = read("p", o)
+    k = local("piece")
+
+    def start(behind: int) -> Expression:
+        return read("p", o + 1 + behind, whole(k))
+
+    find: list[Statement] = [
+        Put(name("piece"), smaller(largest(piece, 0.0), count - 1.0)),
+        While((k < count - 1.0) & (t >= start(1)), [Put(name("piece"), k + 1.0)]),
+        While((k > 0.0) & (t < start(0)), [Put(name("piece"), k - 1.0)]),
+    ]
+    behind = make("whole_add", whole(count), make("whole_multiply", whole(k), ORDER))
+    row = [read("p", o + 2 + i, behind) for i in range(ORDER)]
+    x = t - start(0)
+    out = []
+    for derivative in range(3):
+        degree = ORDER - 1 - derivative
+        value = row[0]
+        for c in row[1:]:
+            value = value * x + c
+        out.append(value)
+        row = [(degree - i) * c if degree - i != 1 else c for i, c in enumerate(row[:-1])]
+    return find, (out[0], out[1], out[2])

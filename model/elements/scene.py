@@ -1,0 +1,65 @@
+"""All elements of a scene at a state, and what they do together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from model.compiler.expressions import read
+from model.compiler.programs import Statement
+from model.elements.bodies import Bodies
+from model.elements.contacts import Contact
+from model.elements.drives import Drives
+from model.elements.kinematics import Kinematics, State
+from model.elements.springs import Bushings, Dampers, Springs
+from model.elements.strings import StringContact
+from model.elements.structure import Structure
+from model.elements.tips import Tip
+from model.kernels import layout as L
+
+
+@dataclass
+class Elements:
+    """The elements of a structure at a state."""
+
+    s: Structure
+    state: State
+
+    @cached_property
+    def k(self) -> Kinematics:
+        """Poses of the bodies."""
+        return Kinematics(self.s, self.state)
+
+    @cached_property
+    def bodies(self) -> Bodies:
+        """The bodies."""
+        return Bodies(self.s, self.k, read("p", L.GRAVITY))
+
+    @cached_property
+    def contacts(self) -> dict[int, Contact]:
+        """Contacts that push a free coordinate."""
+        return {c: self._contact(c) for c in self.s.place}
+
+    def _contact(self, c: int) -> Contact:
+        return (StringContact if c in self.s.string else Contact)(self.s, self.k, c)
+
+    @cached_property
+    def tips(self) -> list[Tip]:
+        """Tips on keys."""
+        return [Tip(self.s, self.k, which) for which in range(len(self.s.probe))]
+
+    @cached_property
+    def smooth(self) -> list[Springs | Dampers | Bushings | Drives]:
+        """What acts on coordinates without contacts."""
+        s = self.s
+        return [Springs(s, self.state), Drives(s, self.k), Dampers(s, self.state), Bushings(s, self.state)]
+
+    def smooth_forces(self) -> list[Statement]:
+        """Forces of all but contacts and tips."""
+        return self.bodies.forces() + [line for e in self.smooth for line in e.forces()]
+
+    def energy(self) -> list[Statement]:
+        """Energies stored, powers put in and lost, of everything."""
+        contacts = [self._contact(c) for c in range(len(self.s.contact))]
+        every = [self.bodies, *self.smooth, *contacts, *self.tips]
+        return [line for e in every for line in e.energy()]

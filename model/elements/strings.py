@@ -1,0 +1,320 @@
+"""A string of modes under the hammer, in place of the rigid bar.
+
+y_n is the part of mode n in the string's way at the hammer, u_n its rate: dy/dt = u, du/dt = g F - c u - k y. In a
+stage they follow the change dF of the contact's force, which follows the joints and the modes' sums: one scalar
+equation. While the hammer is too far away to touch, the modes stay as they were at the time ``SINCE``, and are carried
+on in closed form at once when it comes near. How many modes there are is a number in the parameter vector, so that one
+compilation serves any. Derivation: docs/decisions/0192-string-in-the-action.md.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from model.compiler.expressions import (
+    ONE,
+    ZERO,
+    Expression,
+    constant,
+    cosine,
+    exponential,
+    largest,
+    local,
+    make,
+    read,
+    root,
+    sine,
+    where,
+)  # fmt: skip
+from model.compiler.programs import Add, Anew, For, If, Place, Put, Statement, at, each, name, whole
+from model.elements import felts
+from model.elements.contacts import Contact
+from model.elements.structure import Structure
+from model.kernels import layout as L
+from model.kernels import workspace as W
+
+AWAKE = -1e300  # in place of a time; a state between two of these is below half of it
+NEAR, FAR = 2e-5, 5e-5  # m beyond the string's reach: nearer, its modes are stepped; farther, they wait
+LASTING = 1e-4  # s, for which an error of the string's place is taken to act on the hammer
+NOT_A_NUMBER = float("nan")
+
+
+class Modes:
+    """Where the numbers and states of a string's modes are."""
+
+    def __init__(self, s: Structure) -> None:
+        self._numbers, self.first = s.offset[7], s.first_of_string()
+        self._count = read("p", self._numbers)
+        self.count = whole(self._count)
+
+    def number(self, which: int, i: Expression) -> Expression:
+        """Gain 1/kg, stiffness 1/s^2 or damping 1/s of mode ``i``."""
+        return read("p", self._numbers + L.STRING_HEAD, self.half(which, i))
+
+    @property
+    def give(self) -> Expression:
+        """What the modes left out give way, m/N."""
+        return read("p", self._numbers + L.STRING_GIVE)
+
+    def half(self, halves: int, i: Expression) -> Expression:
+        """How far behind the first mode's way the way of mode ``i`` is, or, one half on, its rate."""
+        return make("whole_add", i, make("whole_multiply", self.count, halves)) if halves else i
+
+    def state(self, row: int, half: int, i: Expression) -> Expression:
+        """Way (0) or rate (1) of mode ``i`` in a row of memories."""
+        return read("w", row + self.first + L.STRING_STATES, self.half(half, i))
+
+    def place(self, row: int, half: int, i: Expression) -> Place:
+        """Where it is."""
+        return at("w", row + self.first + L.STRING_STATES, self.half(half, i))
+
+    def head(self, row: int, k: int) -> Place:
+        """Where one of the two numbers before the states is."""
+        return at("w", row + self.first + k)
+
+    def sums(self, row: int) -> list[Statement]:
+        """The string's way as ``sway`` and its rate as ``swing``."""
+        return [
+            Put(name("sway"), ZERO), Put(name("swing"), ZERO),
+            each(f"sum {row}", self.count, lambda i: [
+                Add(name("sway"), self.state(row, 0, i)), Add(name("swing"), self.state(row, 1, i)),
+            ]),
+        ]  # fmt: skip
+
+    def stored(self, row: int, to: Place, sign: float = 1.0) -> For:
+        """Add their energy, J, to a name."""
+
+        def one(i: Expression) -> list[Statement]:
+            y, u = self.state(row, 0, i), self.state(row, 1, i)
+            energy = (u * u + self.number(1, i) * y * y) / (2.0 * self.number(0, i))
+            return [Add(to, sign * energy)]
+
+        return each(f"energy {row} {sign}", self.count, one)
+
+    def reach(self) -> list[Statement]:
+        """How far the free string can get in the hammer's way, m."""
+        found = name("reach")
+
+        def one(i: Expression) -> list[Statement]:
+            return [Add(found, abs(self.state(W.Z, 0, i)) + abs(self.state(W.Z, 1, i)) / root(self.number(1, i)))]
+
+        return [Put(found, ZERO), each("reach", self.count, one), Put(at("w", W.S_REACH), 1.1 * local("reach"))]
+
+    def carried_on(self, time: Expression) -> For:
+        """Let free modes swing for a time, s, in closed form."""
+
+        def one(i: Expression) -> list[Statement]:
+            k, sigma = self.number(1, i), 0.5 * self.number(2, i)
+            omega = root(k - sigma * sigma)
+            y, u = self.state(W.Z, 0, i), self.state(W.Z, 1, i)
+            fade = exponential(largest(-(sigma * time), -700.0))
+            c, s = cosine(omega * time), sine(omega * time) / omega
+            return [
+                Put(name("y"), fade * (y * c + (u + sigma * y) * s)),
+                Put(name("u"), fade * (u * c - (sigma * u + k * y) * s)),
+                Put(self.place(W.Z, 0, i), local("y")), Put(self.place(W.Z, 1, i), local("u")),
+            ]  # fmt: skip
+
+        return each("carried on", self.count, one)
+
+
+class StringContact(Contact):
+    """The contact in which a string stands for the bar; the string's ``sway`` and ``swing`` are names set before."""
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The string's."""
+        return Modes(self.s)
+
+    @cached_property
+    def under(self) -> tuple[Expression, Expression]:
+        """Depth of the hammer in the string and its rate; m, m/s."""
+        return self.gap[0] - local("sway"), self.closing[0] - local("swing")
+
+    @cached_property
+    def felt(self) -> tuple[Expression, Expression]:
+        """Whether the felt presses, and its force, N."""
+        pressing, force, _ = self._law
+        return pressing, force
+
+    @cached_property
+    def _law(self) -> tuple[Expression, Expression, Expression]:
+        pressing, force, slow = felts.on_string(self.under, self.modes.give, self.curve, self.number(L.DAMP))
+        return pressing, force, slow
+
+    def forces(self) -> list[Statement]:
+        """Generalised forces without friction; the force on the string as ``on the string``."""
+        pressing, force = self.felt
+        # modes that wait know of no contact: a step that comes upon it is tried again, shorter
+        force = where(local("awake") > 0.0, force, NOT_A_NUMBER)
+        pushes = self.push(force, ZERO)
+        return [
+            Put(name("on the string"), ZERO),
+            If(self.under[0] > 0.0, [
+                If(pressing | (local("awake") <= 0.0), [
+                    Put(name("on the string"), force), *(Add(name(f"f{k}"), e) for k, e in pushes.items()),
+                ]),
+            ]),
+        ]  # fmt: skip
+
+    def energy(self) -> list[Statement]:
+        """What modes, felt and what gives way store, J; what modes and felt lose, W."""
+        modes, row = self.modes, W.AUDIT_Z
+        pressing, force, slow = self._law
+        pressed, held = where(pressing, force, 0.0), where(pressing, slow, 0.0)
+        x = self.under[0] - modes.give * held
+        stored = 0.5 * modes.give * held * held + felts.stored(x, self.curve)
+
+        def lost(i: Expression) -> list[Statement]:
+            u = modes.state(row, 1, i)
+            return [Add(name("string"), modes.number(2, i) * u * u / modes.number(0, i))]
+
+        awake = read("w", row + modes.first + L.SINCE) < 0.5 * AWAKE
+        touch: list[Statement] = [Add(name("energy"), stored), Add(name("felt"), (pressed - held) * self.under[1])]
+        inside = [each("lost", modes.count, lost), *modes.sums(row), If(self.under[0] > 0.0, touch)]
+        return [modes.stored(row, name("energy")), If(awake, inside)]
+
+    # what a step does with the modes ------------------------------------------------------------------------------
+
+    def woken(self) -> list[Statement]:
+        """Wake or rest the modes at the start of a step: sets ``sway``, ``swing``, ``awake``."""
+        m, x = self.modes, self.gap[0]
+        since, first_time = read("w", W.Z + m.first + L.SINCE), read("w", W.S_COUNT) <= 0.0
+        reach, now = read("w", W.S_REACH), read("w", W.NOW)
+
+        def copied(i: Expression) -> list[Statement]:
+            return [Put(at("w", W.S_NUMBERS + W.MOST_MODES * k, i), m.number(k, i)) for k in range(3)]
+
+        def left(i: Expression) -> list[Statement]:
+            rows = [W.Z_WEIGHT, *(W.Z_U + W.MOST_MEMORIES * k for k in range(W.MAX_STAGES))]
+            return [Put(m.place(row, half, i), ZERO) for row in rows for half in (0, 1)]
+
+        rows = [W.Z_WEIGHT, *(W.Z_U + W.MOST_MEMORIES * k for k in range(W.MAX_STAGES))]
+        released = m.head(W.Z, L.RELEASED)
+        return [
+            Put(name("bar"), x), If((since < 0.5 * AWAKE) | first_time, m.reach()), Anew(),
+            If(first_time, [each("copied", m.count, copied), Put(at("w", W.S_COUNT), read("p", self.s.offset[7]))]),
+            If((since < 0.5 * AWAKE) & (-local("bar") - reach > FAR), [
+                Put(m.head(W.Z, L.SINCE), now), each("left", m.count, left),
+                *(Put(m.head(row, k), ZERO) for row in rows for k in range(L.STRING_STATES)),
+            ]), Anew(),
+            If((since >= 0.5 * AWAKE) & (-local("bar") - reach <= NEAR), [
+                Put(name("before"), ZERO), m.stored(W.Z, name("before")), m.carried_on(now - since),
+                Put(name("after"), ZERO), m.stored(W.Z, name("after"), -1.0),
+                Add(released, local("before") + local("after")),
+                Put(m.head(W.Z, L.SINCE), constant(AWAKE)), *m.reach(),
+            ]), Anew(),
+            Put(name("awake"), where(since < 0.5 * AWAKE, 1.0, 0.0)), Put(name("sway"), -reach),
+            Put(name("swing"), ZERO),
+            If(since < 0.5 * AWAKE, m.sums(W.Z)), Put(at("w", W.S_AWAKE), local("awake")), Anew(),
+        ]  # fmt: skip
+
+    def weighed(self, worth: Expression) -> list[Statement]:
+        """Note what errors of the modes are worth as errors of a speed; ``worth``: acceleration per m of the string."""
+        m = self.modes
+
+        def one(i: Expression) -> list[Statement]:
+            return [
+                Put(m.place(W.Z_WEIGHT, 0, i), worth * LASTING),
+                Put(m.place(W.Z_WEIGHT, 1, i), worth * LASTING / root(m.number(1, i))),
+            ]
+
+        return [If(local("awake") > 0.0, [each("weighed", m.count, one)])]
+
+    def prepared(self, inverse: Expression, gh: Expression) -> list[Statement]:
+        """What ``prepare`` does with the modes: the share of a change of force that is left after they gave way."""
+
+        def one(i: Expression) -> list[Statement]:
+            k, c = (read("w", W.S_NUMBERS + W.MOST_MODES * n, i) for n in (1, 2))
+            ease = 1.0 / (inverse + c + gh * k)
+            gain = read("w", W.S_NUMBERS, i)
+            return [Put(at("w", W.S_EASE, i), ease), Add(name("give"), ease * gain)]
+
+        steep = gh * read("w", W.S_HARD) + read("w", W.S_LOSSY)
+        share = ONE / (1.0 + steep * local("give"))
+        return [
+            Put(name("share"), ONE),
+            If(read("w", W.S_AWAKE) > 0.0, [
+                Put(name("give"), ZERO), each("eased", whole(read("w", W.S_COUNT)), one), Put(name("share"), share),
+                Put(at("w", W.S_SHARE), local("share")),
+            ]),
+        ]  # fmt: skip
+
+    def staged(self, stage: Expression, rate: Expression) -> list[Statement]:
+        """Modes at a stage, in rows of their own: sets ``sway``, ``swing``, ``awake``."""
+        m = self.modes
+
+        def begun(i: Expression) -> list[Statement]:
+            return [
+                statement
+                for half in (0, 1)
+                for statement in (
+                    Put(at("w", W.S_TURN, m.half(half, i)), m.state(W.Z, half, i)),
+                    Put(at("w", W.S_COUPLED, m.half(half, i)), ZERO),
+                )
+            ]
+
+        def of_stage(j: Expression) -> list[Statement]:
+            a, c = (read(array, 0, make("whole_add", j, make("whole_multiply", stage, W.MAX_STAGES))) for array in "ac")
+
+            def of_mode(i: Expression) -> list[Statement]:
+                out: list[Statement] = []
+                for half in (0, 1):
+                    behind = make("whole_add", m.half(half, i), make("whole_multiply", j, W.MOST_MEMORIES))
+                    x = read("w", W.Z_U + m.first + L.STRING_STATES, behind)
+                    out += [Add(at("w", W.S_TURN, m.half(half, i)), a * x)]
+                    out += [Add(at("w", W.S_COUPLED, m.half(half, i)), c * rate * x)]
+                return out
+
+            return [each("modes of a stage", m.count, of_mode)]
+
+        def summed(i: Expression) -> list[Statement]:
+            return [
+                Add(name("sway"), read("w", W.S_TURN, i)), Add(name("swing"), read("w", W.S_TURN, m.half(1, i)))
+            ]  # fmt: skip
+
+        awake = read("w", W.S_AWAKE)
+        return [
+            Put(name("awake"), awake), Put(name("sway"), -read("w", W.S_REACH)), Put(name("swing"), ZERO),
+            If(awake > 0.0, [
+                each("begun", m.count, begun), each("stages", stage, of_stage), Put(name("sway"), ZERO),
+                each("summed", m.count, summed),
+            ]),
+        ]  # fmt: skip
+
+    def known(self, gh: Expression) -> list[Statement]:
+        """Known sides of the modes' equations under the contact's force: sets ``given``."""
+        m = self.modes
+
+        def one(i: Expression) -> list[Statement]:
+            g, k, c = (m.number(n, i) for n in range(3))
+            y, u = read("w", W.S_TURN, i), read("w", W.S_TURN, m.half(1, i))
+            coupled, driven = read("w", W.S_COUPLED, i), read("w", W.S_COUPLED, m.half(1, i))
+            way = u + coupled
+            known = read("w", W.S_EASE, i) * (g * local("on the string") - c * u - k * y + driven - gh * k * way)
+            return [
+                Put(name("way"), way), Put(name("known"), known), Put(at("w", W.S_COUPLED, i), local("way")),
+                Put(at("w", W.S_BACK, i), local("known")), Add(name("ways"), local("way")),
+                Add(name("rates"), local("known")),
+            ]  # fmt: skip
+
+        hard, lossy = read("w", W.S_HARD), read("w", W.S_LOSSY)
+        given = gh * hard * (local("ways") + local("rates")) + lossy * local("rates")
+        return [
+            Put(name("ways"), ZERO), Put(name("rates"), ZERO), each("known", m.count, one), Put(name("given"), given),
+        ]  # fmt: skip
+
+    def stepped(self, stage: Expression, more: Expression, gh: Expression) -> list[Statement]:
+        """Stages of the modes, once the change of the contact's force is known."""
+        m, behind = self.modes, make("whole_multiply", stage, W.MOST_MEMORIES)
+
+        def one(i: Expression) -> list[Statement]:
+            u = read("w", W.S_BACK, i) + read("w", W.S_EASE, i) * m.number(0, i) * more
+            way = gh * (read("w", W.S_COUPLED, i) + u)
+            start = W.Z_U + m.first + L.STRING_STATES
+            return [
+                Put(at("w", start, make("whole_add", m.half(1, i), behind)), u),
+                Put(at("w", start, make("whole_add", i, behind)), way),
+            ]
+
+        return [each("stepped", m.count, one)]

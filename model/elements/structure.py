@@ -1,0 +1,75 @@
+"""Structure of a scene as elements read it, from its integer tables: who hangs from whom, what acts where."""
+
+from __future__ import annotations
+
+from model.compiler.expressions import Expression, read
+from model.kernels import layout as L
+
+
+def solved_contacts(tables: L.Tables) -> list[int]:
+    """Contacts that push at least one free coordinate."""
+    free = len(tables.parent) - int(tables.prescribed.sum())
+    rows = zip(tables.chain, tables.contact, strict=True)
+    return [c for c, (chain, row) in enumerate(rows) if any(int(b) < free for b in chain[: row[3]])]
+
+
+class Structure:
+    """Tables of a scene as plain Python.
+
+    Attributes
+    ----------
+    n, free, own : coordinates in all; those that are solved for; those of them that the step loop knows. Directions in
+        which joints give follow the bodies' coordinates and are states behind those that felt remembers.
+    pin : body whose joint gives, by coordinate; ``axis``: 0 right or 1 up, of those and of guides
+    place : contacts that can push a free coordinate, with their place in masks and rooms
+    """
+
+    def __init__(self, tables: L.Tables) -> None:
+        self.parent = [int(i) for i in tables.parent]
+        bodies = len(self.parent)
+        self.bodies = range(bodies)
+        self.spring = [int(i) for i in tables.spring]
+        self.contact = [tuple(int(k) for k in row) for row in tables.contact]
+        self.chain = [[int(b) for b in row[: of[3]]] for row, of in zip(tables.chain, tables.contact, strict=True)]
+        self.drive = [tuple(int(k) for k in row) for row in tables.drive]
+        self.probe = [tuple(int(k) for k in row) for row in tables.probe]
+        self.damper = [int(i) for i in tables.damper]
+        self.rail = [int(c) for c in tables.rail]
+        self.string = [int(c) for c in tables.string]
+        self.memory = [(int(c), int(law)) for c, law in tables.memory]
+        self.offset = [int(k) for k in tables.offset]
+        self.place = {c: k for k, c in enumerate(solved_contacts(tables))}
+        self.guided = {i for i, w in enumerate(self.parent) if w == L.GUIDED}
+        self.pin = {bodies + k: int(body) for k, (body, _) in enumerate(tables.pin)}
+        self.axis = dict.fromkeys(self.guided, 1) | {bodies + k: int(axis) for k, (_, axis) in enumerate(tables.pin)}
+        self.own = bodies - int(tables.prescribed.sum())
+        self.n = bodies + len(self.pin)
+        self.free = self.n if self.pin else self.own
+
+    def order(self) -> list[int]:
+        """Bodies, each after its parent."""
+        out: list[int] = []
+        for i, w in enumerate(self.parent):
+            out += [k for k in (w, i) if k >= 0 and k not in out]
+        return out
+
+    def memories(self, c: int) -> list[int]:
+        """Numbers of the states that contact ``c`` remembers."""
+        return [k for k, (contact, _) in enumerate(self.memory) if contact == c]
+
+    def first_of_string(self) -> int:
+        """Place of the string's states among all that is remembered."""
+        return len(self.memory) + 2 * len(self.pin)
+
+    def pin_places(self, row: int) -> dict[int, tuple[int, int]]:
+        """Where the way and the speed of each direction in which a joint gives are in a row of memories."""
+        first, count = row + len(self.memory), len(self.pin)
+        return {g: (first + k, first + count + k) for k, g in enumerate(self.pin)}
+
+    def number(self, block: int, size: int, which: int, k: int) -> Expression:
+        """Number ``k`` of element ``which`` of a block of the parameter vector."""
+        return read("p", self.offset[block] + size * which + k)
+
+    def body(self, i: int, k: int) -> Expression:
+        """Number ``k`` of body ``i``."""
+        return read("p", L.GLOBALS + L.BODY_SIZE * i + k)

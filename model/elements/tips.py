@@ -1,0 +1,47 @@
+"""One-sided vertical contact of a point on A with a point of B below: the motor's tip or a finger on the key."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from model.compiler.expressions import Expression, largest, where
+from model.compiler.programs import Add, If, Statement, name
+from model.elements import felts
+from model.elements.kinematics import Kinematics, Vector, apart
+from model.elements.structure import Structure
+from model.kernels import layout as L
+
+
+class Tip:
+    """Tip ``which`` of a scene at a state."""
+
+    def __init__(self, s: Structure, k: Kinematics, which: int) -> None:
+        self._s = s
+        a, b = s.probe[which]
+        n = [s.number(3, L.PROBE_SIZE, which, i) for i in range(L.PROBE_SIZE)]
+        above, below = k.at(a, n[0], n[1]), k.at(b, n[2], n[3])
+        self.ways: dict[int, Vector] = apart(k.ways(a, *above), k.ways(b, *below))
+        self.depth = below[1] - above[1]
+        self.rate = -k.velocity(self.ways)[1]
+        self._curve, self._damping = (n[4], n[5], n[6]), n[7]
+
+    @cached_property
+    def felt(self) -> tuple[Expression, Expression]:
+        """Whether it presses where it touches, and its force, N."""
+        pressing, force = felts.hunt_crossley((self.depth, self.rate), self._curve, self._damping)
+        return pressing, force
+
+    def forces(self) -> list[Statement]:
+        """Generalised forces: up on A, down on B."""
+        pressing, force = self.felt
+        pushes: list[Statement] = [
+            Add(name(f"f{k}"), force * way[1]) for k, way in self.ways.items() if k < self._s.free
+        ]
+        return [If((self.depth > 0.0) & pressing, pushes)]
+
+    def energy(self) -> list[Statement]:
+        """What its felt stores, J, and loses, W."""
+        pressing, force = self.felt
+        lost = (where(pressing, force, 0.0) - largest(felts.loading(self.depth, self._curve), 0.0)) * self.rate
+        stored = felts.stored(self.depth, self._curve)
+        return [If(self.depth > 0.0, [Add(name("energy"), stored), Add(name("felt"), lost)])]

@@ -1,0 +1,85 @@
+"""Machine code of a few expressions or statements, called from a test."""
+
+from __future__ import annotations
+
+import ctypes
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+from llvmlite import binding, ir
+
+from model.compiler.expressions import Expression, forget, read
+from model.compiler.programs import Add, Put, Statement, at
+from model.derived.load import STEP, _machine_code, _module, _target_machine, written
+from model.derived.step import Derived, Program
+from model.elements.structure import Structure
+from model.kernels.layout import Tables
+
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+_alive = []
+
+
+def given(k: int) -> Expression:
+    """Number ``k`` that the code is given."""
+    return read("x", k)
+
+
+def machine(statements: list[Statement] | list[Expression], lanes: int = 1) -> Callable[[np.ndarray], np.ndarray]:
+    """A function of numbers (n,), or rows (n, lanes), that gives what is put to ``y``; expressions are put in order."""
+    puts = [Put(at("y", k), s) if isinstance(s, Expression) else s for k, s in enumerate(statements)]
+    module = ir.Module("test")
+    written(Program({"x": "array", "y": "array"}, puts), module, "run", lanes)
+    forget()
+    target = _target_machine()
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
+    engine.add_object_file(binding.ObjectFileRef.from_data(_machine_code(module, target)))
+    engine.finalize_object()
+    _alive.append(engine)
+    call = ctypes.CFUNCTYPE(ctypes.c_int64, _DOUBLES, _DOUBLES)(engine.get_function_address("run"))
+
+    def run(x: np.ndarray) -> np.ndarray:
+        x = np.ascontiguousarray(x, dtype=float)
+        y = np.zeros((40, lanes) if lanes > 1 else 40)
+        call(x.ctypes.data_as(_DOUBLES), y.ctypes.data_as(_DOUBLES))
+        return y
+
+    return run
+
+
+def text_of(tables: Tables, *kernels: str, lanes: int = 1) -> str:
+    """Intermediate code of a structure's kernels, by default those of a step."""
+    return str(_module(tables, dict.fromkeys(kernels or STEP), lanes))
+
+
+def touched(tables: Tables, *kernels: str) -> set[int]:
+    """Places of the workspace that a structure's kernels read or write outright."""
+    out: set[int] = set()
+    seen: set[int] = set()
+    for kernel in kernels or STEP:
+        program = getattr(Derived(Structure(tables)), kernel)()
+        todo = list(program.statements)
+        while todo:
+            s = todo.pop()
+            if id(s) in seen:
+                continue
+            seen.add(id(s))
+            if isinstance(s, Expression):
+                out |= {s.args[1]} if s.op == "read" and s.args[0] == "w" else set()
+                todo += [a for a in s.args if isinstance(a, Expression)]
+            elif isinstance(s, Put | Add):
+                out |= {int(s.place[1])} if s.place[0] == "w" else set()
+                todo += [s.value]
+            else:
+                for part in vars(s).values():
+                    todo += (
+                        [*part] if isinstance(part, list | tuple) else [part] if isinstance(part, Expression) else []
+                    )
+    forget()
+    return out
+
+
+def operations(tables: Tables, *kernels: str) -> Counter[str]:
+    """How often each arithmetic operation stands in it."""
+    words = [line.split(" = ")[1].split()[0] for line in text_of(tables, *kernels).splitlines() if " = f" in line]
+    return Counter(words)
