@@ -268,10 +268,11 @@ class ForceDrivenRun:
     def _inside(self, first: State) -> Inside:
         """Inside view of the motion from ``first``, which is integrated again for the times that the view needs."""
 
-        def states(at: Array) -> tuple[Array, Array]:
+        def states(at: Array) -> tuple[Array, ...]:
             again = self._run(first)
             until = float(at[-1]) if len(at) else first.time_s
-            return again.advance(until, self.time_s, self.force_n, output_time_s=at)
+            found = again.advance(until, self.time_s, self.force_n, output_time_s=at)
+            return (*found, again.remembered) if self.scene.remembers else found
 
         return observe(self.scene, states, self.output_time_s, first.time_s, self.time_s, self.force_n)
 

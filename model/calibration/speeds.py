@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import ArrayRecord, as_numbers
+from model.derived.columns import DEPTH
+from model.derived.observe import contacts_at
 from model.errors import InputError
 from model.files.csv_columns import read_columns
-from model.inside.state_observer import Observer
-from model.kernels.trajectory import contact_forces as output
 from model.parameters.action import BODIES, Action
 from model.scene.build import build_scene
 
@@ -103,10 +103,9 @@ def mean_normal_speeds(
     if v.shape != q.shape:
         raise InputError(f"motion: speeds found of shape {v.shape}, allowed that of the angles, {q.shape}")
     scene = build_scene(action)
-    observer, no_input = Observer(scene), np.zeros(len(t))
 
     def depth(at: Array) -> Array:
-        return observer.evaluate(at, v, no_input).contact[:, :, output.SEEN_DEPTH]
+        return contacts_at(scene.static_tables, scene.vector, at, v)[:, :, DEPTH]
 
     pressed = depth(q) > 0.0
     rate = np.abs(depth(q + _NUDGE_S * v) - depth(q - _NUDGE_S * v)) / (2.0 * _NUDGE_S)

@@ -94,6 +94,7 @@ def forget() -> None:
     """Let go of all expressions but the plain numbers that others are made with, once a program is written."""
     _made.clear()
     _slopes_of_laws.clear()
+    _parts_of_laws.clear()
     for plain in (ZERO, ONE):
         _made[plain.op, *plain.args] = plain
 
@@ -286,6 +287,21 @@ def found_by_newton(unknown: Expression, residual: Expression, start: Number) ->
 
 
 _slopes_of_laws: dict[tuple[Any, ...], Expression] = {}
+_parts_of_laws: dict[Expression, frozenset[Expression]] = {}
+
+
+def _inside(law: Expression) -> frozenset[Expression]:
+    """What a law is made of beside what it is differentiated by."""
+    if law not in _parts_of_laws:
+        value, *by = law.args
+        seen, todo = set(by), [value]
+        while todo:
+            x = todo.pop()
+            if x not in seen:
+                seen.add(x)
+                todo += [a for a in x.args if isinstance(a, Expression)]
+        _parts_of_laws[law] = frozenset(seen - set(by))
+    return _parts_of_laws[law]
 
 
 def _slope_of_law(value: Expression, x: Expression, by: tuple[Expression, ...]) -> Expression:
@@ -302,7 +318,10 @@ def slopes(along: dict[Expression, Expression]) -> Callable[[Expression], Expres
     def slope(e: Expression) -> Expression:
         found = known.get(e)
         if found is None:
-            found = known[e] = _rule(e, slope)
+            found = _rule(e, slope)
+            if e.op == "law" and not along.keys().isdisjoint(_inside(e)):  # a law of what changes, by itself too
+                found = found + slopes(along | dict.fromkeys(e.args[1:], ZERO))(e.args[0])
+            known[e] = found
         return found
 
     return slope

@@ -19,13 +19,18 @@ from llvmlite import binding, ir
 
 from model.compiler.expressions import forget
 from model.compiler.native import Writer
-from model.derived.step import Derived, Program
+from model.derived.program import Program
+from model.derived.slopes import Differentiated
+from model.derived.step import Derived
+from model.derived.watched import Watched
 from model.elements.structure import Structure
 from model.kernels import compile as _compile
 from model.kernels.kernel_value import Kernel
 from model.kernels.lanes.width import lanes_pay
 from model.kernels.layout import Tables
+from model.kernels.observed import OBSERVE
 from model.kernels.once import alone
+from model.kernels.regimes import REGIME, SLOPES
 from model.kernels.signatures import (
     ENERGY,
     LANE_LINEARISE,
@@ -41,6 +46,8 @@ from model.kernels.signatures import (
 )  # fmt: skip
 
 STEP = {"linearise": LINEARISE, "prepare": PREPARE, "skip": SKIP, "stage": STAGE}
+SLOPES_BY = ("numbers", "normals", "regime")
+OBSERVERS = ("contacts", "tips", "bodies", "marched")
 IN_LANES = {"linearise": LANE_LINEARISE, "prepare": LANE_PREPARE, "skip": LANE_SKIP, "stage": LANE_STAGE}
 # structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
 COMPILED = {"scenes": 0, "compiled": 0}
@@ -77,6 +84,16 @@ def lane_kernels_of(tables: Tables, lanes: int) -> LaneKernels:
 def energy_of(tables: Tables) -> Any:
     """Kernel of the energy audit of a structure; compiled only when a run asks for it."""
     return _kept(tables, "energy", lambda: _compiled(tables, {"energy": ENERGY}, 1)["energy"])
+
+
+def slopes_of(tables: Tables, what: str) -> Kernel:
+    """Kernel ``numbers``, ``normals`` or ``regime`` of `model.derived.slopes`."""
+    return _kept(tables, what, lambda: _compiled(tables, {what: REGIME if what == "regime" else SLOPES}, 1)[what])
+
+
+def observer_of(tables: Tables, what: str) -> Kernel:
+    """Kernel ``contacts``, ``tips``, ``bodies`` or ``marched`` of `model.derived.watched`."""
+    return _kept(tables, what, lambda: _compiled(tables, {what: OBSERVE}, 1)[what])
 
 
 def on_disk(tables: Tables) -> bool:
@@ -119,7 +136,7 @@ def _compiled(tables: Tables, functions: dict[str, Any], lanes: int) -> dict[str
                 code = _machine_code(_module(tables, functions, lanes), machine)
                 if path is not None:
                     _write(path, code)
-    if "energy" not in functions:
+    if "stage" in functions:
         COMPILED["scenes"] += 1
         COMPILED["compiled"] += made
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
@@ -154,9 +171,19 @@ def written(program: Program, module: ir.Module, name: str, lanes: int = 1) -> N
 def _module(tables: Tables, functions: dict[str, Any], lanes: int) -> ir.Module:
     module = ir.Module("scene")
     for name in functions:
-        written(getattr(Derived(Structure(tables), lanes > 1), name)(), module, name, lanes)
+        source = _source(tables, name, lanes)
+        written(getattr(source, name)(), module, name, lanes)
         forget()
     return module
+
+
+def _source(tables: Tables, name: str, lanes: int) -> Any:
+    """What derives a kernel of that name."""
+    if name in OBSERVERS:
+        return Watched(tables)
+    if name in SLOPES_BY:
+        return Differentiated(Structure(tables))
+    return Derived(Structure(tables), lanes > 1)
 
 
 def _target_machine() -> Any:

@@ -11,7 +11,6 @@ workspace of a step (`model.kernels.workspace`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from model.compiler.expressions import (
     ONE,
@@ -44,6 +43,7 @@ from model.compiler.programs import (
     name,
     within,
 )
+from model.derived.program import Program
 from model.elements.bodies import solved
 from model.elements.contacts import Contact, change, speeds_up
 from model.elements.kinematics import State
@@ -69,19 +69,6 @@ Row = list[Expression]
 Slopes = tuple[list[Callable[[Expression], Expression]], ...]
 """Derivatives by each coordinate and by each speed."""
 ALWAYS = {"energy", "given", "felt", "friction", "joints"}
-
-
-@dataclass(frozen=True)
-class Program:
-    """A kernel: its arguments by kind, statements, and what it returns.
-
-    ``result`` is None for 0, a truth value, conditions that clear their bit of a mask, a name that holds a count, or
-    ``"exceeded"``: whether contacts were reconsidered.
-    """
-
-    arguments: dict[str, str]
-    statements: list[Statement]
-    result: Expression | list[tuple[int, Expression]] | str | None = None
 
 
 class Derived:

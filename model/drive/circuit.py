@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.kernels.trajectory.drive_torque import SUBSTEPS, torque_along
+from model.kernels.drive_torque import SUBSTEPS, torque_along
 
 Array = NDArray[np.float64]
 LUMPS = ("torque_per_volt", "delay", "damping", "ceiling", "supply", "share", "firmness")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from model.compiler.expressions import ZERO, Expression, total
 from model.compiler.programs import Add, Statement, name
-from model.elements.friction import friction
 from model.elements.kinematics import Kinematics, Vector, dot
 from model.elements.structure import Structure
 from model.kernels import layout as L
@@ -36,14 +35,14 @@ class Bodies:
     def _place(self, i: int) -> None:
         s, k = self._s, self._k
         mass, inertia = s.body(i, L.MASS), s.body(i, L.INERTIA)
-        arm, pivot = k.along(i, s.body(i, L.COM_X), s.body(i, L.COM_Y)), k.pivot(i)
+        arm = k.along(i, s.body(i, L.COM_X), s.body(i, L.COM_Y))
         w = s.parent[i]
         bias = (ZERO, ZERO)  # acceleration of the pivot while no speed changes
         if w >= 0 and w not in s.guided:
             turned, about = k.along(w, s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y)), k.turning(w)
             bias = tuple(b - about * about * d for b, d in zip(self._bias[w], turned, strict=True))  # type: ignore[assignment]
         self._bias[i] = bias
-        ways = k.ways(i, pivot[0] + arm[0], pivot[1] + arm[1])
+        ways = k.ways(i, *self.centre(i))
         square = k.turning(i) * k.turning(i)
         pull = (mass * (bias[0] - square * arm[0]), mass * (bias[1] - square * arm[1] + self._gravity))
         turns = k.turns(i)
@@ -54,11 +53,27 @@ class Bodies:
                     turned_too = inertia if a in turns and b in turns else ZERO
                     self._add(self.mass, (a, b), mass * dot(ways[a], ways[b]) + turned_too)
 
+    def centre(self, i: int) -> Vector:
+        """World position of a body's centre of mass, m."""
+        return self._k.at(i, self._s.body(i, L.COM_X), self._s.body(i, L.COM_Y))
+
+    def velocity(self, i: int) -> Vector:
+        """Velocity of the centre of mass, m/s."""
+        return self._k.velocity(self._k.ways(i, *self.centre(i)))
+
+    def acceleration(self, i: int, rates: list[Expression]) -> Vector:
+        """Acceleration of the centre of mass, m/s^2, from those of all coordinates."""
+        ways = self._k.ways(i, *self.centre(i))
+        arm, square = self._k.along(i, self._s.body(i, L.COM_X), self._s.body(i, L.COM_Y)), self._k.turning(i)
+        bias = self._bias[i]
+        moved = [total(way[k] * rates[j] for j, way in ways.items()) for k in (0, 1)]
+        return bias[0] - square * square * arm[0] + moved[0], bias[1] - square * square * arm[1] + moved[1]
+
     def joint_friction(self) -> dict[int, Expression]:
         """Torque that each joint's friction takes, N m; of a guide its force, N."""
         s, k = self._s, self._k
         return {
-            i: friction(
+            i: k.friction(
                 (k.state.v[i],), k.per_slide if i in s.guided else k.per_turn, s.body(i, L.JF_A), s.body(i, L.JF_B1),
                 s.body(i, L.JF_B2),
             )

@@ -13,7 +13,6 @@ from typing import Any
 from model.compiler.expressions import ZERO, Expression, Given, largest, law, make, root, smaller, total, where
 from model.compiler.programs import Add, If, Put, Statement, name
 from model.elements import felts
-from model.elements.friction import friction
 from model.elements.kinematics import Kinematics, Vector, apart, dot
 from model.elements.structure import Structure
 from model.kernels import layout as L
@@ -103,6 +102,11 @@ class Contact:
         on_arc = ~(on_start | on_end) & near
         return (on_start & (from_start < reach)) | (on_end & (from_end < reach)) | on_arc
 
+    def beside_the_arc(self) -> Expression:
+        """Whether a tangent of a hybrid surface is nearer than its arc."""
+        on_start, on_end, *_ = _sides(self._between[1])
+        return on_start | on_end
+
     def room(self) -> Expression:
         """How far the surfaces can come closer before they may touch, m; 0 where they do.
 
@@ -119,6 +123,12 @@ class Contact:
         ]
         return largest(smaller(-x, smaller(*jumps)), 0.0)
 
+    def point(self, depth: Expression) -> Vector:
+        """World position at which the force acts."""
+        centre, (_, (nx, ny)) = self._between[0], self.gap
+        r = self.number(L.A_R) - 0.5 * depth
+        return centre[0] - r * nx, centre[1] - r * ny
+
     def _apart(self, x: Expression, y: Expression) -> dict[int, Vector]:
         a, b, _, _ = self.s.contact[self.c]
         return apart(self.k.ways(a, x, y), self.k.ways(b, x, y))
@@ -126,9 +136,7 @@ class Contact:
     @cached_property
     def ways(self) -> dict[int, Vector]:
         """Velocity of A against B at mid-penetration per unit speed of each coordinate that changes it."""
-        centre, (x, (nx, ny)) = self._between[0], self.gap
-        r = self.number(L.A_R) - 0.5 * x
-        return self._apart(centre[0] - r * nx, centre[1] - r * ny)
+        return self._apart(*self.point(self.gap[0]))
 
     @cached_property
     def closing(self) -> tuple[Expression, Expression]:
@@ -152,7 +160,7 @@ class Contact:
     def coefficient(self) -> Expression:
         """Friction coefficient at the sliding speed."""
         laws = (self.number(k) for k in (L.MU_A, L.MU_B1, L.MU_B2))
-        out: Expression = friction((self.closing[1],), self.k.per_slide, *laws)
+        out: Expression = self.k.friction((self.closing[1],), self.k.per_slide, *laws)
         return out
 
     # the felt ------------------------------------------------------------------------------------------------------
@@ -201,11 +209,15 @@ class Contact:
                 out.append(Put(name(f"fade{m}"), felts.hysteresis_rate((x, rate, z), reach)))
         return out
 
-    def push(self, force: Expression, coefficient: Expression) -> dict[int, Expression]:
-        """Generalised forces of a normal force and its friction."""
+    def world(self, force: Expression, coefficient: Expression) -> Vector:
+        """Force on A in the world, N, of a normal force and its friction."""
         _, (nx, ny) = self.gap
         rub = coefficient * force
-        world = (force * nx + rub * ny, force * ny - rub * nx)
+        return force * nx + rub * ny, force * ny - rub * nx
+
+    def push(self, force: Expression, coefficient: Expression) -> dict[int, Expression]:
+        """Generalised forces of a normal force and its friction."""
+        world = self.world(force, coefficient)
         return {k: dot(way, world) for k, way in self.ways.items() if k < self.s.free}
 
     def pressed(self) -> list[Statement]:
@@ -215,7 +227,8 @@ class Contact:
             [Add(name(f"f{k}"), e) for k, e in self.push(force, mu).items()] for mu in (self.coefficient(), ZERO)
         )
         rubs = make("differs", self.number(L.MU_A), ZERO)  # most contacts have no friction
-        return [*self._remembered(), If(pressing, [If(rubs, list(rubbing), list(smooth))])]
+        pushed: list[Statement] = list(rubbing) if self.k.everywhere else [If(rubs, list(rubbing), list(smooth))]
+        return [*self._remembered(), If(pressing, pushed)]
 
     def forces(self) -> list[Statement]:
         """Generalised forces, and the rate of each memory as ``fade``."""
@@ -227,20 +240,20 @@ class Contact:
             return self.number(L.K_C) / (1.0 - self.laws[0][3])
         return self.number(L.K_C)
 
-    def energy(self) -> list[Statement]:
-        """What the felt stores, J; what felt and friction lose, W."""
+    def energy(self, label: str = "") -> list[Statement]:
+        """What the felt stores, J; what felt and friction lose, W; to names that end with ``label``."""
         pressing, force = self.felt
         x, (rate, slide) = self.gap[0], self.closing
-        loss = name("rail" if self.c in self.s.rail else "felt")
-        rub = If(pressing, [Add(name("friction"), self.coefficient() * force * slide)])
+        loss = name(("rail" if self.c in self.s.rail else "felt") + label)
+        rub = If(pressing, [Add(name("friction" + label), self.coefficient() * force * slide)])
         if not self.laws:
             pressed = where(pressing, force, 0.0)
             lost = (pressed - largest(felts.loading(x, self.curve), 0.0)) * rate
-            return [If(self.touches, [Add(name("energy"), felts.stored(x, self.curve)), Add(loss, lost), rub])]
+            return [If(self.touches, [Add(name("energy" + label), felts.stored(x, self.curve)), Add(loss, lost), rub])]
         if self.laws[0][1] == L.STULOV:
             m, _, h, epsilon, tau = self.laws[0]
             depth = where(self.touches, x, 0.0)
-            return [*felts.stulov_energy(f"{m}", depth, h, self.curve, epsilon, tau), If(self.touches, [rub])]
+            return [*felts.stulov_energy(f"{m}", label, depth, h, self.curve, epsilon, tau), If(self.touches, [rub])]
         left = felts.share_left([row[3] for row in self.laws])
         f = largest(felts.loading(x, self.curve), 0.0)
         stored, lost = left * felts.stored(x, self.curve), ZERO
@@ -248,7 +261,7 @@ class Contact:
             stored = stored + left * (0.5 * share * reach * x * f * z * z)
             steep = felts.steepness(x, self.curve)
             lost = lost + left * share * z * z * (f * abs(rate) - 0.5 * reach * (f + x * steep) * rate)
-        return [If(self.touches, [Add(name("energy"), stored), Add(name("felt"), lost), rub])]
+        return [If(self.touches, [Add(name("energy" + label), stored), Add(name("felt" + label), lost), rub])]
 
 
 def speeds_up(turns: dict[int, Expression], ease: list[Expression]) -> Expression:

@@ -140,16 +140,19 @@ def _depth_of(label: str, force: Expression, curve: Curve) -> tuple[list[Stateme
 
 
 def stulov_energy(
-    label: str, x: Expression, h: Expression, curve: Curve, epsilon: Expression, tau: Expression
+    which: str, label: str, x: Expression, h: Expression, curve: Curve, epsilon: Expression, tau: Expression
 ) -> list[Statement]:
-    """Energy (J) that felt with the memory ``h`` (N) stores and power (W) that it loses, touched (x > 0) or not."""
-    outer, behind = _depth_of(f"outer{label}", epsilon * h, curve)
-    within, inner = _depth_of(f"inner{label}", h, curve)
+    """Energy (J) that felt with the memory ``h`` (N) stores and power (W) that it loses, touched (x > 0) or not.
+
+    ``which`` tells its names from those of other felts, ``label`` ends those that it adds to.
+    """
+    outer, behind = _depth_of(f"outer{which}{label}", epsilon * h, curve)
+    within, inner = _depth_of(f"inner{which}{label}", h, curve)
     surface = largest(x, behind)
     f, hard = largest(loading(surface, curve), 0.0), 1.0 / (1.0 - epsilon)
     bound = h * surface - (h * inner - stored_slowly(inner, curve))
     lost = epsilon * (surface - inner) * (f - h) / tau
     return [
-        *outer, *within, Add(name("energy"), (stored_slowly(surface, curve) - epsilon * bound) * hard),
-        Add(name("felt"), lost * hard),
+        *outer, *within, Add(name("energy" + label), (stored_slowly(surface, curve) - epsilon * bound) * hard),
+        Add(name("felt" + label), lost * hard),
     ]  # fmt: skip

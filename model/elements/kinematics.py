@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from model.compiler.expressions import ONE, ZERO, Expression, cosine, read, sine, total
+from model.elements.friction import friction, friction_everywhere
 from model.elements.structure import Structure
 from model.kernels import layout as L
 
@@ -43,10 +44,17 @@ class _Pose:
 
 
 class Kinematics:
-    """Poses of a scene's bodies at a state."""
+    """Poses of a scene's bodies at a state.
 
-    def __init__(self, s: Structure, state: State) -> None:
+    Parameters
+    ----------
+    everywhere : friction is to be differentiable by its numbers where they are 0, too
+    """
+
+    def __init__(self, s: Structure, state: State, everywhere: bool = False) -> None:
         self.s, self.state = s, state
+        self.everywhere = everywhere
+        self.friction = friction_everywhere if everywhere else friction
         self.per_slide, self.per_turn = (ONE / read("p", k) for k in (L.V_T, L.OMEGA_T))
         self._pose: dict[int, _Pose] = {}
         for i in s.order():

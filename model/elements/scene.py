@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from model.compiler.expressions import read
+from model.compiler.expressions import Expression, read, total
 from model.compiler.programs import Statement
 from model.elements.bodies import Bodies
 from model.elements.contacts import Contact
@@ -16,6 +16,7 @@ from model.elements.strings import StringContact
 from model.elements.structure import Structure
 from model.elements.tips import Tip
 from model.kernels import layout as L
+from model.kernels import workspace as W
 
 
 @dataclass
@@ -24,11 +25,16 @@ class Elements:
 
     s: Structure
     state: State
+    array: str = "w"
+    """Array and row of memories from which energies read a string's modes."""
+    row: int = W.AUDIT_Z
+    everywhere: bool = False
+    """Whether forces are to be differentiable by numbers that are 0, too."""
 
     @cached_property
     def k(self) -> Kinematics:
         """Poses of the bodies."""
-        return Kinematics(self.s, self.state)
+        return Kinematics(self.s, self.state, self.everywhere)
 
     @cached_property
     def bodies(self) -> Bodies:
@@ -38,10 +44,23 @@ class Elements:
     @cached_property
     def contacts(self) -> dict[int, Contact]:
         """Contacts that push a free coordinate."""
-        return {c: self._contact(c) for c in self.s.place}
+        return {c: self.contact(c) for c in self.s.place}
 
-    def _contact(self, c: int) -> Contact:
-        return (StringContact if c in self.s.string else Contact)(self.s, self.k, c)
+    def contact(self, c: int) -> Contact:
+        """Contact ``c``, whatever it pushes."""
+        if c in self.s.string:
+            return StringContact(self.s, self.k, c, (self.array, self.row))
+        return Contact(self.s, self.k, c)
+
+    def pressed_down(self) -> list[int]:
+        """Bodies on which the input presses."""
+        return [i for kind, i in self.s.drive if kind == L.FORCE_DOWN]
+
+    def damped(self, i: int) -> Expression:
+        """Power that dampers and bushings of a joint take, W."""
+        turning = total(d * v * v for body, d, v, _ in Dampers(self.s, self.state).rows if body == i)
+        giving = total(c * v * v for g, _, c, _, _, v in Bushings(self.s, self.state).rows if self.s.pin[g] == i)
+        return turning + giving
 
     @cached_property
     def tips(self) -> list[Tip]:
@@ -60,6 +79,6 @@ class Elements:
 
     def energy(self) -> list[Statement]:
         """Energies stored, powers put in and lost, of everything."""
-        contacts = [self._contact(c) for c in range(len(self.s.contact))]
+        contacts = [self.contact(c) for c in range(len(self.s.contact))]
         every = [self.bodies, *self.smooth, *contacts, *self.tips]
         return [line for e in every for line in e.energy()]

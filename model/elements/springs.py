@@ -34,36 +34,36 @@ class Dampers:
 
     def __init__(self, s: Structure, state: State) -> None:
         driven = {i for _, i in s.drive}
-        self._rows: list[tuple[int, Expression, Expression, str]] = []
+        self.rows: list[tuple[int, Expression, Expression, str]] = []
         for k, i in enumerate(s.damper):
             number = s.number(5, L.DAMPER_SIZE, k, 0)
-            self._rows.append((i, number, state.v[i], "drive" if i in driven else "shank"))
+            self.rows.append((i, number, state.v[i], "drive" if i in driven else "shank"))
 
     def forces(self) -> list[Statement]:
         """Torques, N m."""
-        return [Add(name(f"f{i}"), -(d * v)) for i, d, v, _ in self._rows]
+        return [Add(name(f"f{i}"), -(d * v)) for i, d, v, _ in self.rows]
 
     def energy(self) -> list[Statement]:
         """What they lose, W."""
-        return [Add(name(loss), d * v * v) for _, d, v, loss in self._rows]
+        return [Add(name(loss), d * v * v) for _, d, v, loss in self.rows]
 
 
 class Bushings:
     """Force load - k d - c dd/dt along each direction in which a joint gives."""
 
     def __init__(self, s: Structure, state: State) -> None:
-        self._rows = []
+        self.rows = []
         for k, g in enumerate(s.pin):
             stiffness, damping, load = (s.number(8, L.PIN_SIZE, k, n) for n in (L.PIN_K, L.PIN_C, L.PIN_LOAD))
-            self._rows.append((g, stiffness, damping, load, state.q[g], state.v[g]))
+            self.rows.append((g, stiffness, damping, load, state.q[g], state.v[g]))
 
     def forces(self) -> list[Statement]:
         """Forces on the body, N."""
-        return [Add(name(f"f{g}"), load - k * d - c * v) for g, k, c, load, d, v in self._rows]
+        return [Add(name(f"f{g}"), load - k * d - c * v) for g, k, c, load, d, v in self.rows]
 
     def energy(self) -> list[Statement]:
         """What they store, J, and lose, W."""
         out: list[Statement] = []
-        for _, k, c, load, d, v in self._rows:
+        for _, k, c, load, d, v in self.rows:
             out += [Add(name("energy"), (0.5 * k * d - load) * d), Add(name("pins"), c * v * v)]
         return out

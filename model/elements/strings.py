@@ -9,6 +9,7 @@ compilation serves any. Derivation: docs/decisions/0192-string-in-the-action.md.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 from model.compiler.expressions import (
@@ -42,7 +43,8 @@ NOT_A_NUMBER = float("nan")
 class Modes:
     """Where the numbers and states of a string's modes are."""
 
-    def __init__(self, s: Structure) -> None:
+    def __init__(self, s: Structure, array: str = "w", row: int = W.AUDIT_Z) -> None:
+        self.array, self.row = array, row
         self._numbers, self.first = s.offset[7], s.first_of_string()
         self._count = read("p", self._numbers)
         self.count = whole(self._count)
@@ -62,7 +64,7 @@ class Modes:
 
     def state(self, row: int, half: int, i: Expression) -> Expression:
         """Way (0) or rate (1) of mode ``i`` in a row of memories."""
-        return read("w", row + self.first + L.STRING_STATES, self.half(half, i))
+        return read(self.array, row + self.first + L.STRING_STATES, self.half(half, i))
 
     def place(self, row: int, half: int, i: Expression) -> Place:
         """Where it is."""
@@ -118,13 +120,17 @@ class Modes:
         return each("carried on", self.count, one)
 
 
+@dataclass
 class StringContact(Contact):
     """The contact in which a string stands for the bar; the string's ``sway`` and ``swing`` are names set before."""
+
+    states: tuple[str, int] = ("w", W.AUDIT_Z)
+    """Array and row of memories in which an energy reads the modes."""
 
     @cached_property
     def modes(self) -> Modes:
         """The string's."""
-        return Modes(self.s)
+        return Modes(self.s, *self.states)
 
     @cached_property
     def under(self) -> tuple[Expression, Expression]:
@@ -157,9 +163,9 @@ class StringContact(Contact):
             ]),
         ]  # fmt: skip
 
-    def energy(self) -> list[Statement]:
-        """What modes, felt and what gives way store, J; what modes and felt lose, W."""
-        modes, row = self.modes, W.AUDIT_Z
+    def energy(self, label: str = "") -> list[Statement]:
+        """What modes, felt and what gives way store, J, and lose, W; to names that end with ``label``."""
+        modes, row = self.modes, self.modes.row
         pressing, force, slow = self._law
         pressed, held = where(pressing, force, 0.0), where(pressing, slow, 0.0)
         x = self.under[0] - modes.give * held
@@ -167,12 +173,15 @@ class StringContact(Contact):
 
         def lost(i: Expression) -> list[Statement]:
             u = modes.state(row, 1, i)
-            return [Add(name("string"), modes.number(2, i) * u * u / modes.number(0, i))]
+            return [Add(name("string" + label), modes.number(2, i) * u * u / modes.number(0, i))]
 
-        awake = read("w", row + modes.first + L.SINCE) < 0.5 * AWAKE
-        touch: list[Statement] = [Add(name("energy"), stored), Add(name("felt"), (pressed - held) * self.under[1])]
+        awake = read(modes.array, row + modes.first + L.SINCE) < 0.5 * AWAKE
+        touch: list[Statement] = [
+            Add(name("energy" + label), stored),
+            Add(name("felt" + label), (pressed - held) * self.under[1]),
+        ]
         inside = [each("lost", modes.count, lost), *modes.sums(row), If(self.under[0] > 0.0, touch)]
-        return [modes.stored(row, name("energy")), If(awake, inside)]
+        return [modes.stored(row, name("energy" + label)), If(awake, inside)]
 
     # what a step does with the modes ------------------------------------------------------------------------------
 

@@ -39,9 +39,9 @@ class Tip:
         ]
         return [If((self.depth > 0.0) & pressing, pushes)]
 
-    def energy(self) -> list[Statement]:
-        """What its felt stores, J, and loses, W."""
+    def energy(self, label: str = "") -> list[Statement]:
+        """What its felt stores, J, and loses, W; to names that end with ``label``."""
         pressing, force = self.felt
         lost = (where(pressing, force, 0.0) - largest(felts.loading(self.depth, self._curve), 0.0)) * self.rate
         stored = felts.stored(self.depth, self._curve)
-        return [If(self.depth > 0.0, [Add(name("energy"), stored), Add(name("felt"), lost)])]
+        return [If(self.depth > 0.0, [Add(name("energy" + label), stored), Add(name("felt" + label), lost)])]

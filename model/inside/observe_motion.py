@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
+from model.derived import columns as C
 from model.errors import InputError
 from model.inside.state_observer import ObservedStates, Observer
-from model.kernels import layout as L
-from model.kernels.trajectory import contact_forces as O
 from model.parameters.effects import RAIL
 from model.scene.build import Scene
 from model.simulation.loads_and_losses import Inside
@@ -24,7 +23,7 @@ from model.simulation.rail_reaction import Lift, RailLift, RailTension, Tension,
 from model.verification.adaptive_quadrature import integrate_panels, panel_edges
 
 Array = NDArray[np.float64]
-States = Callable[[Array], tuple[Array, Array]]
+States = Callable[[Array], tuple[Array, ...]]
 
 GOAL = 1e-6  # error of what accumulates, as a share of all losses
 LONGEST_PANEL_S = 5e-4
@@ -45,8 +44,8 @@ class _Record:
         contact = states.contact
         self.time_s.append(times)
         self.joint_n.append(states.joint_forces())
-        self.rail_m.append(np.zeros(len(times)) if self.rail is None else contact[:, self.rail, O.SEEN_DEPTH])
-        self.largest_n = np.maximum(self.largest_n, contact[:, :, O.SEEN_NORMAL].max(axis=0, initial=0.0))
+        self.rail_m.append(np.zeros(len(times)) if self.rail is None else contact[:, self.rail, C.DEPTH])
+        self.largest_n = np.maximum(self.largest_n, contact[:, :, C.NORMAL].max(axis=0, initial=0.0))
 
 
 def observe(
@@ -57,7 +56,8 @@ def observe(
     Parameters
     ----------
     scene : what took part
-    states : gives angles and speeds, (m, n) each, at increasing times (m,) s from ``start``; called a few times
+    states : gives angles and speeds, (m, n) each, and, where felt, joints or a string remember, rows (m, z) of that, at
+        increasing times (m,) s from ``start``; called a few times
     time_s : (m,) times of the rows to return
     start : where the run began, s; sums count from here
     input_time_s, value : (k,) input of the run, linear between its points
@@ -83,17 +83,19 @@ def observe(
     >>> inside.time_s.shape
     (10,)
     """
-    scene.refuse_memory("inside view")
     observer, record = Observer(scene), _Record(scene)
     wanted, input_s = as_numbers(time_s, "times to observe", 1), as_numbers(input_time_s, "input times", 1)
     given = as_numbers(value, "input", 1)
     if given.shape != input_s.shape:
         raise InputError(f"input: found {input_s.shape} times and {given.shape} values, allowed as many")
+    if scene.command is not None:
+        input_s, given = scene.command.table(input_s, given, False)
     c, n, b = len(scene.contacts), scene.size, len(scene.tables.probe)
     width = 3 * c + n + b
 
     def evaluate(times: Array) -> ObservedStates:
-        found = observer.evaluate(*states(times), np.interp(times, input_s, given))
+        angle, speed, *rows = states(times)
+        found = observer.evaluate(angle, speed, np.interp(times, input_s, given), *rows)
         record.add(times, found)
         return found
 
@@ -101,11 +103,11 @@ def observe(
 
     def rates(times: Array) -> tuple[Array, Array]:
         at = evaluate(times)
-        lost = [at.contact[:, :, O.SEEN_RUBBED], at.contact[:, :, O.SEEN_FELT], at.joint_loss_w, at.tip[:, :, 1]]
+        lost = [at.contact[:, :, C.RUBBED], at.contact[:, :, C.FELT], at.joint_loss_w, at.tip[:, :, 1]]
         power = np.concatenate(lost, axis=1)
         if not work:
             work.append(float(np.trapezoid(np.abs(power).sum(axis=1), times)))
-        return np.concatenate([power, np.abs(at.contact[:, :, O.SEEN_SLIDE])], axis=1), np.zeros(len(times))
+        return np.concatenate([power, np.abs(at.contact[:, :, C.SLIDE])], axis=1), np.zeros(len(times))
 
     end = float(wanted[-1]) if len(wanted) else start
     totals = np.zeros((len(wanted), width))
@@ -122,21 +124,21 @@ def observe(
     return Inside(
         scene=scene,
         time_s=wanted,
-        normal_n=at.contact[:, :, O.SEEN_NORMAL],
-        friction_n=at.contact[:, :, O.SEEN_FRICTION],
-        penetration_m=at.contact[:, :, O.SEEN_DEPTH],
-        sliding_m_per_s=at.contact[:, :, O.SEEN_SLIDE],
+        normal_n=at.contact[:, :, C.NORMAL],
+        friction_n=at.contact[:, :, C.FRICTION],
+        penetration_m=at.contact[:, :, C.DEPTH],
+        sliding_m_per_s=at.contact[:, :, C.SLIDE],
         slid_m=slid,
         rubbed_j=rubbed,
         felt_j=felt,
-        point_m=at.contact[:, :, O.SEEN_X : O.SEEN_Y + 1],
+        point_m=at.contact[:, :, C.X : C.Y + 1],
         tip_n=at.tip[:, :, 0],
         tip_j=tip,
         joint_n=record.joint_n[-1],
         joint_j=joint,
         center_m_per_s=at.velocity,
         center_m_per_s2=at.acceleration,
-        angle_rad_per_s=at.pose[:, :, L.POSE_OMEGA],
+        angle_rad_per_s=at.body[:, :, C.TURNING],
         angle_rad_per_s2=at.turning,
         pose=at.poses(),
         largest_normal_n=record.largest_n,

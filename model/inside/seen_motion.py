@@ -6,13 +6,13 @@ y up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model.derived import columns as C
 from model.inside.state_observer import Observer
-from model.kernels.trajectory import contact_forces as O
 from model.scene.build import Scene
 
 Array = NDArray[np.float64]
@@ -88,14 +88,19 @@ def see_motion(
     >>> seen.pose.shape
     (3501, 5, 3)
     """
+    scene_of_places = scene
     if normal_n is None:
         scene.refuse_memory("forces of a drawing from angles alone")
-    found = Observer(scene).evaluate(angle_rad, speed_rad_per_s, force_n)
+        rows = None
+    else:  # for places and depths only: felt as if it remembered nothing, joints where they are drawn
+        scene_of_places = replace(scene, tables=scene.static_tables)
+        rows = np.zeros((len(angle_rad), 2 * len(scene.pins)))
+    found = Observer(scene_of_places).evaluate(angle_rad, speed_rad_per_s, force_n, rows)
     return SeenMotion(
         scene=scene,
         time_s=time_s,
         pose=found.poses(),
-        point_m=found.contact[:, :, O.SEEN_X : O.SEEN_Y + 1],
-        penetration_m=found.contact[:, :, O.SEEN_DEPTH],
-        normal_n=found.contact[:, :, O.SEEN_NORMAL] if normal_n is None else normal_n,
+        point_m=found.contact[:, :, C.X : C.Y + 1],
+        penetration_m=found.contact[:, :, C.DEPTH],
+        normal_n=found.contact[:, :, C.NORMAL] if normal_n is None else normal_n,
     )

@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.derived.columns import ANGLE, HELD, JOINT_Y
+from model.derived.observe import bodies_at
 from model.integrators.methods import DEFAULT_METHOD
-from model.kernels.trajectory.prescribed_load import load_along
 from model.parameters.action import BODIES, Action
 from model.parameters.effects import SHANK
-from model.scene.build import build_scene
+from model.scene.build import Scene, build_scene
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import SceneChoice
 from model.simulation.run import Simulation, State
@@ -80,8 +81,27 @@ def run_prescribed(
     angles, speeds = run.advance(float(times[-1]), span, span, output_time_s=times)
     key = motion.at(times)
     angles, speeds = np.column_stack([angles, key[:, 0]]), np.column_stack([speeds, key[:, 1]])
-    force, rail = np.empty(len(key)), np.empty(len(key))
-    load_along(angles, speeds, np.ascontiguousarray(key[:, 2]), scene.vector, scene.tables, force, rail)
+    force, rail = key_load(scene, angles, speeds, key[:, 2])
     bodies = tuple(b for b in (*BODIES, SHANK) if b in scene.bodies)
     order = [scene.bodies.index(b) for b in bodies]
     return PrescribedRun(bodies, angles[:, order], speeds[:, order], force, rail, run.work())
+
+
+def key_load(
+    scene: Scene, angles: Array, speeds: Array, acceleration: Array, vector: Array | None = None
+) -> tuple[Array, Array]:
+    """What holds a key to its motion: force (m,) N down at the drive point, and of the pivot on the key, N, upwards.
+
+    Parameters
+    ----------
+    scene : with the key prescribed, its last coordinate
+    angles, speeds : (m, n) of all coordinates
+    acceleration : (m,) of the key, rad/s^2
+    vector : numbers of the scene; its own by default
+    """
+    p, key = scene.vector if vector is None else vector, len(scene.bodies) - 1
+    found = bodies_at(scene.tables, p, (angles, speeds), prescribed=acceleration)[:, key]
+    x, y = p[scene.tables.offset[2] : scene.tables.offset[2] + 2]
+    arm = np.cos(found[:, ANGLE]) * x - np.sin(found[:, ANGLE]) * y
+    force = -found[:, HELD] / arm
+    return force, found[:, JOINT_Y] + force

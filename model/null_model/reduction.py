@@ -22,7 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.kernels.trajectory.contact_forces import forces_along, penetrations
+from model.derived.columns import DEPTH, NORMAL
+from model.derived.observe import contacts_at
 from model.observables import hammer_height_from_angle
 from model.parameters.action import BACK_CHECK, BODIES, BUTTON, CONTACTS, Action
 from model.parameters.felt_laws import HUNT_CROSSLEY
@@ -127,8 +128,7 @@ def _touch(scene: Scene, name: str, q: Array) -> float:
     """Penetration of a contact (m), negative where open; -inf where the scene has no such contact."""
     if name not in scene.contacts:
         return -np.inf
-    depth = np.zeros(len(scene.contacts))
-    penetrations(q, np.zeros(scene.size), scene.vector, scene.tables, depth)
+    depth = contacts_at(scene.tables, scene.vector, q[None], np.zeros((1, scene.size)))[0, :, DEPTH]
     return float(depth[scene.contacts.index(name)])
 
 
@@ -141,9 +141,7 @@ def _caught(scene: Scene, angle_rad: Array, rest: float, up: float, string: floa
     def touches(height: Array) -> NDArray[np.bool_]:
         q = angle_rad.copy()
         q[:, HAMMER] = rest + up * height
-        normal, tangential = np.zeros((2, len(q), len(scene.contacts)))
-        forces_along(q, np.zeros_like(q), scene.vector, scene.tables, normal, tangential)
-        return np.asarray(normal[:, column] > 0.0)
+        return np.asarray(contacts_at(scene.tables, scene.vector, q, np.zeros_like(q))[:, column, NORMAL] > 0.0)
 
     # an open place above and a touching one below, per position of the key
     high, low = np.full(len(angle_rad), np.nan), np.full(len(angle_rad), np.nan)

@@ -53,21 +53,3 @@ def rested(tables: L.Tables, vector: NDArray[np.float64], depth_m: Sequence[floa
         a, b, c = vector[o + L.K_A : o + L.K_C + 1]
         out[m] = ((a * x + b) * x + c) * x if law == L.STULOV else 1.0
     return out
-
-
-def share_left(
-    tables: L.Tables, vector: NDArray[np.float64], slow_n: NDArray[np.float64], memory: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Share of the slow loading force ``slow_n`` (m, c) with which each contact presses, memories (m, z)."""
-    out = np.ones_like(slow_n)
-    contacts = tables.memory[:, 0]
-    numbers = vector[tables.offset[6] : tables.offset[7]].reshape(-1, L.MEMORY_SIZE)
-    for contact in np.unique(contacts):
-        mine = np.flatnonzero(contacts == contact)
-        share = numbers[mine, L.SHARE]
-        if tables.memory[mine[0], 1] == L.STULOV:
-            slow = np.where(slow_n[:, contact] > 0.0, slow_n[:, contact], np.inf)
-            out[:, contact] = np.maximum(0.0, 1.0 - share[0] * memory[:, mine[0]] / slow) / (1.0 - share[0])
-        else:
-            out[:, contact] = (1.0 + memory[:, mine] @ share) / (1.0 + share.sum())
-    return out

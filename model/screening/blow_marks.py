@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.kernels.trajectory.contact_forces import forces_along, penetrations
+from model.derived.columns import DEPTH, NORMAL
+from model.derived.observe import contacts_at
 from model.observables import hammer_height_m, key_dip_m, key_front_gap_m
 from model.parameters.action import BACK_CHECK, JACK_KNUCKLE, LEVER_KNUCKLE, STRING, Action
 from model.parameters.effects import SHANK
@@ -102,10 +103,7 @@ def _carried_back(time: Array, y: Array, k: int) -> tuple[float, float]:
 
 def _pressing(scene: Scene, angle: Array, speed: Array, contacts: tuple[str, ...]) -> NDArray[np.bool_]:
     """Whether any of some contacts presses, (m,)."""
-    normal = np.zeros((len(angle), len(scene.contacts)))
-    forces_along(
-        np.ascontiguousarray(angle), np.ascontiguousarray(speed), scene.vector, scene.tables, normal, normal.copy()
-    )
+    normal = contacts_at(scene.tables, scene.vector, angle, speed)[:, :, NORMAL]
     columns = [scene.contacts.index(c) for c in contacts if c in scene.contacts]
     out: NDArray[np.bool_] = np.any(normal[:, columns] > 0.0, axis=1)
     return out
@@ -127,8 +125,7 @@ def _let_off(scene: Scene, motion: tuple[Array, Array, Array], strike: int) -> i
 
 def _knuckle_depth(scene: Scene, angle: Array, speed: Array) -> float:
     """How far the knuckle is pressed into what drives it, the deeper of both, m."""
-    depth = np.zeros(len(scene.contacts))
-    penetrations(np.ascontiguousarray(angle), np.ascontiguousarray(speed), scene.vector, scene.tables, depth)
+    depth = contacts_at(scene.tables, scene.vector, angle[None], speed[None])[0, :, DEPTH]
     return max(float(depth[scene.contacts.index(c)]) for c in (JACK_KNUCKLE, LEVER_KNUCKLE) if c in scene.contacts)
 
 

@@ -14,7 +14,8 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from model.kernels.trajectory.contact_forces import depths_along
+from model.derived.columns import DEPTH, RATE
+from model.derived.observe import contacts_at
 from model.observables import hammer_height_m, key_dip_m
 from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
 from model.parameters.effects import SHANK
@@ -96,11 +97,9 @@ class Events:
 
     def _depth_of(self, contact: str, angle: Array, speed: Array, vector: Array | None = None) -> tuple[Array, Array]:
         """Penetration (m,) of a contact, m, negative where it is open, and its rate (m,), m/s."""
-        out = np.empty((2, len(angle)))
-        states = np.ascontiguousarray(angle), np.ascontiguousarray(speed)
         numbers = self.scene.vector if vector is None else vector
-        depths_along(*states, numbers, self.scene.tables, self.scene.contacts.index(contact), *out)
-        return out[0], out[1]
+        found = contacts_at(self.scene.tables, numbers, angle, speed)[:, self.scene.contacts.index(contact)]
+        return found[:, DEPTH], found[:, RATE]
 
     # where a level is passed
 

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
 from model.force_driven import check_output_times
-from model.kernels.trajectory.prescribed_load import load_along
-from model.motion_driven.prescribed_key import LONGEST_STEP_S
+from model.motion_driven.prescribed_key import LONGEST_STEP_S, key_load
 from model.motion_driven.spline_fit import fit_key_motion
 from model.parameters.action import Action, load_action
 from model.scene.build import build_scene
@@ -103,10 +102,7 @@ def motion_sensitivities(
     d_speed = np.concatenate([followed.speed, np.zeros((len(wanted), 1, len(named)))], axis=1)
 
     def force(q: Array, v: Array, p: Array) -> Array:
-        out, rail = np.empty((2, len(q)))
-        a = np.ascontiguousarray(moved[:, 2])
-        load_along(np.ascontiguousarray(q), np.ascontiguousarray(v), a, p, scene.tables, out, rail)
-        return out[:, None]
+        return key_load(scene, q, v, moved[:, 2], p)[0][:, None]
 
     d_force = force_slopes(slopes, force, (angle, speed), (d_angle, d_speed))[:, 0]
     idle = tuple(p.name for j, p in enumerate(named) if not (np.any(d_angle[:, :, j]) or np.any(d_force[:, j])))

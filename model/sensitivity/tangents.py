@@ -11,17 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.load import kernels_of
-from model.elements.structure import solved_contacts
-from model.errors import IntegrationError
+from model.derived.load import kernels_of, slopes_of
+from model.errors import InputError, IntegrationError
 from model.integrators.tangents.follow import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, follow
-from model.integrators.tangents.loads import load_space
-from model.integrators.tangents.nodes import LANES, Linear, Space, linearise_node
-from model.integrators.tangents.normal_slopes import Moved, normal_slopes
+from model.integrators.tangents.loads import LANES, Loads, Moved, normal_slopes
+from model.integrators.tangents.nodes import Linear, Space, linearise_node
 from model.integrators.tangents.radau import STAGES, Wanted
-from model.integrators.tangents.recorded_motion import FULL, Log, Motion, Structure, find_kinks, record, states_along
+from model.integrators.tangents.recorded_motion import FULL, Log, Motion, find_kinks, record, states_along
 from model.kernels import layout as L
 from model.kernels import workspace as W
+from model.kernels.regimes import MOST_CONTACTS, normal_size
 from model.kernels.signatures import SceneNumbers, StepKernels
 from model.sensitivity.parameter_names import Directions
 from model.sensitivity.sources import sources_of
@@ -61,9 +60,9 @@ class _Run:
         tables = self.scene.tables
         self.kernels: StepKernels = kernels_of(tables)
         self.numbers = SceneNumbers(self.scene.vector, tables.parent[: self.scene.size], self.scene.solved_contacts)
-        self.structure = Structure(
-            np.array(solved_contacts(tables), dtype=np.int64), tables.contact, int(tables.offset[1]), tables.parent
-        )
+        if self.scene.solved_contacts > MOST_CONTACTS:
+            raise InputError(f"sensitivities: found {self.scene.solved_contacts} contacts, allowed {MOST_CONTACTS}")
+        self.regime = slopes_of(tables, "regime")
         n, p = self.scene.size, _filled_up(len(directions.parameters))
         count, nodes = STAGES * n, STAGES + 1
         self.space = Space(
@@ -73,7 +72,14 @@ class _Run:
             aligned(count, _filled_up(count)), np.zeros((count, count)), np.zeros(count, dtype=np.int64),
             aligned(count, p), aligned(2 * n, p), aligned(2 * n, p),
         )  # fmt: skip
-        self.linear = Linear(self.numbers, self.kernels, tables, sources_of(directions), load_space(tables), self.space)
+        self.linear = Linear(self.numbers, self.kernels, sources_of(directions), self._loads(n), self.space)
+
+    def _loads(self, n: int) -> Loads:
+        tables, size = self.scene.tables, normal_size(len(self.scene.bodies))
+        return Loads(
+            slopes_of(tables, "numbers"), slopes_of(tables, "normals"), np.zeros(1),
+            np.zeros(n * len(self.scene.vector)), np.zeros(len(self.scene.contacts) * size),
+        )  # fmt: skip
 
 
 def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
@@ -84,11 +90,9 @@ def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
     counters, most = plan.account.counters, limits.most_steps
     before = counters[L.N_STEPS] + counters[L.N_REJECTED]
     while True:
-        part = Motion(
-            np.zeros((ROWS, 2)), np.zeros((ROWS, depth, n)), np.zeros(ROWS, np.int64), np.zeros(ROWS, np.int64)
-        )
+        part = Motion(np.zeros((ROWS, 2)), np.zeros((ROWS, depth, n)), np.zeros(ROWS, np.int64))
         time, step, status, rows = record(
-            span, plan.drive, run.numbers, run.structure, run.kernels, plan.method.coefficients, limits,
+            span, plan.drive, run.numbers, run.kernels, run.regime, plan.method.coefficients, limits,
             Log(part, plan.account.counters),
         )  # fmt: skip
         parts.append(Motion(*(array[:rows] for array in part)))
@@ -213,7 +217,7 @@ class Recorded:
         n, p = self.d_rest.shape
         filled = _filled_up(p)
         kinks = np.empty((4 * len(motion.time) + 4, 2))
-        found = find_kinks(motion, self.drive, run.scene.vector, run.structure, run.kernels.linearise, kinks)
+        found = find_kinks(motion, self.drive, run.scene.vector, run.kernels.linearise, run.regime, kinks)
         scale = np.array([parameter.scale for parameter in self.directions.parameters])
         floor = aligned(2, filled)
         floor[:, :p], floor[:, p:] = [LEAST_ANGLE / scale, LEAST_SPEED / scale], 1.0
@@ -244,5 +248,6 @@ class Recorded:
         normal = np.empty((len(state[0]), len(scene.contacts)))
         out = aligned(*normal.shape, slopes[0].shape[2])
         moved = Moved(*state, *slopes)
-        normal_slopes(moved, scene.vector, scene.tables, linear.sources, linear.loads, np.zeros(W.SIZE), normal, out)
+        contacts_at = int(scene.tables.offset[1])
+        normal_slopes(moved, scene.vector, contacts_at, linear.sources, linear.loads, np.zeros(W.SIZE), normal, out)
         return normal, out[:, :, : len(self.directions.parameters)]

@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
+from model.derived.columns import FRICTION, NORMAL, TIP_FORCE
 from model.derived.load import energy_of, kernels_of
+from model.derived.observe import contacts_at, tips_at
 from model.errors import InputError, IntegrationError
 from model.integrators.methods import DEFAULT_METHOD, get_method
 from model.integrators.step_control import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS
@@ -23,13 +25,10 @@ from model.integrators.tableau import RosenbrockTableau
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
-from model.kernels.trajectory.contact_forces import forces_along, probe_forces_along
 from model.scene.build import Scene
-from model.scene.felt_memory import share_left
-from model.simulation.giving_motion import contacts_along, tip_forces
 from model.simulation.state import State as State
 from model.simulation.state import check_input, with_memory
-from model.simulation.string_motion import string_force, swung_on
+from model.simulation.string_motion import swung_on
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
 # benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N
@@ -246,33 +245,20 @@ class Simulation:
         Where felt remembers, ``memory`` (m, z) belongs to the states; by default that of the last outputs.
         """
         angle_rad, speed_rad_per_s = self._states(angle_rad, speed_rad_per_s, "contact forces")
-        normal = np.zeros((len(angle_rad), len(self.scene.contacts)))
-        tangential = np.zeros_like(normal)
         rows = self.remembered if memory is None else as_numbers(memory, "contact forces: memories", 2)
         if self.scene.remembers and len(rows) != len(angle_rad):
             raise InputError(f"contact forces: found {len(rows)} rows of memories, allowed {len(angle_rad)}")
-        if self.scene.pins:
-            normal, tangential = np.moveaxis(contacts_along(self.scene, angle_rad, speed_rad_per_s, rows)[0], 2, 0)
-        else:
-            forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
-        if self.scene.remembers:
-            share = share_left(self.scene.tables, self.scene.vector, normal, rows)
-            normal, tangential = normal * share, tangential * share
-            if len(self.scene.tables.string):
-                contact = int(self.scene.tables.string[0])
-                normal[:, contact] = string_force(self.scene, angle_rad, speed_rad_per_s, rows)
-        return normal, tangential
+        given = rows if self.scene.remembers else None
+        found = contacts_at(self.scene.tables, self.scene.vector, angle_rad, speed_rad_per_s, given)
+        return found[:, :, NORMAL], found[:, :, FRICTION]
 
     def probe_forces(self, angle_rad: ArrayLike, speed_rad_per_s: ArrayLike) -> NDArray[np.float64]:
         """Force of each one-sided probe (the motor arm on the key) at given states; (m, n) in, (m, b) out, N."""
         angle_rad, speed_rad_per_s = self._states(angle_rad, speed_rad_per_s, "probe forces")
-        if self.scene.pins:
-            if len(self.remembered) != len(angle_rad):
-                raise InputError(f"probe forces: found {len(angle_rad)} states, allowed those last given out")
-            return tip_forces(self.scene, angle_rad, speed_rad_per_s, self.remembered)
-        force = np.zeros((len(angle_rad), len(self.scene.tables.probe)))
-        probe_forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, force)
-        return force
+        given = self.remembered if self.scene.remembers else None
+        if given is not None and len(given) != len(angle_rad):
+            raise InputError(f"probe forces: found {len(angle_rad)} states, allowed those last given out")
+        return tips_at(self.scene.tables, self.scene.vector, angle_rad, speed_rad_per_s, given)[:, :, TIP_FORCE]
 
     def _states(
         self, angle_rad: ArrayLike, speed_rad_per_s: ArrayLike, what: str

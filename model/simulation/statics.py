@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
+from model.derived.columns import DEPTH, NORMAL
 from model.derived.load import kernels_of
+from model.derived.observe import contacts_at
 from model.errors import InputError, StaticsError
 from model.kernels import workspace as W
-from model.kernels.trajectory.contact_forces import forces_along, penetrations
 from model.parameters.action import Action
 from model.scene.build import Scene, build_scene
 from model.scene.pressing import steady_current
-from model.simulation.giving_motion import contacts_along
 
 LARGEST_TURN = 0.05  # rad per iteration
 KICK = 1e-3  # rad, off a saddle
@@ -229,20 +229,13 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     scene.check_whole(q, "rest state")
     forces, _, _ = balance(scene, found, force_n)
     still = np.zeros(scene.size)
-    normal, tangential = (np.zeros((1, len(scene.contacts))) for _ in range(2))
-    depth = np.zeros(len(scene.contacts))
-    if len(give):
-        rows = np.concatenate([np.zeros(len(scene.tables.memory)), give, np.zeros(len(give))])[None]
-        pressed, deep = contacts_along(scene, q[None], still[None], rows)
-        normal[0], depth = pressed[0, :, 0], deep[0, :, 0]
-    else:
-        forces_along(q[None], still[None], scene.vector, scene.tables, normal, tangential)
-        penetrations(q, still, scene.vector, scene.tables, depth)
+    rows = np.concatenate([give, np.zeros(len(give))])[None]
+    pressed = contacts_at(scene.static_tables, scene.vector, q[None], still[None], rows)[0]
     return RestState(
         bodies=scene.bodies,
         angle_rad=q,
         contacts=scene.contacts,
-        contact_normal_n=normal[0],
-        penetration_m=depth,
+        contact_normal_n=pressed[:, NORMAL],
+        penetration_m=pressed[:, DEPTH],
         residual_nm=float(np.max(np.abs(forces))),
     )

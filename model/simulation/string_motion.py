@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 
 from model.elements.strings import AWAKE
 from model.kernels import layout as L
-from model.kernels.trajectory.contact_forces import depths_along
 from model.scene.build import Scene
-from model.simulation.giving_motion import contacts_along
 
 Array = NDArray[np.float64]
 
@@ -107,29 +105,6 @@ def string_motion(scene: Scene, time_s: Array, rows: Array) -> StringMotion | No
     if not len(scene.tables.string):
         return None
     return StringMotion(scene, time_s, rows)
-
-
-def string_force(scene: Scene, angle_rad: Array, speed_rad_per_s: Array, rows: Array) -> Array:
-    """Force (m,) between hammer and string, N, at states (m, n) with rows (m, z) of memories."""
-    contact = int(scene.tables.string[0])
-    depth, rate = np.zeros(len(angle_rad)), np.zeros(len(angle_rad))
-    if scene.pins:
-        depth, rate = contacts_along(scene, angle_rad, speed_rad_per_s, rows)[1][:, contact].T
-    else:
-        depths_along(angle_rad, speed_rad_per_s, scene.vector, scene.tables, contact, depth, rate)
-    at, (gain, _, _), give = _numbers(scene)
-    first, count = at + L.STRING_STATES, len(gain)
-    awake = rows[:, at + L.SINCE] < 0.5 * AWAKE
-    x = np.where(awake, depth - rows[:, first : first + count].sum(axis=1), -1.0)
-    rate = rate - rows[:, first + count : first + 2 * count].sum(axis=1)
-    o = int(scene.tables.offset[1]) + L.CONTACT_SIZE * contact
-    a, b, c, d = scene.vector[o + L.K_A : o + L.DAMP + 1]
-    slow = np.zeros(len(x))
-    for _ in range(50):  # the modes left out give way by the slow force itself
-        pressed = np.maximum(0.0, x - give * slow)
-        off = np.maximum(0.0, ((a * pressed + b) * pressed + c) * pressed) - slow
-        slow += off / (1.0 + give * ((3.0 * a * pressed + 2.0 * b) * pressed + c))
-    return np.asarray(slow * np.maximum(0.0, 1.0 + d * rate))
 
 
 def lost_meanwhile(scene: Scene, time_s: tuple[float, float], memory: tuple[Array, Array]) -> float:

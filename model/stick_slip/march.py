@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.calibration.friction import peak_ratio
+from model.derived.columns import NORMAL
+from model.derived.load import observer_of
+from model.derived.observe import contacts_at
 from model.errors import InputError, IntegrationError
 from model.files.force_table import check_force_table
+from model.integrators.stick_slip import SWEEPS, Forcing, FrictionLimits, Rows, step_along
 from model.kernels import layout as L
-from model.kernels.trajectory.contact_forces import forces_along
-from model.kernels.trajectory.stick_slip import SWEEPS, Forcing, FrictionLimits, Rows, step_along
 from model.parameters.action import Action
 from model.scene.build import Scene, build_scene
 from model.simulation.solution import Solution
@@ -91,13 +93,13 @@ def simulate(action: Action, time_s: ArrayLike, force_n: ArrayLike, step_s: floa
     middles = times[0] + h * (np.arange(every * (m - 1)) + 0.5)
     u = np.interp(middles, times, forces)
     smooth = _without_friction(scene)
-    limits = FrictionLimits(scene.vector, smooth, _static_ratio(action, scene))
-    sweeps = step_along(q, v, Forcing(u, h, every), limits, scene.tables, Rows(angle, speed, held))
+    limits = FrictionLimits(scene.vector, smooth, _static_ratio(action, scene), int(scene.tables.offset[1]))
+    marched = observer_of(scene.tables, "marched")
+    sweeps = step_along(q, v, Forcing(u, h, every), limits, marched, Rows(angle, speed, held))
     if not np.all(np.isfinite(angle)) or sweeps >= SWEEPS:
         raise IntegrationError(f"stick-slip march: no motion found with steps of {h:g} s; take a shorter step")
     angles, speeds = np.vstack([first, angle]), np.vstack([np.zeros(n), speed])
-    normal, none = np.zeros((m, c)), np.zeros((m, c))
-    forces_along(angles, speeds, smooth, scene.tables, normal, none)
+    normal = contacts_at(scene.tables, smooth, angles, speeds)[:, :, NORMAL]
     sticks = np.vstack([np.zeros((1, c + n), dtype=bool), held.astype(bool)])
     return Marched(
         solution=Solution(

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from model.arrays import as_numbers
+from model.derived.columns import DEPTH
+from model.derived.observe import contacts_at
 from model.errors import InputError
 from model.force_driven import simulate
-from model.inside.state_observer import Observer
-from model.kernels.trajectory import contact_forces as output
 from model.parameters.action import BODIES, Action
 from model.scene.build import build_scene
 from model.string.blow import strike
@@ -80,10 +80,10 @@ def hammer_at_the_string(action: Action, time_s: ArrayLike, force_n: ArrayLike) 
     """
     blow = simulate(action, time_s, force_n)
     scene = build_scene(action)
-    observer, at = Observer(scene), scene.contacts.index(STRING_CONTACT)
+    at = scene.contacts.index(STRING_CONTACT)
 
     def depth(q: Array) -> Array:
-        return observer.evaluate(q, np.zeros_like(q), np.zeros(len(q))).contact[:, at, output.SEEN_DEPTH]
+        return contacts_at(scene.static_tables, scene.vector, q, np.zeros_like(q))[:, at, DEPTH]
 
     pressed = depth(blow.angle_rad) > 0.0
     if not pressed.any():

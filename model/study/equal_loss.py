@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.derived.columns import DEPTH
+from model.derived.observe import contacts_at
 from model.felt.laws import Hysteresis, Stulov
 from model.files.force_table import check_force_table
 from model.force_driven import output_times, simulate
-from model.kernels.trajectory.contact_forces import penetrations
 from model.parameters.action import BACK_CHECK, CONTACTS, KEY_FRONT, STRING, Action
 from model.parameters.felt_laws import HUNT_CROSSLEY, HYSTERESIS, STULOV
 from model.parameters.quantity import allowed_range
@@ -84,10 +85,8 @@ def presses(action: Action, solution: Solution, contacts: Sequence[str]) -> dict
     for contact in contacts:
         c = scene.contacts.index(contact)
         near = np.flatnonzero(np.convolve(normal[:, c] > 0.0, np.ones(3), "same") > 0.0)
-        depth, row = np.zeros(len(near)), np.zeros(len(scene.contacts))
-        for k, at in enumerate(near):
-            penetrations(solution.angle_rad[at], solution.speed_rad_per_s[at], scene.vector, scene.tables, row)
-            depth[k] = row[c]
+        states = solution.angle_rad[near], solution.speed_rad_per_s[near]
+        depth = contacts_at(scene.static_tables, scene.vector, *states)[:, c, DEPTH]
         force = normal[near, c]
         if len(near) > 2 and force.max() > 0.0:
             moved = np.diff(np.maximum(depth, 0.0))

@@ -208,7 +208,8 @@ CALLS: dict[str, Callable[[], Arguments]] = {
         "time_s": np.array([0.0, 2.0**-9]), "start": 0.0, "input_time_s": TIME, "value": FORCE,
     },
     "model.inside.Observer.evaluate": lambda: {
-        "self": model.inside.Observer(scene()), "q": states(), "v": np.zeros((2, 5)), "u": np.array([0.0, 1.0]),
+        "self": model.inside.Observer(model.build_scene(action().with_laws({"contact02": "stulov"}))), "q": states(),
+        "v": np.zeros((2, 5)), "u": np.array([0.0, 1.0]), "memory": np.array([[0.0], [1.0]]),
     },
     "model.calibration.split_phases": lambda: {
         "displacement_m": press()[0], "force_n": press()[1], "common": {"scale": np.ones((2, 24))},

@@ -1,6 +1,6 @@
 """Gauss's elimination with row exchanges, and its use for many right-hand sides side by side in lanes."""
 
-from model.integrators.tangents.nodes import LANES
+from model.integrators.tangents.loads import LANES
 from model.kernels.compile import inlined
 from model.kernels.lanes.operations import rows
 

@@ -1,6 +1,6 @@
 """The linearised equations of a motion at the nodes of a step, with what each parameter adds to them.
 
-M, K and D are the kernels' analytic linearisation; what a parameter adds to the forces is in closed form too (`loads`).
+M, K and D are the kernels' linearisation; what a parameter adds to the forces is derived as they are (`loads`).
 """
 
 from typing import NamedTuple
@@ -8,14 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from model.integrators.tangents.loads import LOAD_SPACE, SOURCES, TABLES, LoadSpace, Sources, parameter_loads
+from model.integrators.tangents.loads import LOADS, SOURCES, Loads, Sources, parameter_loads
 from model.integrators.tangents.recorded_motion import KERNELS, NUMBERS
 from model.kernels.compile import step_loop
-from model.kernels.layout import Tables
 from model.kernels.signatures import SceneNumbers, StepKernels
 from model.kernels.workspace import DAMP, M_DIAG, M_UP, STIFF, WIDTH
-
-LANES = 8  # parameters side by side; their number is filled up to a multiple of it
 
 
 class Space(NamedTuple):
@@ -44,9 +41,8 @@ class Linear(NamedTuple):
 
     scene: SceneNumbers
     kernels: StepKernels
-    tables: Tables
     sources: Sources
-    loads: LoadSpace
+    loads: Loads
     space: Space
 
 
@@ -54,14 +50,14 @@ _f, _i = types.float64, types.int64
 _numbers, _table, _cube = (types.Array(_f, k, "C") for k in (1, 2, 3))
 _integers = types.Array(_i, 1, "C")
 SPACE = types.NamedTuple([_numbers, *[_cube] * 4, *[_table] * 3, _integers, *[_table] * 3], Space)
-LINEAR = types.NamedTuple([NUMBERS, KERNELS, TABLES, SOURCES, LOAD_SPACE, SPACE], Linear)
+LINEAR = types.NamedTuple([NUMBERS, KERNELS, SOURCES, LOADS, SPACE], Linear)
 LINEARISE_NODE = types.void(_i, _f, LINEAR)
 
 
 @step_loop(LINEARISE_NODE)
 def linearise_node(m, u, linear):
     """Linearise at the state in ``space.point`` and fill row ``m`` of M, K, D and the loads."""
-    scene, kernels, tables, sources, loads, space = linear
+    scene, kernels, sources, loads, space = linear
     p, parent, _ = scene
     w = space.point
     n = space.load.shape[1]
@@ -77,7 +73,7 @@ def linearise_node(m, u, linear):
         if up >= 0:
             space.mass[m, i, up] = w[M_UP + i]
             space.mass[m, up, i] = w[M_UP + i]
-    parameter_loads(w, p, u, tables, sources, loads, space.load[m])
+    parameter_loads(w, p, u, sources, loads, space.load[m])
     for k in range(space.carried.shape[0]):
         for i in range(n):
             x = w[STIFF + WIDTH * i + n + k]

@@ -16,7 +16,8 @@ from numba import types
 
 from model.integrators.tangents.coefficients import radau
 from model.integrators.tangents.elimination import factor, substitute, substitute_four
-from model.integrators.tangents.nodes import LANES, SPACE
+from model.integrators.tangents.loads import LANES
+from model.integrators.tangents.nodes import SPACE
 from model.kernels.compile import step_loop
 from model.kernels.lanes.operations import filled, rows
 

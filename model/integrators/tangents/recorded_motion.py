@@ -1,8 +1,9 @@
 """The motion of a scene with everything that its tangents need: the state at any time, and where the forces have kinks.
 
 `record` is the step loop of ``model.integrators.rosenbrock`` without rest and energies; it keeps each step's dense
-output and notes which contacts push. `state_at` reads it. `find_kinks` finds, to a picosecond, when a contact begins or
-ceases to push, passes from the arc of a surface to its tangent, or slides the other way: there the Jacobian jumps.
+output and notes the regime of the contacts. `state_at` reads it. `find_kinks` finds, to a picosecond, when a contact
+begins or ceases to push, passes from the arc of a surface to its tangent, or slides the other way: there the Jacobian
+jumps, or turns within a layer so thin that a step could pass over it unseen.
 """
 
 from typing import NamedTuple
@@ -25,40 +26,23 @@ from model.integrators.step_control import (
 )
 from model.kernels.compile import inlined, step_loop
 from model.kernels.kernel_value import KernelType
-from model.kernels.laws import felt
-from model.kernels.layout import (
-    CONTACT_SIZE,
-    DAMP,
-    HYBRID,
-    K_A,
-    K_B,
-    K_C,
-    MU_A,
-    N_CONTACT,
-    N_JACOBIAN,
-    N_REJECTED,
-    N_RHS,
-    N_STEPS,
-    POSE_SIZE,
-)
+from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
+from model.kernels.regimes import REGIME
 from model.kernels.signatures import INTEGRATE, LINEARISE
 from model.kernels.stepping.events import fit_to_events
 from model.kernels.stepping.inputs import fit_to_input, input_at
-from model.kernels.trajectory.kinematics import gap_geometry, place
-from model.kernels.workspace import GAP, GAP_RATE, Q1, SIZE, SLIDE, V1, WIDTH, Q, U, V
+from model.kernels.workspace import Q1, SIZE, V1, WIDTH, Q, U, V
 
 FULL = 9  # status: the rows are used up; go on with more of them
 NARROW = 1e-12  # s, between the two sides of a kink
-SLIDES_AT = 30  # bit of the first contact in what says that one slides forwards
 
 
 class Motion(NamedTuple):
-    """Steps of a run, (k, ...): start and length, dense output, bits of contacts that push, or push on a tangent."""
+    """Steps of a run, (k, ...): start and length, dense output, bits of the contacts' `model.derived.slopes` regime."""
 
     time: np.ndarray  # (k, 2)
     state: np.ndarray  # (k, 4 + 2 dense, n): q0, v0, q1, v1, then angle and speed parts of each row of the dense output
-    pushing: np.ndarray  # (k,)
-    flat: np.ndarray  # (k,)
+    regime: np.ndarray  # (k,)
 
 
 class Log(NamedTuple):
@@ -68,59 +52,18 @@ class Log(NamedTuple):
     counters: np.ndarray
 
 
-class Structure(NamedTuple):
-    """What of a scene's tables is read here: solved contacts by place, their rows, where numbers start, parents."""
-
-    solved: np.ndarray  # (c,) index of the contact at each place
-    contact: np.ndarray  # (C, 4)
-    start: int  # of the contacts' numbers in the parameter vector
-    parent: np.ndarray  # (N,) of all coordinates
-
-
 _f, _i = types.float64, types.int64
 _integers, _table = types.Array(_i, 1, "C"), types.Array(_f, 2, "C")
 _numbers = types.Array(_f, 1, "C")
 SPAN, DRIVE, _, NUMBERS, KERNELS, METHOD, LIMITS, _ = INTEGRATE.args
-MOTION = types.NamedTuple([_table, types.Array(_f, 3, "C"), _integers, _integers], Motion)
+MOTION = types.NamedTuple([_table, types.Array(_f, 3, "C"), _integers], Motion)
 LOG = types.NamedTuple([MOTION, _integers], Log)
-STRUCTURE = types.NamedTuple([_integers, types.Array(_i, 2, "C"), _i, _integers], Structure)
+_REGIME = KernelType(REGIME)
 RECORD = types.Tuple((_f, _f, _i, _i))(
-    SPAN, DRIVE, NUMBERS, STRUCTURE, KERNELS, METHOD, LIMITS, LOG
+    SPAN, DRIVE, NUMBERS, KERNELS, _REGIME, METHOD, LIMITS, LOG
 )  # time reached, next step to try, status, rows filled
 STATES_ALONG = types.void(MOTION, _numbers, _table, _table)
-FIND_KINKS = _i(MOTION, DRIVE, _numbers, STRUCTURE, KernelType(LINEARISE), _table)
-
-
-@inlined
-def regime(w, p, structure, pose):
-    """Bits of the contacts that push; of those of them that touch a hybrid surface beside its arc, or slide forwards.
-
-    Friction turns within a layer so thin that a step could pass over it unseen, had it no end there.
-    """
-    solved, contact, start, parent = structure
-    pushing = 0
-    flat = 0
-    placed = False
-    for k in range(solved.shape[0]):
-        x = -w[GAP + k]
-        if x <= 0.0:
-            continue
-        c = solved[k]
-        o = start + CONTACT_SIZE * c
-        force, _, _ = felt(x, -w[GAP_RATE + k], p[o + K_A], p[o + K_B], p[o + K_C], p[o + DAMP])
-        if not force > 0.0:
-            continue
-        pushing |= 1 << k
-        if p[o + MU_A] != 0.0 and w[SLIDE + k] > 0.0:
-            flat |= 1 << (SLIDES_AT + k)
-        if contact[c, 2] == HYBRID:
-            if not placed:
-                place(w[Q : Q + parent.shape[0]], w[V : V + parent.shape[0]], p, parent, pose)
-                placed = True
-            _, _, _, _, _, _, _, distance = gap_geometry(pose, p, o, contact[c, 0], contact[c, 1], contact[c, 2])
-            if distance == 0.0:
-                flat |= 1 << k
-    return pushing, flat
+FIND_KINKS = _i(MOTION, DRIVE, _numbers, KernelType(LINEARISE), _REGIME, _table)
 
 
 @inlined
@@ -142,7 +85,7 @@ def keep_step(w, dense, row):
 
 
 @step_loop(RECORD)
-def record(span, drive, scene, structure, kernels, method, limits, log):
+def record(span, drive, scene, kernels, regime, method, limits, log):
     """Advance the state of ``span`` in place, one row of the log a step.
 
     Returns the time reached, the next step to try, a status, how many rows were filled.
@@ -154,7 +97,6 @@ def record(span, drive, scene, structure, kernels, method, limits, log):
     n = q.shape[0]
     s = b.shape[0]
     w = np.zeros(SIZE)
-    pose = np.zeros((structure.parent.shape[0], POSE_SIZE))
     for i in range(n):
         w[Q + i] = q[i]
         w[V + i] = v[i]
@@ -165,8 +107,7 @@ def record(span, drive, scene, structure, kernels, method, limits, log):
     rejected = False
     u0 = 0.0
     slope = 0.0
-    pushing = 0
-    flat = 0
+    now = 0
     for _ in range(limits.most_steps):
         if t >= t_end:
             break
@@ -179,7 +120,7 @@ def record(span, drive, scene, structure, kernels, method, limits, log):
             counters[N_RHS] += 1
             counters[N_JACOBIAN] += 1
             counters[N_CONTACT] += n_contacts
-            pushing, flat = regime(w, p, structure, pose)
+            now = regime(w, p)
             fresh = False
         h = min(h, limits.longest_step)
         stop = next_stop(t, t_end, k_in, drive)
@@ -211,8 +152,7 @@ def record(span, drive, scene, structure, kernels, method, limits, log):
         counters[N_STEPS] += 1
         motion.time[rows, 0] = t
         motion.time[rows, 1] = step
-        motion.pushing[rows] = pushing
-        motion.flat[rows] = flat
+        motion.regime[rows] = now
         keep_step(w, dense, motion.state[rows])
         rows += 1
         t = stop if step == stop - t else t + step
@@ -263,25 +203,23 @@ def states_along(motion, times, angle, speed):
 
 
 @step_loop(FIND_KINKS)
-def find_kinks(motion, drive, p, structure, linearise, kinks):
+def find_kinks(motion, drive, p, linearise, regime, kinks):
     """Fill ``kinks`` (m, 2) with the last time before and the first after each kink; returns how many."""
     w = np.zeros(SIZE)
-    pose = np.zeros((structure.parent.shape[0], POSE_SIZE))
     found = 0
     k_in = 0
     for k in range(motion.time.shape[0] - 1):
-        pushing, flat = motion.pushing[k], motion.flat[k]
+        before = motion.regime[k]
         left = motion.time[k, 0]
         end = motion.time[k + 1, 0]
-        while (pushing != motion.pushing[k + 1] or flat != motion.flat[k + 1]) and found < kinks.shape[0]:
+        while before != motion.regime[k + 1] and found < kinks.shape[0]:
             right = end
             while right - left > max(NARROW, 8e-16 * abs(right)):
                 middle = 0.5 * (left + right)
                 state_at(middle, k, motion, w)
                 u, _, k_in = input_at(middle, k_in, drive)
                 linearise(w, p, u)
-                now, beside = regime(w, p, structure, pose)
-                if now == pushing and beside == flat:
+                if regime(w, p) == before:
                     left = middle
                 else:
                     right = middle
@@ -293,6 +231,6 @@ def find_kinks(motion, drive, p, structure, linearise, kinks):
             state_at(right, k, motion, w)
             u, _, k_in = input_at(right, k_in, drive)
             linearise(w, p, u)
-            pushing, flat = regime(w, p, structure, pose)
+            before = regime(w, p)
             left = right
     return found

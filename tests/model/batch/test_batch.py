@@ -19,7 +19,7 @@ from model import batch
 from model.batch import run as batch_run
 from model.derived import load as scenes
 from model.integrators.rosenbrock import integrate
-from model.kernels.trajectory.contact_forces import forces_along
+from model.kernels.observed import rows_of
 from model.simulation.options import ForceDrivenOptions
 
 OUT = np.linspace(0.0, 0.14, 29)
@@ -283,7 +283,7 @@ def test_structure_is_loaded_once_and_scene_and_rest_are_shared(
 
 def test_kernels_run_without_the_global_lock() -> None:
     """What makes threads worth while; benchmarks/batches.py measures how much."""
-    for kernel in (integrate, forces_along):
+    for kernel in (integrate, rows_of):
         assert kernel.targetoptions["nogil"] is True
 
 

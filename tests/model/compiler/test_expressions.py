@@ -45,6 +45,7 @@ RULES: dict[str, Rule] = {
     "where": lambda a, b: where(a > b, a * a, b * a),
     "guarded": lambda a, b: guarded(a > 0.0, a * root(abs(b) + 1.0)),
     "law": lambda a, b: law(lambda by, k: by[0] * by[0] * k / (1.0 + by[1] * by[1]))((a * b, a - b), lift(3.0)),
+    "law of its own number": lambda a, b: law(lambda by, k: by[0] * k + by[0] * by[0])((a,), b),
     "law in law": lambda a, b: law(lambda by: RULES["law"](by[0], by[1] + by[0]))((a, b)),
 }
 

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.integrate import DOP853
 
 import model
-from model.kernels import layout as L
-from model.kernels.trajectory import dynamics
+from model.derived.load import kernels_of
+from model.kernels import workspace as W
 
 HERE = Path(__file__).parent
 
@@ -43,7 +43,7 @@ def explicit(t: np.ndarray, force: np.ndarray, every: int = 10) -> np.ndarray:
     action = model.load_action()
     scene = model.build_scene(action)
     n = scene.size
-    equations = dynamics.Equations(np.zeros((n, L.POSE_SIZE)), *(np.zeros(n) for _ in range(4)))
+    linearise, w = kernels_of(scene.tables).linearise, np.zeros(W.SIZE)
 
     y = np.concatenate([model.rest_state(action).angle_rad, np.zeros(n)])
     rows = [np.concatenate([[t[0]], y])]
@@ -53,8 +53,9 @@ def explicit(t: np.ndarray, force: np.ndarray, every: int = 10) -> np.ndarray:
 
         def rhs(time: float, y: np.ndarray, k: int = k, slope: float = slope) -> np.ndarray:
             u = force[k] + slope * (time - t[k])
-            dynamics.acceleration(y[:n].copy(), y[n:].copy(), u, scene.vector, scene.tables, equations)
-            return np.concatenate([y[n:], equations.acceleration])
+            w[W.Q : W.Q + n], w[W.V : W.V + n] = y[:n], y[n:]
+            linearise(w, scene.vector, u)
+            return np.concatenate([y[n:], w[W.ACC : W.ACC + n]])
 
         solver = DOP853(rhs, t[k], y, t[k + 1], rtol=1e-12, atol=1e-12, first_step=min(step, t[k + 1] - t[k]))
         while solver.status == "running":

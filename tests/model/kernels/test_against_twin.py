@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import model
+from model.derived.columns import FRICTION, NORMAL
+from model.derived.observe import contacts_at
 from model.kernels import layout as L
-from model.kernels.trajectory import dynamics
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
 from model.verification.reference_equations import Twin
 from tests.model.conftest import random_states
-from tests.model.kernels.jacobian_tables import Evaluation, plain
+from tests.model.kernels.linearised import Evaluation
 
 
 def test_accelerations_equal_the_twin(action: model.Action, twin: Twin) -> None:
@@ -28,14 +29,13 @@ def test_accelerations_equal_the_twin(action: model.Action, twin: Twin) -> None:
 
 
 def test_each_contact_force_equals_the_twin(action: model.Action, twin: Twin) -> None:
-    scene, contact_state = build_scene(action), plain(dynamics.contact_state)
+    scene = build_scene(action)
     for q, v, _ in random_states(100, seed=2):
-        state = Evaluation(scene, q, v, 0.0)
+        ours = contacts_at(scene.tables, scene.vector, q[None], v[None])[0]
         twin._place(q, v)
         for c, name in enumerate(scene.contacts):
             normal, tangential, _ = twin.contact(name, v)
-            ours = contact_state(c, v, scene.vector, scene.tables, state.pose)
-            np.testing.assert_allclose(ours[:2], (normal, tangential), rtol=1e-9, atol=1e-10)
+            np.testing.assert_allclose(ours[c, [NORMAL, FRICTION]], (normal, tangential), rtol=1e-9, atol=1e-10)
 
 
 @pytest.mark.parametrize("effects", [(), ("motor_arm",)])

@@ -16,12 +16,10 @@ from model.kernels.lanes.width import lanes_pay
 
 CODE = """
 import numpy as np, model
-from model.kernels.trajectory.contact_forces import penetrations  # compiles in a moment; calls functions of other files
-s = model.build_scene(model.load_action())
-depth = np.zeros(len(s.contacts))
-q = np.array([0.0286, 0.0251, 0.3198, 0.3523, 0.2951])
-penetrations(q, np.full(s.size, 0.1), s.vector, s.tables, depth)
-print(repr(depth.tolist()), penetrations.stats.cache_hits and sum(penetrations.stats.cache_hits.values()))
+from model.kernels.motion import motion_along
+out = np.zeros((2, 3))
+motion_along(np.array([0.1, 0.2]), np.array([1.0, 0.0, 1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), 0, out)
+print(repr(out.tolist()), motion_along.stats.cache_hits and sum(motion_along.stats.cache_hits.values()))
 """
 
 
@@ -43,10 +41,10 @@ def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) ->
     assert hits == 0
     again, hits = run(tmp_path, cache)
     assert again == first and hits == 1  # nothing changed: loaded, not compiled
-    callee = package / "kernels" / "trajectory" / "kinematics.py"  # in a subfolder
+    callee = package / "kernels" / "motion.py"
     text = callee.read_text(encoding="utf-8")
-    assert text.count("return r + rho - distance,") == 1
-    callee.write_text(text.replace("return r + rho - distance,", "return 2.0 * r + rho - distance,"), encoding="utf-8")
+    assert text.count("    x = t - p[o + 1 + k]") == 1
+    callee.write_text(text.replace("    x = t - p[o + 1 + k]", "    x = t + p[o + 1 + k] + 1.0"), encoding="utf-8")
     edited, hits = run(tmp_path, cache)
     assert edited != first and hits == 0
 
@@ -54,7 +52,7 @@ def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) ->
 def test_every_compiled_module_of_the_step_loop_is_among_the_hashed_sources() -> None:
     package = Path(model.__file__).parent
     hashed = {path.relative_to(package).as_posix() for path in kernel_sources()}
-    assert {"kernels/laws.py", "kernels/trajectory/dynamics.py", "kernels/stepping/events.py"} <= hashed
+    assert {"kernels/laws.py", "kernels/motion.py", "kernels/stepping/events.py"} <= hashed
     assert {"elements/contacts.py", "derived/step.py", "compiler/native.py", "integrators/rosenbrock.py"} <= hashed
     compiled = ("@kernel", "@inlined", "@uncounted", "@piece", "@step_loop", "@generated")
     for path in [*package.glob("kernels/**/*.py"), *package.glob("integrators/**/*.py")]:

@@ -1,4 +1,4 @@
-"""The effects in the kernels: generated against tables, twin and differences; nothing of them where they are off."""
+"""The effects in the kernels: against the twin and differences; nothing of them where they are off."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from model.scene.selection import SceneChoice
 from model.verification.reference_equations import Twin
 from tests.model.compiler.machine import touched
 from tests.model.conftest import random_states
-from tests.model.kernels.jacobian_tables import Evaluation
+from tests.model.kernels.linearised import Evaluation
 
 CHANGED = {
     "key.pivot.x": 0.003,
@@ -58,27 +58,16 @@ def states(count: int, scene: Scene, seed: int) -> list[tuple[np.ndarray, np.nda
 
 
 def generated(scene: Scene, q: np.ndarray, v: np.ndarray, u: float) -> dict[str, np.ndarray]:
-    n = scene.size
-    w = np.zeros(W.SIZE)
-    w[W.Q : W.Q + n], w[W.V : W.V + n] = q, v
-    touching = scenes.kernels_of(scene.tables).linearise(w, scene.vector, u)
-    mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
-    for i, up in enumerate(scene.tables.parent):
-        if up >= 0:
-            mass[i, up] = mass[up, i] = w[W.M_UP + i]
-    square = {
-        k: w[at : at + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n].copy() for k, at in (("K", W.STIFF), ("D", W.DAMP))
-    }
-    a = w[W.ACC : W.ACC + n].copy()
-    return {"a": a, "M": mass, "f": mass @ a, "f_u": w[W.F_U : W.F_U + n].copy(), "n": touching, **square}
+    at = Evaluation(scene, q, v, u)
+    return {"a": at.a, "M": at.mass, "f": at.f, "f_u": at.f_u, "n": at.touching, "K": at.stiff, "D": at.damp}
 
 
 @pytest.mark.parametrize("effects", CHOICES)
-def test_kernels_equal_twin_and_tables(changed: model.Action, effects: tuple[str, ...]) -> None:
+def test_kernels_equal_the_twin(changed: model.Action, effects: tuple[str, ...]) -> None:
     scene, twin = build_scene(changed, SceneChoice(effects=effects)), Twin(changed, effects)
     assert list(scene.bodies) == twin.coordinates
     lifted = pressed = 0
-    for k, (q, v, u) in enumerate(states(300, scene, seed=21)):
+    for q, v, u in states(300, scene, seed=21):
         ours = generated(scene, q, v, u)
         f, mass = twin.forces_and_mass(q, v, u)
         np.testing.assert_allclose(ours["M"], mass, rtol=1e-12, atol=1e-12 * np.abs(mass).max())
@@ -88,11 +77,6 @@ def test_kernels_equal_twin_and_tables(changed: model.Action, effects: tuple[str
             at = scene.bodies.index("key_lift")
             force = twin.rail_force(q[at], v[at])
             lifted, pressed = lifted + (force == 0.0), pressed + (force > 0.0)
-        if k % 4:
-            continue  # the twin has no derivatives, the tables are slow
-        at = Evaluation(scene, q, v, u)
-        for name, table in (("a", at.a), ("K", at.stiff), ("D", at.damp), ("f_u", at.f_u)):
-            np.testing.assert_allclose(ours[name], table, rtol=1e-9, atol=1e-11 * np.abs(table).max())
     assert "balance_rail" not in effects or min(lifted, pressed) > 50
 
 

@@ -1,4 +1,4 @@
-"""The generated kernels of a scene: against the table kernels, the skip bound, the cache."""
+"""The kernels of a scene: a stage's linear system, the skip bound, the cache."""
 
 from __future__ import annotations
 
@@ -14,28 +14,23 @@ import pytest
 
 import model
 from model.derived import load as scenes
+from model.derived.columns import DEPTH
+from model.derived.observe import contacts_at
 from model.integrators.rosenbrock import integrate
 from model.kernels import compile as compiling
-from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.kernel_value import Kernel
 from model.kernels.signatures import SKIP
-from model.kernels.trajectory import dynamics
-from model.kernels.trajectory.kinematics import place
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
 from model.simulation import run as simulation
 from tests.model.compiler.machine import operations
 from tests.model.conftest import random_states, read_table
-from tests.model.kernels.jacobian_tables import Evaluation
-
-
-def square(w: np.ndarray, start: int, n: int) -> np.ndarray:
-    return w[start : start + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n]
+from tests.model.kernels.linearised import Evaluation
 
 
 @pytest.mark.parametrize("effects", [(), ("motor_arm",)], ids=["force", "motor"])
-def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple[str, ...]) -> None:
+def test_a_stage_solves_its_linear_system(action: model.Action, effects: tuple[str, ...]) -> None:
     stiffening = action.with_effects({"motor_arm.contact_a": 1e9, "motor_arm.contact_b": 1e7})
     scene = build_scene(stiffening, SceneChoice(effects=effects))
     n, p, t = scene.size, scene.vector, scene.tables
@@ -52,10 +47,6 @@ def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple
         def close(ours: np.ndarray, theirs: np.ndarray, share: float = 1e-11) -> None:
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=share * np.max(np.abs(theirs)))
 
-        close(w[W.ACC : W.ACC + n], at.a)
-        close(w[W.F_U : W.F_U + n], at.f_u)
-        close(square(w, W.STIFF, n), at.stiff)
-        close(square(w, W.DAMP, n), at.damp)
         # one stage with a_10 = 1, C_10 = -0.5 and a known stage before it
         h, gh, weight = 1e-6, 0.25e-6, 0.3
         if not kernels.prepare(w, gh):
@@ -83,41 +74,28 @@ def test_skipped_contacts_never_touch(action: model.Action) -> None:
     p, tables, skip = scene.vector, scene.tables, scenes.kernels_of(scene.tables)
 
     @numba.njit
-    def check(p, tables, linearise, skip, low, high, count, random):
-        n = low.shape[0]
-        pose = np.zeros((n, L.POSE_SIZE))
+    def masks(p, linearise, skip, q, allowance, out):
         w = np.zeros(W.SIZE)
-        q, v = np.zeros(n), np.zeros(n)
-        touched = skipped = bitten = 0
-        for _ in range(count):
-            size = 10.0 ** random.uniform(-5.0, 0.0)
-            for i in range(n):
-                w[W.Q + i] = random.uniform(low[i], high[i])
-                w[W.ALLOWANCE + i] = size * random.uniform(0.0, 1.0)
-                q[i] = w[W.Q + i] + w[W.ALLOWANCE + i] * random.uniform(-1.0, 1.0)
-                if random.uniform(0.0, 1.0) < 0.5:  # the corners are the worst
-                    q[i] = w[W.Q + i] + w[W.ALLOWANCE + i] * (1.0 if random.uniform(0.0, 1.0) < 0.5 else -1.0)
+        for k in range(q.shape[0]):
+            w[W.Q : W.Q + q.shape[1]] = q[k]
+            w[W.ALLOWANCE : W.ALLOWANCE + q.shape[1]] = allowance[k]
             linearise(w, p, 0.0)
-            mask = skip(w, p)
-            place(q, v, p, tables.parent, pose)
-            for c in range(tables.contact.shape[0]):
-                _, _, x, _, _ = dynamics.contact_state(c, v, p, tables, pose)
-                if x > 0.0:
-                    touched += 1
-                if mask >> c & 1:
-                    skipped += 1
-                    if x > 0.0:
-                        bitten += 1
-        return touched, skipped, bitten
+            out[k] = skip(w, p)
 
     near = (np.array([-0.03, 0.0, -0.1, 0.25, -0.1]), np.array([0.035, 0.12, 0.35, 0.6, 0.32]))
     anywhere = (np.full(5, -np.pi), np.full(5, np.pi))
+    random, count = np.random.default_rng(7), 50_000
     for low, high in (near, anywhere):
-        touched, skipped, bitten = check(
-            p, tables, skip.linearise, skip.skip, low, high, 50_000, np.random.default_rng(7)
-        )
-        assert touched > 50_000 and skipped > 50_000
-        assert bitten == 0
+        q = random.uniform(low, high, (count, 5))
+        allowance = 10.0 ** random.uniform(-5.0, 0.0, (count, 1)) * random.uniform(0.0, 1.0, (count, 5))
+        inside, corner = random.uniform(-1.0, 1.0, (count, 5)), random.choice([-1.0, 1.0], (count, 5))
+        moved = q + allowance * np.where(random.random((count, 5)) < 0.5, corner, inside)  # the corners are the worst
+        found = np.zeros(count, dtype=np.int64)
+        masks(p, skip.linearise, skip.skip, q, allowance, found)
+        touches = contacts_at(tables, p, moved, np.zeros_like(q))[:, :, DEPTH] > 0.0
+        skipped = (found[:, None] >> np.arange(len(scene.contacts))) & 1 == 1
+        assert touches.sum() > 50_000 and skipped.sum() > 50_000
+        assert not np.any(touches & skipped)
 
 
 def test_skipping_changes_no_bit_of_the_answer(action: model.Action, monkeypatch: pytest.MonkeyPatch) -> None:

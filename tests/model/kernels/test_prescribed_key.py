@@ -8,7 +8,7 @@ import pytest
 import model
 from model.derived.load import kernels_of
 from model.kernels import workspace as W
-from model.kernels.trajectory.prescribed_load import load_along
+from model.motion_driven.prescribed_key import key_load
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion
 from model.simulation.run import Simulation, State
@@ -79,8 +79,7 @@ def test_accelerations_force_and_rail_equal_the_twin(action: model.Action, twin:
         np.testing.assert_array_equal(w[[W.Q + 4, W.V + 4, W.ACC + 4]], [q[0], v[0], a])
         # put back, that force on a free key gives the acceleration that was prescribed
         assert twin.acceleration(q, v, force)[0] == pytest.approx(a, rel=1e-9, abs=1e-7)
-        ours, rail = np.zeros(1), np.zeros(1)
-        load_along(q[None, ORDER], v[None, ORDER], np.array([a]), scene.vector, scene.tables, ours, rail)
+        ours, rail = key_load(scene, q[None, ORDER], v[None, ORDER], np.array([a]))
         assert ours[0] == pytest.approx(force, rel=1e-10, abs=1e-9)
         # Newton's law of the key's centre of mass, upwards
         up = -force - key_mass * g

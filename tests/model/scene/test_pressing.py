@@ -13,7 +13,7 @@ from model.scene.pressing import RAMP_S, AmplifierCommand, FingerCommand, amplif
 from model.verification.reference_equations import Twin
 from tests.model.compiler.machine import text_of, touched
 from tests.model.conftest import random_states
-from tests.model.kernels.jacobian_tables import Evaluation
+from tests.model.kernels.linearised import Evaluation
 
 DRIVE, FINGER = model.SCENES["motor-drive"], model.SCENES["finger"]
 H = 1e-6

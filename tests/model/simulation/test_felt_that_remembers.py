@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import model
+from model.derived.columns import DEPTH
 from model.derived.load import kernels_of
+from model.derived.observe import contacts_at
 from model.felt import Hysteresis, Stulov
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.trajectory.contact_forces import penetrations
 from model.parameters.action import CONTACTS
 from model.simulation.run import Simulation, State
 from tests.model.compiler.machine import text_of, touched
@@ -96,9 +97,7 @@ def test_forces_are_those_of_the_laws_in_reference_form(mixed: model.Action) -> 
     run = Simulation(scene, State(0.0, model.rest_state(mixed).angle_rad, np.zeros(scene.size)), 1e-7)
     at = np.linspace(0.1, 0.12, 2001)
     angles, speeds = run.advance(0.12, *model.force_table("forte"), output_time_s=at)
-    depth = np.zeros((len(angles), len(run.scene.contacts)))
-    for row, q, v in zip(depth, angles, speeds, strict=True):
-        penetrations(q, v, run.scene.vector, run.scene.tables, row)
+    depth = contacts_at(scene.static_tables, scene.vector, angles, speeds)[:, :, DEPTH]
     normal, _ = run.contact_forces(angles, speeds)
     c, share = scene.contacts.index("contact12"), (0.4, 0.2)
     a, b, k = (mixed[f"contact12.normal.{x}"] / (1.0 + sum(share)) for x in "abc")
@@ -118,9 +117,7 @@ def test_stulov_in_a_blow_is_stulov_in_reference_form() -> None:
     run = Simulation(scene, State(0.0, model.rest_state(action, 2.0, scene).angle_rad, np.array([-3.0])), 1e-9)
     at = np.linspace(0.0, 0.01, 3001)
     angles, speeds = run.advance(0.01, times, np.array([2.0, 2.0]), output_time_s=at)
-    depth = np.zeros((len(at), len(scene.contacts)))
-    for row, q, v in zip(depth, angles, speeds, strict=True):
-        penetrations(q, v, scene.vector, scene.tables, row)
+    depth = contacts_at(scene.static_tables, scene.vector, angles, speeds)[:, :, DEPTH]
     c = scene.contacts.index("contact02")
     normal = run.contact_forces(angles, speeds)[0][:, c]
     still = np.concatenate([[depth[0, c]] * 2, depth[:, c]])  # the felt had rested at the first depth

@@ -169,7 +169,7 @@ def test_what_is_refused(action: model.Action, values: dict[str, float], laws: d
 
 
 def test_jobs_that_know_the_bar_alone_say_so(action: model.Action) -> None:
-    with pytest.raises(model.InputError, match="inside view: found the effect string"):
-        model.simulate(action, *FORTE, scene="string", inside=True)
+    with pytest.raises(model.InputError, match="sensitivities: found the effect string"):
+        model.sensitivities(action, FORTE, ["hammer.mass"], options=model.SensitivityOptions(scene="string"))
     with pytest.raises(model.InputError, match="add them or leave out string"):
         model.SceneChoice(without=("contact12",), effects=("string",))

@@ -8,7 +8,7 @@ import pytest
 import model
 from model.errors import InputError
 from model.files.force_library import force_table
-from model.kernels.trajectory.stick_slip import stick_together, sweep_once
+from model.integrators.stick_slip import stick_together, sweep_once
 from model.stick_slip import compare, simulate
 
 ACTION = model.load_action()

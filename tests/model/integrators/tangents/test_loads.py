@@ -1,4 +1,4 @@
-"""What parameters add to the forces, in closed form, against differences of the equations written as loops."""
+"""What parameters add to the forces against differences of the accelerations."""
 
 from __future__ import annotations
 
@@ -7,20 +7,16 @@ import pytest
 
 import model
 from model.integrators.tangents.nodes import linearise_node
-from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.trajectory.dynamics import Equations, acceleration
 from model.scene.build import Scene
 from model.sensitivity.parameter_names import directions
 from model.sensitivity.tangents import _Run
 from model.simulation.statics import solve_rest
+from tests.model.kernels.linearised import Evaluation
 
 
 def accelerations(scene: Scene, state: tuple[np.ndarray, np.ndarray, float], vector: np.ndarray) -> np.ndarray:
-    n = len(scene.bodies)
-    out = Equations(np.zeros((n, L.POSE_SIZE)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
-    acceleration(*state, vector, scene.tables, out)
-    return out.acceleration
+    return Evaluation(scene, *state, vector).a
 
 
 @pytest.mark.parametrize(

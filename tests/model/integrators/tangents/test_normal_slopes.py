@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import model
-from model.kernels.trajectory.contact_forces import forces_along
+from model.derived.columns import NORMAL
+from model.derived.observe import contacts_at
 from model.sensitivity.parameter_names import directions
 from model.sensitivity.tangents import Recorded, _Run, aligned
 from model.simulation.statics import solve_rest
@@ -33,10 +34,8 @@ def test_normal_forces_of_all_numbers_agree_with_differences(action: model.Actio
     assert found.shape == (m, len(scene.contacts), count)
 
     def forces(j: int, state: float, number: float) -> np.ndarray:
-        normal = np.zeros((m, len(scene.contacts)))
-        q, v = (np.ascontiguousarray(x + state * d[:, :, j]) for x, d in zip((angle, speed), moved, strict=True))
-        forces_along(q, v, scene.vector + number * slopes.slope[j], scene.tables, normal, normal.copy())
-        return normal
+        q, v = (x + state * d[:, :, j] for x, d in zip((angle, speed), moved, strict=True))
+        return contacts_at(scene.tables, scene.vector + number * slopes.slope[j], q, v)[:, :, NORMAL]
 
     np.testing.assert_allclose(found_force, forces(0, 0.0, 0.0), rtol=1e-12, atol=1e-12)
     pushing = set(np.flatnonzero((found_force > 0.0).any(axis=0)).tolist())

@@ -4,7 +4,7 @@ Moreau's midpoint scheme: positions half a step on, forces there, then speeds an
 w = D^T v the sliding and joint speeds at the end of a step and r the impulses, each r lies in its Coulomb interval,
 w = 0 inside it and w opposes r at its ends; the intervals come from the felt forces of the step, so the problem is
 convex and projected Gauss-Seidel solves it. A pair that stuck holds up to the static coefficient, one that slid up to
-the kinetic one. Felt, inertia, springs and drive are those of ``dynamics`` with friction taken out.
+the kinetic one. Felt, inertia, springs and drive are the scene's with friction taken out (`Watched.marched`).
 Source: J. J. Moreau, "Unilateral contact and dry friction in finite freedom dynamics" (1988); thesis eqs 2.8, 2.9.
 """
 
@@ -13,9 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from model.kernels.compile import kernel
-from model.kernels.layout import BODY_SIZE, GLOBALS, JF_A, MU_A, POSE_SIZE
-from model.kernels.trajectory.dynamics import Equations, acceleration, contact_frame, contact_state, solve_mass
-from model.kernels.trajectory.kinematics import along_chain, contact_offset
+from model.kernels.layout import BODY_SIZE, CONTACT_SIZE, GLOBALS, JF_A, MU_A
 
 SWEEPS = 300
 PATIENCE = 6  # sweeps between two tries to stop all pairs at once
@@ -32,11 +30,15 @@ class Forcing(NamedTuple):
 
 
 class FrictionLimits(NamedTuple):
-    """Parameter vector, the same with all friction taken out, and static over kinetic coefficient (c,) of contacts."""
+    """Parameter vector, the same with all friction taken out, and static over kinetic coefficient (c,) of contacts.
+
+    ``start`` is where the contacts' numbers begin.
+    """
 
     parameters: np.ndarray
     frictionless: np.ndarray
     static_ratio: np.ndarray
+    start: int
 
 
 class Rows(NamedTuple):
@@ -104,17 +106,17 @@ def stick_together(along, given, bound, impulse, change):
 
 
 @kernel
-def step_along(q, v, forcing, limits, tables, rows):
-    """March from (q, v), which change, and fill ``rows``.
+def step_along(q, v, forcing, limits, marched, rows):
+    """March from (q, v), which change, and fill ``rows``; ``marched`` is the scene's kernel of that name.
 
     Returns the largest number of sweeps that a step needed; SWEEPS where one did not converge.
     """
     u, h, every = forcing
-    p, smooth, static_ratio = limits
+    p, smooth, static_ratio, start = limits
     angle, speed, held = rows
-    n, c = q.shape[0], tables.contact.shape[0]
-    equations = Equations(np.zeros((n, POSE_SIZE)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
-    pose, m_diag, m_up, _, a = equations
+    n, c = q.shape[0], static_ratio.shape[0]
+    state, given_input, found = np.zeros(2 * n), np.zeros(1), np.zeros(n + n * n + c * (1 + n))
+    a, inverse, pressed = found[:n], found[n : n + n * n].reshape(n, n), found[n + n * n :].reshape(c, 1 + n)
     along = np.zeros((c + n, n))  # rows of D^T
     given = np.zeros((c + n, n))  # rows of (M^-1 D)^T
     bound, impulse, own = np.zeros(c + n), np.zeros(c + n), np.zeros(c + n)
@@ -127,32 +129,33 @@ def step_along(q, v, forcing, limits, tables, rows):
             mean[i] = v[i]
             free[i] = v[i]
         for _ in range(2):  # once more with the mean speed of the step, for felt that damps
-            acceleration(middle, mean, u[k], smooth, tables, equations)
+            given_input[0] = u[k]
+            state[:n] = middle
+            state[n:] = mean
+            marched(state, given_input, smooth, found)
             for j in range(c + n):
                 bound[j] = 0.0
                 if j < c:
-                    mu = p[contact_offset(tables.offset[1], j) + MU_A]
+                    mu = p[start + CONTACT_SIZE * j + MU_A]
                     if mu == 0.0:
                         continue
-                    fn, _, _, _, _ = contact_state(j, mean, smooth, tables, pose)
+                    fn = pressed[j, 0]
                     if fn <= 0.0:
                         sticks[j] = 0
                         impulse[j] = 0.0
                         continue
                     bound[j] = h * mu * fn * (static_ratio[j] if sticks[j] else 1.0)
                     for i in range(n):
-                        along[j, i] = 0.0
-                    _, _, nx, ny, px, py = contact_frame(j, p, tables, pose)
-                    for s in range(tables.contact[j, 3]):
-                        b = tables.chain[j, s]
-                        _, along[j, b] = along_chain(pose, tables.parent, b, tables.side[j, s], px, py, nx, ny)
+                        along[j, i] = pressed[j, 1 + i]
                 else:
                     bound[j] = h * p[GLOBALS + BODY_SIZE * (j - c) + JF_A]
                     for i in range(n):
                         along[j, i] = 1.0 if i == j - c else 0.0
-                solve_mass(m_diag, m_up, tables.parent, along[j], given[j])
                 own[j] = 0.0
                 for i in range(n):
+                    given[j, i] = 0.0
+                    for other in range(n):
+                        given[j, i] += inverse[i, other] * along[j, other]
                     own[j] += along[j, i] * given[j, i]
             for i in range(n):
                 change[i] = v[i] + h * a[i]

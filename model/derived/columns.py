@@ -1,0 +1,14 @@
+"""Columns of what acts inside a scene: of a contact, of a tip, of a body with its joint (`model.derived.observe`)."""
+
+NORMAL, FRICTION, DEPTH, SLIDE, RUBBED, FELT, NX, NY, X, Y, RATE = range(11)
+"""Columns of a contact: normal and friction force; depth, negative where open; sliding speed of A over B along
+t = z x n, 0 where open; powers lost by rubbing and in the felt; normal and point of action; rate of the depth."""
+CONTACT = 11
+TIP_FORCE, TIP_LOST, TIP_DEPTH = range(3)
+TIP = 3
+PIVOT_X, PIVOT_Y, ANGLE, CENTRE_X, CENTRE_Y, TURNING, TURNED, VX, VY, AX, AY = range(11)
+JOINT_X, JOINT_Y, BRAKED, RATED, HELD = range(11, 16)
+"""Columns of a body: pivot, angle and centre of mass; angular speed and acceleration from ground; velocity and
+acceleration of the centre of mass; force on it in its joint; power lost there; acceleration of its coordinate; the
+generalised force that holds a coordinate that is prescribed."""
+BODY = 16

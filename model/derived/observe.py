@@ -1,0 +1,72 @@
+"""What acts inside a scene at states: contacts, tips, bodies with their joints, by kernels derived from its elements.
+
+Columns are named in `model.derived.columns`. Forces in N, powers in W; world frame: x right, y up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.derived.columns import BODY, CONTACT, TIP
+from model.derived.load import observer_of
+from model.errors import InputError
+from model.kernels.layout import STRING_STATES, Tables
+from model.kernels.observed import rows_of
+
+Array = NDArray[np.float64]
+
+
+def _rows(scene_tables: Tables, what: str, width: int, given: tuple[Array, Array, Array, Array]) -> Array:
+    x, u, p, shape = given
+    y = np.zeros((len(x), int(shape[0]), width))
+    if y.size:
+        rows_of(observer_of(scene_tables, what), x, u, p, y.reshape(len(x), -1))
+    return y
+
+
+def _state_rows(
+    tables: Tables, angle: Array, speed: Array, memory: Array | None, value: Array | None, prescribed: Array | None
+) -> tuple[Array, Array]:
+    """Rows of states, and of inputs with prescribed accelerations, as the kernels take them."""
+    m = len(angle)
+    remembered = np.empty((m, 0)) if memory is None else memory
+    least = len(tables.memory) + 2 * len(tables.pin) + STRING_STATES * len(tables.string)
+    if remembered.shape[0] != m or remembered.shape[1] < least:
+        raise InputError(
+            f"states: found rows of {remembered.shape[1]} numbers of what felt, joints and string remember, allowed "
+            f"{m} rows of at least {least}: what a run has left (`Simulation.remembered`)"
+        )
+    x = np.concatenate([angle, speed, remembered], axis=1)
+    held = int(tables.prescribed.sum())
+    u = np.zeros((m, 1 + held))
+    if value is not None:
+        u[:, 0] = value
+    if prescribed is not None:
+        u[:, 1:] = prescribed.reshape(m, held)
+    return np.ascontiguousarray(x, dtype=float), u
+
+
+def contacts_at(tables: Tables, p: Array, angle: Array, speed: Array, memory: Array | None = None) -> Array:
+    """Columns `NORMAL` to `RATE` of each contact (m, c, 11) at states (m, n); ``memory`` (m, z) as runs keep it."""
+    x, u = _state_rows(tables, angle, speed, memory, None, None)
+    return _rows(tables, "contacts", CONTACT, (x, u, p, np.array([len(tables.contact)])))
+
+
+def tips_at(tables: Tables, p: Array, angle: Array, speed: Array, memory: Array | None = None) -> Array:
+    """Columns `TIP_FORCE` to `TIP_DEPTH` of each tip (m, b, 3)."""
+    x, u = _state_rows(tables, angle, speed, memory, None, None)
+    return _rows(tables, "tips", TIP, (x, u, p, np.array([len(tables.probe)])))
+
+
+def bodies_at(
+    tables: Tables,
+    p: Array,
+    states: tuple[Array, Array],
+    memory: Array | None = None,
+    value: Array | None = None,
+    prescribed: Array | None = None,
+) -> Array:
+    """Columns `PIVOT_X` to `HELD` of each body (m, n, 16), under inputs (m,) and prescribed accelerations (m, k)."""
+    x, u = _state_rows(tables, *states, memory, value, prescribed)
+    return _rows(tables, "bodies", BODY, (x, u, p, np.array([len(tables.parent)])))

@@ -1,0 +1,195 @@
+"""What acts inside a scene at single states: contacts, tips, bodies with their joints; derived from its elements.
+
+Each of the three is a kernel of its own, compiled when first asked for, that takes one state: coordinates and speeds of
+all bodies, what is remembered (as the step loop keeps it), the input, and accelerations of coordinates that are
+prescribed. Forces are in N, powers in W, in the world: x right, y up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.compiler.expressions import ONE, ZERO, Expression, local, read, total, where
+from model.compiler.programs import Add, If, Put, Statement, at, name
+from model.derived.columns import (
+    BODY,
+    CONTACT,
+    DEPTH,
+    FELT,
+    FRICTION,
+    HELD,
+    NORMAL,
+    NX,
+    NY,
+    RATE,
+    RUBBED,
+    SLIDE,
+    TIP,
+    TIP_DEPTH,
+    TIP_FORCE,
+    TIP_LOST,
+    X,
+    Y,
+)
+from model.derived.program import Program
+from model.elements.bodies import solved
+from model.elements.contacts import Contact
+from model.elements.kinematics import State
+from model.elements.scene import Elements
+from model.elements.strings import AWAKE, StringContact
+from model.elements.structure import Structure
+from model.kernels.layout import GRAVITY, MASS, Tables
+
+
+class Watched:
+    """Programs of the three kernels of a structure.
+
+    Parameters
+    ----------
+    tables : structure of a scene; all its coordinates are looked at alike, prescribed or not
+    """
+
+    def __init__(self, tables: Tables) -> None:
+        self._prescribed = [i for i, held in enumerate(tables.prescribed) if held]
+        s = self._s = Structure(tables._replace(prescribed=np.zeros_like(tables.prescribed)))
+        n, count = len(s.bodies), len(s.pin)
+        q, v = ([read("x", start + i) for i in range(n)] for start in (0, n))
+        self._memory = 2 * n
+        first = self._memory + len(s.memory)
+        q += [read("x", first + k) for k in range(count)]
+        v += [read("x", first + count + k) for k in range(count)]
+        z = [read("x", self._memory + m) for m in range(len(s.memory))]
+        # the input and prescribed accelerations stand before what is remembered, whose length a string's modes decide
+        self._e = Elements(s, State(q, v, z, read("u", 0)), "x", self._memory)
+
+    def _given(self, statements: list[Statement]) -> Program:
+        return Program(dict.fromkeys(("x", "u", "p", "y"), "array"), statements)
+
+    def _contacts(self) -> list[Contact]:
+        return [self._e.contact(c) for c in range(len(self._s.contact))]
+
+    def _with_string(self) -> list[Statement]:
+        """The string's way and rate, where it is awake, as ``sway`` and ``swing``."""
+        out: list[Statement] = []
+        for c in self._s.string:
+            contact = self._e.contact(c)
+            assert isinstance(contact, StringContact)
+            since = read("x", self._memory + self._s.first_of_string())
+            out += [Put(name("awake"), where(since < 0.5 * AWAKE, 1.0, 0.0))]
+            out += [If(since < 0.5 * AWAKE, contact.modes.sums(self._memory))]
+        return out
+
+    def contacts(self) -> Program:
+        """Columns above for each contact."""
+        out = self._with_string()
+        for c, contact in enumerate(self._contacts()):
+            depth, (nx, ny) = contact.gap
+            rate, slide = contact.closing
+            px, py = contact.point(where(depth > 0.0, depth, 0.0))
+            row = {DEPTH: depth, RATE: rate, NX: nx, NY: ny, X: px, Y: py}
+            out += [Put(at("y", CONTACT * c + k), e) for k, e in row.items()]
+            mu = ZERO if isinstance(contact, StringContact) else contact.coefficient()
+            pressing, force = contact.felt
+            pressed = [
+                Put(at("y", CONTACT * c + k), e)
+                for k, e in {NORMAL: force, FRICTION: -(mu * force), RUBBED: mu * force * slide}.items()
+            ]
+            touch: list[Statement] = [Put(at("y", CONTACT * c + SLIDE), slide), If(pressing, list(pressed))]
+            out.append(If(self._touches(contact), touch))
+            out += contact.energy(f" of {c}")
+            out.append(Put(at("y", CONTACT * c + FELT), local(f"felt of {c}") + local(f"rail of {c}")))
+        return self._given(out)
+
+    @staticmethod
+    def _touches(contact: Contact) -> Expression:
+        if isinstance(contact, StringContact):
+            return (local("awake") > 0.0) & (contact.under[0] > 0.0)
+        return contact.touches
+
+    def tips(self) -> Program:
+        """Columns above for each tip."""
+        out: list[Statement] = []
+        for k, tip in enumerate(self._e.tips):
+            pressing, force = tip.felt
+            put = [Put(at("y", TIP * k + TIP_FORCE), force)]
+            out += [Put(at("y", TIP * k + TIP_DEPTH), tip.depth), If((tip.depth > 0.0) & pressing, list(put))]
+            out += [*tip.energy(f" of tip {k}"), Put(at("y", TIP * k + TIP_LOST), local(f"felt of tip {k}"))]
+        return self._given(out)
+
+    def bodies(self) -> Program:
+        """Columns above for each body."""
+        s, e = self._s, self._e
+        out = self._with_string()
+        out += e.smooth_forces()
+        for c, contact in enumerate(self._contacts()):
+            pressing, force = contact.felt
+            mu = ZERO if isinstance(contact, StringContact) else contact.coefficient()
+            pushes = [Add(name(f"f{k}"), p) for k, p in contact.push(force, mu).items()]
+            world = contact.world(force, mu)
+            a, b, _, _ = s.contact[c]
+            on = [(body, sign) for body, sign in ((a, 1.0), (b, -1.0)) if body >= 0]
+            loads = [Add(name(f"{axis}{body}"), sign * world[k]) for body, sign in on for k, axis in enumerate("xy")]
+            out.append(If(self._touches(contact), [If(pressing, [*pushes, *loads])]))
+        for which, tip in enumerate(e.tips):
+            out += tip.forces()
+            pressing, force = tip.felt
+            a, b = s.probe[which]
+            loads = [Add(name(f"y{a}"), force), Add(name(f"y{b}"), -force)]
+            out.append(If((tip.depth > 0.0) & pressing, list(loads)))
+        out += [Add(name(f"y{body}"), -e.state.u) for body in e.pressed_down()]
+        free = [i for i in range(s.n) if i not in self._prescribed]
+        given = {i: read("u", 1 + k) for k, i in enumerate(self._prescribed)}
+        rates = self._rates(free, given)
+        out += [Put(name(f"a{i}"), rates[i]) for i in range(s.n)]
+        acceleration = [local(f"a{i}") for i in range(s.n)]
+        joint: dict[int, tuple[Expression, Expression]] = {}
+        for i in reversed(s.order()):
+            (vx, vy), (ax, ay) = e.bodies.velocity(i), e.bodies.acceleration(i, acceleration)
+            mass = s.body(i, MASS)
+            own = (mass * ax - local(f"x{i}"), mass * (ay + read("p", GRAVITY)) - local(f"y{i}"))
+            children = [joint[k] for k, w in enumerate(s.parent) if w == i]
+            joint[i] = (own[0] + total(f[0] for f in children), own[1] + total(f[1] for f in children))
+            turned = total(acceleration[k] for k in e.k.turns(i)) if i not in s.guided else ZERO
+            braked = e.bodies.joint_friction()[i] * e.state.v[i] + e.damped(i)
+            angle = total(e.state.q[k] for k in e.k.turns(i)) if i not in s.guided else ZERO
+            (x, y), (cx, cy) = e.k.pivot(i), e.bodies.centre(i)
+            row = (x, y, angle, cx, cy, e.k.turning(i), turned, vx, vy, ax, ay, *joint[i], braked, acceleration[i])
+            out += [Put(at("y", BODY * i + k), value) for k, value in enumerate(row)]
+        inertia = e.bodies.inertia(acceleration)
+        out += [Put(at("y", BODY * i + HELD), inertia[i] - local(f"f{i}")) for i in self._prescribed]
+        return self._given(out)
+
+    def marched(self) -> Program:
+        """Accelerations (n,), inverse of the mass matrix (n, n), then of each contact its normal force and slides (n,).
+
+        Without friction of contacts; that of joints is as the parameter vector says.
+        """
+        s, e = self._s, self._e
+        n, out = s.n, e.smooth_forces()
+        start = n + n * n
+        for c, contact in enumerate(self._contacts()):
+            at_row, (pressing, force) = start + (1 + n) * c, contact.felt
+            pushes: list[Statement] = [Add(name(f"f{k}"), p) for k, p in contact.push(force, ZERO).items()]
+            row = [force] + [contact.slides().get(k, ZERO) for k in range(n)]
+            pushes += [Put(at("y", at_row + k), value) for k, value in enumerate(row)]
+            out += [Put(at("y", at_row), ZERO), If(contact.touches, [If(pressing, pushes)])]
+        for tip in e.tips:
+            out += tip.forces()
+        a = solved(e.bodies.mass, [local(f"f{i}") for i in range(n)])
+        out += [Put(at("y", i), a[i]) for i in range(n)]
+        for j in range(n):
+            column = solved(e.bodies.mass, [ONE if i == j else ZERO for i in range(n)])
+            out += [Put(at("y", n + n * i + j), column[i]) for i in range(n)]
+        return self._given(out)
+
+    def _rates(self, free: list[int], given: dict[int, Expression]) -> list[Expression]:
+        """Accelerations of all coordinates, those that are prescribed as given."""
+        mass = self._e.bodies.mass
+        place = {i: k for k, i in enumerate(free)}
+        reduced = {(place[i], place[j]): m for (i, j), m in mass.items() if i in place and j in place}
+
+        def known(i: int) -> Expression:
+            return total(mass.get((max(i, j), min(i, j)), ZERO) * a for j, a in given.items())
+
+        found = solved(reduced, [local(f"f{i}") - known(i) for i in free])
+        return [given[i] if i in given else found[place[i]] for i in range(self._s.n)]
