@@ -7,7 +7,6 @@ another order (docs/decisions/0083-model-lanes.md).
 
 from __future__ import annotations
 
-import warnings
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -20,7 +19,6 @@ from model.integrators.lanes.rosenbrock import loop_in_lanes
 from model.integrators.methods import METHODS
 from model.integrators.rosenbrock import integrate
 from model.kernels.lanes.width import LANES, lanes_pay
-from model.parameters.effects import MOTOR_DRIVE
 from model.scene.build import Scene
 from model.simulation.run import Plan, Simulation, State
 from model.simulation.side_by_side import advance_together
@@ -35,8 +33,6 @@ def can(job: Job) -> bool:
     """Whether lanes give all that a job asks for."""
     if job.run is None or job.failure is not None or not set(job.run.outputs) <= SUPPORTED:
         return False
-    if job.run.scene.remembers or job.run.scene.wound:
-        return False  # the kernels for lanes know no memory and no amplifier
     return job.run.method in METHODS and METHODS[job.run.method].loop is integrate
 
 
@@ -44,7 +40,7 @@ Kind = tuple[object, ...]
 
 
 class _Kinds:
-    """What the members of one unit have in common: structure of the scene, method. Found once for each scene object."""
+    """What the members of one unit have in common: structure, how many numbers (a string's modes), method."""
 
     def __init__(self) -> None:
         self._of: dict[tuple[int, str], Kind] = {}
@@ -53,7 +49,7 @@ class _Kinds:
         key = id(run.scene), run.method
         if key not in self._of:
             tables = ((table.shape, table.tobytes()) for table in run.scene.tables)
-            self._of[key] = (run.method, run.scene.size, *tables)
+            self._of[key] = (run.method, run.scene.size, len(run.scene.vector), *tables)
         return self._of[key]
 
 
@@ -69,30 +65,10 @@ def choose(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
         if kind is not None:
             count[kind] += 1
     least = 1 if lanes else LEAST_MEMBERS
-    _tell_what_is_alone([job for job, kind in zip(jobs, of_job, strict=True) if kind is None], least)
     return [
         replace(job, in_lanes=True) if kind is not None and count[kind] >= least else job
         for job, kind in zip(jobs, of_job, strict=True)
     ]
-
-
-def _tell_what_is_alone(alone: Sequence[Job], least: int) -> None:
-    """Say in one line what keeps members out of lanes, where they are many: felt, string, joints or a motor's drive."""
-    kept = [names for job in alone if job.run is not None and (names := kept_out_by(job.run.scene))]
-    if len(kept) < least:
-        return
-    why = sorted({name for names in kept for name in names})
-    warnings.warn(
-        f"lanes: members with {', '.join(why)} are computed one by one, more slowly; "
-        "lanes know no felt with memory, no string, no joints that give and no motor's drive",
-        stacklevel=3,
-    )
-
-
-def kept_out_by(scene: Scene) -> tuple[str, ...]:
-    """What keeps a scene out of lanes; empty where nothing does."""
-    pins = dict.fromkeys(f"{body}_pin" for body, _ in scene.pins)
-    return (*scene.what_remembers, *pins, *((MOTOR_DRIVE,) if scene.wound else ()))
 
 
 def units(jobs: Sequence[Job], todo: Iterable[int], workers: int) -> list[list[int]]:

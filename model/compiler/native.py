@@ -319,14 +319,18 @@ class Writer:
         b.branch(head)
         b.position_at_end(head)
         f, n = b.phi(self._kind), b.phi(INTEGER)
+        truth = TRUTH if self._width == 1 else ir.VectorType(TRUTH, self._width)
+        looking = b.phi(truth)  # a lane that has found its root goes on no further with the others
+        looking.add_incoming(ir.Constant(truth, 1 if self._width == 1 else [1] * self._width), around)
         f.add_incoming(first, around)
         n.add_incoming(ir.Constant(INTEGER, 0), around)
         with self._block({unknown}):
             self._known.here[unknown] = f
             step = b.fdiv(self.value(residual), self.value(steep), flags=FLAGS)
-        better = b.fsub(f, step, flags=FLAGS)
+        better = b.select(looking, b.fsub(f, step, flags=FLAGS), f)
         size, share = self._intrinsic("fabs", step), self._intrinsic("fabs", better)
-        off = b.fcmp_ordered(">", size, b.fmul(self._number(NEWTON_SHARE), share))
+        off = b.and_(looking, b.fcmp_ordered(">", size, b.fmul(self._number(NEWTON_SHARE), share)))
+        looking.add_incoming(off, b.block)
         more = b.add(n, ir.Constant(INTEGER, 1))
         go_on = b.and_(self._any(off), b.icmp_signed("<", more, ir.Constant(INTEGER, NEWTON_STEPS)))
         f.add_incoming(better, b.block)

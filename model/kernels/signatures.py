@@ -105,9 +105,10 @@ class LaneMembers(NamedTuple):
     """Members of a batch, a row each: what they are given, and what becomes of them.
 
     ``start`` (m, 7): time, end and first step (s), limits of local errors (rad, rad/s), motion that counts as rest
-    (rad), longest step (s). ``place`` (m, 7): where its input starts in ``time`` and ``value`` and how many points it
-    has, the same of its outputs in ``wanted``, most attempts, and where in memory the rows of angles and speeds are.
-    ``reached`` (m, 3): time, next step, time at rest (s). ``angle`` and ``speed`` are changed in place.
+    (rad), longest step (s). ``place`` (m, 8): where its input starts in ``time`` and ``value`` and how many points it
+    has, the same of its outputs in ``wanted``, most attempts, and where in
+    memory the rows of angles, of speeds and of what is remembered are.
+    ``reached`` (m, 3): time, next step, time at rest (s). ``angle``, ``speed`` and ``memory`` are changed in place.
     """
 
     start: np.ndarray
@@ -115,6 +116,7 @@ class LaneMembers(NamedTuple):
     parameters: np.ndarray
     angle: np.ndarray
     speed: np.ndarray
+    memory: np.ndarray
     time: np.ndarray
     value: np.ndarray
     wanted: np.ndarray
@@ -170,7 +172,7 @@ _COEFFICIENTS = types.NamedTuple([_array, _array, _array, _array, _array, _table
 INTEGRATE_LANES = _i(  # attempts, each of all lanes
     types.NamedTuple(
         [
-            _table, _integer_table, _table, _table, _table, _array, _array, _array, _table, _integers, _integer_table,
+            _table, _integer_table, *[_table] * 4, _array, _array, _array, _table, _integers, _integer_table,
         ],
         LaneMembers,
     ),

@@ -30,9 +30,9 @@ def _aligned(count: int) -> Array:
     return whole[start : start + count]
 
 
-def _space(n: int, n_parameters: int, lanes: int) -> LaneSpace:
+def _space(n: int, n_parameters: int, remembers: bool, lanes: int) -> LaneSpace:
     return LaneSpace(
-        _aligned(W.LANE_SIZE * lanes),
+        _aligned((W.WITH_MEMORY if remembers else W.LANE_SIZE) * lanes),
         _aligned(n_parameters * lanes),
         _aligned(S.N_NUMBERS * lanes),
         np.zeros(S.N_WHOLE * lanes, dtype=np.int64),
@@ -86,16 +86,18 @@ def advance_together(tables: Tables, plans: Sequence[Plan], lanes: int) -> list[
         [(p.span.time, p.span.end, p.span.step, p.limits.angle, p.limits.speed, p.limits.rest, p.limits.longest_step)
          for p in plans]
     )  # fmt: skip
-    place = np.zeros((count, 7), dtype=np.int64)
+    place = np.zeros((count, 8), dtype=np.int64)
     for row, plan, at, out in zip(place, plans, first, first_out, strict=True):
         points = len(plan.drive.time), out, len(plan.out.time), plan.limits.most_steps
-        row[:] = (at, *points, plan.out.angle.ctypes.data, plan.out.speed.ctypes.data)
+        rows = plan.out.angle, plan.out.speed, plan.out.memory
+        row[:] = (at, *points, *(filled.ctypes.data for filled in rows))
     members = LaneMembers(
         start,
         place,
         np.array([plan.scene.parameters for plan in plans]),
         np.array([plan.span.angle for plan in plans]),
         np.array([plan.span.speed for plan in plans]),
+        np.array([plan.span.memory for plan in plans]).reshape(count, -1),
         time,
         value,
         wanted,
@@ -110,10 +112,11 @@ def advance_together(tables: Tables, plans: Sequence[Plan], lanes: int) -> list[
         scene.n_contacts,
         lane_kernels_of(tables, lanes),
         plans[0].method.coefficients,
-        _space(n, members.parameters.shape[1], lanes),
+        _space(n, members.parameters.shape[1], members.memory.shape[1] > 0, lanes),
     )
     for i, plan in enumerate(plans):
         plan.span.angle[:], plan.span.speed[:] = members.angle[i], members.speed[i]
+        plan.span.memory[:] = members.memory[i]
         plan.account.counters[:] += members.counters[i]
         plan.account.time_at_rest[0] += members.reached[i, 2]
     return [(float(t), float(h), int(s)) for (t, h, _), s in zip(members.reached, members.status, strict=True)]

@@ -59,7 +59,7 @@ def rest(bits, width, parent, members, space):
             if quiet > t and at_rest(space.single, parent, space.parts, number[S.REST * width + lane]):
                 for i in range(n):
                     memory[(V + i) * width + lane] = 0.0
-                fill_still(lane, width, n, quiet, memory, whole, members.wanted)
+                fill_still(lane, width, n, quiet, memory, whole, members)
                 number[S.AT_REST * width + lane] += quiet - t
                 number[S.TIME * width + lane] = quiet
                 number[S.WANTED_STEP * width + lane] = WAKING_STEP

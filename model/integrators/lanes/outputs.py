@@ -3,7 +3,7 @@
 from model.integrators.lanes import slots as S
 from model.kernels.compile import inlined, uncounted
 from model.kernels.lanes.operations import put
-from model.kernels.workspace import Q1, V1, WIDTH, Q, U, V
+from model.kernels.workspace import AUDIT_Z, MOST_MEMORIES, Q1, V1, WIDTH, Z1, Z_U, Q, U, V, Z
 
 STAGE = 2 * WIDTH
 
@@ -36,7 +36,21 @@ def state_inside(w, s, n, n_dense):
 
 
 @uncounted
-def write_rows(bits, width, n, number, whole):
+def memories_inside(w, s, n_z, dense):
+    """What is remembered at the same fraction of the step, where energies would be asked for."""
+    x = s[S.FRACTION]
+    for i in range(n_z):
+        inside = 0.0 * x
+        for m in range(dense.shape[0] - 1, -1, -1):
+            part = 0.0 * x
+            for j in range(dense.shape[1]):
+                part += dense[m, j] * w[Z_U + MOST_MEMORIES * j + i]
+            inside = part + x * inside
+        w[AUDIT_Z + i] = (1.0 - x) * w[Z + i] + x * (w[Z1 + i] + (1.0 - x) * inside)
+
+
+@uncounted
+def write_rows(bits, width, n, n_z, memory, number, whole):
     """Write the row of each lane of ``bits`` to its member and go on to the next one."""
     for lane in range(width):
         if bits >> lane & 1:
@@ -45,6 +59,8 @@ def write_rows(bits, width, n, number, whole):
             for i in range(n):
                 put(whole[at + S.ANGLES_AT], k + i, number[(S.ROW + i) * width + lane])
                 put(whole[at + S.SPEEDS_AT], k + i, number[(S.ROW + WIDTH + i) * width + lane])
+            for i in range(n_z):
+                put(whole[at + S.MEMORIES_AT], n_z * whole[at + S.ROWS_DONE] + i, memory[(AUDIT_Z + i) * width + lane])
             whole[at + S.ROWS_DONE] += 1
 
 
@@ -71,11 +87,13 @@ def ask(bits, width, members, space):
 @inlined
 def give_out(bits, w, s, width, dense, members, space):
     """Fill the outputs within the steps of the lanes of ``bits``."""
-    n = members.angle.shape[1]
+    n, n_z = members.angle.shape[1], members.memory.shape[1]
     asking = ask(bits, width, members, space)
     if asking:
         dense_sums(w, s, n, dense)
     while asking:
         state_inside(w, s, n, dense.shape[0])
-        write_rows(asking, width, n, space.number, space.whole)
+        if n_z > 0:
+            memories_inside(w, s, n_z, dense)
+        write_rows(asking, width, n, n_z, space.step, space.number, space.whole)
         asking = ask(asking, width, members, space)

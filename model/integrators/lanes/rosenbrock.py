@@ -29,14 +29,20 @@ from model.kernels.workspace import (
     ALLOWANCE,
     INPUT,
     INPUT_RATE,
+    MOST_MEMORIES,
     NEEDED,
+    NOW,
     Q1,
     STAGE_STEP,
     STEP_RATE,
     WIDTH,
+    Z1,
+    Z_U,
+    Z_WEIGHT,
     Q,
     U,
     V,
+    Z,
 )  # fmt: skip
 
 INFINITE = float("inf")
@@ -85,6 +91,20 @@ def embedded_error(w, stage, n, angle, speed):
 
 
 @inlined
+def end_memories(w, b, n_z, speed, error):
+    """Memories at the end of the step; the larger of ``error`` and theirs, no number where one is none."""
+    last = b.shape[0] - 1
+    for i in range(n_z):
+        end = w[Z + i]
+        for m in range(b.shape[0]):
+            end += b[m] * w[Z_U + MOST_MEMORIES * m + i]
+        w[Z1 + i] = end
+        wrong = abs(w[Z_U + MOST_MEMORIES * last + i]) * w[Z_WEIGHT + i] / speed
+        error = where(wrong <= error, error, wrong)
+    return error
+
+
+@inlined
 def next_step(step, error, exponent, accepted, sound, rejected_before, fitted, h):
     """The step to want next, after an accepted attempt or to try again."""
     factor = SAFETY * power(min(max(error, 1e-300), 1e300), -exponent)
@@ -115,8 +135,10 @@ def chosen_step(w, p, s, n, n_contacts):
 
 
 @inlined
-def commit(w, s, accepted, n):
+def commit(w, s, accepted, n, n_z):
     """The state and time of the lanes that were accepted."""
+    for i in range(n_z):
+        w[Z + i] = where(accepted, w[Z1 + i], w[Z + i])
     t, step, end = s[S.TIME], s[S.STEP], s[S.END]
     for half in range(2):
         for i in range(WIDTH * half, WIDTH * half + n):
@@ -136,7 +158,7 @@ def loop_in_lanes(width: int) -> Any:
         w = rows(memory, width)
         p = rows(numbers, width)
         s = rows(number, width)
-        n = members.angle.shape[1]
+        n, n_z = members.angle.shape[1], members.memory.shape[1]
         n_stages = b.shape[0]
         # a plain 0 would be a type of its own, for which numba compiles all that takes a seat once more
         busy, following = fill_lanes(int64(0), int64(0), width, members, space)
@@ -147,8 +169,12 @@ def loop_in_lanes(width: int) -> Any:
             attempts += 1
             read_start(fresh, width, n_contacts, members, space)
             w[INPUT] = s[S.START_INPUT]
+            if n_z > 0:
+                w[NOW] = s[S.TIME]
             kernels.linearise(memory, numbers)
-            rested = rest(nearly_still(w, s, n) & fresh, width, parent, members, space)
+            # felt that remembers may still creep: what it will do, the bound on rest does not know
+            still = 0 if n_z > 0 else nearly_still(w, s, n) & fresh
+            rested = rest(still, width, parent, members, space)
             chosen_step(w, p, s, n, n_contacts)
             trying = busy & ~rested
             fit_steps(trying, width, members, space)
@@ -172,6 +198,9 @@ def loop_in_lanes(width: int) -> Any:
             s[S.EVALUATED] = evaluated
             advance_to_end(w, b, n)
             finite, error = embedded_error(w, n_stages - 1, n, s[S.ANGLE], s[S.SPEED])
+            if n_z > 0:
+                error = end_memories(w, b, n_z, s[S.SPEED], error)
+                finite = finite & (error < INFINITE)
             sound = prepared & bits_of(finite) & trying
             within = sound & bits_of(error <= 1.0)
             accepted = mask_of(within, width)
@@ -181,7 +210,7 @@ def loop_in_lanes(width: int) -> Any:
             )  # fmt: skip
             s[S.WANTED_STEP] = where(mask_of(trying, width), s[S.NEXT_STEP], s[S.WANTED_STEP])
             give_out(within, w, s, width, dense, members, space)
-            commit(w, s, accepted, n)
+            commit(w, s, accepted, n, n_z)
             counted(trying, within, prepared, n_stages, n_contacts, width, members, space)
             rejected = trying & ~within
             fresh = within | rested

@@ -4,18 +4,21 @@ from model.integrators.lanes import slots as S
 from model.integrators.step_control import DONE
 from model.kernels.compile import uncounted
 from model.kernels.lanes.operations import put
-from model.kernels.workspace import ACC, IDLE, LANE_SIZE, M_DIAG, M_UP, STIFF, WIDTH, Q, V
+from model.kernels.workspace import ACC, IDLE, LANE_SIZE, M_DIAG, M_UP, STIFF, WIDTH, WITH_MEMORY, Q, V, Z
 
 
 @uncounted
-def fill_still(lane, width, n, until, memory, whole, wanted):
+def fill_still(lane, width, n, until, memory, whole, members):
     """Fill the outputs wanted up to ``until`` with the state of a lane as it is."""
+    n_z, wanted = members.memory.shape[1], members.wanted
     at = whole[S.N_WHOLE * lane : S.N_WHOLE * lane + S.N_WHOLE]
     k = at[S.ROWS_DONE]
     while k < at[S.N_OUT] and wanted[at[S.FIRST_OUT] + k] <= until:
         for i in range(n):
             put(at[S.ANGLES_AT], n * k + i, memory[(Q + i) * width + lane])
             put(at[S.SPEEDS_AT], n * k + i, memory[(V + i) * width + lane])
+        for i in range(n_z):
+            put(at[S.MEMORIES_AT], n_z * k + i, memory[(Z + i) * width + lane])
         k += 1
     at[S.ROWS_DONE] = k
 
@@ -25,8 +28,11 @@ def sit_down(lane, width, m, members, space):
     """Put member ``m`` into a lane."""
     memory, numbers, number, whole, _, _ = space
     n = members.angle.shape[1]
-    for k in range(LANE_SIZE):
+    n_z = members.memory.shape[1]
+    for k in range(LANE_SIZE if n_z == 0 else WITH_MEMORY):
         memory[k * width + lane] = 0.0
+    for i in range(n_z):
+        memory[(Z + i) * width + lane] = members.memory[m, i]
     for i in range(n):
         memory[(Q + i) * width + lane] = members.angle[m, i]
         memory[(V + i) * width + lane] = members.speed[m, i]
@@ -46,8 +52,9 @@ def sit_down(lane, width, m, members, space):
     at[S.MOST] = members.place[m, 4]
     at[S.ANGLES_AT] = members.place[m, 5]
     at[S.SPEEDS_AT] = members.place[m, 6]
+    at[S.MEMORIES_AT] = members.place[m, 7]
     at[S.ROWS_DONE] = 0
-    fill_still(lane, width, n, members.start[m, 0], memory, whole, members.wanted)
+    fill_still(lane, width, n, members.start[m, 0], memory, whole, members)
 
 
 @uncounted
@@ -67,6 +74,8 @@ def get_up(lane, width, status, members, space):
     for i in range(members.angle.shape[1]):
         members.angle[m, i] = memory[(Q + i) * width + lane]
         members.speed[m, i] = memory[(V + i) * width + lane]
+    for i in range(members.memory.shape[1]):
+        members.memory[m, i] = memory[(Z + i) * width + lane]
     members.reached[m, 0] = number[S.TIME * width + lane]
     members.reached[m, 1] = number[S.WANTED_STEP * width + lane]
     members.reached[m, 2] = number[S.AT_REST * width + lane]

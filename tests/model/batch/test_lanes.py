@@ -56,8 +56,11 @@ def content(member: batch.Member) -> list[Any]:
     """All of a solution as bytes and numbers, or the text of its error."""
     if member.solution is None:
         return [type(member.error).__name__, str(member.error)]
-    values = [getattr(member.solution, item.name) for item in fields(model.Solution)]
-    return [v.tobytes() if isinstance(v, np.ndarray) else v for v in values]
+    values = {item.name: getattr(member.solution, item.name) for item in fields(model.Solution)}
+    for name, parts in (("string", ("rows",)), ("give", ("way_m", "speed_m_per_s", "force_n"))):
+        values |= {f"{name} {part}": getattr(values[name], part, None) for part in parts}
+        del values[name]
+    return [v.tobytes() if isinstance(v, np.ndarray) else v for v in values.values()]
 
 
 def test_a_member_is_the_same_to_the_last_bit_whatever_its_neighbours_lane_and_width(
@@ -86,7 +89,8 @@ def scalar_and_error(job: Job) -> tuple[np.ndarray, float]:
 def moved_by_last_digits(job: Job, angles: np.ndarray) -> float:
     """Largest distance of single runs whose forces differ in their last digits: what step control makes of rounding."""
     assert job.run is not None
-    runs = [replace(job.run, force_n=job.run.force_n * (1.0 + k * 2.0**-50)) for k in (-4, -3, -2, -1, 1, 2, 3, 4)]
+    ways = [k for k in range(-16, 17) if k]  # distances have a heavy tail: some blows fork
+    runs = [replace(job.run, force_n=job.run.force_n * (1.0 + k * 2.0**-50)) for k in ways]
     members = [batch.run_job(replace(job, run=run), "").solution for run in runs]
     return max(float(np.abs(one.angle_rad - angles).max()) for one in members if one is not None)
 
@@ -232,11 +236,6 @@ def test_members_agree_with_single_runs_in_every_scene(name: str, action: model.
     # N on the key, N m on the motor's arm, m of a hand
     scale = {"motor-arm": 0.05, "compliant-tip": 0.05, "finger": 3e-4}.get(name, 1.0)
     trials = blows(12, seed=4, scale=scale)
-    unmarked = [replace(job, in_lanes=False) for job in jobs_of(action, trials, sets, scene=name)]
-    if not lanes.can(unmarked[0]):
-        with pytest.warns(UserWarning, match="one by one"):
-            assert not any(job.in_lanes for job in lanes.choose(unmarked, True))
-        return
     for tolerance in (1e-3, 1e-5):
         jobs = jobs_of(action, trials, sets, scene=name, tolerance=tolerance)
         members = together(jobs)
@@ -247,7 +246,7 @@ def test_members_agree_with_single_runs_in_every_scene(name: str, action: model.
             assert member.solution is not None
             distances.append(np.abs(member.solution.angle_rad - angles).max())
             allowed = max(0.1 * tolerance, error)
-            # a ninth draw from the spread of eight may lie beyond the largest of them, but not far
+            # one more draw from their spread may lie beyond the largest of them, but not far
             assert distances[-1] <= allowed or distances[-1] <= 2.0 * moved_by_last_digits(job, angles)
         assert np.median(distances) <= 0.1 * tolerance
 
@@ -265,22 +264,3 @@ def test_a_thousand_batches_with_planted_failures(action: model.Action) -> None:
                 assert content(member) == content(together([planted[i]])[0])
             else:
                 assert content(member) == good[i]
-
-
-def test_members_that_their_felt_keeps_out_of_lanes_are_told(
-    action: model.Action, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(lanes, "lanes_pay", lambda: True)
-    felt = action.with_laws({"contact02": "stulov"})
-    few, many = blows(3), blows(lanes.LEAST_MEMBERS)
-    options = ForceDrivenOptions(scene="key")
-    made = make_jobs(felt, few, {"": {}}, options)
-    with pytest.warns(UserWarning, match=r"^lanes: members with contact02 are computed one by one"):
-        assert not any(job.in_lanes for job in lanes.choose(made, True))
-    lanes.choose(made, None)  # too few to go into lanes anyway
-    lanes.choose(made, False)  # nor where they were not wanted there
-    with pytest.warns(UserWarning, match="with contact02"):
-        lanes.choose(make_jobs(felt, many, {"": {}}, options), None)
-    strung = make_jobs(action, few, {"": {}}, ForceDrivenOptions(scene="string"))
-    with pytest.warns(UserWarning, match="with string are"):
-        lanes.choose(strung, True)
