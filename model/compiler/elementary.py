@@ -1,4 +1,4 @@
-"""Functions that the processor has no instruction for, of operations that it has: the same bits on every machine.
+"""Functions that the processor has no instruction for, of operations that it has.
 
 Polynomials of the FreeBSD maths library (fdlibm). Bounds, in units in the last place: exponential 1.25, cosine and sine
 1 up to 45 degrees; tanh 2.3e-16 absolute. Held to in tests/model/compiler/test_elementary.py.
@@ -25,8 +25,8 @@ PADE = tuple(math.comb(6, j) * math.factorial(12 - j) / math.factorial(12) for j
 
 
 def _fused(x: Number, y: Number, z: Number) -> Expression:
-    """X y + z rounded once."""
-    return make("fused", lift(x), lift(y), lift(z))
+    """X y + z, rounded once where the processor can."""
+    return make("fused", lift(x), lift(y), lift(z))  # opaque: a sum less one of its terms would be simplified away
 
 
 def _polynomial(z: Expression, coefficients: tuple[float, ...]) -> Expression:

@@ -94,7 +94,6 @@ def _writable_cache() -> Path | None:
 
 
 FOLDER = _writable_cache()
-MULTIPLY_ADD = {"contract", "nsz"}  # of generated text: contracted where the processor has the instruction
 
 
 def _inner(function: Callable[..., Any], options: dict[str, Any]) -> Any:
@@ -152,20 +151,6 @@ def inlined_uncounted(function: Callable[..., Any]) -> Callable[..., Any]:
     return _inner(function, options)
 
 
-def piece(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a ``function`` of a module of its own into its callers, like `inlined`, but keep it for others on disk.
-
-    It allocates nothing and takes arrays: without numba's run time it counts no references to them, which the
-    optimiser would not remove from its callers (a third of their time).
-    """
-    return _cached(fastmath=MULTIPLY_ADD, forceinline=True, _nrt=False, inner=True)(function)
-
-
-def lane_piece(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Like `piece`, of lanes: what is rounded once is decided by `model.kernels.lanes.vector_type`, not by LLVM."""
-    return _cached(fastmath=False, forceinline=True, _nrt=False, inner=True)(function)
-
-
 def step_loop(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator of a step loop: explicit types, in which a scene's kernels are values, so that one loop serves all.
 
@@ -182,13 +167,3 @@ def step_loop(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], 
 def uncounted_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Like `step_loop`, for a function that allocates nothing and counts no references."""
     return step_loop(signature, _nrt=False)
-
-
-def generated(signature: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Decorator of generated kernels: explicit types, cached, multiply-add contracted where the processor has it."""
-    return _cached(signature, fastmath=MULTIPLY_ADD, _nrt=False)
-
-
-def generated_lanes(signature: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Like `generated`, of lanes; see `lane_piece`."""
-    return _cached(signature, fastmath=False, _nrt=False)

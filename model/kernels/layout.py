@@ -67,10 +67,6 @@ MEMORY_SIZE = 2
 STRING_GIVE, STRING_HEAD = 1, 2
 SINCE, RELEASED, STRING_STATES = 0, 1, 2
 
-# columns of the pose table of bodies, world frame
-POSE_X, POSE_Y, POSE_C, POSE_S, POSE_PHI, POSE_CX, POSE_CY, POSE_OMEGA = range(8)
-POSE_SIZE = 8
-
 MAX_CHAIN = 4
 
 # counters written by the kernels

@@ -12,7 +12,7 @@ Q, V, Q1, V1, ACC, F_U, M_DIAG, M_UP = (WIDTH * k for k in range(8))
 ALLOWANCE = 8 * WIDTH  # (WIDTH,) how far each coordinate may move before skipped contacts are evaluated again
 STIFF = 9 * WIDTH  # (WIDTH, WIDTH) K = df/dq - (dM/dq) a
 DAMP = STIFF + WIDTH * WIDTH  # (WIDTH, WIDTH) D = df/dv
-LU = DAMP + WIDTH * WIDTH  # (WIDTH, WIDTH) factors; the diagonal holds reciprocals
+LU = DAMP + WIDTH * WIDTH  # (WIDTH, WIDTH) inverse of the matrix of a step
 ROOM = LU + WIDTH * WIDTH  # (MAX_CONTACTS,) distance the surfaces can approach before they may touch; 0 = touching
 GAP = ROOM + MAX_CONTACTS  # (MAX_CONTACTS,) the room, or minus the penetration where surfaces touch, m
 GAP_RATE = GAP + MAX_CONTACTS  # (MAX_CONTACTS,) its rate, m/s
@@ -57,8 +57,8 @@ S_ALONG, S_ANGLES, S_SPEEDS = (NOW + 8 + LINKS * k for k in range(3))
 S_NUMBERS = NOW + 8 + 3 * LINKS  # (3, MOST_MODES) gain, stiffness, damping of each mode
 S_EASE, S_BACK = (S_NUMBERS + MOST_MODES * k for k in (3, 4))
 S_TURN, S_COUPLED = (S_NUMBERS + MOST_MODES * k for k in (5, 7))  # (2, MOST_MODES) at a stage; known sides
-# where joints give, equations of all coordinates, their directions after the others: K, D, M, factors, M at a stage
+# where joints give, equations of all coordinates, their directions after the others: K, D, M, inverse
 WIDE = WIDTH + MOST_PINS
-P_STIFF, P_DAMP, P_MASS, P_LU, P_HERE, P_WORK = (S_COUPLED + 2 * MOST_MODES + WIDE * WIDE * k for k in range(6))
-P_ACC, P_INPUT, P_FORCE, P_WAY, P_KNOWN, P_ALLOWANCE = (P_WORK + WIDE * WIDE + WIDE * k for k in range(6))
+P_STIFF, P_DAMP, P_MASS, P_LU = (S_COUPLED + 2 * MOST_MODES + WIDE * WIDE * k for k in range(4))
+P_ACC, P_INPUT, P_ALLOWANCE = (P_LU + WIDE * WIDE + WIDE * k for k in range(3))
 WITH_MEMORY = P_ALLOWANCE + WIDE

@@ -188,7 +188,7 @@ def command_of(action: Action, bodies: list[str]) -> Command | None:
 
 
 def amplifier_voltage(numbers: Array, source_v: Array, current_a: Array) -> Array:
-    """Voltage at the winding (m,): `model.kernels.laws.amplifier` in plain NumPy; ``numbers`` as in the kernels."""
+    """Voltage at the winding (m,): `model.elements.drives.amplifier` in plain NumPy; ``numbers`` as in the kernels."""
     loop, supply, limit, hold, share = numbers[L.WINDING_AMPLIFIER : L.WINDING_SIZE]
     beyond = current_a - _held(current_a, limit, share)
     return _held(source_v - loop * current_a - hold * beyond, supply, share)

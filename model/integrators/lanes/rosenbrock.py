@@ -19,7 +19,7 @@ from model.integrators.lanes.outputs import give_out
 from model.integrators.lanes.seats import fill_lanes
 from model.integrators.rosenbrock import STAGE
 from model.integrators.step_control import GROW, SAFETY, SHRINK
-from model.kernels.compile import generated_lanes, inlined
+from model.kernels.compile import inlined, uncounted_loop
 from model.kernels.lanes.events import fit_to_events
 from model.kernels.lanes.maths import power
 from model.kernels.lanes.operations import bits_of, filled, mask_of, rows, where
@@ -150,7 +150,7 @@ def commit(w, s, accepted, n, n_z):
 def loop_in_lanes(width: int) -> Any:
     """The step loop for ``width`` lanes."""
 
-    @generated_lanes(INTEGRATE_LANES)
+    @uncounted_loop(INTEGRATE_LANES)
     def integrate(members, parent, n_contacts, kernels, method, space):
         """Advance every member to its end, or as far as it comes; returns how many attempts that took."""
         a, c, b, node, d, dense, gamma, exponent = method

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import model
+from model.compiler.expressions import ONE, lift, slopes
+from model.elements.drives import amplifier
 from model.kernels import workspace as W
-from model.kernels.laws import amplifier, soft_limit
+from model.kernels.laws import soft_limit
 from model.scene.build import build_scene
 from model.scene.pressing import RAMP_S, AmplifierCommand, FingerCommand, amplifier_voltage, steady_current
 from model.verification.reference_equations import Twin
-from tests.model.compiler.machine import text_of, touched
+from tests.model.compiler.machine import given, machine, text_of, touched
 from tests.model.conftest import random_states
 from tests.model.kernels.linearised import Evaluation
 
@@ -39,15 +41,16 @@ def test_soft_limit_is_smooth_to_the_fourth_derivative_and_exact_below() -> None
 def test_amplifier_never_leaves_its_supply_and_its_slopes_are_right() -> None:
     numbers = (20.0, 12.0, 3.0, 100.0, 0.05)
     random = np.random.default_rng(1)
-    for u, i in zip(60.0 * random.normal(size=200), 2.0 * random.normal(size=200), strict=True):
-        volts, of_source, of_current = amplifier(u, i, *numbers)
-        assert abs(volts) <= 12.0
-        plain = amplifier_voltage(np.array([0.0, 0.0, *numbers]), np.array([u]), np.array([i]))[0]
-        assert volts == pytest.approx(plain, rel=1e-12, abs=1e-12)
-        (up, _, _), (down, _, _) = amplifier(u + H, i, *numbers), amplifier(u - H, i, *numbers)
-        assert of_source == pytest.approx((up - down) / (2.0 * H), abs=1e-6)
-        (up, _, _), (down, _, _) = amplifier(u, i + H, *numbers), amplifier(u, i - H, *numbers)
-        assert of_current == pytest.approx((up - down) / (2.0 * H), abs=1e-3)
+    u, i = given(0), given(1)
+    volts = amplifier((u, i), *map(lift, numbers))
+    run = machine([volts, slopes({u: ONE})(volts), slopes({i: ONE})(volts)])
+    for at in np.column_stack([60.0 * random.normal(size=200), 2.0 * random.normal(size=200)]):
+        found, of_source, of_current = run(at)[:3]
+        assert abs(found) <= 12.0
+        plain = amplifier_voltage(np.array([0.0, 0.0, *numbers]), at[:1], at[1:])[0]
+        assert found == pytest.approx(plain, rel=1e-12, abs=1e-12)
+        for slope, way, near in ((of_source, [H, 0.0], 1e-6), (of_current, [0.0, H], 1e-3)):
+            assert slope == pytest.approx((run(at + way)[0] - run(at - way)[0]) / (2.0 * H), abs=near)
 
 
 @pytest.mark.parametrize("choice", [DRIVE, FINGER], ids=["motor-drive", "finger"])
