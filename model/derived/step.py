@@ -323,6 +323,9 @@ class Derived:
             pushes = [
                 abs(read("w", W.Z_PUSH + W.LINKS * m + k)) * ease[j] for k, j in enumerate(chain) if j < self._s.free
             ]
+            if not pushes:  # felt under a prescribed body: what it pushes counts as if that were free
+                turns, by_memory = contact.turns(), slopes({e.state.z[m]: ONE})(contact.felt[1])
+                pushes = [abs(turns[j] * by_memory) / e.bodies.mass[j, j] for j in chain]
             worth = _remembered_error(largest(*pushes), read("w", W.Z_FADE + m))
             out.append(Put(at("w", W.Z_WEIGHT + m), worth))
         return out

@@ -7,10 +7,11 @@ from model.kernels import layout as L
 
 
 def solved_contacts(tables: L.Tables) -> list[int]:
-    """Contacts that push at least one free coordinate."""
+    """Contacts that push at least one free coordinate, or whose felt remembers."""
     free = len(tables.parent) - int(tables.prescribed.sum())
     rows = zip(tables.chain, tables.contact, strict=True)
-    return [c for c, (chain, row) in enumerate(rows) if any(int(b) < free for b in chain[: row[3]])]
+    remember = set(tables.memory[:, 0].tolist())
+    return [c for c, (chain, row) in enumerate(rows) if c in remember or any(int(b) < free for b in chain[: row[3]])]
 
 
 class Structure:
@@ -21,7 +22,7 @@ class Structure:
     n, free, own : coordinates in all; those that are solved for; those of them that the step loop knows. Directions in
         which joints give follow the bodies' coordinates and are states behind those that felt remembers.
     pin : body whose joint gives, by coordinate; ``axis``: 0 right or 1 up, of those and of guides
-    place : contacts that can push a free coordinate, with their place in masks and rooms
+    place : contacts that a step solves for (`solved_contacts`), with their place in masks and rooms
     """
 
     def __init__(self, tables: L.Tables) -> None:

@@ -74,21 +74,26 @@ def run_prescribed(
     start = float(motion.break_s[0])
     motion, times = KeyMotion(motion.break_s - start, motion.coefficient), output_time_s - start
     scene = build_scene(action, choice=choice, key_motion=motion)
-    scene.refuse_memory("motion of the key")
+    scene.refuse_giving("motion of the key")
     state = State(0.0, solve_rest(scene, 0.0), np.zeros(scene.size))
     run = Simulation(scene, state, tolerance=tolerance, method=method, largest_step_s=LONGEST_STEP_S)
     span = motion.break_s[[0, -1]]  # the input is the time itself
     angles, speeds = run.advance(float(times[-1]), span, span, output_time_s=times)
     key = motion.at(times)
     angles, speeds = np.column_stack([angles, key[:, 0]]), np.column_stack([speeds, key[:, 1]])
-    force, rail = key_load(scene, angles, speeds, key[:, 2])
+    force, rail = key_load(scene, angles, speeds, key[:, 2], memory=run.remembered if scene.remembers else None)
     bodies = tuple(b for b in (*BODIES, SHANK) if b in scene.bodies)
     order = [scene.bodies.index(b) for b in bodies]
     return PrescribedRun(bodies, angles[:, order], speeds[:, order], force, rail, run.work())
 
 
 def key_load(
-    scene: Scene, angles: Array, speeds: Array, acceleration: Array, vector: Array | None = None
+    scene: Scene,
+    angles: Array,
+    speeds: Array,
+    acceleration: Array,
+    vector: Array | None = None,
+    memory: Array | None = None,
 ) -> tuple[Array, Array]:
     """What holds a key to its motion: force (m,) N down at the drive point, and of the pivot on the key, N, upwards.
 
@@ -98,9 +103,10 @@ def key_load(
     angles, speeds : (m, n) of all coordinates
     acceleration : (m,) of the key, rad/s^2
     vector : numbers of the scene; its own by default
+    memory : (m, z) what a run remembered there, if anything
     """
     p, key = scene.vector if vector is None else vector, len(scene.bodies) - 1
-    found = bodies_at(scene.tables, p, (angles, speeds), prescribed=acceleration)[:, key]
+    found = bodies_at(scene.tables, p, (angles, speeds), memory, prescribed=acceleration)[:, key]
     x, y = p[scene.tables.offset[2] : scene.tables.offset[2] + 2]
     arm = np.cos(found[:, ANGLE]) * x - np.sin(found[:, ANGLE]) * y
     force = -found[:, HELD] / arm

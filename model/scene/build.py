@@ -74,6 +74,10 @@ class Scene(ArrayRecord):
             )
         if len(self.tables.string):
             raise InputError(f"{what}: found the effect string, allowed the rigid bar; leave the effect out")
+        self.refuse_giving(what)
+
+    def refuse_giving(self, what: str) -> None:
+        """Refuse joints that give, and what presses but a force on the key, for what knows rigid joints alone."""
         if self.pins:
             names = ", ".join(dict.fromkeys(f"{body}_pin" for body, _ in self.pins))
             raise InputError(f"{what}: found joints that give ({names}), allowed rigid joints; leave these effects out")

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
+from model.derived.columns import DEPTH
 from model.derived.load import kernels_of
-from model.elements.structure import solved_contacts
+from model.derived.observe import contacts_at
 from model.errors import InputError
 from model.kernels import workspace as W
 from model.scene.build import Scene
@@ -86,10 +87,10 @@ def _rested(scene: Scene, state: State, whole: NDArray[np.float64]) -> NDArray[n
     w[W.Q : W.Q + scene.size] = state.angle_rad
     w[W.Z : W.Z + len(scene.pins)] = whole[scene.size :]  # the static scene remembers nothing else
     kernels_of(scene.static_tables).linearise(w, scene.vector, state.time_s)
-    depth = np.zeros(len(scene.contacts))
-    for place, contact in enumerate(solved_contacts(scene.tables)):
-        depth[contact] = -w[W.GAP + place]
-    return rested(scene.tables, scene.vector, depth.tolist())
+    angles = w[None, W.Q : W.Q + len(scene.bodies)]  # with those of a prescribed coordinate
+    rows = np.concatenate([whole[scene.size :], np.zeros(len(scene.pins))])[None]
+    found = contacts_at(scene.static_tables, scene.vector, angles, np.zeros_like(angles), rows)[0]
+    return rested(scene.tables, scene.vector, found[:, DEPTH].tolist())
 
 
 def check_input(
