@@ -153,14 +153,13 @@ class Writer:
     def _choose(self, s: If, where: Any) -> None:
         truth = self.value(s.condition)
         uniform = self.lanes == 1 or truth.type == TRUTH
-        blocks = ((truth, s.then), (None, s.otherwise))
         if uniform:
             if not s.otherwise:
                 with self.b.if_then(truth), self._block():
                     self.write(s.then, where)
                 return
             with self.b.if_else(truth) as (then, otherwise):
-                for part, (_, statements) in zip((then, otherwise), blocks, strict=True):
+                for part, statements in zip((then, otherwise), (s.then, s.otherwise), strict=True):
                     with part, self._block():
                         self.write(statements, where)
             return

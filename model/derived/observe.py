@@ -17,11 +17,11 @@ from model.kernels.observed import rows_of
 Array = NDArray[np.float64]
 
 
-def _rows(scene_tables: Tables, what: str, width: int, given: tuple[Array, Array, Array, Array]) -> Array:
-    x, u, p, shape = given
-    y = np.zeros((len(x), int(shape[0]), width))
+def _rows(tables: Tables, what: str, shape: tuple[int, int], given: tuple[Array, Array, Array]) -> Array:
+    x, u, p = given
+    y = np.zeros((len(x), *shape))
     if y.size:
-        rows_of(observer_of(scene_tables, what), x, u, p, y.reshape(len(x), -1))
+        rows_of(observer_of(tables, what), x, u, p, y.reshape(len(x), -1))
     return y
 
 
@@ -50,13 +50,13 @@ def _state_rows(
 def contacts_at(tables: Tables, p: Array, angle: Array, speed: Array, memory: Array | None = None) -> Array:
     """Columns `NORMAL` to `RATE` of each contact (m, c, 11) at states (m, n); ``memory`` (m, z) as runs keep it."""
     x, u = _state_rows(tables, angle, speed, memory, None, None)
-    return _rows(tables, "contacts", CONTACT, (x, u, p, np.array([len(tables.contact)])))
+    return _rows(tables, "contacts", (len(tables.contact), CONTACT), (x, u, p))
 
 
 def tips_at(tables: Tables, p: Array, angle: Array, speed: Array, memory: Array | None = None) -> Array:
     """Columns `TIP_FORCE` to `TIP_DEPTH` of each tip (m, b, 3)."""
     x, u = _state_rows(tables, angle, speed, memory, None, None)
-    return _rows(tables, "tips", TIP, (x, u, p, np.array([len(tables.probe)])))
+    return _rows(tables, "tips", (len(tables.probe), TIP), (x, u, p))
 
 
 def bodies_at(
@@ -69,4 +69,4 @@ def bodies_at(
 ) -> Array:
     """Columns `PIVOT_X` to `HELD` of each body (m, n, 16), under inputs (m,) and prescribed accelerations (m, k)."""
     x, u = _state_rows(tables, *states, memory, value, prescribed)
-    return _rows(tables, "bodies", BODY, (x, u, p, np.array([len(tables.parent)])))
+    return _rows(tables, "bodies", (len(tables.parent), BODY), (x, u, p))

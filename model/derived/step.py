@@ -1,11 +1,11 @@
 """The kernels of a scene, derived from its elements: what a step loop calls at the start of a step and in its stages.
 
 ``linearise``: accelerations, K = df/dq - (dM/dq) a, D = df/dv, df/du, what memories are coupled by, open gaps and
-sliding speeds with their rates. ``prepare``: factors of M / (gamma h) - D - gamma h K. ``skip``: contacts that cannot
-touch within the step. ``stage``: accelerations at a stage, and the stage of each state. ``energy``: energy of a state,
-power put in and powers lost. A memory z, of felt, acts on the joints of its contact's chain and on nothing else, so
-that each stage eliminates it. Numbers are read from a scene's parameter vector (`model.kernels.layout`) and kept in the
-workspace of a step (`model.kernels.workspace`).
+sliding speeds with their rates. ``prepare``: the inverse of M / (gamma h) - D - gamma h K. ``skip``: contacts that
+cannot touch within the step. ``stage``: accelerations at a stage, and the stage of each state. ``energy``: energy of a
+state, power put in and powers lost. A memory z, of felt, acts on the joints of its contact's chain and on nothing else,
+so that each stage eliminates it. Numbers are read from a scene's parameter vector (`model.kernels.layout`) and kept in
+the workspace of a step (`model.kernels.workspace`).
 """
 
 from __future__ import annotations

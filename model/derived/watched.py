@@ -1,8 +1,8 @@
-"""What acts inside a scene at single states: contacts, tips, bodies with their joints; derived from its elements.
+"""What acts inside a scene at single states, derived from its elements.
 
-Each of the three is a kernel of its own, compiled when first asked for, that takes one state: coordinates and speeds of
-all bodies, what is remembered (as the step loop keeps it), the input, and accelerations of coordinates that are
-prescribed. Forces are in N, powers in W, in the world: x right, y up.
+``contacts``, ``tips``, ``bodies`` (with their joints) and ``marched`` are kernels of their own, compiled when first
+asked for, that take one state: coordinates and speeds of all bodies, what is remembered (as the step loop keeps it),
+the input, and accelerations of coordinates that are prescribed. Forces are in N, powers in W; world: x right, y up.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from model.kernels.layout import GRAVITY, MASS, Tables
 
 
 class Watched:
-    """Programs of the three kernels of a structure.
+    """Programs of the kernels named above, of a structure.
 
     Parameters
     ----------
@@ -59,7 +59,6 @@ class Watched:
         q += [read("x", first + k) for k in range(count)]
         v += [read("x", first + count + k) for k in range(count)]
         z = [read("x", self._memory + m) for m in range(len(s.memory))]
-        # the input and prescribed accelerations stand before what is remembered, whose length a string's modes decide
         self._e = Elements(s, State(q, v, z, read("u", 0)), "x", self._memory)
 
     def _given(self, statements: list[Statement]) -> Program:

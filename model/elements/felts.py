@@ -21,7 +21,7 @@ from model.compiler.expressions import (
     smaller,
     total,
     where,
-)  # fmt: skip
+)
 from model.compiler.programs import Add, Put, Statement, While, let, name
 
 DEPTH_STEPS = 60.0  # of a search for a depth, at most

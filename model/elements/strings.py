@@ -26,7 +26,7 @@ from model.compiler.expressions import (
     root,
     sine,
     where,
-)  # fmt: skip
+)
 from model.compiler.programs import Add, Anew, For, If, Place, Put, Statement, at, each, name, whole
 from model.elements import felts
 from model.elements.contacts import Contact
@@ -194,11 +194,11 @@ class StringContact(Contact):
         def copied(i: Expression) -> list[Statement]:
             return [Put(at("w", W.S_NUMBERS + W.MOST_MODES * k, i), m.number(k, i)) for k in range(3)]
 
+        rows = [W.Z_WEIGHT, *(W.Z_U + W.MOST_MEMORIES * k for k in range(W.MAX_STAGES))]
+
         def left(i: Expression) -> list[Statement]:
-            rows = [W.Z_WEIGHT, *(W.Z_U + W.MOST_MEMORIES * k for k in range(W.MAX_STAGES))]
             return [Put(m.place(row, half, i), ZERO) for row in rows for half in (0, 1)]
 
-        rows = [W.Z_WEIGHT, *(W.Z_U + W.MOST_MEMORIES * k for k in range(W.MAX_STAGES))]
         released = m.head(W.Z, L.RELEASED)
         return [
             Put(name("bar"), x), If((since < 0.5 * AWAKE) | first_time, m.reach()), Anew(),
