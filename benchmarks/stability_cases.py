@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
-from model.verification.energy_audit import Audit, audit
+from tests.model.verification.energy_audit import Audit, audit
 
 Array = NDArray[np.float64]
 

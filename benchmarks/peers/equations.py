@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from model import BODIES, Action
-from model.verification.reference_equations import Twin
+from tests.model.verification.reference_equations import Twin
 
 N = len(BODIES)
 

@@ -21,7 +21,7 @@ from benchmarks.peers.cvode_from_c import Unavailable, cvode_in_c
 from benchmarks.peers.equations import N
 from benchmarks.peers.jacobian import CompiledJacobian
 from model import Action
-from model.verification.reference_equations import Twin
+from tests.model.verification.reference_equations import Twin
 
 Array = NDArray[np.float64]
 

@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import as_numbers
 from model.derived import columns as C
 from model.errors import InputError
+from model.inside.adaptive_quadrature import integrate_panels, panel_edges
 from model.inside.state_observer import ObservedStates, Observer
 from model.parameters.effects import RAIL
 from model.scene.build import Scene
 from model.simulation.loads_and_losses import Inside
 from model.simulation.rail_reaction import Lift, RailLift, RailTension, Tension, lifts, tensions  # noqa: F401  public
-from model.verification.adaptive_quadrature import integrate_panels, panel_edges
 
 Array = NDArray[np.float64]
 States = Callable[[Array], tuple[Array, ...]]

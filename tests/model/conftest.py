@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import model
-from model.verification.reference_equations import Twin
+from tests.model.verification.reference_equations import Twin
 
 DATA = Path(__file__).parent / "data"
 

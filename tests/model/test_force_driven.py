@@ -68,7 +68,7 @@ def test_error_falls_with_the_tolerance(action: model.Action) -> None:
 
 
 def test_forces_at_output_times_follow_from_the_state(action: model.Action) -> None:
-    from model.verification.reference_equations import Twin
+    from tests.model.verification.reference_equations import Twin
 
     time, force, _ = reference("forte")
     at = np.array([0.1071, 0.1123, 0.13])

@@ -7,8 +7,8 @@ import pytest
 
 import model
 from model.inside import Observer, tensions
-from model.verification.reference_equations import Twin
 from tests.model.conftest import random_states, read_table
+from tests.model.verification.reference_equations import Twin
 
 FREE = {f"contact{i:02d}": 0.0 for i in range(1, 14)} | {f"{b}_spring": 0.0 for b in ("jack", "repetition")}
 

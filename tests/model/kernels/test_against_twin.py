@@ -11,9 +11,9 @@ from model.derived.observe import contacts_at
 from model.kernels import layout as L
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
-from model.verification.reference_equations import Twin
 from tests.model.conftest import random_states
 from tests.model.kernels.linearised import Evaluation
+from tests.model.verification.reference_equations import Twin
 
 
 def test_accelerations_equal_the_twin(action: model.Action, twin: Twin) -> None:

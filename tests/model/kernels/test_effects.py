@@ -12,10 +12,10 @@ from model.derived import load as scenes
 from model.kernels import workspace as W
 from model.scene.build import Scene, build_scene
 from model.scene.selection import SceneChoice
-from model.verification.reference_equations import Twin
 from tests.model.compiler.machine import touched
 from tests.model.conftest import random_states
 from tests.model.kernels.linearised import Evaluation
+from tests.model.verification.reference_equations import Twin
 
 CHANGED = {
     "key.pivot.x": 0.003,

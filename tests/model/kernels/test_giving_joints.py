@@ -14,9 +14,9 @@ import model
 from model.derived.load import kernels_of
 from model.kernels import workspace as W
 from model.scene.build import Scene, build_scene
-from model.verification.free_bodies import FreeBodies
 from tests.model.compiler.machine import text_of, touched
 from tests.model.conftest import random_states
+from tests.model.verification.free_bodies import FreeBodies
 
 HAMMER = ("hammer_pin",)
 CHOICES = [HAMMER, ("key_pin", "jack_pin"), model.load_scene("giving-joints").effects]

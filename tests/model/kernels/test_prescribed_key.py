@@ -13,9 +13,9 @@ from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
-from model.verification.reference_equations import Twin
 from tests.model.compiler.machine import operations, text_of, touched
 from tests.model.conftest import random_states
+from tests.model.verification.reference_equations import Twin
 
 ORDER = [1, 2, 3, 4, 0]  # key last
 

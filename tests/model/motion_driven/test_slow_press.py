@@ -11,7 +11,7 @@ from model.motion_driven.slow_press import Press, key_angle_at_dip, slow_press
 from model.scene.build import build_scene
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import Simulation, State
-from model.verification.energy import energy_terms
+from tests.model.verification.energy import energy_terms
 
 
 @pytest.fixture(scope="module")

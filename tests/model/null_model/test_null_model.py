@@ -12,9 +12,9 @@ from model import null_model
 from model.null_model import run as null_run
 from model.null_model.reduction import HAMMER, KEY
 from model.parameters.action import CONTACTS
-from model.verification.energy import energy_terms
-from model.verification.reference_equations import Twin
 from tests.model.conftest import read_table
+from tests.model.verification.energy import energy_terms
+from tests.model.verification.reference_equations import Twin
 
 FRICTIONLESS = {
     **{f"{c}.friction.A": 0.0 for c in CONTACTS},

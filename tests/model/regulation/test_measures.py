@@ -11,7 +11,7 @@ import model
 from model.regulation import TARGETS, measure
 from model.regulation.measures import at_rest, first_touch_angle, medium_blow
 from model.simulation.hand_set_rest import hand_set_rest, slip_angle
-from model.verification.reference_equations import Twin
+from tests.model.verification.reference_equations import Twin
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from model.derived.load import kernels_of
 from model.inside import Observer
 from model.kernels import workspace as W
 from model.scene.effect_terms import bending, parts_of_hammer, sink_m
-from model.verification.energy_audit import audit
 from tests.model.conftest import read_table
+from tests.model.verification.energy_audit import audit
 
 BOTH = model.SceneChoice(effects=("balance_rail", "shank"))
 LIFT, SHANK = 5, 6

@@ -12,10 +12,10 @@ from model.kernels import workspace as W
 from model.kernels.laws import soft_limit
 from model.scene.build import build_scene
 from model.scene.pressing import RAMP_S, AmplifierCommand, FingerCommand, amplifier_voltage, steady_current
-from model.verification.reference_equations import Twin
 from tests.model.compiler.machine import given, machine, text_of, touched
 from tests.model.conftest import random_states
 from tests.model.kernels.linearised import Evaluation
+from tests.model.verification.reference_equations import Twin
 
 DRIVE, FINGER = model.SCENES["motor-drive"], model.SCENES["finger"]
 H = 1e-6

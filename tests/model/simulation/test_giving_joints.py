@@ -17,9 +17,9 @@ from model.parameters.effects import PINS
 from model.simulation.giving_motion import giving_motion
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
-from model.verification.energy import energy_terms
-from model.verification.free_bodies import FreeBodies
-from model.verification.reference_equations import Twin
+from tests.model.verification.energy import energy_terms
+from tests.model.verification.free_bodies import FreeBodies
+from tests.model.verification.reference_equations import Twin
 
 GIVING = model.load_scene("giving-hammer")
 ALL = model.load_scene("giving-joints")

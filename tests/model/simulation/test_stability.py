@@ -10,7 +10,7 @@ import pytest
 
 import model
 from benchmarks import stability_cases as stability
-from model.verification.reference_equations import Twin
+from tests.model.verification.reference_equations import Twin
 
 DATA = Path(__file__).parents[1] / "data"
 

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 import model
 from model.simulation import statics
 from model.simulation.statics import NO_REST
-from model.verification.reference_equations import Twin
+from tests.model.verification.reference_equations import Twin
 
 pytestmark = pytest.mark.processor
 

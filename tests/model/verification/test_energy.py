@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import model
-from model.verification.energy import energy_terms, felt_energy
-from model.verification.energy_audit import audit
-from model.verification.reference_equations import Twin
 from tests.model.conftest import random_states, read_table
+from tests.model.verification.energy import energy_terms, felt_energy
+from tests.model.verification.energy_audit import audit
+from tests.model.verification.reference_equations import Twin
 
 FREE = {f"contact{i:02d}": 0.0 for i in range(1, 14)} | {f"{b}_spring": 0.0 for b in ("jack", "repetition")}
 SMOOTH = {f"{b}.joint_friction": 0.0 for b in model.BODIES}

@@ -1,8 +1,7 @@
 """Integrals of rates along a motion, panel by panel, split where Simpson's rule is not yet good enough.
 
 Powers in the action are sharp peaks where felt is hit or sliding turns round; equal steps would miss them or
-waste work.
-Used by ``audit`` (energy balance) and ``inside`` (what each contact and joint takes). NumPy only.
+waste work. NumPy only.
 """
 
 from __future__ import annotations

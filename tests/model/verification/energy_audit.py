@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.inside.adaptive_quadrature import integrate_panels, panel_edges
 from model.parameters.action import Action
-from model.verification.adaptive_quadrature import integrate_panels, panel_edges
-from model.verification.energy import energy_terms
+from tests.model.verification.energy import energy_terms
 
 Array = NDArray[np.float64]
 States = Callable[[Array], tuple[Array, Array]]

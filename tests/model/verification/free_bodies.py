@@ -3,7 +3,7 @@
 An independent check of what generated kernels do with joints that give (docs/decisions/0197-joints-that-give.md), slow
 and plain: no tree of coordinates, no mass matrix of joints. A joint that gives is a known force, one that does not an
 unknown reaction that keeps two points together; all follow from one linear system. Geometry of gaps and laws are those
-of `model.verification.reference_equations.Twin`.
+of `tests.model.verification.reference_equations.Twin`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters.action import BODIES, Action
-from model.verification.reference_equations import Twin
+from tests.model.verification.reference_equations import Twin
 
 Vector = NDArray[np.float64]
 
