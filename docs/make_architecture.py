@@ -1,7 +1,7 @@
-"""Draw `docs/images/architecture.svg` from the imports: packages, their subpackages, and which of them import which.
+"""Draw one picture a package from the imports, and write what each room is for into `docs/architecture.md`.
 
 Run after moving or adding a folder:  python docs/make_architecture.py
-A test redraws it and compares, so that the picture cannot become outdated. An arrow points from a subpackage to one
+A test redraws the pictures and compares, so that they cannot become outdated. An arrow points from a subpackage to one
 that it imports; arrows implied by others (A → B → C makes A → C redundant) are omitted. Subpackages are drawn above
 what they import.
 """
@@ -9,27 +9,18 @@ what they import.
 from __future__ import annotations
 
 import ast
-from itertools import pairwise
+from functools import cache
 from pathlib import Path
 
 import grimp
 
 ROOT = Path(__file__).parents[1]
-PICTURE = ROOT / "docs" / "images" / "architecture.svg"
+PICTURES = ROOT / "docs" / "images"
 PAGE = ROOT / "docs" / "architecture.md"
 MARK = "<!-- below: made by docs/make_architecture.py from the docstrings of the folders -->"
-ROWS = (("pianorig",), ("validation",), ("rig",), ("model", "vision"))
-WIDTH, MARGIN = 1120, 16
+PACKAGES = ("pianorig", "validation", "rig", "model", "vision")
+WIDTH, MARGIN = 900, 16
 ROOM_HEIGHT, LEVEL_GAP, ROOM_GAP, TITLE = 36, 26, 12, 30
-DATA_FLOW = (
-    "profile.toml",
-    "rig",
-    "session (raw, sealed)",
-    "vision: angles",
-    "model: prediction",
-    "validation",
-    "report",
-)
 COLOURS = {"pianorig": "#f3ead9", "validation": "#e3eef9", "rig": "#e6f4e6", "model": "#fbe5e1", "vision": "#efe6f6"}
 TOP = "top level"
 
@@ -121,64 +112,58 @@ def _arrow(start: Box, end: Box) -> str:
     return f'<path class="arrow" d="M{x1:g},{y1:g} C{x1:g},{y1 + bend:g} {x2:g},{y2 - bend:g} {x2:g},{y2:g}"/>'
 
 
-def draw() -> str:
-    """Return the complete picture as SVG text."""
-    packages = [package for row in ROWS for package in row]
-    graph = grimp.build_graph(*packages, cache_dir=None)
-    body: list[str] = []
-    step = (WIDTH - 2 * MARGIN) / len(DATA_FLOW)
-    for i, text in enumerate(DATA_FLOW):
-        left = MARGIN + i * step
-        body.append(f'<rect class="flow" x="{left:g}" y="{MARGIN}" width="{step - 22:g}" height="30" rx="15"/>')
-        body.append(f'<text class="label" x="{left + step / 2 - 11:g}" y="{MARGIN + 19}">{text}</text>')
-    for i, _ in enumerate(pairwise(DATA_FLOW)):
-        left = MARGIN + (i + 1) * step - 20
-        body.append(f'<path class="arrow" d="M{left:g},{MARGIN + 15} h16"/>')
-    y = MARGIN + 48.0
-    for row in ROWS:
-        width = (WIDTH - MARGIN * (len(row) + 1)) / len(row)
-        heights = []
-        for i, package in enumerate(row):
-            lines, height = draw_package(graph, package, MARGIN + i * (width + MARGIN), y, width)
-            body += lines
-            heights.append(height)
-        y += max(heights) + MARGIN
-    head = f"""<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {y:g}" role="img">
-<title>The packages of piano-action-rig, their subpackages and imports</title>
+def picture(package: str) -> Path:
+    """Where the picture of a package lies."""
+    return PICTURES / f"architecture_{package}.svg"
+
+
+@cache
+def imports() -> grimp.ImportGraph:
+    """Who imports whom in the five packages."""
+    return grimp.build_graph(*PACKAGES, cache_dir=None)
+
+
+def draw(package: str) -> str:
+    """Return the picture of one package as SVG text."""
+    body, height = draw_package(imports(), package, 0.0, 0.0, WIDTH)
+    head = f"""<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height:g}" role="img">
+<title>The subpackages of {package} and which of them import which</title>
 <style>
 text {{ font: 12px system-ui, sans-serif; fill: #222 }} .name {{ font-weight: 700; font-size: 15px }}
 .note, .count {{ fill: #666; font-size: 10px }} .label, .count {{ text-anchor: middle }}
-.room {{ fill: #fff; stroke: #999 }} .flow {{ fill: #fff; stroke: #333 }}
+.room {{ fill: #fff; stroke: #999 }}
 .arrow {{ fill: none; stroke: #777; stroke-width: 1; marker-end: url(#head) }}
 </style>
 <defs><marker id="head" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">
 <path d="M0,0 L8,4 L0,8 z" fill="#777"/></marker></defs>
-<rect width="{WIDTH}" height="{y:g}" fill="#fff"/>
 """
     return head + "\n".join(body) + "\n</svg>\n"
 
 
-def rooms() -> str:
-    """The rooms of each package with what their docstrings say, and the names of their modules, as Markdown."""
-    lines: list[str] = []
-    for package in (name for row in ROWS for name in row):
-        lines.append(f"## {package}/\n")
-        for face in sorted((ROOT / package).rglob("__init__.py"), key=lambda path: path.parent.parts):
-            folder = face.parent
-            said = " ".join((ast.get_docstring(ast.parse(face.read_text(encoding="utf-8"))) or "").split())
-            said = said.split(" >>> ")[0].replace("``", "`")
-            modules = sorted(path.stem for path in folder.glob("*.py") if not path.stem.startswith("__"))
-            name = folder.relative_to(ROOT).as_posix()
-            lines.append(f"**`{name}/`** {said}  \n<small>{' · '.join(modules)}</small>\n")
-    return "\n".join(lines)
+def said(face: Path) -> str:
+    """What the docstring of a package says in its first paragraph, as Markdown."""
+    text = ast.get_docstring(ast.parse(face.read_text(encoding="utf-8"))) or ""
+    return " ".join(text.partition("\n\n")[0].split()).replace("``", "`")
+
+
+def rooms(package: str) -> str:
+    """A package as Markdown: what it is for, its picture, and one line for each of its rooms."""
+    folder = ROOT / package
+    lines = [f"## {package}/", "", said(folder / "__init__.py"), ""]
+    lines += [f"![Subpackages of {package} and which of them import which](images/{picture(package).name})", ""]
+    lines += ["| room | what it is for |", "|---|---|"]
+    faces = sorted(folder.glob("*/__init__.py"), key=lambda path: path.parent.name)
+    lines += [f"| `{face.parent.name}/` | {said(face)} |" for face in faces]
+    return "\n".join(lines) + "\n"
 
 
 def page() -> str:
     """`docs/architecture.md` with its rooms written anew."""
     head, _, _ = PAGE.read_text(encoding="utf-8").partition(MARK)
-    return f"{head}{MARK}\n\n{rooms()}"
+    return f"{head}{MARK}\n\n" + "\n".join(rooms(package) for package in PACKAGES)
 
 
 if __name__ == "__main__":
-    PICTURE.write_text(draw(), encoding="utf-8")
+    for name in PACKAGES:
+        picture(name).write_text(draw(name), encoding="utf-8")
     PAGE.write_text(page(), encoding="utf-8")

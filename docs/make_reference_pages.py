@@ -1,4 +1,4 @@
-"""Write the reference pages of the site from the code: public names, commands, parameters.
+"""Write the reference pages of the site from the code: public names, commands, parameters, fields of results.json.
 
 ``docs/conf.py`` calls `write` at every build; by hand:  python docs/make_reference_pages.py FOLDER
 """
@@ -6,12 +6,17 @@
 from __future__ import annotations
 
 import ast
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import typer
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import make_results_page
 
 import model
 from pianorig import cli
@@ -22,12 +27,14 @@ SETS = ("hirschkorn2004", "hirschkorn2004-regulated")
 
 
 def write(folder: Path) -> None:
-    """Write ``api_*.md``, ``commands.md`` and ``parameters.md`` into a folder, made if need be.
+    """Write ``api_*.md``, ``commands.md``, ``parameters.md`` and ``results_fields.md`` into a folder, made if need be.
 
     A page that has not changed keeps its time, so that Sphinx does not read it again.
     """
     pages = {f"api_{face.replace('.', '_')}": _face_page(face) for face in faces()}
+    schema = json.loads(make_results_page.SCHEMA.read_text(encoding="utf-8"))
     pages |= {"commands": commands_page(), "parameters": parameters_page()}
+    pages |= {"results_fields": make_results_page.fields(schema)}
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.md"):
         if old.stem not in pages:

@@ -1,6 +1,7 @@
-"""Write `docs/results.md` from the schema of ``results.json``: every field with its meaning and unit.
+"""Write `docs/results.md` from the schema of ``results.json``: every table with its columns.
 
 Run after changing the schema:  python docs/make_results_page.py
+The page of every field with its meaning and unit is made with the site, by ``docs/make_reference_pages.py``.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ HEAD = """# results.json
 
 Beside every `report.html` stand `results.json` and, one file per table, `tables/*.csv` with the same columns. This page
 is made from the schema (JSON Schema 2020-12, `validation/report/results.schema.json`) by
-`python docs/make_results_page.py`. SI units and radians; angles are changes since rest, counter-clockwise; times are on
-the DAQ clock. A number that does not exist is null in JSON and an empty cell in CSV. "unit of the row": see the row's
-column `unit`.
+`python docs/make_results_page.py`; unit and meaning of each field stand in the schema, and in the site's page *Fields
+of results.json*. SI units and radians; angles are changes since rest, counter-clockwise; times are on the DAQ clock. A
+number that does not exist is null in JSON and an empty cell in CSV.
 
 ```python
 import json
@@ -32,17 +33,32 @@ print(scores.pivot_table("rmse_rad", ["session", "model"], "channel"))
 Curves stand beside it: `curves.nc` (netCDF-4; `xarray.open_dataset("curves.nc", engine="h5netcdf")`, or
 `validation.read_curves("curves.nc")` as a tidy table), and by channel `curves/*.csv` and `curves/*.json`.
 
-Changes of the schema. Version 5: table `compatible_changes` in the place of `single_changes`.
-Version 4: each of `results` has `outcome` and `sentence`; table `phases`; nothing else changed.
-Version 3: scores beside a perfect model, the one test, table `single_changes`.
+Changes of the schema. Version 5: table `compatible_changes` in the place of `single_changes`. Version 4: each of
+`results` has `outcome` and `sentence`; table `phases`. Version 3: scores beside a perfect model, the one test, table
+`single_changes`.
+"""
+FIELDS = """# Fields of results.json
+
+Every field of `results.json` and of `tables/*.csv`, from the schema. "unit of the row": see the row's column `unit`.
 """
 
 
 def page(schema: dict[str, Any]) -> str:
-    """Return the text of the page."""
+    """Return the text of the page: what is at the top, and the columns of each table."""
     properties = schema["properties"]
-    parts = [HEAD, "## Top level\n", _table(_flat(properties, most=1))]
-    parts += ["## Each of `results`\n", _table(_flat(properties["results"]["items"]["properties"]))]
+    parts = [HEAD, "## Top level\n", _table(_flat(properties, most=1)), "## Each of `results`\n"]
+    each = [name for name, *_ in _flat(properties["results"]["items"]["properties"])]
+    parts += [", ".join(f"`{name}`" for name in each) + ".\n"]
+    for name, table in properties["tables"]["properties"].items():
+        columns = ", ".join(f"`{column}`" for column in table["items"]["properties"])
+        parts += [f"## `tables.{name}`\n", f"{table['description']}.\n", f"{columns}.\n"]
+    return "\n".join(parts)
+
+
+def fields(schema: dict[str, Any]) -> str:
+    """Return the page of every field with its type, unit and meaning."""
+    properties = schema["properties"]
+    parts = [FIELDS, "## Each of `results`\n", _table(_flat(properties["results"]["items"]["properties"]))]
     parts += [
         "## Each of `event_definitions`\n",
         _table(_flat(properties["event_definitions"]["additionalProperties"]["properties"])),

@@ -1,4 +1,4 @@
-"""Small additions to Sphinx: formulas as MathML, and the list of decisions in the side bar.
+"""Small addition to Sphinx: formulas as MathML.
 
 MathML is drawn by browsers themselves: no script from a network, so that the built site works offline.
 """
@@ -14,13 +14,11 @@ from sphinx.application import Sphinx
 
 TAG = re.compile(r"\\tag\{(.+?)\}")
 ROW = "display: flex; justify-content: space-between; margin: 1em 0"
-DECISIONS = "\n\n```{toctree}\n:hidden:\n:glob:\n\n[0-9]*\n```\n"
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the additions."""
+    """Register the addition."""
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
-    app.connect("source-read", _list_decisions)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
@@ -34,8 +32,3 @@ def _block(translator: Any, node: nodes.math_block) -> None:
     number = "".join(f"({tag})" for tag in TAG.findall(node.astext()))
     translator.body.append(f'<div style="{ROW}"><span></span><span>{formula}</span><span>{number}</span></div>')
     raise nodes.SkipNode
-
-
-def _list_decisions(app: Sphinx, name: str, source: list[str]) -> None:
-    if name == "decisions/README":
-        source[0] += DECISIONS
