@@ -25,7 +25,7 @@ import pytest
 from hypothesis import configuration, settings
 
 import model
-from model.kernels.lanes.width import LANES, lanes_pay
+from model.kernels.lanes import LANES, lanes_pay
 from model.kernels.once import alone
 from tests.command_line import run
 
@@ -109,7 +109,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """
     worker = getattr(session.config, "workerinput", {}).get("workerid")
     if worker == "gw0":
-        from model.integrators.lanes.rosenbrock import loop_in_lanes  # its import compiles the loop of one run
+        from model.integrators.lanes import loop_in_lanes  # its import compiles the loop of one run
 
         if lanes_pay():
             loop_in_lanes(LANES)

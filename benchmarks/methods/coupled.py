@@ -25,11 +25,10 @@ from model.integrators.step_control import (
     shortened,
 )
 from model.kernels.compile import kernel, step_loop
+from model.kernels.inputs import fit_to_input, input_at
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
 from model.kernels.signatures import INTEGRATE
-from model.kernels.stepping.events import fit_to_events
-from model.kernels.stepping.inputs import fit_to_input, input_at
-from model.kernels.workspace import ACC, DAMP, LU, M_DIAG, M_UP, SIZE, STIFF, WIDTH, Q, U, V
+from model.kernels.workspace import ACC, DAMP, FITTED, LU, M_DIAG, M_UP, SIZE, SPEED_LIMIT, STIFF, WIDTH, Q, U, V
 
 PAIR = 2 * WIDTH
 MOST_ITERATIONS = 10
@@ -103,10 +102,11 @@ def integrate_coupled(span, drive, out, scene, kernels, method, limits, account)
     """As ``rosenbrock.integrate``, without rest and energy audit; ``dense`` as in ``CoupledTableau``."""
     t, t_end, h, q, v, _ = span
     p, parent, n_contacts = scene
-    linearise, _, skip, stage, _ = kernels
+    linearise, skip, stage, fit = kernels.linearise, kernels.skip, kernels.stage, kernels.fit
     counters, _, _ = account
     n, gamma, dense = q.shape[0], method.gamma, method.dense
     w = np.zeros(SIZE)
+    w[SPEED_LIMIT] = limits.speed
     to_z, to_w, polynomial, estimate = dense[0:3], dense[3:6], dense[6:9], dense[9]
     pair = complex(dense[10, 0], dense[10, 1])
     z = np.zeros((3, PAIR))
@@ -141,7 +141,9 @@ def integrate_coupled(span, drive, out, scene, kernels, method, limits, account)
             fresh = False
         h = min(h, limits.longest_step)
         stop = next_stop(t, t_end, k_in, drive)
-        fitted = fit_to_events(h, w, scene, limits.speed)
+        w[FITTED] = h
+        fit(w, p)
+        fitted = w[FITTED]
         step = ending_at(stop, t, fitted)
         if not drive.held:
             step = fit_to_input(t, step, u0, k_in, drive, w, n, limits)

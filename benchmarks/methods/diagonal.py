@@ -24,11 +24,10 @@ from model.integrators.step_control import (
     shortened,
 )
 from model.kernels.compile import step_loop
+from model.kernels.inputs import fit_to_input, input_at
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
 from model.kernels.signatures import INTEGRATE
-from model.kernels.stepping.events import fit_to_events
-from model.kernels.stepping.inputs import fit_to_input, input_at
-from model.kernels.workspace import ACC, Q1, SIZE, WIDTH, Q, U, V
+from model.kernels.workspace import ACC, FITTED, Q1, SIZE, SPEED_LIMIT, WIDTH, Q, U, V
 
 PAIR = 2 * WIDTH
 MOST_ITERATIONS = 8
@@ -41,10 +40,11 @@ def integrate_diagonal(span, drive, out, scene, kernels, method, limits, account
     """As ``rosenbrock.integrate``, without rest and energy audit; ``dense`` holds a and the error's weights."""
     t, t_end, h, q, v, _ = span
     p, _, n_contacts = scene
-    linearise, prepare, skip, stage, _ = kernels
+    linearise, prepare, skip, stage, fit = kernels.linearise, kernels.prepare, kernels.skip, kernels.stage, kernels.fit
     counters, _, _ = account
     n, s, gamma, dense = q.shape[0], method.b.shape[0], method.gamma, method.dense
     w = np.zeros(SIZE)
+    w[SPEED_LIMIT] = limits.speed
     slope_of = np.zeros((s, PAIR))  # h k of each stage
     k_in = 0
     k_out = begin(span, out, w)
@@ -64,7 +64,9 @@ def integrate_diagonal(span, drive, out, scene, kernels, method, limits, account
             fresh = False
         h = min(h, limits.longest_step)
         stop = next_stop(t, t_end, k_in, drive)
-        fitted = fit_to_events(h, w, scene, limits.speed)
+        w[FITTED] = h
+        fit(w, p)
+        fitted = w[FITTED]
         step = ending_at(stop, t, fitted)
         if not drive.held:
             step = fit_to_input(t, step, u0, k_in, drive, w, n, limits)

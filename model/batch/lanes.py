@@ -15,10 +15,10 @@ from model.batch.job import Job, Member, from_rest
 from model.derived.load import lane_kernels_of
 from model.errors import ModelError
 from model.force_driven import ForceDrivenRun
-from model.integrators.lanes.rosenbrock import loop_in_lanes
+from model.integrators.lanes import loop_in_lanes
 from model.integrators.methods import METHODS
 from model.integrators.rosenbrock import integrate
-from model.kernels.lanes.width import LANES, lanes_pay
+from model.kernels.lanes import LANES, lanes_pay
 from model.scene.build import Scene
 from model.simulation.run import Plan, Simulation, State
 from model.simulation.side_by_side import advance_together

@@ -281,6 +281,19 @@ def _as_law(value: Expression, by: tuple[Expression, ...]) -> Expression:
     return make("law", value, *by) if by and value.op not in ("constant", "named") else value
 
 
+def parts(wholes: Iterable[Expression], but: Iterable[Expression] = ()) -> set[Expression]:
+    """Expressions, and all that they are made of, ``but`` for some and what is reached through these alone."""
+    seen, todo = set(but), list(wholes)
+    out = set()
+    while todo:
+        x = todo.pop()
+        if x not in seen:
+            seen.add(x)
+            out.add(x)
+            todo += [a for a in x.args if isinstance(a, Expression)]
+    return out
+
+
 def found_by_newton(unknown: Expression, residual: Expression, start: Number) -> Expression:
     """The number at which a residual, a function of ``unknown``, vanishes: Newton's iteration from ``start``."""
     return make("newton", unknown, residual, slopes({unknown: ONE})(residual), lift(start))
@@ -294,13 +307,7 @@ def _inside(law: Expression) -> frozenset[Expression]:
     """What a law is made of beside what it is differentiated by."""
     if law not in _parts_of_laws:
         value, *by = law.args
-        seen, todo = set(by), [value]
-        while todo:
-            x = todo.pop()
-            if x not in seen:
-                seen.add(x)
-                todo += [a for a in x.args if isinstance(a, Expression)]
-        _parts_of_laws[law] = frozenset(seen - set(by))
+        _parts_of_laws[law] = frozenset(parts([value], by))
     return _parts_of_laws[law]
 
 

@@ -19,7 +19,6 @@ from model.compiler.expressions import Expression, make
 from model.compiler.programs import Add, Anew, For, If, Let, Place, Put, Reconsider, Statement, While
 
 DOUBLE, TRUTH, INTEGER, SHORT = ir.DoubleType(), ir.IntType(1), ir.IntType(64), ir.IntType(32)
-FLAGS = ("contract", "nsz")
 BUNDLE = 8  # like expressions of one run computed side by side
 NEWTON_STEPS, NEWTON_SHARE = 30, 1e-14
 COMPARED = {"above": ">", "at_least": ">=", "differs": "!="}
@@ -71,10 +70,17 @@ class Writer:
     arguments : name and kind of each: ``array`` (in lanes of rows), ``plain`` array of numbers, ``number``, ``whole``
     lanes : members side by side
     bundles : whether the processor gains by computing like expressions of one run in a vector
+    exact : whether each operation is rounded by itself
     """
 
     def __init__(
-        self, module: ir.Module, name: str, arguments: dict[str, str], lanes: int = 1, bundles: bool = False
+        self,
+        module: ir.Module,
+        name: str,
+        arguments: dict[str, str],
+        lanes: int = 1,
+        bundles: bool = False,
+        exact: bool = False,
     ) -> None:
         kinds = {"array": DOUBLE.as_pointer(), "plain": DOUBLE.as_pointer(), "number": DOUBLE, "whole": INTEGER}
         self._function = ir.Function(module, ir.FunctionType(INTEGER, [kinds[k] for k in arguments.values()]), name)
@@ -89,6 +95,7 @@ class Writer:
         self.b.position_at_end(self._body)
         self._module, self.lanes, self._bundles = module, lanes, bundles and lanes == 1
         self._width = lanes
+        self._flags = () if exact else ("contract", "nsz")
         self._names: dict[str, Any] = {}
         self._known = _Known()
         self.mask = self._given.get("mask")
@@ -145,7 +152,7 @@ class Writer:
         if isinstance(s, Add):
             if where is not None:  # adding -0 changes no bit
                 value = self.b.select(where, value, self._number(-0.0))
-            value = self.b.fadd(self.b.load(pointer, align=8), value, flags=FLAGS)
+            value = self.b.fadd(self.b.load(pointer, align=8), value, flags=self._flags)
         elif where is not None:
             value = self.b.select(where, value, self.b.load(pointer, align=8))
         self.b.store(value, pointer, align=8)
@@ -270,16 +277,16 @@ class Writer:
         b = self.b
         arithmetic = {"add": b.fadd, "subtract": b.fsub, "multiply": b.fmul}
         if op in arithmetic:
-            return arithmetic[op](*a, flags=FLAGS)
+            return arithmetic[op](*a, flags=self._flags)
         if op in COMPARED:
             compare = b.fcmp_unordered if op == "differs" else b.fcmp_ordered
             return compare(COMPARED[op], *a)
         if op == "negative":
-            return b.fneg(a[0], flags=FLAGS)
+            return b.fneg(a[0], flags=self._flags)
         if op == "quotient":  # rounded once, where a product with the inverse is twice
-            return b.fdiv(*a, flags=FLAGS)
+            return b.fdiv(*a, flags=self._flags)
         if op == "inverse":
-            return b.fdiv(self._number(1.0), a[0], flags=FLAGS)
+            return b.fdiv(self._number(1.0), a[0], flags=self._flags)
         if op in ("larger", "smaller"):
             return b.select(b.fcmp_ordered(">" if op == "larger" else "<", *a), *a)
         if op == "where":
@@ -325,8 +332,8 @@ class Writer:
         n.add_incoming(ir.Constant(INTEGER, 0), around)
         with self._block({unknown}):
             self._known.here[unknown] = f
-            step = b.fdiv(self.value(residual), self.value(steep), flags=FLAGS)
-        better = b.select(looking, b.fsub(f, step, flags=FLAGS), f)
+            step = b.fdiv(self.value(residual), self.value(steep), flags=self._flags)
+        better = b.select(looking, b.fsub(f, step, flags=self._flags), f)
         size, share = self._intrinsic("fabs", step), self._intrinsic("fabs", better)
         off = b.and_(looking, b.fcmp_ordered(">", size, b.fmul(self._number(NEWTON_SHARE), share)))
         looking.add_incoming(off, b.block)

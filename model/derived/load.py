@@ -22,17 +22,22 @@ from model.compiler.native import Writer
 from model.derived.program import Program
 from model.derived.slopes import Differentiated
 from model.derived.step import Derived
+from model.derived.stepping import Stepping
 from model.derived.watched import Watched
 from model.elements.structure import Structure
 from model.kernels import compile as _compile
 from model.kernels.kernel_value import Kernel
-from model.kernels.lanes.width import lanes_pay
+from model.kernels.lanes import lanes_pay
 from model.kernels.layout import Tables
 from model.kernels.observed import OBSERVE
 from model.kernels.once import alone
 from model.kernels.regimes import REGIME, SLOPES
 from model.kernels.signatures import (
+    DENSE,
+    END,
     ENERGY,
+    FIT,
+    INSIDE,
     LANE_LINEARISE,
     LANE_PREPARE,
     LANE_SKIP,
@@ -43,12 +48,13 @@ from model.kernels.signatures import (
     STAGE,
     LaneKernels,
     StepKernels,
-)  # fmt: skip
+)
 
-STEP = {"linearise": LINEARISE, "prepare": PREPARE, "skip": SKIP, "stage": STAGE}
+STEPPING = {"fit": FIT, "end": END, "dense": DENSE, "inside": INSIDE}
+STEP = {"linearise": LINEARISE, "prepare": PREPARE, "skip": SKIP, "stage": STAGE} | STEPPING
 SLOPES_BY = ("numbers", "normals", "regime")
 OBSERVERS = ("contacts", "tips", "bodies", "marched")
-IN_LANES = {"linearise": LANE_LINEARISE, "prepare": LANE_PREPARE, "skip": LANE_SKIP, "stage": LANE_STAGE}
+IN_LANES = {"linearise": LANE_LINEARISE, "prepare": LANE_PREPARE, "skip": LANE_SKIP, "stage": LANE_STAGE} | STEPPING
 # structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
 COMPILED = {"scenes": 0, "compiled": 0}
 _loaded: dict[tuple[bytes, str], Any] = {}
@@ -155,7 +161,7 @@ def _write(path: Path, code: bytes) -> None:
 
 def written(program: Program, module: ir.Module, name: str, lanes: int = 1) -> None:
     """Write a program as function ``name`` of a module."""
-    writer = Writer(module, name, program.arguments, lanes, bundles=lanes_pay())
+    writer = Writer(module, name, program.arguments, lanes, lanes_pay(), program.exact)
     writer.write(program.statements)
     result = program.result
     if isinstance(result, list):
@@ -183,6 +189,8 @@ def _source(tables: Tables, name: str, lanes: int) -> Any:
         return Watched(tables)
     if name in SLOPES_BY:
         return Differentiated(Structure(tables))
+    if name in STEPPING:
+        return Stepping(Structure(tables))
     return Derived(Structure(tables), lanes > 1)
 
 

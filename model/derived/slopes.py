@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from model.compiler.expressions import ONE, ZERO, Expression, make, read, slopes
+from model.compiler.expressions import ONE, ZERO, Expression, make, parts, read, slopes
 from model.compiler.programs import Add, If, Put, Statement, at, mapped
 from model.derived.program import Program
 from model.elements.kinematics import State
@@ -18,19 +18,10 @@ from model.kernels import workspace as W
 from model.kernels.regimes import BESIDE, SLIDING, normal_size
 
 
-def numbers_read(e: Expression) -> set[Expression]:
-    """Numbers of the parameter vector that an expression depends on; not those that a loop finds."""
-    seen: set[Expression] = set()
-    todo, out = [e], set()
-    while todo:
-        x = todo.pop()
-        if x in seen:
-            continue
-        seen.add(x)
-        if x.op == "read" and x.args[0] == "p" and len(x.args) == 2:
-            out.add(x)
-        todo += [a for a in x.args if isinstance(a, Expression)]
-    return out
+def numbers_read(e: Expression) -> list[Expression]:
+    """Numbers of the parameter vector that an expression depends on, in their order; not those that a loop finds."""
+    found = [x for x in parts([e]) if x.op == "read" and x.args[0] == "p" and len(x.args) == 2]
+    return sorted(found, key=lambda x: int(x.args[1]))
 
 
 class Differentiated:
@@ -54,7 +45,7 @@ class Differentiated:
         def one(line: Put | Add) -> list[Statement]:
             i = int(str(line.place[1])[1:])
             out: list[Statement] = []
-            for number in sorted(numbers_read(line.value), key=lambda x: int(x.args[1])):
+            for number in numbers_read(line.value):
                 slope = slopes({number: ONE})(line.value)
                 if slope is not ZERO:
                     touched.add(s.free * number.args[1] + i)

@@ -166,7 +166,7 @@ class Derived:
             out += self._linearised(e, contact, (by_q, by_v), ease)
             later += self._second_rates(contact, s.place[c], pa)
         for tip in e.tips:
-            out += self._differentiated(tip.forces(), e, (by_q, by_v), list(tip.ways), {})
+            out += self._differentiated(tip.forces(), e, (by_q, by_v), list(tip.ways), [])
         a = solved(mass, [local(f"f{i}") for i in range(s.free)])
         out += [Put(at("w", self._acceleration(i)), a[i]) for i in range(s.free)]
         if s.pin:
@@ -196,13 +196,13 @@ class Derived:
         e: Elements,
         by: Slopes,
         chain: list[int],
-        memories: dict[int, int],
+        memories: list[int],
     ) -> list[Statement]:
         """The statements, and beside each force and rate of a memory its derivatives, in the same block.
 
-        ``chain`` are coordinates it depends on, ``memories`` numbers of its memories by name.
+        ``chain`` are coordinates it depends on, ``memories`` the numbers of its memories.
         """
-        rates = {f"fade{m}": m for m in memories.values()}
+        rates = {f"fade{m}": m for m in memories}
         forces = {f"f{i}": i for i in range(self._s.free)}
 
         def one(s: Put | Add) -> list[Statement]:
@@ -215,7 +215,7 @@ class Derived:
                 for start, slope in ((self._stiff, by[0]), (self._damp, by[1])):
                     found = [(j, slope[j](s.value)) for j in chain]
                     out += [Add(self._entry(start, i, j), d) for j, d in found if d is not ZERO]
-                for m in memories.values():
+                for m in memories:
                     d = slopes({e.state.z[m]: ONE})(s.value)
                     if i in chain:
                         out.append(Add(at("w", W.Z_PUSH + W.LINKS * m + chain.index(i)), d))
@@ -243,7 +243,7 @@ class Derived:
         if isinstance(contact, StringContact):
             return self._string_linearised(e, contact, by, ease)
         chain = self._chain(contact)
-        memories = {m: m for m, *_ in contact.laws}
+        memories = [m for m, *_ in contact.laws]
         forces = self._differentiated(contact.forces(), e, by, chain, memories)
         *before, touch = forces
         assert isinstance(touch, If)
@@ -637,7 +637,7 @@ class Derived:
             Put(at("w", W.S_FORCE), force), Put(at("w", W.S_HARD), along_x(force)),
             Put(at("w", W.S_LOSSY), along_rate(force)),
             Put(name("worth"), along_x(force) * speeds_up(turns, ease)),
-            *self._differentiated(list(pushes), e, by, chain, {}), *coupled,
+            *self._differentiated(list(pushes), e, by, chain, []), *coupled,
         ]  # fmt: skip
         stiff = contact.number(L.K_C)
         inside = [
@@ -685,10 +685,11 @@ def _inverse(matrix: dict[tuple[int, int], Expression], n: int) -> tuple[dict[tu
     """
     m = dict(matrix)
     small = {i: SOUND * abs(m[i, i]) for i in range(n)}
-    sound = abs(m[0, 0]) > small[0]
-    pivots = []
+    pivots: list[Expression] = []
+    sound: Expression | None = None
     for k in range(n):
-        sound = sound & (abs(m[k, k]) > small[k])
+        kept = abs(m[k, k]) > small[k]
+        sound = kept if sound is None else sound & kept
         pivots.append(ONE / m[k, k])
         for i in range(k + 1, n):
             if (i, k) in m:
@@ -704,6 +705,7 @@ def _inverse(matrix: dict[tuple[int, int], Expression], n: int) -> tuple[dict[tu
         for i in reversed(range(n)):
             x[i] = (x[i] - total(m[i, j] * x[j] for j in range(i + 1, n) if (i, j) in m)) * pivots[i]
         out |= {(i, column): e for i, e in enumerate(x) if e is not ZERO}
+    assert sound is not None
     return out, sound
 
 

@@ -1,11 +1,13 @@
-"""Step-size control: where a run begins, where a step must end, and how long the next one is.
+"""Step-size control: where a run begins, where a step must end, how long the next one is, whether the action rests.
 
-Inlined into the compiled step loops. A step ends where the input jumps, just past events
-(``model.kernels.stepping.events``) and where the input's kinks would cost more than the tolerance.
+Part of the compiled step loops. A step ends where the input jumps, just past events (``model.derived.stepping``) and
+where the input's kinks would cost more than the tolerance.
 """
 
-from model.kernels.compile import inlined
-from model.kernels.workspace import ACC, ALLOWANCE, WIDTH, Q, V
+from math import sqrt
+
+from model.kernels.compile import inlined, uncounted
+from model.kernels.workspace import ACC, ALLOWANCE, M_DIAG, M_UP, STIFF, WIDTH, Q, V
 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
 
@@ -71,3 +73,58 @@ def after_step(step, error, exponent, rejected, fitted, h):
         factor = min(factor, 1.0)
     # a step cut short by its end says little about the next one, one cut short by an event does
     return max(step * factor, h if step < fitted == h and factor >= 1.0 else 0.0)
+
+
+@uncounted
+def at_rest(w, parent, parts, limit):
+    """True where no coordinate can ever move by more than ``limit`` (rad) while the input stays as it is.
+
+    Near a balance the energy E = v M v / 2 + d S d / 2 cannot grow: S is the stiffness, d = S^-1 f the way left to the
+    balance, friction and felt only take energy. Hence |d_i| <= sqrt(2 E S^-1_ii) for all later times. A hammer that
+    creeps under friction has far to go to its balance, or none (S not positive), and is not at rest.
+    ``parts`` is (n, n + 1) scratch.
+    """
+    n = parent.shape[0]
+    energy = 0.0
+    for i in range(n):
+        energy += w[M_DIAG + i] * w[V + i] * w[V + i]
+        if parent[i] >= 0:
+            energy += 2.0 * w[M_UP + i] * w[V + i] * w[V + parent[i]]
+    for i in range(n):
+        # the generalised force that is left: M a
+        force = w[M_DIAG + i] * w[ACC + i]
+        for j in range(n):
+            if parent[i] == j:
+                force += w[M_UP + i] * w[ACC + j]
+            elif parent[j] == i:
+                force += w[M_UP + j] * w[ACC + j]
+        parts[i, n] = force
+        for j in range(n):
+            parts[i, j] = -0.5 * (w[STIFF + WIDTH * i + j] + w[STIFF + WIDTH * j + i])
+    # Cholesky factor in the lower triangle, then y = L^-1 f, so that f S^-1 f = y y
+    for j in range(n):
+        for k in range(j):
+            parts[j, j] -= parts[j, k] * parts[j, k]
+        if not parts[j, j] > 0.0:
+            return False
+        parts[j, j] = sqrt(parts[j, j])
+        for i in range(j + 1, n):
+            for k in range(j):
+                parts[i, j] -= parts[i, k] * parts[j, k]
+            parts[i, j] /= parts[j, j]
+        for k in range(j):
+            parts[j, n] -= parts[j, k] * parts[k, n]
+        parts[j, n] /= parts[j, j]
+        energy += parts[j, n] * parts[j, n]
+    for i in range(n):
+        # (S^-1)_ii = |L^-1 e_i|^2
+        compliance = 0.0
+        for j in range(i, n):
+            x = 1.0 if j == i else 0.0
+            for k in range(i, j):
+                x -= parts[j, k] * parts[k, n]
+            parts[j, n] = x / parts[j, j]
+            compliance += parts[j, n] * parts[j, n]
+        if not energy * compliance < limit * limit:
+            return False
+    return True

@@ -89,6 +89,10 @@ class StepKernels(NamedTuple):
     prepare: Any
     skip: Any
     stage: Any
+    fit: Any
+    end: Any
+    dense: Any
+    inside: Any
     energy: Any
 
 
@@ -99,16 +103,20 @@ class LaneKernels(NamedTuple):
     prepare: Any
     skip: Any
     stage: Any
+    fit: Any
+    end: Any
+    dense: Any
+    inside: Any
 
 
 class LaneMembers(NamedTuple):
     """Members of a batch, a row each: what they are given, and what becomes of them.
 
-    ``start`` (m, 7): time, end and first step (s), limits of local errors (rad, rad/s), motion that counts as rest
-    (rad), longest step (s). ``place`` (m, 8): where its input starts in ``time`` and ``value`` and how many points it
-    has, the same of its outputs in ``wanted``, most attempts, and where in
-    memory the rows of angles, of speeds and of what is remembered are.
-    ``reached`` (m, 3): time, next step, time at rest (s). ``angle``, ``speed`` and ``memory`` are changed in place.
+    ``start`` (m, 7): time, end and first step (s), motion that counts as rest (rad), longest step (s), limits of local
+    errors (rad, rad/s). ``place`` (m, 6): where its input starts in ``time`` and ``value`` and how many points it has,
+    the same of its outputs in ``wanted``, most attempts, where its rows of outputs start.
+    ``reached`` (m, 3): time, next step, time at rest (s). ``angle``, ``speed`` and ``memory`` are changed in place;
+    ``out_angle``, ``out_speed`` and ``out_memory`` hold the outputs of all members, one after the other.
     """
 
     start: np.ndarray
@@ -120,6 +128,9 @@ class LaneMembers(NamedTuple):
     time: np.ndarray
     value: np.ndarray
     wanted: np.ndarray
+    out_angle: np.ndarray
+    out_speed: np.ndarray
+    out_memory: np.ndarray
     reached: np.ndarray
     status: np.ndarray
     counters: np.ndarray
@@ -150,6 +161,11 @@ PREPARE = _i(pointer, _f)  # w, gamma h -> 1, or 0 where the step is too large
 SKIP = _i(pointer, pointer)  # w, p -> mask of contacts that cannot touch
 STAGE = _i(pointer, pointer, pointer, pointer, _i, _f, _f, _f, _f, _i)
 # w, p, a, c, stage, gamma h, 1/h, u, weight of du/dt, mask -> 1 where a coordinate left its allowance
+# of `model.derived.stepping`, for one run and for lanes
+FIT = _i(pointer, pointer)  # w, p -> 0
+END = _i(pointer, pointer, _i, _i)  # w, b, stages, memories -> 1, or bits of the lanes, where the error is finite
+DENSE = _i(pointer, pointer, _i, _i)  # w, dense, its rows, stages -> 0
+INSIDE = _i(pointer, pointer, _i, _i, _i)  # w, dense, its rows, stages, memories -> 0
 
 # The same for lanes: numbers of the step, u and h among them, are rows of lanes in w, parameters rows in p; what was
 # a truth value is an integer with a bit per lane.
@@ -159,20 +175,19 @@ LANE_SKIP = _i(pointer, pointer)  # w, p -> mask of contacts that touch in no la
 LANE_STAGE = _i(pointer, pointer, pointer, pointer, _i, _i)
 # w, p, a, c, stage, mask -> bits of the lanes in which a coordinate left its allowance
 
-_STEP_KERNELS = types.NamedTuple([KernelType(of) for of in (LINEARISE, PREPARE, SKIP, STAGE, ENERGY)], StepKernels)
-
-
-_LANE_KERNELS = types.NamedTuple(
-    [KernelType(of) for of in (LANE_LINEARISE, LANE_PREPARE, LANE_SKIP, LANE_STAGE)], LaneKernels
+_STEPPING = FIT, END, DENSE, INSIDE
+_STEP_KERNELS = types.NamedTuple(
+    [KernelType(of) for of in (LINEARISE, PREPARE, SKIP, STAGE, *_STEPPING, ENERGY)], StepKernels
 )
-
-
+_LANE_KERNELS = types.NamedTuple(
+    [KernelType(of) for of in (LANE_LINEARISE, LANE_PREPARE, LANE_SKIP, LANE_STAGE, *_STEPPING)], LaneKernels
+)
 _integer_table = types.Array(types.int64, 2, "C")
 _COEFFICIENTS = types.NamedTuple([_array, _array, _array, _array, _array, _table, _f, _f], Coefficients)
 INTEGRATE_LANES = _i(  # attempts, each of all lanes
     types.NamedTuple(
         [
-            _table, _integer_table, *[_table] * 4, _array, _array, _array, _table, _integers, _integer_table,
+            _table, _integer_table, *[_table] * 4, *[_array] * 3, *[_table] * 4, _integers, _integer_table,
         ],
         LaneMembers,
     ),

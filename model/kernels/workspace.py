@@ -30,7 +30,12 @@ AUDIT_V = AUDIT_Q + WIDTH
 ) = range(AUDIT_V + WIDTH, AUDIT_V + WIDTH + 10)  # fmt: skip  # J, W; the last five only where a scene has the effect
 STATIC = ENERGY + 2 * WIDTH  # 1 leaves (dM/dq) a out of K, for statics
 PIECE = STATIC + 1  # piece of the prescribed motion found last
-SIZE = STATIC + WIDTH
+# limits of errors (rad, rad/s), the step wanted or fitted to events (s), error of the step, of the limits, and the
+# fraction of it at which a state inside is asked for: into AUDIT_Q, AUDIT_V, AUDIT_Z
+ANGLE_LIMIT, SPEED_LIMIT, FITTED, ERROR, FRACTION = range(STATIC + 2, STATIC + 7)
+DENSE = STATIC + WIDTH  # (MOST_DENSE, 2, WIDTH) sums over the stages that a state inside the step is made of
+MOST_DENSE = 4
+SIZE = DENSE + MOST_DENSE * 2 * WIDTH
 # where members advance side by side in lanes, each of these places is a row of lanes, and their kernels also read:
 INPUT, INPUT_RATE, STAGE_STEP, STEP_RATE, IDLE, NEEDED = range(SIZE, SIZE + 6)
 # input u; weight of du/dt; gamma h; 1/h; 1 in a lane without a member; contacts that the member itself needs

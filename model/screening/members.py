@@ -25,7 +25,7 @@ from model.errors import InputError, ModelError
 from model.files.atomic_write import whole_file
 from model.force_driven import ForceDrivenRun, output_times
 from model.integrators.methods import DEFAULT_METHOD
-from model.kernels.lanes.width import lanes_pay
+from model.kernels.lanes import lanes_pay
 from model.parameters.action import Action
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice

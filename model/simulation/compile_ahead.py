@@ -20,7 +20,7 @@ from llvmlite.binding import ffi
 
 from model.derived.load import kernels_of, lane_kernels_of, on_disk
 from model.kernels import compile as _compile
-from model.kernels.lanes.width import LANES, lanes_pay
+from model.kernels.lanes import LANES, lanes_pay
 from model.parameters.action import load_action
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
@@ -95,7 +95,7 @@ def compile_lanes(choice: SceneChoice) -> None:
     >>> model.compile_lanes(model.SceneChoice())
     """
     if lanes_pay():
-        from model.integrators.lanes.rosenbrock import loop_in_lanes  # start-up: 0.1 s, few need lanes
+        from model.integrators.lanes import loop_in_lanes  # start-up: 0.1 s, few need lanes
 
         lane_kernels_of(build_scene(choice.on(load_action()), choice).tables, LANES)
         loop_in_lanes(LANES)

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.derived.load import lane_kernels_of
-from model.integrators.lanes import slots as S
-from model.integrators.lanes.rosenbrock import loop_in_lanes
+from model.integrators.lanes import N_NUMBERS, N_WHOLE, loop_in_lanes
 from model.kernels import workspace as W
 from model.kernels.layout import COUNTERS, Tables
 from model.kernels.signatures import InputTable, LaneMembers, LaneSpace
@@ -34,8 +33,8 @@ def _space(n: int, n_parameters: int, remembers: bool, lanes: int) -> LaneSpace:
     return LaneSpace(
         _aligned((W.WITH_MEMORY if remembers else W.LANE_SIZE) * lanes),
         _aligned(n_parameters * lanes),
-        _aligned(S.N_NUMBERS * lanes),
-        np.zeros(S.N_WHOLE * lanes, dtype=np.int64),
+        _aligned(N_NUMBERS * lanes),
+        np.zeros(N_WHOLE * lanes, dtype=np.int64),
         np.zeros(W.SIZE),
         np.zeros((n, n + 1)),
     )
@@ -83,24 +82,29 @@ def advance_together(tables: Tables, plans: Sequence[Plan], lanes: int) -> list[
     wanted, first_out = _one_after_the_other([plan.out.time for plan in plans])
     count, n = len(plans), len(plans[0].span.angle)
     start = np.array(
-        [(p.span.time, p.span.end, p.span.step, p.limits.angle, p.limits.speed, p.limits.rest, p.limits.longest_step)
+        [(p.span.time, p.span.end, p.span.step, p.limits.rest, p.limits.longest_step, p.limits.angle, p.limits.speed)
          for p in plans]
     )  # fmt: skip
-    place = np.zeros((count, 8), dtype=np.int64)
-    for row, plan, at, out in zip(place, plans, first, first_out, strict=True):
-        points = len(plan.drive.time), out, len(plan.out.time), plan.limits.most_steps
-        rows = plan.out.angle, plan.out.speed, plan.out.memory
-        row[:] = (at, *points, *(filled.ctypes.data for filled in rows))
+    counts = [len(plan.out.time) for plan in plans]
+    first_row = np.cumsum([0, *counts])
+    place = np.array(
+        [(at, len(plan.drive.time), out, len(plan.out.time), plan.limits.most_steps, row)
+         for plan, at, out, row in zip(plans, first, first_out, first_row[:-1], strict=True)]
+    )  # fmt: skip
+    memory = np.array([plan.span.memory for plan in plans]).reshape(count, -1)
     members = LaneMembers(
         start,
         place,
         np.array([plan.scene.parameters for plan in plans]),
         np.array([plan.span.angle for plan in plans]),
         np.array([plan.span.speed for plan in plans]),
-        np.array([plan.span.memory for plan in plans]).reshape(count, -1),
+        memory,
         time,
         value,
         wanted,
+        np.full((first_row[-1], n), np.nan),
+        np.full((first_row[-1], n), np.nan),
+        np.full((first_row[-1], memory.shape[1]), np.nan),
         np.zeros((count, 3)),
         np.zeros(count, dtype=np.int64),
         np.zeros((count, len(COUNTERS)), dtype=np.int64),
@@ -117,6 +121,9 @@ def advance_together(tables: Tables, plans: Sequence[Plan], lanes: int) -> list[
     for i, plan in enumerate(plans):
         plan.span.angle[:], plan.span.speed[:] = members.angle[i], members.speed[i]
         plan.span.memory[:] = members.memory[i]
+        rows = slice(first_row[i], first_row[i + 1])
+        plan.out.angle[:], plan.out.speed[:] = members.out_angle[rows], members.out_speed[rows]
+        plan.out.memory[:] = members.out_memory[rows]
         plan.account.counters[:] += members.counters[i]
         plan.account.time_at_rest[0] += members.reached[i, 2]
     return [(float(t), float(h), int(s)) for (t, h, _), s in zip(members.reached, members.status, strict=True)]

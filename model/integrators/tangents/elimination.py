@@ -2,7 +2,7 @@
 
 from model.integrators.tangents.loads import LANES
 from model.kernels.compile import inlined
-from model.kernels.lanes.operations import rows
+from model.kernels.lanes import rows
 
 
 @inlined

@@ -10,8 +10,8 @@ from model.integrators.tangents.nodes import LINEAR, LINEARISE_NODE, linearise_n
 from model.integrators.tangents.radau import NODES, STAGES, WANTED, at_fraction, estimated_error, solve_step
 from model.integrators.tangents.recorded_motion import DRIVE, MOTION, state_at
 from model.kernels.compile import inlined_uncounted, uncounted_loop
+from model.kernels.inputs import input_at
 from model.kernels.kernel_value import KernelType, numba_kernel
-from model.kernels.stepping.inputs import input_at
 
 DONE, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2
 MOST_STEPS = 50  # attempts for each step of the motion; a blow of the printed action takes about one

@@ -12,7 +12,7 @@ from numba import types
 from model.kernels import layout as L
 from model.kernels.compile import uncounted_loop
 from model.kernels.kernel_value import KernelType
-from model.kernels.lanes.operations import rows
+from model.kernels.lanes import rows
 from model.kernels.regimes import OWN, SLOPES
 from model.kernels.workspace import Q, V
 

@@ -19,7 +19,7 @@ from model.integrators.tangents.elimination import factor, substitute, substitut
 from model.integrators.tangents.loads import LANES
 from model.integrators.tangents.nodes import SPACE
 from model.kernels.compile import step_loop
-from model.kernels.lanes.operations import filled, rows
+from model.kernels.lanes import filled, rows
 
 STAGES = 5
 NODES, LAGRANGE, ONCE, TWICE, FILTER, ESTIMATE_RISE, ESTIMATE_ONCE, ESTIMATE_TWICE = radau(STAGES)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from model.integrators.rosenbrock import STAGE, advance_to_end, embedded_error
+from model.integrators.rosenbrock import STAGE
 from model.integrators.step_control import (
     DONE,
     NOT_FINITE,
@@ -25,13 +25,12 @@ from model.integrators.step_control import (
     shortened,
 )
 from model.kernels.compile import inlined, step_loop
+from model.kernels.inputs import fit_to_input, input_at
 from model.kernels.kernel_value import KernelType
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
 from model.kernels.regimes import REGIME
 from model.kernels.signatures import INTEGRATE, LINEARISE
-from model.kernels.stepping.events import fit_to_events
-from model.kernels.stepping.inputs import fit_to_input, input_at
-from model.kernels.workspace import Q1, SIZE, V1, WIDTH, Q, U, V
+from model.kernels.workspace import ANGLE_LIMIT, DENSE, ERROR, FITTED, Q1, SIZE, SPEED_LIMIT, V1, WIDTH, Q, V
 
 FULL = 9  # status: the rows are used up; go on with more of them
 NARROW = 1e-12  # s, between the two sides of a kink
@@ -67,21 +66,16 @@ FIND_KINKS = _i(MOTION, DRIVE, _numbers, KernelType(LINEARISE), _REGIME, _table)
 
 
 @inlined
-def keep_step(w, dense, row):
+def keep_step(w, row):
     """Copy the ends of a step and what its dense output is made of."""
     for i in range(row.shape[1]):
         row[0, i] = w[Q + i]
         row[1, i] = w[V + i]
         row[2, i] = w[Q1 + i]
         row[3, i] = w[V1 + i]
-        for m in range(dense.shape[0]):
-            hq = 0.0
-            hv = 0.0
-            for j in range(dense.shape[1]):
-                hq += dense[m, j] * w[U + STAGE * j + i]
-                hv += dense[m, j] * w[U + STAGE * j + WIDTH + i]
-            row[4 + 2 * m, i] = hq
-            row[5 + 2 * m, i] = hv
+        for m in range((row.shape[0] - 4) // 2):
+            row[4 + 2 * m, i] = w[DENSE + STAGE * m + i]
+            row[5 + 2 * m, i] = w[DENSE + STAGE * m + WIDTH + i]
 
 
 @step_loop(RECORD)
@@ -97,6 +91,7 @@ def record(span, drive, scene, kernels, regime, method, limits, log):
     n = q.shape[0]
     s = b.shape[0]
     w = np.zeros(SIZE)
+    w[ANGLE_LIMIT], w[SPEED_LIMIT] = limits.angle, limits.speed
     for i in range(n):
         w[Q + i] = q[i]
         w[V + i] = v[i]
@@ -124,7 +119,9 @@ def record(span, drive, scene, kernels, regime, method, limits, log):
             fresh = False
         h = min(h, limits.longest_step)
         stop = next_stop(t, t_end, k_in, drive)
-        fitted = fit_to_events(h, w, scene, limits.speed)
+        w[FITTED] = h
+        kernels.fit(w, p)
+        fitted = w[FITTED]
         step = fit_to_input(t, ending_at(stop, t, fitted), u0, k_in, drive, w, n, limits)
         gh = gamma * step
         error = 0.0
@@ -139,8 +136,8 @@ def record(span, drive, scene, kernels, regime, method, limits, log):
                 kernels.stage(w, p, a, c, m, gh, rate, u, step * d[m] * slope, mask)
             counters[N_RHS] += s - 1
             counters[N_CONTACT] += n_contacts * (s - 1)
-            advance_to_end(w, b)
-            ok, error = embedded_error(w, s - 1, n, limits)
+            ok = kernels.end(w, b, s, 0) == 1
+            error = w[ERROR]
         if not ok or error > 1.0:
             counters[N_REJECTED] += 1
             rejected = True
@@ -153,7 +150,8 @@ def record(span, drive, scene, kernels, regime, method, limits, log):
         motion.time[rows, 0] = t
         motion.time[rows, 1] = step
         motion.regime[rows] = now
-        keep_step(w, dense, motion.state[rows])
+        kernels.dense(w, dense, dense.shape[0], s)
+        keep_step(w, motion.state[rows])
         rows += 1
         t = stop if step == stop - t else t + step
         h = after_step(step, error, exponent, rejected, fitted, h)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import ctypes
 from collections import Counter
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from llvmlite import binding, ir
 
-from model.compiler.expressions import Expression, forget, read
+from model.compiler.expressions import Expression, forget, parts, read
 from model.compiler.programs import Add, Put, Statement, at
-from model.derived.load import STEP, _machine_code, _module, _target_machine, written
-from model.derived.step import Derived, Program
-from model.elements.structure import Structure
+from model.derived.load import STEP, _machine_code, _module, _source, _target_machine, written
+from model.derived.program import Program
 from model.kernels.layout import Tables
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
@@ -55,26 +55,21 @@ def text_of(tables: Tables, *kernels: str, lanes: int = 1) -> str:
 def touched(tables: Tables, *kernels: str) -> set[int]:
     """Places of the workspace that a structure's kernels read or write outright."""
     out: set[int] = set()
-    seen: set[int] = set()
     for kernel in kernels or STEP:
-        program = getattr(Derived(Structure(tables)), kernel)()
-        todo = list(program.statements)
+        todo: list[Any] = list(getattr(_source(tables, kernel, 1), kernel)().statements)
+        values: list[Expression] = []
         while todo:
             s = todo.pop()
-            if id(s) in seen:
-                continue
-            seen.add(id(s))
             if isinstance(s, Expression):
-                out |= {s.args[1]} if s.op == "read" and s.args[0] == "w" else set()
-                todo += [a for a in s.args if isinstance(a, Expression)]
+                values.append(s)
             elif isinstance(s, Put | Add):
                 out |= {int(s.place[1])} if s.place[0] == "w" else set()
-                todo += [s.value]
-            else:
-                for part in vars(s).values():
-                    todo += (
-                        [*part] if isinstance(part, list | tuple) else [part] if isinstance(part, Expression) else []
-                    )
+                values.append(s.value)
+            elif isinstance(s, list | tuple):
+                todo += s
+            elif isinstance(s, Statement):
+                todo += vars(s).values()
+        out |= {e.args[1] for e in parts(values) if e.op == "read" and e.args[0] == "w"}
     forget()
     return out
 

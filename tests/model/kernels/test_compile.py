@@ -12,7 +12,7 @@ import pytest
 
 import model
 from model.kernels.compile import cache_key, kernel_sources, numba_config
-from model.kernels.lanes.width import lanes_pay
+from model.kernels.lanes import lanes_pay
 
 CODE = """
 import numpy as np, model
@@ -52,7 +52,7 @@ def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) ->
 def test_every_compiled_module_of_the_step_loop_is_among_the_hashed_sources() -> None:
     package = Path(model.__file__).parent
     hashed = {path.relative_to(package).as_posix() for path in kernel_sources()}
-    assert {"kernels/laws.py", "kernels/motion.py", "kernels/stepping/events.py"} <= hashed
+    assert {"kernels/laws.py", "kernels/motion.py", "kernels/inputs.py"} <= hashed
     assert {"elements/contacts.py", "derived/step.py", "compiler/native.py", "integrators/rosenbrock.py"} <= hashed
     compiled = ("@kernel", "@inlined", "@uncounted", "@piece", "@step_loop", "@generated")
     for path in [*package.glob("kernels/**/*.py"), *package.glob("integrators/**/*.py")]:

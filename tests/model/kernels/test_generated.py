@@ -172,7 +172,7 @@ for name in sys.argv[1:]:
         done = subprocess.run(call, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
         return done.stdout.split()
 
-    names = ("laws.py", "../elements/felts.py", "../derived/step.py", "stepping/inputs.py")
+    names = ("laws.py", "../elements/felts.py", "../derived/step.py", "inputs.py")
     (first,) = keys()
     seen = keys(*names)
     assert seen[0] == first and len(set(seen)) == 1 + len(names)

@@ -1,27 +1,40 @@
-"""Compiled values with one number per lane: arithmetic, comparisons that give a mask, memory by rows of lanes.
+"""Several numbers side by side in a vector register: arithmetic, memory by rows, and how many pay.
 
-``Lanes`` is a row of doubles, ``Mask`` a row of truth values, ``Rows`` a block of memory whose entry ``k`` is the row
-of lanes at ``k * width``. A float64 beside lanes stands for the same number in each.
+``Lanes`` is a row of doubles, ``Rows`` a block of memory whose entry ``k`` is the row of lanes at ``k * width``. A
+float64 beside lanes stands for the same number in each. Derivatives of a motion by many parameters are carried so
+(`model.integrators.tangents`); kernels of a scene for members side by side are written by `model.compiler`.
 
-Every operation is one that IEEE 754 rounds correctly (sum, product, quotient, square root, a b + c rounded once), and
-no optimiser may reorder them. Where a product stands directly in a sum, it is rounded once with it: that is decided
-here from the text alone, never by LLVM, so that a lane's bits cannot depend on which code path was compiled how.
+Every operation is one that IEEE 754 rounds correctly (sum, product, quotient, a b + c rounded once), and no optimiser
+may reorder them. Where a product stands directly in a sum, it is rounded once with it: that is decided here from the
+text alone, never by LLVM, so that a lane's bits cannot depend on which code path was compiled how.
 """
 
 from __future__ import annotations
 
 import operator
+import sys
+from functools import cache
 from typing import Any
 
 from llvmlite import ir
 from numba import types
 from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import lower_builtin, lower_cast, models, register_model
+from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 
-from model.kernels.typing_memo import count_as_plain
+from model.kernels.compile import target
 
+# doubles in a register of AVX-512. With AVX2 a row takes two registers, still a third faster than rows of four:
+# what is done lane by lane around the arithmetic is shared by more members
+LANES = 8
 DOUBLE = ir.DoubleType()
+
+
+@cache
+def lanes_pay() -> bool:
+    """Whether the target has vectors wide enough, and multiplies and adds in one: AVX-512, or AVX2 with FMA."""
+    features = target()[1].split(",")
+    return sys.maxsize > 2**32 and ("+avx512f" in features or {"+avx2", "+fma"} <= set(features))
 
 
 class _Row(types.Type):  # type: ignore[misc]
@@ -30,9 +43,6 @@ class _Row(types.Type):  # type: ignore[misc]
     def __init__(self, width: int) -> None:
         self.width = width
         super().__init__(name=f"{type(self).__name__}({width})")
-
-
-count_as_plain(_Row)
 
 
 class Lanes(_Row):
@@ -47,10 +57,6 @@ class Lanes(_Row):
         return self if isinstance(other, (types.Float, types.Integer)) else None
 
 
-class Mask(_Row):
-    """A truth value per lane."""
-
-
 class Rows(_Row):
     """Memory of rows of lanes."""
 
@@ -60,18 +66,12 @@ class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
         super().__init__(manager, kind, ir.VectorType(DOUBLE, kind.width))
 
 
-class _MaskModel(models.PrimitiveModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, ir.VectorType(ir.IntType(1), kind.width))
-
-
 class _RowsModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, DOUBLE.as_pointer())
 
 
 register_model(Lanes)(_LanesModel)
-register_model(Mask)(_MaskModel)
 register_model(Rows)(_RowsModel)
 
 
@@ -112,8 +112,14 @@ def _width(args: Any) -> int | None:
     return int(found.pop())
 
 
-def _typed(key: Any, arguments: int, result: type) -> None:
-    """Give ``key`` a meaning for lanes: ``arguments`` of them, numbers among them, a row of kind ``result``."""
+def _operation(keys: tuple[Any, ...], arguments: int, lower: Any) -> None:
+    """Give operators a meaning for lanes: of so many ``arguments``, numbers among them, as ``lower`` writes it."""
+    for key in keys:
+        _typed(key, arguments)
+        lower_builtin(key, *[Lanes] * arguments)(lower)
+
+
+def _typed(key: Any, arguments: int) -> None:
 
     class Template(AbstractTemplate):  # type: ignore[misc]
         key: Any = None
@@ -122,7 +128,7 @@ def _typed(key: Any, arguments: int, result: type) -> None:
             width = _width(args)
             if kws or len(args) != arguments or width is None:
                 return None
-            return signature(result(width), *[Lanes(width)] * arguments)
+            return signature(Lanes(width), *[Lanes(width)] * arguments)
 
     Template.key = key
     infer_global(key)(Template)
@@ -159,10 +165,6 @@ def _divide(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return builder.fdiv(*args)
 
 
-def _negative(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return builder.fneg(args[0])
-
-
 def _absolute(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return call(builder, "fabs", args[0])
 
@@ -172,67 +174,12 @@ def _larger(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return builder.select(builder.fcmp_ordered(">", b, a), b, a)
 
 
-def _smaller(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    a, b = args
-    return builder.select(builder.fcmp_ordered("<", b, a), b, a)
-
-
-def _operation(keys: tuple[Any, ...], arguments: int, lower: Any) -> None:
-    """Give operators a meaning for lanes, ``lower`` writes the instruction."""
-    for key in keys:
-        _typed(key, arguments, Lanes)
-        lower_builtin(key, *[Lanes] * arguments)(lower)
-
-
 _operation((operator.add, operator.iadd), 2, _add)
 _operation((operator.sub, operator.isub), 2, _subtract)
 _operation((operator.mul, operator.imul), 2, _multiply)
 _operation((operator.truediv, operator.itruediv), 2, _divide)
-_operation((operator.neg,), 1, _negative)
 _operation((abs,), 1, _absolute)
 _operation((max,), 2, _larger)
-_operation((min,), 2, _smaller)
-
-
-def _comparison(key: Any, sign: str) -> None:
-    _typed(key, 2, Mask)
-
-    @lower_builtin(key, Lanes, Lanes)
-    def compare(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        make = builder.fcmp_unordered if sign == "!=" else builder.fcmp_ordered
-        return make(sign, *args)
-
-
-_comparison(operator.lt, "<")
-_comparison(operator.le, "<=")
-_comparison(operator.gt, ">")
-_comparison(operator.ge, ">=")
-_comparison(operator.eq, "==")
-_comparison(operator.ne, "!=")
-
-
-def _logic(key: Any, name: str) -> None:
-    class Template(AbstractTemplate):  # type: ignore[misc]
-        key: Any = None
-
-        def generic(self, args: Any, kws: Any) -> Any:
-            if kws or not all(isinstance(a, Mask) and a == args[0] for a in args):
-                return None
-            return signature(args[0], *args)
-
-    Template.key = key
-    infer_global(key)(Template)
-
-    @lower_builtin(key, *[Mask] * (1 if name == "not_" else 2))
-    def combine(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return getattr(builder, name)(*args)
-
-
-_logic(operator.and_, "and_")
-_logic(operator.iand, "and_")
-_logic(operator.or_, "or_")
-_logic(operator.ior, "or_")
-_logic(operator.invert, "not_")
 
 
 @infer_global(operator.getitem)
@@ -270,3 +217,29 @@ def _read(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 def _write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     builder.store(args[2], _place(builder, args[0], args[1], sig.args[0].width), align=8)
     return context.get_dummy_value()
+
+
+@intrinsic
+def rows(typingctx: Any, array: Any, width: Any) -> Any:
+    """Memory of a C-contiguous float64 array (k,), or of its address, as rows of ``width`` lanes (a constant)."""
+    if not isinstance(width, types.IntegerLiteral) or not isinstance(array, (types.Array, types.CPointer)):
+        return None
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        data = args[0]
+        if isinstance(sig.args[0], types.Array):
+            data = context.make_array(sig.args[0])(context, builder, data).data
+        return builder.bitcast(data, DOUBLE.as_pointer())
+
+    return Rows(width.literal_value)(array, width), generate
+
+
+@intrinsic
+def filled(typingctx: Any, value: Any, like: Any) -> Any:
+    """``value`` in every lane, as many as ``like`` has."""
+    lanes = Lanes(like.width)
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return args[0]
+
+    return lanes(lanes, like), generate

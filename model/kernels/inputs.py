@@ -1,10 +1,11 @@
 """The input table of a run: its value, how far it stays constant, and how a step copes with its kinks.
 
 A table is linear between its points, or held; a held input jumps, so each of its points ends a step. A linear
-input has kinks only: steps cross them where an a-priori bound says that the tolerance can bear it.
+input has kinks only: steps cross them where an a-priori bound says that the tolerance can bear it. Tables of members
+side by side in lanes lie one after the other in one array, each from its ``first`` to its ``last`` point.
 """
 
-from model.kernels.compile import uncounted
+from model.kernels.compile import inlined_uncounted, uncounted
 from model.kernels.workspace import F_U, M_DIAG
 
 # What a method loses at a kink inside a step, as a share of the bound on the kink's effect; measured with
@@ -15,31 +16,34 @@ JUMP = 1e-10
 
 
 @uncounted
-def input_at(t, k, drive):
+def input_between(t, k, first, last, drive):
     """Input at ``t`` and its slope; ``k`` is a start for the search. Returns u, slope, k."""
     time, value, held = drive
-    last = time.shape[0] - 1
     early = 0.0 if held else JUMP
     while k < last - 1 and t >= time[k + 1] - early:
         k += 1
-    while k > 0 and t < time[k] - early:
+    while k > first and t < time[k] - early:
         k -= 1
     if held:
         return value[last] if t >= time[last] else value[k], 0.0, k
-    if t < time[0]:
-        return value[0], 0.0, k
+    if t < time[first]:
+        return value[first], 0.0, k
     if t >= time[last] - early:
         return value[last], 0.0, k
     slope = (value[k + 1] - value[k]) / (time[k + 1] - time[k])
     return value[k] + slope * (t - time[k]), slope, k
 
 
-@uncounted
-def constant_until(t, k, t_end, first, last, time, value, held):
-    """Time up to which the input keeps exactly the value it has at ``t``; ``k`` as found by `input_at`.
+@inlined_uncounted
+def input_at(t, k, drive):
+    """`input_between` of a table that has its arrays for itself."""
+    return input_between(t, k, 0, drive.time.shape[0] - 1, drive)
 
-    The table is between ``first`` and ``last`` of ``time`` and ``value``, where others may stand beside it.
-    """
+
+@uncounted
+def constant_until(t, k, t_end, first, last, drive):
+    """Time up to which the input keeps exactly the value it has at ``t``; ``k`` as found by `input_between`."""
+    time, value, held = drive
     if t < time[first]:
         return min(t_end, time[first])
     if t >= time[last]:
@@ -53,33 +57,46 @@ def constant_until(t, k, t_end, first, last, time, value, held):
 
 
 @uncounted
-def fit_to_input(t, step, u0, k, drive, w, n, limits):
-    """Shorten ``step`` so that no kink of the table inside it can do harm.
+def input_gain(w, lane, width, n):
+    """Most that a unit of input accelerates a coordinate, as a kink's effect counts; of a lane of ``width``."""
+    gain = 0.0
+    for i in range(n):
+        f_u = w[(F_U + i) * width + lane]
+        if f_u != 0.0:
+            gain = max(gain, abs(f_u) / w[(M_DIAG + i) * width + lane])
+    return KINK_SHARE * gain
+
+
+@uncounted
+def fit_to_kinks(t, step, u0, k, last, drive, gain, bounds):
+    """Shorten ``step`` so that no kink of the table inside it can do harm; ``bounds`` are on angle and speed.
 
     A kink of strength s, a time r before the end of the step, which began with the slope before it, bends the
     speed by at most |f_u| / M * s r^2 / 2. Where too much of that would be lost the step ends at the kink. Many weak
     kinks add up to a departure from the chord, which is bounded likewise.
     """
     time, value, _ = drive
-    gain = 0.0
-    for i in range(n):
-        if w[F_U + i] != 0.0:
-            gain = max(gain, abs(w[F_U + i]) / w[M_DIAG + i])
-    gain *= KINK_SHARE
-    last = time.shape[0] - 1
+    angle, speed = bounds
     while True:
         end = t + step
-        u1, _, _ = input_at(end, k, drive)
+        u1, _, _ = input_between(end, k, k, last, drive)
         bend = 0.0
         j = k + 1
         while j < last and time[j] < end:
             before = (value[j] - value[j - 1]) / (time[j] - time[j - 1])
             after = (value[j + 1] - value[j]) / (time[j + 1] - time[j])
             reach = end - time[j]
-            if gain * abs(after - before) * reach * reach > limits.speed and time[j] - t > 1e-9:
+            if gain * abs(after - before) * reach * reach > speed and time[j] - t > 1e-9:
                 return time[j] - t
             bend = max(bend, abs(value[j] - (u0 + (u1 - u0) * (time[j] - t) / step)))
             j += 1
-        if step < 1e-6 or gain * bend * step <= max(limits.speed, limits.angle / step):
+        if step < 1e-6 or gain * bend * step <= max(speed, angle / step):
             return step
         step *= 0.5
+
+
+@inlined_uncounted
+def fit_to_input(t, step, u0, k, drive, w, n, limits):
+    """`fit_to_kinks` of a run by itself, its workspace ``w``."""
+    bounds = limits.angle, limits.speed
+    return fit_to_kinks(t, step, u0, k, drive.time.shape[0] - 1, drive, input_gain(w, 0, 1, n), bounds)

@@ -1,12 +1,13 @@
 """A scene's kernels for lanes against its scalar kernels at random states: same physics, each lane its own member.
 
 The scene with the key alone is in the default suite; the others compile for seconds each:
-``python -m pytest -m slow tests/model/kernels/lanes``.
+``python -m pytest -m slow tests/model/kernels``.
 """
 
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ import model
 from model.derived.load import kernels_of, lane_kernels_of
 from model.integrators.methods import get_method
 from model.kernels import workspace as W
-from model.kernels.lanes.width import LANES
+from model.kernels.lanes import LANES
 from model.kernels.layout import MU_A
 from model.scene.build import Scene, build_scene
 from model.scene.selection import SCENES, load_scene
@@ -47,7 +48,7 @@ def member(scene: Scene, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarr
 
 
 def compare(scene: Scene, rounds: int) -> int:
-    """Compare linearise, prepare, skip and a stage; returns how many contacts were found closed."""
+    """Compare linearise, prepare, skip, a stage and, to the bit, stepping; returns how many contacts were closed."""
     n, contacts = scene.size, scene.solved_contacts
     alone, together = kernels_of(scene.tables), lane_kernels_of(scene.tables, LANES)
     rng = np.random.default_rng(5)
@@ -102,7 +103,30 @@ def compare(scene: Scene, rounds: int) -> int:
                 rows = [*range(after, after + n), *range(after + W.WIDTH, after + W.WIDTH + n)]
                 same(mine[rows], w[rows], 1e-7)
         assert mask == union
+        stepping(whole, members, alone, together)
     return closed
+
+
+def stepping(whole: np.ndarray, members: list[Any], alone: Any, together: Any) -> None:
+    """Compare what is done with a step beside forces, to the bit."""
+    method = get_method("rodas4p").coefficients
+    stages, rows = len(method.b), len(method.dense)
+    whole[W.ANGLE_LIMIT], whole[W.SPEED_LIMIT], whole[W.FITTED], whole[W.FRACTION] = 1e-6, 1e-5, 1e-4, 0.3
+    whole[W.U + 4 * W.WIDTH : W.U + 2 * W.WIDTH * stages] = whole[W.U] * 1.1
+    before = whole.copy()
+    numbers = np.array([p for p, _, _, _ in members]).T.copy()
+    together.fit(whole.ravel(), numbers.ravel())
+    finite = together.end(whole.ravel(), method.b, stages, 0)
+    together.dense(whole.ravel(), method.dense, rows, stages)
+    together.inside(whole.ravel(), method.dense, rows, stages, 0)
+    for lane, (p, _, _, _) in enumerate(members):
+        w = before[: W.SIZE, lane].copy()
+        alone.fit(w, p)
+        assert alone.end(w, method.b, stages, 0) == finite >> lane & 1
+        alone.dense(w, method.dense, rows, stages)
+        alone.inside(w, method.dense, rows, stages, 0)
+        assert w.tobytes() == whole[: W.SIZE, lane].tobytes()
+        assert w[W.FITTED] <= before[W.FITTED, lane]
 
 
 def same(mine: np.ndarray, other: np.ndarray, share: float = 1e-10) -> None:

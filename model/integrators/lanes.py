@@ -1,0 +1,456 @@
+"""The compiled step loop of every Rosenbrock method, for members of a batch side by side in lanes.
+
+In: members of one structure as rows of numbers (`model.kernels.signatures.LaneMembers`); out: the same rows, filled.
+The algorithm is that of `model.integrators.rosenbrock`; each lane has its own time, step, error, input, outputs, end.
+An attempt advances all lanes; each lane then accepts or rejects its own. A lane whose member is done or has failed is
+given to the next member at once. What is computed for one lane never enters another, so that a member's numbers do not
+depend on who sits beside it. Forces, events, the end of a step and states inside it are the scene's kernels, in which a
+number is a row of lanes; what is done lane by lane is here, for the lanes whose bits are set.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from numba import int64
+
+from model.integrators.rosenbrock import WAKING_STEP
+from model.integrators.step_control import (
+    DONE,
+    NOT_FINITE,
+    SMALLEST_STEP,
+    STEP_TOO_SMALL,
+    TOO_MANY_STEPS,
+    after_step,
+    at_rest,
+    ending_at,
+    shortened,
+)
+from model.kernels.compile import uncounted, uncounted_loop
+from model.kernels.inputs import constant_until, fit_to_kinks, input_between, input_gain
+from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RESTS, N_RHS, N_SKIPPED, N_STEPS
+from model.kernels.signatures import INTEGRATE_LANES, InputTable
+from model.kernels.workspace import (
+    ACC,
+    ALLOWANCE,
+    ANGLE_LIMIT,
+    AUDIT_Q,
+    AUDIT_V,
+    AUDIT_Z,
+    ERROR,
+    FITTED,
+    FRACTION,
+    IDLE,
+    INPUT,
+    INPUT_RATE,
+    LANE_SIZE,
+    M_DIAG,
+    M_UP,
+    NEEDED,
+    NOW,
+    Q1,
+    SPEED_LIMIT,
+    STAGE_STEP,
+    STEP_RATE,
+    STIFF,
+    V1,
+    WIDTH,
+    WITH_MEMORY,
+    Z1,
+    Q,
+    V,
+    Z,
+)
+
+# rows of the loop's own numbers, a number per lane
+TIME, END, WANTED, REST, LONGEST, STEP, SLOPE, START_INPUT, AT_REST, EVALUATED = range(10)
+N_NUMBERS = 10
+# its integers, of each lane
+MEMBER, TRIED, POINT, ROWS_DONE, FIRST, LAST, FIRST_WANTED, N_OUT, MOST, FIRST_ROW = range(10)
+N_WHOLE = 10
+
+
+# a member takes a lane, rests in it, leaves it ------------------------------------------------------------------------
+
+
+@uncounted
+def fill_still(lane, width, until, members, space):
+    """Fill the outputs wanted up to ``until`` with the state of a lane as it is."""
+    memory, at = space.step, space.whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE]
+    while at[ROWS_DONE] < at[N_OUT] and members.wanted[at[FIRST_WANTED] + at[ROWS_DONE]] <= until:
+        row = at[FIRST_ROW] + at[ROWS_DONE]
+        for i in range(members.angle.shape[1]):
+            members.out_angle[row, i] = memory[(Q + i) * width + lane]
+            members.out_speed[row, i] = memory[(V + i) * width + lane]
+        for i in range(members.memory.shape[1]):
+            members.out_memory[row, i] = memory[(Z + i) * width + lane]
+        at[ROWS_DONE] += 1
+
+
+@uncounted
+def sit_down(lane, width, m, members, space):
+    """Put member ``m`` into a lane."""
+    memory, numbers, number, whole, _, _ = space
+    n_z = members.memory.shape[1]
+    for k in range(LANE_SIZE if n_z == 0 else WITH_MEMORY):
+        memory[k * width + lane] = 0.0
+    for i in range(n_z):
+        memory[(Z + i) * width + lane] = members.memory[m, i]
+    for i in range(members.angle.shape[1]):
+        memory[(Q + i) * width + lane] = members.angle[m, i]
+        memory[(V + i) * width + lane] = members.speed[m, i]
+    for k in range(members.parameters.shape[1]):
+        numbers[k * width + lane] = members.parameters[m, k]
+    for k in range(5):  # TIME to LONGEST
+        number[k * width + lane] = members.start[m, k]
+    memory[ANGLE_LIMIT * width + lane] = members.start[m, 5]
+    memory[SPEED_LIMIT * width + lane] = members.start[m, 6]
+    number[AT_REST * width + lane] = 0.0
+    at, place = whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE], members.place[m]
+    at[MEMBER] = m
+    at[TRIED] = 0
+    at[FIRST] = at[POINT] = place[0]
+    at[LAST] = place[0] + place[1] - 1
+    at[FIRST_WANTED] = place[2]
+    at[N_OUT] = place[3]
+    at[MOST] = place[4]
+    at[FIRST_ROW] = place[5]
+    at[ROWS_DONE] = 0
+    fill_still(lane, width, members.start[m, 0], members, space)
+
+
+@uncounted
+def leave(lane, width, memory, number):
+    """Leave a lane without a member: its numbers are computed with the others, and used by nobody."""
+    memory[IDLE * width + lane] = 1.0
+    memory[ANGLE_LIMIT * width + lane] = memory[SPEED_LIMIT * width + lane] = 1.0
+    for k in range(N_NUMBERS):
+        number[k * width + lane] = 1.0
+    number[TIME * width + lane] = 0.0
+
+
+@uncounted
+def get_up(lane, width, status, members, space):
+    """Take the member out of a lane and leave the lane idle."""
+    memory, _, number, whole, _, _ = space
+    m = whole[N_WHOLE * lane + MEMBER]
+    for i in range(members.angle.shape[1]):
+        members.angle[m, i] = memory[(Q + i) * width + lane]
+        members.speed[m, i] = memory[(V + i) * width + lane]
+    for i in range(members.memory.shape[1]):
+        members.memory[m, i] = memory[(Z + i) * width + lane]
+    members.reached[m, 0] = number[TIME * width + lane]
+    members.reached[m, 1] = number[WANTED * width + lane]
+    members.reached[m, 2] = number[AT_REST * width + lane]
+    members.status[m] = status
+    leave(lane, width, memory, number)
+
+
+@uncounted
+def fill_lanes(busy, following, width, members, space):
+    """Give each lane that is not ``busy`` the next member with something to do; which lanes are, who is next."""
+    for lane in range(width):
+        while not busy >> lane & 1 and following < members.angle.shape[0]:
+            sit_down(lane, width, following, members, space)
+            following += 1
+            if space.number[TIME * width + lane] < space.number[END * width + lane]:
+                busy |= 1 << lane
+            else:
+                get_up(lane, width, DONE, members, space)
+        if not busy >> lane & 1:
+            leave(lane, width, space.step, space.number)
+    return busy, following
+
+
+@uncounted
+def nearly_still(lane, width, n, memory, number):
+    """Whether a lane moves so little, under an input that does not change, that it may be at rest."""
+    fastest = 0.0
+    for i in range(n):
+        fastest = max(fastest, abs(memory[(V + i) * width + lane]))
+    still = fastest * number[WANTED * width + lane] < number[REST * width + lane]
+    return number[SLOPE * width + lane] == 0.0 and still
+
+
+@uncounted
+def rest(bits, width, parent, members, space):
+    """Let members of the lanes of ``bits`` that are at rest stay until their input changes; which ones did."""
+    number, whole, memory, single = space.number, space.whole, space.step, space.single
+    n = parent.shape[0]
+    drive = InputTable(members.time, members.value, False)
+    rested = 0
+    for lane in range(width):
+        if bits >> lane & 1 and nearly_still(lane, width, n, memory, number):
+            at = N_WHOLE * lane
+            t, end = number[TIME * width + lane], number[END * width + lane]
+            quiet = constant_until(t, whole[at + POINT], end, whole[at + FIRST], whole[at + LAST], drive)
+            for i in range(n):  # what decides about rest, as in the workspace of one run
+                for start in (V, ACC, M_DIAG, M_UP):
+                    single[start + i] = memory[(start + i) * width + lane]
+                for j in range(n):
+                    k = STIFF + WIDTH * i + j
+                    single[k] = memory[k * width + lane]
+            if quiet > t and at_rest(single, parent, space.parts, number[REST * width + lane]):
+                for i in range(n):
+                    memory[(V + i) * width + lane] = 0.0
+                fill_still(lane, width, quiet, members, space)
+                number[AT_REST * width + lane] += quiet - t
+                number[TIME * width + lane] = quiet
+                number[WANTED * width + lane] = WAKING_STEP
+                members.counters[whole[at + MEMBER], N_RESTS] += 1
+                rested |= 1 << lane
+    return rested
+
+
+# an attempt -----------------------------------------------------------------------------------------------------------
+
+
+@uncounted
+def read_start(bits, width, n_contacts, members, space):
+    """Input at the start of the step of all lanes, read in those of ``bits``, whose forces will be linearised there."""
+    number, whole, counters, memory = space.number, space.whole, members.counters, space.step
+    drive = InputTable(members.time, members.value, False)
+    for lane in range(width):
+        if bits >> lane & 1:
+            at, t = N_WHOLE * lane, number[TIME * width + lane]
+            u, slope, k = input_between(t, whole[at + POINT], whole[at + FIRST], whole[at + LAST], drive)
+            whole[at + POINT] = k
+            number[START_INPUT * width + lane] = u
+            number[SLOPE * width + lane] = slope
+            m = whole[at + MEMBER]
+            counters[m, N_RHS] += 1
+            counters[m, N_JACOBIAN] += 1
+            counters[m, N_CONTACT] += n_contacts
+        memory[INPUT * width + lane] = number[START_INPUT * width + lane]
+        if members.memory.shape[1] > 0:
+            memory[NOW * width + lane] = number[TIME * width + lane]
+
+
+@uncounted
+def read_inputs(bits, width, node, members, space):
+    """Read the input at the times of a stage, at the fraction ``node`` of the steps."""
+    number, whole = space.number, space.whole
+    drive = InputTable(members.time, members.value, False)
+    for lane in range(width):
+        if bits >> lane & 1:
+            at, t = N_WHOLE * lane, number[TIME * width + lane] + node * number[STEP * width + lane]
+            u, _, k = input_between(t, whole[at + POINT], whole[at + FIRST], whole[at + LAST], drive)
+            whole[at + POINT] = k
+            space.step[INPUT * width + lane] = u
+
+
+@uncounted
+def want_steps(width, space):
+    """The steps wanted, before they are fitted to events."""
+    for lane in range(width):
+        h = min(space.number[WANTED * width + lane], space.number[LONGEST * width + lane])
+        space.number[WANTED * width + lane] = space.step[FITTED * width + lane] = h
+
+
+@uncounted
+def choose_steps(bits, width, gamma, members, space):
+    """Steps that end where their member ends, in the lanes of ``bits`` shortened to kinks of their input tables."""
+    number, whole, memory = space.number, space.whole, space.step
+    n = members.angle.shape[1]
+    drive = InputTable(members.time, members.value, False)
+    for lane in range(width):
+        t = number[TIME * width + lane]
+        step = ending_at(number[END * width + lane], t, memory[FITTED * width + lane])
+        k, last = whole[N_WHOLE * lane + POINT], whole[N_WHOLE * lane + LAST]
+        if bits >> lane & 1 and k + 1 < last and members.time[k + 1] < t + step:
+            bounds = memory[ANGLE_LIMIT * width + lane], memory[SPEED_LIMIT * width + lane]
+            gain = input_gain(memory, lane, width, n)
+            step = fit_to_kinks(t, step, number[START_INPUT * width + lane], k, last, drive, gain, bounds)
+        number[STEP * width + lane] = step
+        memory[STEP_RATE * width + lane] = 1.0 / step
+        memory[STAGE_STEP * width + lane] = gamma * step
+        number[EVALUATED * width + lane] = 0.0
+    for i in range(n):
+        for lane in range(width):
+            step = number[STEP * width + lane]
+            v, acc = memory[(V + i) * width + lane], memory[(ACC + i) * width + lane]
+            memory[(ALLOWANCE + i) * width + lane] = 1.5 * step * abs(v) + step * step * abs(acc) + 1e-7
+
+
+@uncounted
+def weigh_slopes(width, d, space):
+    """What the change of the input adds to a stage."""
+    for lane in range(width):
+        weight = space.number[STEP * width + lane] * d * space.number[SLOPE * width + lane]
+        space.step[INPUT_RATE * width + lane] = weight
+
+
+@uncounted
+def count_contacts(exceeded, width, n_contacts, space):
+    """Add contacts that the lanes' own members needed at a stage, all where one left its allowance."""
+    for lane in range(width):
+        more = float(n_contacts) if exceeded >> lane & 1 else space.step[NEEDED * width + lane]
+        space.number[EVALUATED * width + lane] += more
+
+
+@uncounted
+def judge(trying, sound, rejected, exponent, width, space):
+    """Steps to want next; the lanes whose error is within its limits."""
+    number, memory = space.number, space.step
+    within = 0
+    for lane in range(width):
+        if trying >> lane & 1:
+            step, error = number[STEP * width + lane], memory[ERROR * width + lane]
+            if not sound >> lane & 1:
+                number[WANTED * width + lane] = 0.2 * step
+            elif error <= 1.0:
+                within |= 1 << lane
+                before = rejected >> lane & 1 == 1
+                h, fitted = number[WANTED * width + lane], memory[FITTED * width + lane]
+                number[WANTED * width + lane] = after_step(step, error, exponent, before, fitted, h)
+            else:
+                number[WANTED * width + lane] = shortened(step, error, exponent)
+    return within
+
+
+@uncounted
+def end_of_step(lane, width, number):
+    """Time at which the step of a lane ends."""
+    t, step, end = number[TIME * width + lane], number[STEP * width + lane], number[END * width + lane]
+    return end if step == end - t else t + step
+
+
+@uncounted
+def ask(bits, width, members, space):
+    """Of the lanes of ``bits`` those with another output within their steps; sets its fraction of the step."""
+    number, whole = space.number, space.whole
+    asking = 0
+    for lane in range(width):
+        at = N_WHOLE * lane
+        k = whole[at + ROWS_DONE]
+        if bits >> lane & 1 and k < whole[at + N_OUT]:
+            when = members.wanted[whole[at + FIRST_WANTED] + k]
+            if when <= end_of_step(lane, width, number):
+                t, step = number[TIME * width + lane], number[STEP * width + lane]
+                space.step[FRACTION * width + lane] = (when - t) / step
+                asking |= 1 << lane
+    return asking
+
+
+@uncounted
+def write_rows(bits, width, members, space):
+    """Write the state inside the step of each lane of ``bits`` to its member's next row."""
+    memory, whole = space.step, space.whole
+    for lane in range(width):
+        if bits >> lane & 1:
+            at = N_WHOLE * lane
+            row = whole[at + FIRST_ROW] + whole[at + ROWS_DONE]
+            for i in range(members.angle.shape[1]):
+                members.out_angle[row, i] = memory[(AUDIT_Q + i) * width + lane]
+                members.out_speed[row, i] = memory[(AUDIT_V + i) * width + lane]
+            for i in range(members.memory.shape[1]):
+                members.out_memory[row, i] = memory[(AUDIT_Z + i) * width + lane]
+            whole[at + ROWS_DONE] += 1
+
+
+@uncounted
+def commit(within, width, members, space):
+    """State and time of the lanes that were accepted."""
+    memory = space.step
+    for lane in range(width):
+        if within >> lane & 1:
+            for i in range(members.angle.shape[1]):
+                memory[(Q + i) * width + lane] = memory[(Q1 + i) * width + lane]
+                memory[(V + i) * width + lane] = memory[(V1 + i) * width + lane]
+            for i in range(members.memory.shape[1]):
+                memory[(Z + i) * width + lane] = memory[(Z1 + i) * width + lane]
+            space.number[TIME * width + lane] = end_of_step(lane, width, space.number)
+
+
+@uncounted
+def count(trying, within, prepared, shape, width, members, space):
+    """Count an attempt: steps, rejections, evaluations; ``shape`` are numbers of stages and of contacts."""
+    n_stages, n_contacts = shape
+    for lane in range(width):
+        if trying >> lane & 1:
+            m = space.whole[N_WHOLE * lane + MEMBER]
+            members.counters[m, N_STEPS if within >> lane & 1 else N_REJECTED] += 1
+            if prepared >> lane & 1:
+                evaluated = int(space.number[EVALUATED * width + lane])
+                members.counters[m, N_RHS] += n_stages - 1
+                members.counters[m, N_CONTACT] += evaluated
+                members.counters[m, N_SKIPPED] += (n_stages - 1) * n_contacts - evaluated
+
+
+@uncounted
+def settle(busy, rejected, sound, width, members, space):
+    """Take members that are done, or cannot go on, out of their lanes; which lanes stay busy."""
+    number, whole = space.number, space.whole
+    for lane in range(width):
+        if busy >> lane & 1:
+            at = N_WHOLE * lane
+            whole[at + TRIED] += 1
+            status = -1
+            if not number[TIME * width + lane] < number[END * width + lane]:
+                status = DONE
+            elif rejected >> lane & 1 and number[WANTED * width + lane] < SMALLEST_STEP:
+                status = STEP_TOO_SMALL if sound >> lane & 1 else NOT_FINITE
+            elif whole[at + TRIED] >= whole[at + MOST]:
+                status = TOO_MANY_STEPS
+            if status >= 0:
+                get_up(lane, width, status, members, space)
+                busy &= ~(1 << lane)
+    return busy
+
+
+@cache
+def loop_in_lanes(width: int) -> Any:
+    """The step loop for ``width`` lanes."""
+
+    @uncounted_loop(INTEGRATE_LANES)
+    def integrate(members, parent, n_contacts, kernels, method, space):
+        """Advance every member to its end, or as far as it comes; returns how many attempts that took."""
+        a, c, b, node, d, dense, gamma, exponent = method
+        memory, numbers, _, _, _, _ = space
+        n_z, n_stages, n_dense = members.memory.shape[1], b.shape[0], dense.shape[0]
+        # a plain 0 would be a type of its own, for which numba compiles all that takes a seat once more
+        busy, following = fill_lanes(int64(0), int64(0), width, members, space)
+        fresh = busy
+        rejected = 0
+        attempts = 0
+        while busy:
+            attempts += 1
+            read_start(fresh, width, n_contacts, members, space)
+            kernels.linearise(memory, numbers)
+            # felt that remembers may still creep: what it will do, the bound on rest does not know
+            rested = rest(fresh if n_z == 0 else 0, width, parent, members, space)
+            want_steps(width, space)
+            kernels.fit(memory, numbers)
+            trying = busy & ~rested
+            # contacts are left out only while every stage stays within its allowance: the answer is the same
+            choose_steps(trying, width, gamma, members, space)
+            prepared = kernels.prepare(memory)
+            mask = kernels.skip(memory, numbers)
+            for m in range(n_stages):
+                if m > 0 and (m == 1 or node[m] != node[m - 1]):
+                    read_inputs(trying, width, node[m], members, space)
+                weigh_slopes(width, d[m], space)
+                exceeded = kernels.stage(memory, numbers, a, c, m, mask)
+                if m > 0:
+                    count_contacts(exceeded, width, n_contacts, space)
+            sound = prepared & trying & kernels.end(memory, b, n_stages, n_z)
+            within = judge(trying, sound, rejected, exponent, width, space)
+            asking = ask(within, width, members, space)
+            if asking:
+                kernels.dense(memory, dense, n_dense, n_stages)
+            while asking:
+                kernels.inside(memory, dense, n_dense, n_stages, n_z)
+                write_rows(asking, width, members, space)
+                asking = ask(asking, width, members, space)
+            commit(within, width, members, space)
+            count(trying, within, prepared, (n_stages, n_contacts), width, members, space)
+            rejected = trying & ~within
+            fresh = within | rested
+            stayed = settle(busy, rejected, sound, width, members, space)
+            busy, following = fill_lanes(stayed, following, width, members, space)
+            fresh = (fresh & stayed) | (busy & ~stayed)
+            rejected &= stayed
+        return attempts
+
+    return integrate
