@@ -33,7 +33,7 @@ from peers.forces import force_table  # noqa: E402
 import model  # noqa: E402
 from model import batch  # noqa: E402
 from model.batch.run import workers_here  # noqa: E402
-from model.integrators.tableau import RosenbrockTableau  # noqa: E402
+from model.integrators.methods import RosenbrockTableau  # noqa: E402
 from model.kernels.lanes import LANES, lanes_pay  # noqa: E402
 from model.simulation.options import ForceDrivenOptions  # noqa: E402
 

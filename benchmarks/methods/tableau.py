@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from model.integrators.tableau import padded
+from model.integrators.methods import padded
 from model.kernels.signatures import Coefficients
 
 

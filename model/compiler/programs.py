@@ -76,6 +76,20 @@ class Reconsider:
 Statement = Reconsider | Put | Add | Let | If | While | For | Anew
 
 
+@dataclass(frozen=True)
+class Program:
+    """A kernel: its arguments by kind, statements, and what it returns.
+
+    ``result`` is None for 0, a truth value, conditions that clear their bit of a mask, a name that holds a count, or
+    ``"exceeded"``: whether contacts were reconsidered. ``exact``: no product is rounded with the sum it stands in.
+    """
+
+    arguments: dict[str, str]
+    statements: list[Statement]
+    result: Expression | list[tuple[int, Expression]] | str | None = None
+    exact: bool = False
+
+
 def at(array: str, place: int, further: Expression | None = None) -> Place:
     """A place of an array of the kernel."""
     return array, place, further

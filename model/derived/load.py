@@ -19,7 +19,7 @@ from llvmlite import binding, ir
 
 from model.compiler.expressions import forget
 from model.compiler.native import Writer
-from model.derived.program import Program
+from model.compiler.programs import Program
 from model.derived.slopes import Differentiated
 from model.derived.step import Derived
 from model.derived.stepping import Stepping
@@ -29,7 +29,6 @@ from model.kernels import compile as _compile
 from model.kernels.kernel_value import Kernel
 from model.kernels.lanes import lanes_pay
 from model.kernels.layout import Tables
-from model.kernels.observed import OBSERVE
 from model.kernels.once import alone
 from model.kernels.regimes import REGIME, SLOPES
 from model.kernels.signatures import (
@@ -43,6 +42,7 @@ from model.kernels.signatures import (
     LANE_SKIP,
     LANE_STAGE,
     LINEARISE,
+    OBSERVE,
     PREPARE,
     SKIP,
     STAGE,

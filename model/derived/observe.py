@@ -11,10 +11,17 @@ from numpy.typing import NDArray
 from model.derived.columns import BODY, CONTACT, TIP
 from model.derived.load import observer_of
 from model.errors import InputError
+from model.kernels.compile import kernel
 from model.kernels.layout import STRING_STATES, Tables
-from model.kernels.observed import rows_of
 
 Array = NDArray[np.float64]
+
+
+@kernel
+def rows_of(observe, x, u, p, y):  # type: ignore[no-untyped-def]  # compiled
+    """Fill rows ``y`` (m, k) from states ``x`` (m, n) and inputs ``u`` (m, l)."""
+    for i in range(x.shape[0]):
+        observe(x[i], u[i], p, y[i])
 
 
 def _rows(tables: Tables, what: str, shape: tuple[int, int], given: tuple[Array, Array, Array]) -> Array:

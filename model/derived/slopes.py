@@ -8,8 +8,7 @@
 from __future__ import annotations
 
 from model.compiler.expressions import ONE, ZERO, Expression, make, parts, read, slopes
-from model.compiler.programs import Add, If, Put, Statement, at, mapped
-from model.derived.program import Program
+from model.compiler.programs import Add, If, Program, Put, Statement, at, mapped
 from model.elements.kinematics import State
 from model.elements.scene import Elements
 from model.elements.structure import Structure

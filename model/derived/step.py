@@ -31,6 +31,7 @@ from model.compiler.programs import (
     Anew,
     If,
     Place,
+    Program,
     Put,
     Reconsider,
     Statement,
@@ -43,7 +44,6 @@ from model.compiler.programs import (
     name,
     within,
 )
-from model.derived.program import Program
 from model.elements.bodies import solved
 from model.elements.contacts import Contact, change, speeds_up
 from model.elements.kinematics import State

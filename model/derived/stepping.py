@@ -25,8 +25,7 @@ from model.compiler.expressions import (
     smaller,
     where,
 )
-from model.compiler.programs import Add, If, Place, Put, Statement, at, each, name
-from model.derived.program import Program
+from model.compiler.programs import Add, If, Place, Program, Put, Statement, at, each, name
 from model.elements.structure import Structure
 from model.kernels import layout as L
 from model.kernels import workspace as W

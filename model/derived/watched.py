@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from model.compiler.expressions import ONE, ZERO, Expression, local, read, total, where
-from model.compiler.programs import Add, If, Put, Statement, at, name
+from model.compiler.programs import Add, If, Program, Put, Statement, at, name
 from model.derived.columns import (
     BODY,
     CONTACT,
@@ -31,7 +31,6 @@ from model.derived.columns import (
     X,
     Y,
 )
-from model.derived.program import Program
 from model.elements.bodies import solved
 from model.elements.contacts import Contact
 from model.elements.kinematics import State

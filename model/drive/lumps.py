@@ -1,6 +1,15 @@
-"""What a log tells of a drive's circuit: the numbers of `model.drive.circuit` and of the arm, by least squares.
+"""What a log tells of a drive's circuit: the numbers that show in its torque and those of the arm, by least squares.
 
-Residual of a short window: torque of the motor less inertia, friction, return spring and the tip's force. Covariance
+With m = k i the torque, D the resistance R plus the gain of the current loop Z:
+
+    delay dm/dt = S(source - (1 - share) m - firmness (m - lim(m))) - share m - damping w,
+
+torque_per_volt = k g (torque mode) or k g / D (voltage mode), delay = L / D, damping = k^2 / D, ceiling = k I (lim),
+supply = U k / D (S), share = R / D, which is 1 in voltage mode, firmness = limit_gain / D. Nothing else of the drive
+shows in a torque. Force, torque and acceleration are compared by their averages under the same short windows, so that
+nothing is differentiated and noise of an encoder enters as it is.
+
+Residual of a window: torque of the motor less inertia, friction, return spring and the tip's force. Covariance
 from the residuals themselves, correlated as they are, and from what all samples share (scales, delays, softness).
 """
 
@@ -10,13 +19,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+from scipy.optimize import least_squares
 
-from model.drive.circuit import LUMPS, SUBSTEPS, motor_torque
 from model.drive.log import DriveLog, DriveOptions
-from model.drive.windows import Windows
 from model.errors import InputError
+from model.kernels.drive_torque import SUBSTEPS, torque_along
 
 Array = NDArray[np.float64]
+LUMPS = ("torque_per_volt", "delay", "damping", "ceiling", "supply", "share", "firmness")
+SATURATED = 2.0  # as `model.scene.pressing`
+DEGREE = 5  # of the bump: its second derivative is smooth
+QUARTIC = np.array([22.0, -67.0, -58.0, 0.0, 58.0, 67.0, -22.0]) / 252.0
+PIECE = 3  # samples a piece of the bump
 ARM = ("inertia", "joint_friction", "spring_stiffness", "preload_nm")
 PER_AMPERE = len(LUMPS)  # place of the torque constant where the current was recorded
 SLIP_RAD_PER_S = 0.02  # speed over which friction turns round
@@ -29,6 +44,67 @@ U_SOFTNESS = 0.03
 WIDE = (0.1, 1.0, 10.0, 10.0)  # of the arm, SI units: far beyond any, so that what does not show stays finite
 UNEXPLAINED = 0.2  # share of the tip's torque that may be left
 DETERMINED = 0.3  # relative standard uncertainty up to which a number counts as determined
+
+
+def motor_torque(
+    lumps: Array, command_v: Array, arm_rad: Array, interval_s: float, mode: str, softness: float
+) -> Array:
+    """Torque (p, k), N m, at the samples and `SUBSTEPS` - 1 times between, for rows (p, 7) as ``LUMPS``.
+
+    The command is held from sample to sample; the motor begins as if its first command had lasted. Of the motion only
+    angles are taken: the back-EMF of a substep is what the arm turned in it, so that nothing is differentiated.
+    """
+    rows = np.ascontiguousarray(lumps, dtype=float)
+    largest = rows[:, 3] if mode == "torque" else SATURATED * rows[:, 4]
+    out = np.empty((len(rows), (len(command_v) - 1) * SUBSTEPS + 1))
+    turned = _between(arm_rad, SUBSTEPS)
+    torque_along(rows, np.ascontiguousarray(largest), command_v, turned, interval_s, softness, out)
+    return out
+
+
+def _between(x: Array, parts: int) -> Array:
+    """``x`` (n,) and ``parts`` - 1 values between each two samples, by cubics through four of them."""
+    slope = 0.5 * np.diff(np.concatenate([[2.0 * x[0] - x[1]], x, [2.0 * x[-1] - x[-2]]]))
+    slope = slope[:-1] + slope[1:]
+    at = (np.arange(parts) / parts)[None, :]
+    left, right, rise, fall = x[:-1, None], x[1:, None], slope[:-1, None], slope[1:, None]
+    cubic = (1 + 2 * at) * (1 - at) ** 2 * left + at**2 * (3 - 2 * at) * right
+    cubic += at * (1 - at) ** 2 * rise + at**2 * (at - 1) * fall
+    return np.append(cubic.ravel(), x[-1])
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Bumps of 18 samples, one every ``PIECE`` samples.
+
+    Attributes
+    ----------
+    interval_s : of the samples
+    """
+
+    interval_s: float
+
+    def averages(self, x: Array, rates: int = 0, parts: int = 1) -> Array:
+        """Average (m,) of the derivative of order ``rates`` of ``x`` (n,), or of each row (p, n), under each window.
+
+        With ``parts`` there are that many values to a sample interval: sums over the samples of a torque that has a
+        kink at each of them would be off its integral, by an apparent delay of a twelfth of the interval's square over
+        the drive's own.
+        """
+        step = self.interval_s / parts
+        bump = BSpline.basis_element(np.arange(DEGREE + 2) * PIECE * self.interval_s)
+        at = np.arange(1, (DEGREE + 1) * PIECE * parts) * step
+        weights = (-1.0) ** rates * bump.derivative(rates)(at) if rates else bump(at)
+        weights = weights / np.sum(bump(at))
+        rows = np.pad(np.atleast_2d(x), ((0, 0), (parts - 1, parts - 1)), mode="edge")
+        count = ((np.shape(x)[-1] - 1) // parts + 1 - (DEGREE + 1) * PIECE + 1) // PIECE + 1
+        out = np.stack([np.convolve(row, weights[::-1], "valid")[:: PIECE * parts] for row in rows])[:, :count]
+        return out[0] if np.ndim(x) == 1 else out
+
+    def speed(self, x: Array) -> Array:
+        """Rate (n,) of ``x`` at its samples: slope of a quartic through seven of them, which keeps what rings."""
+        slope = np.convolve(np.pad(x, 3, mode="edge"), QUARTIC[::-1], "valid")
+        return np.asarray(slope / self.interval_s)
 
 
 @dataclass(frozen=True)
@@ -90,17 +166,21 @@ class _Problem:
             out.append((torque[:, ::SUBSTEPS] * np.exp(-logs[:, PER_AMPERE])[:, None] - self.current) / self.scale[1])
         return np.concatenate(out, axis=1)
 
-    def linearised(self, x: Array) -> tuple[Array, Array]:
-        """Residuals and Jacobian at logarithms and numbers of the arm."""
+    def rest(self, x: Array) -> Array:
+        """Residuals at logarithms and numbers of the arm, (r,)."""
+        logs = x[None, : len(self.free)]
+        return self.rows(logs, x[len(self.free) :], self.torque(logs))[0]
+
+    def jacobian(self, x: Array) -> Array:
+        """Their derivatives (r, k)."""
         p = len(self.free)
         steps = DIFFERENCE * np.eye(p)[self.free]
-        logs = np.concatenate([x[None, :p], x[:p] + steps, x[:p] - steps])
-        found = self.rows(logs, x[p:], self.torque(logs))
-        k = len(steps)
-        jacobian = np.zeros((found.shape[1], len(x)))
-        jacobian[:, np.flatnonzero(self.free)] = ((found[1 : k + 1] - found[k + 1 :]) / (2.0 * DIFFERENCE)).T
+        logs = np.concatenate([x[:p] + steps, x[:p] - steps])
+        more, less = np.split(self.rows(logs, x[p:], self.torque(logs)), 2)
+        jacobian = np.zeros((more.shape[1], len(x)))
+        jacobian[:, np.flatnonzero(self.free)] = ((more - less) / (2.0 * DIFFERENCE)).T
         jacobian[: self.arm.shape[1], p:] = (self.arm / self.scale[0]).T
-        return found[0], jacobian
+        return jacobian
 
 
 def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
@@ -131,7 +211,7 @@ def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
 
 def _scatter(problem: _Problem, x: Array) -> None:
     """Set the scatter of both kinds of residual to what it is at ``x``."""
-    rest, m = problem.linearised(x)[0], problem.arm.shape[1]
+    rest, m = problem.rest(x), problem.arm.shape[1]
     for k, part in enumerate((rest[:m], rest[m:])):
         if len(part):
             problem.scale[k] = max(problem.scale[k] * float(np.sqrt(np.mean(part**2))), 1e-12)
@@ -171,41 +251,35 @@ def _prior(problem: _Problem) -> Array:
     return np.array([*logs, *(1.0 / wide for wide in WIDE)])
 
 
+def _moving(problem: _Problem) -> NDArray[np.int64]:
+    """Places of what is searched for."""
+    return np.flatnonzero(np.concatenate([problem.free, np.ones(len(ARM), dtype=bool)]))
+
+
 def _search(problem: _Problem, x: Array, prior: Array, rounds: int) -> tuple[Array, float]:
-    """Levenberg-Marquardt from ``x``; what it finds and the sum of squares there."""
-    weight, damping = _prior(problem) ** 2, 1e-3
-    moving = np.concatenate([problem.free, np.ones(len(ARM), dtype=bool)])
-    rest, jacobian = problem.linearised(x)
-    cost = float(rest @ rest + weight @ (x - prior) ** 2)
-    for _ in range(rounds):
-        normal = jacobian.T @ jacobian + np.diag(weight)
-        slope = jacobian.T @ rest + weight * (x - prior)
-        size = np.diag(normal) + 1e-12 * np.diag(normal).max()
-        step = np.zeros_like(x)
-        held = (normal + damping * np.diag(size))[np.ix_(moving, moving)]
-        step[moving] = -np.linalg.lstsq(held, slope[moving], rcond=None)[0]
-        step[: len(problem.free)] = np.clip(step[: len(problem.free)], -0.7, 0.7)
-        tried = x + step
-        rest_new, jacobian_new = problem.linearised(tried)
-        cost_new = float(rest_new @ rest_new + weight @ (tried - prior) ** 2)
-        if cost_new < cost:
-            done = cost - cost_new < 1e-9 * cost
-            x, cost, rest, jacobian, damping = tried, cost_new, rest_new, jacobian_new, 0.2 * damping
-            if done:
-                break
-        else:
-            damping *= 8.0
-            if damping > 1e8:
-                break
-    return x, cost
+    """Least squares from ``x``, held near ``prior`` by its weights; what they find and the sum of squares there."""
+    weight, moving = _prior(problem), _moving(problem)
+    hold = np.diag(weight)[:, moving]
+
+    def whole(moved: Array) -> Array:
+        out = x.copy()
+        out[moving] = moved
+        return out
+
+    found = least_squares(
+        lambda y: np.concatenate([problem.rest(whole(y)), weight * (whole(y) - prior)]), x[moving],
+        jac=lambda y: np.concatenate([problem.jacobian(whole(y))[:, moving], hold]),
+        x_scale="jac", ftol=1e-9, max_nfev=rounds,
+    )  # fmt: skip
+    return whole(found.x), 2.0 * float(found.cost)
 
 
 def _result(problem: _Problem, x: Array) -> LumpFit:
     """Numbers with their covariance, from the residuals and from what all samples share."""
     p, m = len(problem.free), problem.arm.shape[1]
-    rest, jacobian = problem.linearised(x)
+    rest, jacobian = problem.rest(x), problem.jacobian(x)
     weight = _prior(problem) ** 2
-    moving = np.flatnonzero(np.concatenate([problem.free, np.ones(len(ARM), dtype=bool)]))
+    moving = _moving(problem)
     inverse = np.linalg.pinv((jacobian.T @ jacobian + np.diag(weight))[np.ix_(moving, moving)], rcond=1e-15)
     jacobian = jacobian[:, moving]
     scatter = np.diag(weight)[np.ix_(moving, moving)]

@@ -9,6 +9,7 @@ times `SCALE`.
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.errors import InputError
 from model.files.atomic_write import whole_file
 from model.files.time_table import two_columns
-from model.inside.animated_svg import Clock, values_text
 from model.inside.labels import BODY_COLORS, close_up, contact_label, input_label
-from model.inside.moving_names import moving_names
 from model.inside.side_view import GROUND, SideView, side_view
 from model.parameters.action import Action
 from model.parameters.effects import RAIL
@@ -37,6 +36,12 @@ COLORS = {**BODY_COLORS, GROUND: "#555555"}
 PLOT_WIDTH, PLOT_HEIGHT = 820.0, 150.0
 BAR_WIDTH, BAR_STEP = 110.0, 24.0
 MARGIN = 24.0
+FRAME_S = 0.04  # of the viewer's time between two rows
+NAME_HEIGHT = 6.0  # of a name, mm in the drawing
+LETTER_WIDTH = 3.8  # of a letter
+NAME_DISTANCES = (5.0, 9.0, 13.0, 18.0, 24.0)
+NAME_DIRECTIONS = 16
+POINT_FREE = 3.0  # kept free around every point
 
 
 def frame_rows(inside: Inside) -> NDArray[np.int64]:
@@ -113,7 +118,7 @@ def write_animation(action: Action, solution: Solution, force_n: ArrayLike, path
 
 def _svg(action: Action, inside: Inside, force: Array, rows: NDArray[np.int64]) -> str:
     view = side_view(inside)
-    clock = Clock(len(rows))
+    clock = _Clock(len(rows))
     low, high = _extent(inside, view)
     width, height = SCALE * 1e3 * (high - low)
     bars_x = width + 2 * MARGIN
@@ -131,7 +136,7 @@ def _svg(action: Action, inside: Inside, force: Array, rows: NDArray[np.int64]) 
         _surfaces(view, GROUND),
         *(_body(inside, view, i, rows, clock) for i in range(len(inside.bodies))),
         *(_glow(inside, c, rows, clock) for c in range(len(inside.contacts))),
-        *moving_names(inside, view, rows, clock),
+        *_moving_names(inside, view, rows, clock),
         "</g>",
         f'<text x="{bars_x + 188:.0f}" y="{MARGIN - 6:.0f}" font-size="10" fill="#555555">now; at most</text>',
         *(_bar(action, inside, c, rows, clock, bars_x) for c in range(len(inside.contacts))),
@@ -164,7 +169,7 @@ def _surfaces(view: SideView, body: str) -> str:
     return f'<path d="{lines}" stroke="{COLORS.get(body, "#777777")}" stroke-width="1.1"/>'
 
 
-def _body(inside: Inside, view: SideView, i: int, rows: NDArray[np.int64], clock: Clock) -> str:
+def _body(inside: Inside, view: SideView, i: int, rows: NDArray[np.int64], clock: _Clock) -> str:
     """Sticks, surfaces and pivot of a body, moved by its pose."""
     body = inside.bodies[i]
     pose = inside.pose[rows, i]
@@ -182,18 +187,18 @@ def _body(inside: Inside, view: SideView, i: int, rows: NDArray[np.int64], clock
             f"{clock.attribute('fill', fills)}{clock.attribute('r', radii)}</circle>"
         )
     return (
-        f"<g>{clock.transform('translate', at)}<g>{clock.transform('rotate', values_text(np.degrees(pose[:, 2]), 3))}"
+        f"<g>{clock.transform('translate', at)}<g>{clock.transform('rotate', _values_text(np.degrees(pose[:, 2]), 3))}"
         f'<path d="{sticks}" stroke="{color}" stroke-width="5" opacity="0.3"/>{_surfaces(view, body)}{dot}</g></g>'
     )
 
 
-def _glow(inside: Inside, c: int, rows: NDArray[np.int64], clock: Clock) -> str:
+def _glow(inside: Inside, c: int, rows: NDArray[np.int64], clock: _Clock) -> str:
     """A disc at a contact, its area in proportion to the largest force since the previous frame."""
     radius = np.sqrt(GLOW_MM2_PER_N * _peak_since(inside.normal_n[:, c], rows) / np.pi)
     at = ";".join(f"{1e3 * x:.2f} {1e3 * y:.2f}" for x, y in inside.point_m[rows, c])
     return (
         f"<g>{clock.transform('translate', at)}"
-        f'<circle r="0" fill="#FF7F0E" opacity="0.75">{clock.attribute("r", values_text(radius))}</circle></g>'
+        f'<circle r="0" fill="#FF7F0E" opacity="0.75">{clock.attribute("r", _values_text(radius))}</circle></g>'
     )
 
 
@@ -204,7 +209,7 @@ def _peak_since(values: Array, rows: NDArray[np.int64]) -> Array:
     return out
 
 
-def _bar(action: Action, inside: Inside, c: int, rows: NDArray[np.int64], clock: Clock, x: float) -> str:
+def _bar(action: Action, inside: Inside, c: int, rows: NDArray[np.int64], clock: _Clock, x: float) -> str:
     """Name, force against its largest, and that largest force."""
     y = MARGIN + BAR_STEP * c
     largest = float(inside.largest_normal_n[c])
@@ -214,7 +219,7 @@ def _bar(action: Action, inside: Inside, c: int, rows: NDArray[np.int64], clock:
         f'<text x="{x + 180:.0f}" y="{y + 13:.0f}" text-anchor="end">{label}</text>'
         f'<rect x="{x + 188:.0f}" y="{y:.0f}" width="{BAR_WIDTH:.0f}" height="16" fill="#EEEEEE"/>'
         f'<rect x="{x + 188:.0f}" y="{y:.0f}" width="0" height="16" fill="#FF7F0E">'
-        f"{clock.attribute('width', values_text(BAR_WIDTH * np.minimum(share, 1.0), 1))}</rect>"
+        f"{clock.attribute('width', _values_text(BAR_WIDTH * np.minimum(share, 1.0), 1))}</rect>"
         f'<text x="{x + 186 + BAR_WIDTH:.0f}" y="{y + 12:.0f}" text-anchor="end" font-size="10" fill="#555555">'
         f"{largest:.3g} N</text>"
     )
@@ -234,7 +239,7 @@ def _legend(inside: Inside, x: float) -> str:
     )
 
 
-def _plot(inside: Inside, force: Array, rows: NDArray[np.int64], clock: Clock, top: float) -> str:
+def _plot(inside: Inside, force: Array, rows: NDArray[np.int64], clock: _Clock, top: float) -> str:
     """Force on the key and angles over real time, with a cursor at the frame's time."""
     time = inside.time_s
     span = float(time[-1] - time[0]) or 1.0
@@ -255,7 +260,7 @@ def _plot(inside: Inside, force: Array, rows: NDArray[np.int64], clock: Clock, t
         parts.append(f'<path d="{line}" fill="none" stroke="{color}" stroke-width="1.3"/>')
         place = MARGIN + PLOT_WIDTH + 12
         parts.append(f'<text x="{place:.0f}" y="{top + 16 + 20 * k:.0f}" fill="{color}">{label}, to {peak}</text>')
-    cursor = values_text(x[rows], 1)
+    cursor = _values_text(x[rows], 1)
     parts.append(
         f'<line x1="0" x2="0" y1="{top:.0f}" y2="{top + PLOT_HEIGHT:.0f}" stroke="#D62728" stroke-width="1.2">'
         f"{clock.attribute('x1', cursor)}{clock.attribute('x2', cursor)}</line>"
@@ -266,3 +271,77 @@ def _plot(inside: Inside, force: Array, rows: NDArray[np.int64], clock: Clock, t
             f'<text x="{at:.1f}" y="{top + PLOT_HEIGHT + 16:.0f}" text-anchor="middle" font-size="11">{t:.2f} s</text>'
         )
     return "".join(parts)
+
+
+def _moving_names(inside: Inside, view: SideView, rows: NDArray[np.int64], clock: _Clock) -> list[str]:
+    """Text elements, one per contact and body, that stay clear of each other where the motion begins."""
+    named = [(name.removeprefix("contact").replace("_", " "), "#444444") for name in inside.contacts]
+    ways = [1e3 * inside.point_m[rows, c] for c in range(len(inside.contacts))]
+    for body in inside.turning_bodies:
+        i = inside.bodies.index(body)
+        sticks = view.sticks[body]
+        if not len(sticks):
+            continue
+        longest = sticks[int(np.argmax(np.hypot(*(sticks[:, 1] - sticks[:, 0]).T)))]
+        x, y, turn = inside.pose[rows, i].T
+        mx, my = longest.mean(axis=0)
+        way = np.column_stack([x + np.cos(turn) * mx - np.sin(turn) * my, y + np.sin(turn) * mx + np.cos(turn) * my])
+        named.append((body, BODY_COLORS.get(body, "#777777")))
+        ways.append(1e3 * way)
+    if not named:
+        return []
+    offsets = _name_offsets(np.array([way[0] for way in ways]), [name for name, _ in named])
+    return [
+        f"<g>{clock.transform('translate', ';'.join(f'{x:.2f} {y:.2f}' for x, y in way))}"
+        f'<text x="{dx:.1f}" y="{-dy + 2.0:.1f}" transform="scale(1 -1)" font-size="6" fill="{color}" stroke="white" '
+        f'stroke-width="1.5" paint-order="stroke" text-anchor="middle">{html.escape(name)}</text></g>'
+        for (name, color), way, (dx, dy) in zip(named, ways, offsets, strict=True)
+    ]
+
+
+def _name_offsets(points: Array, names: Sequence[str]) -> Array:
+    """Offsets (c, 2), mm, of the middle of each name from its point (c, 2), y up: beside it, on no other name or point.
+
+    Names are placed one after the other, each at the nearest free place; one that has none takes the emptiest.
+    """
+    turns = np.linspace(0.25 * np.pi, 2.25 * np.pi, NAME_DIRECTIONS, endpoint=False)
+    ways = np.column_stack([np.cos(turns), np.sin(turns)])
+    taken: list[tuple[Array, Array]] = []
+    out = np.zeros((len(names), 2))
+    for k, name in enumerate(names):
+        half = np.array([0.5 * LETTER_WIDTH * len(name), 0.5 * NAME_HEIGHT])
+        tries = [(way * (distance + half * np.abs(way))) for distance in NAME_DISTANCES for way in ways]
+        covered = [_covered(points[k] + offset, half, points, taken) for offset in tries]
+        out[k] = tries[int(np.argmin(covered))]  # the first, nearest one of equals
+        taken.append((points[k] + out[k], half))
+    return out
+
+
+def _covered(middle: Array, half: Array, points: Array, taken: Sequence[tuple[Array, Array]]) -> float:
+    """Area, mm², that a name at ``middle`` shares with names and points."""
+    total = 0.0
+    for other, size in (*taken, *((point, np.full(2, POINT_FREE)) for point in points)):
+        overlap = half + size - np.abs(middle - other)
+        if np.all(overlap > 0.0):
+            total += float(np.prod(np.minimum(overlap, 2.0 * np.minimum(half, size))))
+    return total
+
+
+def _values_text(values: Array, digits: int = 2) -> str:
+    """A list of numbers of an animated attribute, one per frame."""
+    return ";".join(f"{v:.{digits}f}".rstrip("0").rstrip(".") for v in values)
+
+
+class _Clock:
+    """Writes animated attributes that share the same frames."""
+
+    def __init__(self, frames: int) -> None:
+        self.end = f'dur="{(frames - 1) * FRAME_S:g}s" repeatCount="indefinite"'
+
+    def attribute(self, name: str, values: str) -> str:
+        """An attribute that takes one of ``values``, joined by semicolons, in each frame."""
+        return f'<animate attributeName="{name}" values="{values}" {self.end}/>'
+
+    def transform(self, kind: str, values: str) -> str:
+        """A transformation of some kind, with values as for `attribute`."""
+        return f'<animateTransform attributeName="transform" type="{kind}" values="{values}" {self.end}/>'

@@ -2,7 +2,7 @@
 
 A finished run goes in (scene, a way to get its states at any time, input table), an `Inside` comes out. Single states
 are evaluated by `Observer`; what accumulates (sliding, dissipation) is integrated on panels that are split until the
-error is a millionth of all losses. World frame: x right, y up. Signs and reasons: docs/decisions/0035-model-inside.md.
+error is a millionth of all losses. World frame: x right, y up. Signs: docs/explanation/signs.md.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from model.inside.adaptive_quadrature import integrate_panels, panel_edges
 from model.inside.state_observer import ObservedStates, Observer
 from model.parameters.effects import RAIL
 from model.scene.build import Scene
-from model.simulation.loads_and_losses import Inside
-from model.simulation.rail_reaction import Lift, RailLift, RailTension, Tension, lifts, tensions  # noqa: F401  public
+from model.simulation.loads_and_losses import Inside, Lift, RailLift, RailTension, Tension, lifts, tensions  # noqa: F401  public
 
 Array = NDArray[np.float64]
 States = Callable[[Array], tuple[Array, ...]]

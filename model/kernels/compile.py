@@ -27,13 +27,11 @@ from numba.core import config as _config
 
 from model.kernels.machine_code import make_machine_code_when_called
 from model.kernels.once import alone
-from model.kernels.typing_memo import compare_flags_quickly, list_variables_quickly, remember_plain_numbers
+from model.kernels.typing_memo import remember_plain_numbers
 
 numba_config: Any = _config  # set at run time by numba; its names are unknown to type checkers
 _PACKAGE = Path(__file__).resolve().parents[1]
 remember_plain_numbers()
-compare_flags_quickly()
-list_variables_quickly()
 make_machine_code_when_called()
 NO_WRAPPERS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 

@@ -28,8 +28,8 @@ from model.motion_driven.spline_fit import KeyFit, fit_key_motion
 from model.parameters.action import Action
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import check_prescribed_key
+from model.simulation.loads_and_losses import RailTension, tensions
 from model.simulation.options import SimulationKeywords, SimulationOptions
-from model.simulation.rail_reaction import RailTension, tensions
 
 Array = NDArray[np.float64]
 

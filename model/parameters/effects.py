@@ -3,7 +3,7 @@
 Each is a section of parameters (`effects.toml`: defaults with unit and source; paths like ``shank.frequency_hz``) and
 one more coordinate, modes in place of the bar, or two directions in which a joint gives; `model.scene.effect_terms`,
 `string_terms` and `giving_joints` derive their terms in the equations of motion. What they can and cannot claim:
-docs/decisions/0033-model-effects.md and 0197-joints-that-give.md.
+docs/explanation/effects.md.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 ``contact02.law = "stulov"`` in an action's or a scene's file chooses one; ``contact02.stulov.epsilon`` and so on are
 its numbers (`felt_laws.toml`: defaults with unit and source). Whatever the law, ``normal.a``, ``b``, ``c`` are the
-felt's slow loading curve. Equations and rules: docs/decisions/0191-felt-laws-in-the-action.md.
+felt's slow loading curve. Equations and rules: docs/explanation/felt.md.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "hysteresis.beta": (0.0, 1.0, False),
     "hysteresis.beta2": (0.0, 1.0, False),
     "hysteresis.beta3": (0.0, 1.0, False),
-    "hysteresis.eta": (1e-3, 0.4, False),  # up to where it is passive (0148-felt-laws-with-memory.md)
+    "hysteresis.eta": (1e-3, 0.4, False),  # up to where it is passive (docs/explanation/felt.md)
     "hysteresis.eta2": (1e-3, 0.4, False),
     "hysteresis.eta3": (1e-3, 0.4, False),
     **{

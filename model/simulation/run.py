@@ -19,9 +19,8 @@ from model.derived.columns import FRICTION, NORMAL, TIP_FORCE
 from model.derived.load import energy_of, kernels_of
 from model.derived.observe import contacts_at, tips_at
 from model.errors import InputError, IntegrationError
-from model.integrators.methods import DEFAULT_METHOD, get_method
+from model.integrators.methods import DEFAULT_METHOD, RosenbrockTableau, get_method
 from model.integrators.step_control import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS
-from model.integrators.tableau import RosenbrockTableau
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
@@ -32,13 +31,13 @@ from model.simulation.string_motion import swung_on
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
 # benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N
-# (docs/decisions/0004-model-tolerance.md). Kinks of contacts and force tables cost order, hence the extra power.
+# (docs/explanation/steps.md). Kinks of contacts and force tables cost order, hence the extra power.
 ANGLE_SHARE = 0.17
 SPEED_SHARE = 1.7  # 1/s
 EXTRA = 0.05
 REFERENCE_TOLERANCE = 1e-5
 # Where the key's motion is given the answer is the force that holds it: contacts turn an error of an angle or speed
-# into one of force, which no inertia smooths. A third of the local error: 0004-model-tolerance.md.
+# into one of force, which no inertia smooths. A third of the local error: docs/explanation/steps.md.
 PRESCRIBED_SHARE = 1.0 / 3.0
 # What sticks by friction creeps at a fraction of the threshold speed v_t. A local error of that size shakes it loose,
 # in the simulation only, whatever the tolerance says: share of v_t at a lever of 0.1 m that an error may reach
@@ -47,7 +46,7 @@ CREEP_SHARE, LEVER_M = 0.03, 0.1
 
 REST_SHARE = 0.1  # share of the requested tolerance that an action taken to be at rest may still move
 
-# some thirty times what a blow needs at 1e-5 rad; steps grow with the tolerance's fourth root (0003-model-steps.md)
+# some thirty times what a blow needs at 1e-5 rad; steps grow with the tolerance's fourth root (steps.md)
 STEPS_AT_LEAST, STEPS_PER_SECOND = 20_000, 200_000
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2

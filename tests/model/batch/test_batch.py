@@ -18,8 +18,8 @@ import model
 from model import batch
 from model.batch import run as batch_run
 from model.derived import load as scenes
+from model.derived.observe import rows_of
 from model.integrators.rosenbrock import integrate
-from model.kernels.observed import rows_of
 from model.simulation.options import ForceDrivenOptions
 
 OUT = np.linspace(0.0, 0.14, 29)

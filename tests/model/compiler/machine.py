@@ -11,9 +11,8 @@ import numpy as np
 from llvmlite import binding, ir
 
 from model.compiler.expressions import Expression, forget, parts, read
-from model.compiler.programs import Add, Put, Statement, at
+from model.compiler.programs import Add, Program, Put, Statement, at
 from model.derived.load import STEP, _machine_code, _module, _source, _target_machine, written
-from model.derived.program import Program
 from model.kernels.layout import Tables
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)

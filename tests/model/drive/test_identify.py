@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 import model
-from model.drive.circuit import motor_torque
-from model.drive.lumps import _prior, _search
-from model.drive.windows import Windows
+from model.drive.lumps import Windows, _prior, _search, motor_torque
 from model.scene.build import build_scene
 
 ACTION = model.load_action("hirschkorn2004-regulated")
@@ -110,7 +108,7 @@ def test_limits_are_found_where_the_log_meets_them() -> None:
 
 def test_the_search_weighs_the_log_against_what_was_known_before() -> None:
     """Data that say 3 of each number, with variance 1, and a prior of weight w at 0: the minimum is 3 / (1 + w)."""
-    line = SimpleNamespace(free=np.ones(7, dtype=bool), linearised=lambda x: (x - 3.0, np.eye(11)))
+    line = SimpleNamespace(free=np.ones(7, dtype=bool), rest=lambda x: x - 3.0, jacobian=lambda _: np.eye(11))
     found, cost = _search(line, np.full(11, -1.0), np.zeros(11), 40)  # type: ignore[arg-type]
     weight = _prior(line) ** 2  # type: ignore[arg-type]
     np.testing.assert_allclose(found, 3.0 / (1.0 + weight), atol=1e-3)

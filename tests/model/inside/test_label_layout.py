@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.inside.label_layout import HEIGHT, WIDTH, places
+from model.inside.animation import LETTER_WIDTH, NAME_HEIGHT, _name_offsets
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -13,8 +13,10 @@ def test_names_of_a_crowd_do_not_overlap(seed: int) -> None:
     random = np.random.default_rng(seed)
     points = random.uniform(0.0, 60.0, (12, 2))  # thirteen contacts and five bodies stand wider apart
     names = ["01"] * 9 + ["whippen", "jack", "repetition"]
-    middle = points + places(points, names)
-    half = np.column_stack([0.5 * WIDTH * np.array([len(name) for name in names]), np.full(12, 0.5 * HEIGHT)])
+    middle = points + _name_offsets(points, names)
+    half = np.column_stack(
+        [0.5 * LETTER_WIDTH * np.array([len(name) for name in names]), np.full(12, 0.5 * NAME_HEIGHT)]
+    )
     for i in range(12):
         for j in range(i):
             assert np.any(np.abs(middle[i] - middle[j]) >= half[i] + half[j] - 1e-9), (i, j)
@@ -22,4 +24,4 @@ def test_names_of_a_crowd_do_not_overlap(seed: int) -> None:
 
 
 def test_a_name_alone_is_close_to_its_point() -> None:
-    assert np.hypot(*places(np.zeros((1, 2)), ["07"])[0]) < 12.0
+    assert np.hypot(*_name_offsets(np.zeros((1, 2)), ["07"])[0]) < 12.0

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.integrators.methods import METHODS
-from model.integrators.tableau import RosenbrockTableau
+from model.integrators.methods import METHODS, RosenbrockTableau
 
 ROSENBROCK = list(METHODS.values())
 
