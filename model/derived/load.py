@@ -52,7 +52,7 @@ from model.kernels.signatures import (
 
 STEPPING = {"fit": FIT, "end": END, "dense": DENSE, "inside": INSIDE}
 STEP = {"linearise": LINEARISE, "prepare": PREPARE, "skip": SKIP, "stage": STAGE} | STEPPING
-SLOPES_BY = ("numbers", "normals", "regime")
+SLOPES_BY = ("numbers", "normals", "regime", "carried")
 OBSERVERS = ("contacts", "tips", "bodies", "marched")
 IN_LANES = {"linearise": LANE_LINEARISE, "prepare": LANE_PREPARE, "skip": LANE_SKIP, "stage": LANE_STAGE} | STEPPING
 # structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
@@ -93,13 +93,25 @@ def energy_of(tables: Tables) -> Any:
 
 
 def slopes_of(tables: Tables, what: str) -> Kernel:
-    """Kernel ``numbers``, ``normals`` or ``regime`` of `model.derived.slopes`."""
+    """Kernel ``numbers``, ``normals``, ``regime`` or ``carried`` of `model.derived.slopes`."""
     return _kept(tables, what, lambda: _compiled(tables, {what: REGIME if what == "regime" else SLOPES}, 1)[what])
 
 
 def observer_of(tables: Tables, what: str) -> Kernel:
     """Kernel ``contacts``, ``tips``, ``bodies`` or ``marched`` of `model.derived.watched`."""
     return _kept(tables, what, lambda: _compiled(tables, {what: OBSERVE}, 1)[what])
+
+
+def links_of(tables: Tables) -> list[list[int]]:
+    """Coordinates on which each memory acts, and those on which the string acts, as the workspace keeps them."""
+
+    def found() -> list[list[int]]:
+        out = Derived(Structure(tables)).links()
+        forget()
+        return out
+
+    links: list[list[int]] = _kept(tables, "links", found)
+    return links
 
 
 def on_disk(tables: Tables) -> bool:

@@ -1,26 +1,49 @@
-"""What parameters do to a scene, derived from its elements: change of forces and of contacts' normal forces by numbers.
+"""What parameters do to a scene, derived from its elements: change of forces, memories and normal forces by numbers.
 
-``numbers``: d(f - M a)/dp of every number p that a force depends on, at the state and accelerations of a workspace.
-``normals``: normal force of each contact with its derivatives by coordinates, speeds, its own numbers and all pivots.
-``regime``: bits of the contacts that push, touch an arc's tangent, slide forwards: there the Jacobian jumps or turns.
+``numbers``: derivatives of d(f - M a), of the rates of memories and of the force on the string by every number p that
+they depend on, at the state and accelerations of a workspace; of the modes' rates by their own numbers.
+``normals``: normal force of each contact with its derivatives by coordinates, speeds, memories and numbers.
+``regime``: bits of the contacts that push, touch an arc's tangent, slide forwards, are pressed in: there the Jacobian
+jumps or turns. ``carried``: what free modes become in a time, with their derivatives.
 """
 
 from __future__ import annotations
 
-from model.compiler.expressions import ONE, ZERO, Expression, make, parts, read, slopes
-from model.compiler.programs import Add, If, Program, Put, Statement, at, mapped
+from model.compiler.expressions import ONE, ZERO, Expression, local, make, parts, read, slopes, where
+from model.compiler.programs import Add, If, Program, Put, Statement, at, each, mapped, name
+from model.elements.contacts import Contact
 from model.elements.kinematics import State
 from model.elements.scene import Elements
+from model.elements.strings import AWAKE, Modes, StringContact
 from model.elements.structure import Structure
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.regimes import BESIDE, SLIDING, normal_size
+from model.kernels.regimes import BESIDE, PRESSED, SLIDING
+
+CARRIED = 10  # numbers of a mode in `carried`: way and rate, then of each its slopes by way, rate, stiffness, damping
 
 
 def numbers_read(e: Expression) -> list[Expression]:
     """Numbers of the parameter vector that an expression depends on, in their order; not those that a loop finds."""
     found = [x for x in parts([e]) if x.op == "read" and x.args[0] == "p" and len(x.args) == 2]
     return sorted(found, key=lambda x: int(x.args[1]))
+
+
+def normal_places(s: Structure) -> list[list[int]]:
+    """Numbers of the parameter vector that the normal force of each contact may depend on, in the order of its row."""
+    pivots = [L.GLOBALS + L.BODY_SIZE * i + k for i in s.bodies for k in (L.PIVOT_X, L.PIVOT_Y)]
+    out = []
+    for c in range(len(s.contact)):
+        own = [s.offset[1] + L.CONTACT_SIZE * c + k for k in range(L.DAMP + 1)]
+        felt = [s.offset[6] + L.MEMORY_SIZE * m + k for m in s.memories(c) for k in range(L.MEMORY_SIZE)]
+        give = [s.offset[7] + L.STRING_GIVE] if c in s.string else []
+        out.append(own + pivots + felt + give)
+    return out
+
+
+def normal_sizes(s: Structure) -> list[int]:
+    """Numbers of each contact's row: force, derivatives by coordinates, speeds, its memories, and `normal_places`."""
+    return [1 + 2 * s.n + len(s.memories(c)) + len(places) for c, places in enumerate(normal_places(s))]
 
 
 class Differentiated:
@@ -34,48 +57,103 @@ class Differentiated:
     def __init__(self, s: Structure) -> None:
         self._s = s
         q, v = ([read("w", start + i) for i in s.bodies] for start in (W.Q, W.V))
-        self._e = Elements(s, State(q, v, [], read("u", 0)), everywhere=True)
+        for way, speed in s.pin_places(W.Z).values():
+            q.append(read("w", way))
+            v.append(read("w", speed))
+        z = [read("w", W.Z + m) for m in range(len(s.memory))]
+        self._e = Elements(s, State(q, v, z, read("u", 0)), everywhere=True)
+
+    def _with_string(self) -> list[Statement]:
+        """The string's way and rate, where it is awake, as ``sway`` and ``swing``."""
+        out: list[Statement] = []
+        for c in self._s.string:
+            contact = self._e.contacts[c]
+            assert isinstance(contact, StringContact)
+            awake = read("w", W.Z + self._s.first_of_string() + L.SINCE) < 0.5 * AWAKE
+            out += [Put(name("awake"), where(awake, 1.0, 0.0)), If(awake, contact.modes.sums(W.Z))]
+        return out
+
+    @staticmethod
+    def _meets(contact: Contact) -> Expression:
+        if isinstance(contact, StringContact):
+            return (local("awake") > 0.0) & (contact.under[0] > 0.0)
+        return contact.touches
 
     def numbers(self) -> Program:
-        """Rows of ``y`` by number, n entries each: d(f - M a)/dp of the free coordinates."""
+        """Rows of ``y`` by number: of free coordinates d(f - M a)/dp, then of memories' rates and the string's force.
+
+        The row of a mode's number holds the derivative of the mode's own rate first.
+        """
         s, e = self._s, self._e
-        touched: set[int] = set()
-
-        def one(line: Put | Add) -> list[Statement]:
-            i = int(str(line.place[1])[1:])
-            out: list[Statement] = []
-            for number in numbers_read(line.value):
-                slope = slopes({number: ONE})(line.value)
-                if slope is not ZERO:
-                    touched.add(s.free * number.args[1] + i)
-                    out.append(Add(at("y", s.free * number.args[1] + i), slope))
-            return out
-
-        acceleration = [read("w", W.ACC + i) for i in s.bodies]
-        inertia = [Add(("local", f"f{i}", None), -m) for i, m in enumerate(e.bodies.inertia(acceleration))]
-        lines = [*e.smooth_forces(), *inertia]
+        free, first = s.free, W.P_ACC if s.pin else W.ACC
+        rows = {f"f{i}": i for i in range(free)} | {f"fade{m}": free + m for m in range(len(s.memory))}
+        rows |= {"on the string": free + len(s.memory)} if s.string else {}
+        size = s.free + len(s.memory) + len(s.string)
+        acceleration = [read("w", first + i) for i in range(s.n)]
+        lines: list[Statement] = [Add(name(f"f{i}"), -m) for i, m in enumerate(e.bodies.inertia(acceleration))]
+        lines += e.smooth_forces()
         for contact in e.contacts.values():
             lines += contact.forces()
         for tip in e.tips:
             lines += tip.forces()
+        puts: dict[str, set[Expression]] = {}
+
+        def noted(line: Put | Add) -> list[Statement]:
+            if isinstance(line, Put):
+                puts.setdefault(str(line.place[1]), set()).update(numbers_read(line.value))
+            return [line]
+
+        mapped(lines, noted)
+        touched: set[int] = set()
+
+        def one(line: Put | Add) -> list[Statement]:
+            text = str(line.place[1])
+            out: list[Statement] = [line] if text == "on the string" else []  # the modes' rates read it
+            numbers = puts[text] if isinstance(line, Put) else numbers_read(line.value)
+            for number in sorted(numbers, key=lambda x: int(x.args[1])):
+                slope, place = slopes({number: ONE})(line.value), size * number.args[1] + rows[text]
+                if isinstance(line, Put):  # in place of what was put before
+                    out.append(Put(at("y", place), slope))
+                elif slope is not ZERO:
+                    out.append(Add(at("y", place), slope))
+                touched.update([place] if slope is not ZERO else [])
+            return out
+
         added = mapped(lines, one)
-        return self._program([*(Put(at("y", k), ZERO) for k in sorted(touched)), *added])
+        zeros: list[Statement] = [Put(at("y", k), ZERO) for k in sorted(touched)]
+        return self._program([*self._with_string(), *zeros, *added, *self._modes(size)])
+
+    def _modes(self, size: int) -> list[Statement]:
+        """Derivatives of the modes' rates by gain, stiffness and damping of each."""
+        out: list[Statement] = []
+        for c in self._s.string:
+            contact = self._e.contacts[c]
+            assert isinstance(contact, StringContact)
+            m = contact.modes
+
+            def one(i: Expression, m: Modes = m) -> list[Statement]:
+                numbers = [m.number(k, i) for k in range(3)]
+                rate = m.rate(i, m.state(W.Z, 0, i), m.state(W.Z, 1, i), local("on the string"))
+                start = size * (self._s.offset[7] + L.STRING_HEAD)
+                return [
+                    Put(at("y", start, make("whole_multiply", m.half(k, i), size)), slopes({numbers[k]: ONE})(rate))
+                    for k in range(3)
+                ]
+
+            out.append(each("numbers of modes", m.count, one))
+        return out
 
     def normals(self) -> Program:
-        """Row of each contact: force, derivatives by coordinates and by speeds, by its numbers, by pivots' x and y."""
+        """Rows as `normal_sizes` says."""
         s, e = self._s, self._e
-        n, size = len(s.bodies), normal_size(len(s.bodies))
-        by = [slopes({x: ONE}) for x in (*e.state.q, *e.state.v)]
-        out: list[Statement] = []
-        for c in range(len(s.contact)):
-            contact = e.contact(c)
+        out, start = self._with_string(), 0
+        for c, (places, size) in enumerate(zip(normal_places(s), normal_sizes(s), strict=True)):
+            contact = e.contacts.get(c) or e.contact(c)
             pressing, force = contact.felt
-            numbers = [contact.number(k) for k in range(L.K_A + 4)]
-            numbers += [s.body(i, k) for i in s.bodies for k in (L.PIVOT_X, L.PIVOT_Y)]
-            changes = [d(force) for d in by] + [slopes({x: ONE})(force) for x in numbers]
-            row = [Put(at("y", size * c + k), x) for k, x in enumerate([force, *changes])]
-            out += [Put(at("y", size * c), ZERO), If(contact.touches, [If(pressing, list(row))])]
-        assert size == 1 + 2 * n + L.K_A + 4 + 2 * n
+            by = [*e.state.q, *e.state.v, *(e.state.z[m] for m in s.memories(c)), *(read("p", k) for k in places)]
+            row = [Put(at("y", start + k), x) for k, x in enumerate([force, *(slopes({x: ONE})(force) for x in by)])]
+            out += [Put(at("y", start), ZERO), If(self._meets(contact), [If(pressing, list(row))])]
+            start += size
         return self._program(out)
 
     def regime(self) -> Program:
@@ -83,13 +161,34 @@ class Differentiated:
         conditions = []
         for c, place in self._s.place.items():
             contact = self._e.contacts[c]
-            pushes = contact.touches & contact.felt[0]
+            pushes = self._meets(contact) & contact.felt[0]
             conditions.append((place, ~pushes))
             if self._s.contact[c][2] == L.HYBRID:
                 conditions.append((BESIDE + place, ~(pushes & contact.beside_the_arc())))
-            rubs = make("differs", contact.number(L.MU_A), ZERO) & (contact.closing[1] > 0.0)
-            conditions.append((SLIDING + place, ~(pushes & rubs)))
-        return Program(dict.fromkeys("wp", "array"), [], conditions)
+            if c not in self._s.string:
+                rubs = make("differs", contact.number(L.MU_A), ZERO) & (contact.closing[1] > 0.0)
+                conditions.append((SLIDING + place, ~(pushes & rubs)))
+            if self._s.memories(c):
+                conditions.append((PRESSED + place, ~(pushes & (contact.closing[0] > 0.0))))
+        return Program(dict.fromkeys("wp", "array"), self._with_string(), conditions)
+
+    def carried(self) -> Program:
+        """Of each mode that was left free for the time ``u``, s: `CARRIED` numbers."""
+        out: list[Statement] = []
+        for c in self._s.string:
+            contact = self._e.contacts[c]
+            assert isinstance(contact, StringContact)
+            m = contact.modes
+
+            def one(i: Expression, m: Modes = m) -> list[Statement]:
+                by = [m.state(W.Z, 0, i), m.state(W.Z, 1, i), m.number(1, i), m.number(2, i)]
+                y, u = m.swung(i, read("u", 0))
+                row = [y, u, *(slopes({x: ONE})(y) for x in by), *(slopes({x: ONE})(u) for x in by)]
+                behind = make("whole_multiply", i, CARRIED)
+                return [Put(at("y", k, behind), x) for k, x in enumerate(row)]
+
+            out.append(each("carried", m.count, one))
+        return self._program(out)
 
     def _program(self, statements: list[Statement]) -> Program:
         return Program(dict.fromkeys("wupy", "array"), statements)

@@ -132,6 +132,11 @@ class Derived:
     def _chain(self, contact: Contact) -> list[int]:
         return list(contact.ways)
 
+    def links(self) -> list[list[int]]:
+        """Coordinates on which each memory acts, then those on which the string acts, in the order of the workspace."""
+        e, _ = self._pattern()
+        return [self._chain(e.contacts[c]) for c in (*(c for c, _ in self._s.memory), *self._s.string)]
+
     # linearise ----------------------------------------------------------------------------------------------------
 
     def linearise(self) -> Program:

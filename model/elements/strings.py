@@ -102,18 +102,27 @@ class Modes:
 
         return [Put(found, ZERO), each("reach", self.count, one), Put(at("w", W.S_REACH), 1.1 * local("reach"))]
 
+    def rate(self, i: Expression, y: Expression, u: Expression, force: Expression) -> Expression:
+        """Rate of the rate ``u`` of mode ``i`` at the way ``y`` under a force, m/s^2."""
+        g, k, c = (self.number(n, i) for n in range(3))
+        return g * force - c * u - k * y
+
+    def swung(self, i: Expression, time: Expression) -> tuple[Expression, Expression]:
+        """Way and rate of a free mode after a time, s, in closed form."""
+        k, sigma = self.number(1, i), 0.5 * self.number(2, i)
+        omega = root(k - sigma * sigma)
+        y, u = self.state(W.Z, 0, i), self.state(W.Z, 1, i)
+        fade = exponential(largest(-(sigma * time), -700.0))
+        c, s = cosine(omega * time), sine(omega * time) / omega
+        return fade * (y * c + (u + sigma * y) * s), fade * (u * c - (sigma * u + k * y) * s)
+
     def carried_on(self, time: Expression) -> For:
-        """Let free modes swing for a time, s, in closed form."""
+        """Let free modes swing for a time, s."""
 
         def one(i: Expression) -> list[Statement]:
-            k, sigma = self.number(1, i), 0.5 * self.number(2, i)
-            omega = root(k - sigma * sigma)
-            y, u = self.state(W.Z, 0, i), self.state(W.Z, 1, i)
-            fade = exponential(largest(-(sigma * time), -700.0))
-            c, s = cosine(omega * time), sine(omega * time) / omega
+            y, u = self.swung(i, time)
             return [
-                Put(name("y"), fade * (y * c + (u + sigma * y) * s)),
-                Put(name("u"), fade * (u * c - (sigma * u + k * y) * s)),
+                Put(name("y"), y), Put(name("u"), u),
                 Put(self.place(W.Z, 0, i), local("y")), Put(self.place(W.Z, 1, i), local("u")),
             ]  # fmt: skip
 
@@ -296,11 +305,10 @@ class StringContact(Contact):
         m = self.modes
 
         def one(i: Expression) -> list[Statement]:
-            g, k, c = (m.number(n, i) for n in range(3))
             y, u = read("w", W.S_TURN, i), read("w", W.S_TURN, m.half(1, i))
             coupled, driven = read("w", W.S_COUPLED, i), read("w", W.S_COUPLED, m.half(1, i))
-            way = u + coupled
-            known = read("w", W.S_EASE, i) * (g * local("on the string") - c * u - k * y + driven - gh * k * way)
+            way, rate = u + coupled, m.rate(i, y, u, local("on the string"))
+            known = read("w", W.S_EASE, i) * (rate + driven - gh * m.number(1, i) * way)
             return [
                 Put(name("way"), way), Put(name("known"), known), Put(at("w", W.S_COUPLED, i), local("way")),
                 Put(at("w", W.S_BACK, i), local("known")), Add(name("ways"), local("way")),

@@ -12,6 +12,7 @@ from numba import int64
 
 from model.integrators.step_control import (
     DONE,
+    FULL,
     NOT_FINITE,
     SMALLEST_STEP,
     STEP_TOO_SMALL,
@@ -33,17 +34,21 @@ from model.kernels.workspace import (
     AUDIT_Q,
     AUDIT_V,
     AUDIT_Z,
+    DENSE,
     ERROR,
     FITTED,
     FRACTION,
+    MOST_MEMORIES,
     NOW,
     POWER_IN,
     Q1,
     SIZE,
     SPEED_LIMIT,
+    V1,
     WIDTH,
     WITH_MEMORY,
     Z1,
+    Z_U,
     Q,
     V,
     Z,
@@ -77,18 +82,38 @@ def bits_of(mask):
     return count
 
 
+@uncounted
+def keep_step(w, dense, n, n_z, row):
+    """Copy the ends of a step and what its dense output is made of: angles, speeds, memories."""
+    size = 2 * n + n_z
+    for i in range(n):
+        row[i], row[n + i] = w[Q + i], w[V + i]
+        row[size + i], row[size + n + i] = w[Q1 + i], w[V1 + i]
+        for m in range(dense.shape[0]):
+            at = DENSE + STAGE * m + i
+            row[(2 + m) * size + i], row[(2 + m) * size + n + i] = w[at], w[at + WIDTH]
+    for i in range(n_z):
+        row[2 * n + i], row[size + 2 * n + i] = w[Z + i], w[Z1 + i]
+        for m in range(dense.shape[0]):
+            part = 0.0
+            for j in range(dense.shape[1]):
+                part += dense[m, j] * w[Z_U + MOST_MEMORIES * j + i]
+            row[(2 + m) * size + 2 * n + i] = part
+
+
 @step_loop(INTEGRATE)
 def integrate(span, drive, out, scene, kernels, method, limits, account):
     """Advance the state of ``span`` in place to its end; fill the rows of ``out``.
 
     Adds the time spent at rest to ``account`` and, where its ``energies`` (6,) are not empty, work put in and energies
-    lost (J), by Gauss's rule along each step's dense output. Returns the time reached, the next step to try, a status.
+    lost (J), by Gauss's rule along each step's dense output. Returns the time reached, the next step to try, a status;
+    which rows of ``out.steps`` are filled tells the counter of steps.
     """
     t, t_end, h, q, v, z = span
     p, parent, n_contacts = scene
     linearise, prepare, skip, stage, fit, end, dense_sums, inside, energy = kernels
     a, c, b, node, d, dense, gamma, exponent = method
-    out_t, out_q, out_v, out_z = out
+    out_t, out_q, out_v, out_z, steps = out
     counters, times, energies = account
     n = q.shape[0]
     s = b.shape[0]
@@ -101,6 +126,8 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
     w[ANGLE_LIMIT], w[SPEED_LIMIT] = limits.angle, limits.speed
     k_in = int64(0)  # a plain 0 would be a type of its own, for which what takes it is compiled once more
     k_out = begin(span, out, w)
+    kept = int64(0)
+    recorded = steps.shape[0] > 0
     status = TOO_MANY_STEPS
     fresh = True
     rejected = False
@@ -108,6 +135,9 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
     slope = 0.0
     for _ in range(limits.most_steps):
         if t >= t_end:
+            break
+        if recorded and kept == steps.shape[0]:
+            status = FULL
             break
         if fresh:
             u0, slope, k_in = input_at(t, k_in, drive)
@@ -172,8 +202,12 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
         counters[N_STEPS] += 1
         t1 = stop if step == stop - t else t + step
         audited = energies.shape[0] > 0
-        if audited or (k_out < out_t.shape[0] and out_t[k_out] <= t1):
+        if audited or recorded or (k_out < out_t.shape[0] and out_t[k_out] <= t1):
             dense_sums(w, dense, n_dense, s)
+        if recorded:
+            steps[kept, 0], steps[kept, 1] = t, step
+            keep_step(w, dense, n, n_z, steps[kept, 2:])
+            kept += 1
         while k_out < out_t.shape[0] and out_t[k_out] <= t1:
             w[FRACTION] = (out_t[k_out] - t) / step
             inside(w, dense, n_dense, s, n_z)

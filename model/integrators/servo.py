@@ -92,7 +92,7 @@ def follow(servo: Servo, wanted: Wanted, span: Span, out: Followed, run: ServoRu
     """Advance the state of ``span`` in place, block by block from time 0, and fill ``out``; end where the loop does."""
     t, _, step, angle, speed, memory = span
     loop, scene, kernels, method, limits, account = run
-    at, pull = np.zeros(2), np.zeros(2)
+    at, pull, unrecorded = np.zeros(2), np.zeros(2), np.empty((0, 0))
     status = DONE
     for i in range(wanted.angle.shape[0]):
         q, v = angle[servo.key], speed[servo.key]
@@ -105,7 +105,7 @@ def follow(servo: Servo, wanted: Wanted, span: Span, out: Followed, run: ServoRu
         t, step, status = loop(
             Span(at[0], at[1], step, angle, speed, memory),
             InputTable(at, pull, False),
-            Outputs(out.time[i], out.angle[i], out.speed[i], out.memory[i]),
+            Outputs(out.time[i], out.angle[i], out.speed[i], out.memory[i], unrecorded),
             scene,
             kernels,
             method,

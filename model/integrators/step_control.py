@@ -10,6 +10,7 @@ from model.kernels.compile import inlined, uncounted
 from model.kernels.workspace import ACC, ALLOWANCE, M_DIAG, M_UP, STIFF, WIDTH, Q, V
 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
+FULL = 9  # the rows for steps are used up: go on with others
 
 SAFETY = 0.75
 GROW = 5.0

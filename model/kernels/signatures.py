@@ -35,12 +35,17 @@ class InputTable(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """Times (m,) at which the state is wanted, and the rows (m, n), of memories (m, z), that are filled."""
+    """Times (m,) at which the state is wanted, and the rows (m, n), of memories (m, z), that are filled.
+
+    ``steps`` (k, 2 + N (2 + r)) is filled with each step, or empty: start and length, then of the N = 2 n + z numbers
+    of the state the start, the end, and r rows of the dense output. The loop ends, too, when its rows are used up.
+    """
 
     time: np.ndarray
     angle: np.ndarray
     speed: np.ndarray
     memory: np.ndarray
+    steps: np.ndarray
 
 
 class SceneNumbers(NamedTuple):
@@ -202,7 +207,7 @@ INTEGRATE_LANES = _i(  # attempts, each of all lanes
 INTEGRATE = types.Tuple((_f, _f, _i))(  # time reached, next step to try, status
     types.NamedTuple([_f, _f, _f, _array, _array, _array], Span),
     types.NamedTuple([_array, _array, types.boolean], InputTable),
-    types.NamedTuple([_array, _table, _table, _table], Outputs),
+    types.NamedTuple([_array, *[_table] * 4], Outputs),
     types.NamedTuple([_array, _integers, _i], SceneNumbers),
     _STEP_KERNELS,
     _COEFFICIENTS,

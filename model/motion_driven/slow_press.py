@@ -185,5 +185,5 @@ def _follow(run: Simulation, wanted: Wanted, front_x: float, front_y: float) -> 
     )
     reached = follow(servo, wanted, plan.span, done, given)
     rows = at.ravel(), done.angle.reshape(-1, n), done.speed.reshape(-1, n), memory.reshape(count * SAMPLES, z)
-    run.reached(plan._replace(out=Outputs(*rows)), *reached)
+    run.reached(plan._replace(out=Outputs(*rows, plan.out.steps)), *reached)
     return done

@@ -19,7 +19,7 @@ from model.parameters.felt_laws import HUNT_CROSSLEY
 from model.parameters.string import String
 
 LEFT_OUT = 20_000  # modes up to which those left out are summed as a spring
-NODE = 1e-6  # height of a mode at the hammer below which it is not moved
+NODE = 1e-4  # height of a mode at the hammer below which it is not moved, whatever a difference by place does to it
 # error of an angle (rad) that leaving out all modes beyond the n-th makes, times n squared: 0.02 of a piano, 0.055 of a
 # forte, 0.14 of a fortissimo (tests/model/simulation/test_modes_by_tolerance.py)
 LEFT_OUT_ERROR = 0.055

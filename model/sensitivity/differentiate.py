@@ -18,7 +18,8 @@ from model.sensitivity.parameter_names import directions, find_parameters, state
 from model.sensitivity.result import Sensitivities
 from model.sensitivity.tangents import Recorded
 from model.simulation.run import Simulation, State
-from model.simulation.statics import RestState, rest_state
+from model.simulation.state import with_memory
+from model.simulation.statics import RestState, rest_state, with_pins
 
 Array = NDArray[np.float64]
 Blow = tuple[ArrayLike, ArrayLike]
@@ -93,15 +94,17 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
     action = choice.on(action)
     slopes = directions(action, choice, find_parameters(action, parameters))
     scene = slopes.scene
-    scene.refuse_memory("sensitivities")
     start = rest_state(action, options.rest_input, scene)
+    whole = with_pins(scene, start.angle_rad, options.rest_input) if scene.pins else start.angle_rad
     state = State(float(times[0]), start.angle_rad.copy(), np.zeros(scene.size))
+    state = with_memory(scene, state, options.rest_input)
     simulation = Simulation(scene, state, options.tolerance, options.method)
     end = float(outputs[-1]) if len(outputs) else float(times[-1])
-    recorded = Recorded(slopes, simulation, simulation.plan(end, times, forces), options.rest_input)
+    recorded = Recorded(slopes, simulation, end, (times, forces), (whole, options.rest_input))
     events = Events(action, recorded, (float(times[0]), end))
     at_events = events.find().times() if options.events else np.empty(0)
-    followed = recorded.follow(np.concatenate([outputs, at_events]), options.relative_tolerance)
+    wanted = np.concatenate([outputs, at_events])
+    followed = recorded.follow(wanted, options.relative_tolerance, options.contact_forces)
     idle = tuple(p.name for p, it_does in zip(slopes.parameters, followed.acts, strict=True) if not it_does)
     if idle and not options.allow_idle:
         raise InputError(
@@ -109,7 +112,7 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
             "leave it out or choose another blow"
         )
     rows = len(outputs)
-    angle, speed = recorded.states(outputs)
+    states = recorded.whole_states(outputs)
     out = Sensitivities(
         parameters=tuple(p.name for p in slopes.parameters),
         values=np.array([p.value for p in slopes.parameters]),
@@ -117,8 +120,8 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
         uncertainties=np.array([stated_uncertainty(action, p.name) for p in slopes.parameters]),
         time_s=outputs,
         angle_names=scene.bodies,
-        angles_rad=angle,
-        speeds=speed,
+        angles_rad=np.ascontiguousarray(states[:, : scene.size]),
+        speeds=np.ascontiguousarray(states[:, scene.size : 2 * scene.size]),
         d_angles=followed.angle[:rows],
         d_speeds=followed.speed[:rows],
         rest_rad=recorded.rest,
@@ -130,11 +133,13 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
         relative_tolerance=options.relative_tolerance,
     )
     if options.events:
-        values, d_values = events.differentiate(at_events, (followed.angle[rows:], followed.speed[rows:]))
+        at, count = slice(rows, None), followed.count
+        slopes_there = followed.filled_angle[at, :, :count], followed.filled_speed[at, :, :count]
+        values, d_values = events.differentiate(at_events, slopes_there)
         out = replace(out, events=values, d_events=d_values, absent_events=events.found.absent)
     if options.contact_forces:
-        slopes_of_state = followed.filled_angle[:rows], followed.filled_speed[:rows]
-        normal, d_normal = recorded.normal_forces((angle, speed), slopes_of_state)
+        slopes_of_state = followed.filled_angle[:rows], followed.filled_speed[:rows], followed.channel[:rows]
+        normal, d_normal = recorded.normal_forces(states, slopes_of_state)
         out = replace(out, contact_names=scene.contacts, contact_forces=normal, d_contact_forces=d_normal)
     return out
 

@@ -64,7 +64,7 @@ class Events:
     """
 
     def __init__(self, action: Action, recorded: Recorded, span: tuple[float, float]) -> None:
-        self.action, self.recorded, self.states = action, recorded, recorded.states
+        self.action, self.recorded, self.states = action, recorded, recorded.coordinates
         self.directions = recorded.directions
         self.scene = self.directions.scene
         self.span = span
@@ -80,11 +80,16 @@ class Events:
         """Angles and speeds (m, n) at these times."""
         return self.states(self.times)
 
-    # quantities, (m,) of states (m, n)
+    # quantities, (m,) of states (m, n), how far joints give after the scene's own coordinates
 
     def _height(self, action: Action, angle: Array, _: Array) -> Array:
         bend = angle[:, self.scene.bodies.index(SHANK)] if SHANK in self.scene.bodies else None
-        return hammer_height_m(action, angle, bend)
+        pins, n = self.scene.pins, len(self.scene.bodies)
+        give = [
+            angle[:, n + pins.index(("hammer", axis))] if ("hammer", axis) in pins else 0.0 * angle[:, 0]
+            for axis in "xy"
+        ]
+        return hammer_height_m(action, angle, bend, np.stack(give, axis=-1) if pins else None)
 
     def _approach(self, action: Action, angle: Array, speed: Array) -> Array:
         """Speed towards the string: the height's rate, by differences along the motion, of order four."""
@@ -97,8 +102,10 @@ class Events:
 
     def _depth_of(self, contact: str, angle: Array, speed: Array, vector: Array | None = None) -> tuple[Array, Array]:
         """Penetration (m,) of a contact, m, negative where it is open, and its rate (m,), m/s."""
-        numbers = self.scene.vector if vector is None else vector
-        found = contacts_at(self.scene.tables, numbers, angle, speed)[:, self.scene.contacts.index(contact)]
+        numbers, n = self.scene.vector if vector is None else vector, len(self.scene.bodies)
+        rows = np.concatenate([angle[:, n:], speed[:, n:]], axis=1)  # felt and string play no part in a depth
+        found = contacts_at(self.scene.static_tables, numbers, angle[:, :n], speed[:, :n], rows)
+        found = found[:, self.scene.contacts.index(contact)]
         return found[:, DEPTH], found[:, RATE]
 
     # where a level is passed

@@ -94,7 +94,7 @@ def motion_sensitivities(
     state = State(0.0, solve_rest(scene, 0.0), np.zeros(scene.size))
     simulation = Simulation(scene, state, options.tolerance, options.method, largest_step_s=LONGEST_STEP_S)
     span, wanted = key.break_s[[0, -1]], outputs - begins
-    recorded = Recorded(slopes, simulation, simulation.plan(float(wanted[-1]), span, span), 0.0, carried)
+    recorded = Recorded(slopes, simulation, float(wanted[-1]), (span, span), (state.angle_rad, 0.0), carried)
     followed = recorded.follow(wanted, options.relative_tolerance)
     moved = key.at(wanted)
     angle, speed = (np.column_stack([own, moved[:, k]]) for k, own in enumerate(recorded.states(wanted)))

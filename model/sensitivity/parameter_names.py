@@ -123,9 +123,16 @@ def stated_uncertainty(action: Action, name: str) -> float:
 
 @dataclass(frozen=True)
 class Directions:
-    """How parameters change a scene: ``slope`` (P, k) of its parameter vector per unit of each, one row a parameter."""
+    """How parameters of an action change a scene.
+
+    Attributes
+    ----------
+    parameters, action, scene : which, and of what
+    slope : (P, k) of the scene's parameter vector per unit of each
+    """
 
     parameters: tuple[Parameter, ...]
+    action: Action
     scene: Scene
     slope: Array
 
@@ -192,7 +199,7 @@ def directions(
             f"parameter {names}: its element is switched off (all its values are 0), where a derivative "
             "does not exist; give it a value or leave it out"
         )
-    return Directions(tuple(parameters), scene, slope)
+    return Directions(tuple(parameters), action, scene, slope)
 
 
 def _own_numbers(scene: Scene, parameter: Parameter) -> slice | None:

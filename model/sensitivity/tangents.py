@@ -6,26 +6,31 @@ gives states and their derivatives at any times.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.load import kernels_of, slopes_of
+from model.derived.load import kernels_of, links_of, slopes_of
+from model.derived.slopes import CARRIED, normal_places, normal_sizes
+from model.elements.strings import AWAKE
+from model.elements.structure import Structure
 from model.errors import InputError, IntegrationError
-from model.integrators.tangents.follow import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, follow
+from model.integrators.step_control import FULL
+from model.integrators.tangents.channels import Channels, Modes
+from model.integrators.tangents.follow import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, Landings, follow
 from model.integrators.tangents.loads import LANES, Loads, Moved, normal_slopes
 from model.integrators.tangents.nodes import Linear, Space, linearise_node
 from model.integrators.tangents.radau import STAGES, Wanted
-from model.integrators.tangents.recorded_motion import FULL, Log, Motion, find_kinks, record, states_along
+from model.integrators.tangents.recorded_motion import Motion, Seen, find_kinks, states_along
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.regimes import MOST_CONTACTS, normal_size
+from model.kernels.regimes import MOST_CONTACTS
 from model.kernels.signatures import SceneNumbers, StepKernels
+from model.scene.pressing import steady_current
 from model.sensitivity.parameter_names import Directions
-from model.sensitivity.sources import sources_of
+from model.sensitivity.sources import input_slopes, modes_moved, rest_input_slopes, sources_of
 from model.simulation.run import Plan, Simulation
-from model.simulation.statics import balance
 
 Array = NDArray[np.float64]
 
@@ -62,61 +67,130 @@ class _Run:
         self.numbers = SceneNumbers(self.scene.vector, tables.parent[: self.scene.size], self.scene.solved_contacts)
         if self.scene.solved_contacts > MOST_CONTACTS:
             raise InputError(f"sensitivities: found {self.scene.solved_contacts} contacts, allowed {MOST_CONTACTS}")
+        self.structure = s = Structure(tables)
         self.regime = slopes_of(tables, "regime")
-        n, p = self.scene.size, _filled_up(len(directions.parameters))
+        n, p = s.free, _filled_up(len(directions.parameters))
         count, nodes = STAGES * n, STAGES + 1
+        places = [W.P_STIFF, W.P_DAMP, W.P_INPUT, W.P_MASS, W.WIDE] if s.pin else [W.STIFF, W.DAMP, W.F_U, -1, W.WIDTH]
         self.space = Space(
-            np.zeros(W.SIZE),
+            self.workspace(),
             np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), aligned(nodes, n, p),
-            aligned(len(self.scene.bodies) - n, p),
+            aligned(len(self.scene.bodies) - self.scene.size, p),
             aligned(count, _filled_up(count)), np.zeros((count, count)), np.zeros(count, dtype=np.int64),
-            aligned(count, p), aligned(2 * n, p), aligned(2 * n, p),
+            aligned(count, p), aligned(2 * n, p), aligned(2 * n, p), np.zeros(count, dtype=np.int64),
+            aligned(1, p), np.array(places), self._channels(p),
         )  # fmt: skip
-        self.linear = Linear(self.numbers, self.kernels, sources_of(directions), self._loads(n), self.space)
+        self.linear = Linear(
+            self.numbers, self.kernels, sources_of(directions), self._loads(), self.space, aligned(0, 2, p)
+        )
 
-    def _loads(self, n: int) -> Loads:
-        tables, size = self.scene.tables, normal_size(len(self.scene.bodies))
+    def workspace(self) -> Array:
+        """Memory in which the scene's kernels work."""
+        return np.zeros(W.WITH_MEMORY if self.scene.remembers else W.SIZE)
+
+    def _loads(self) -> Loads:
+        s, tables = self.structure, self.scene.tables
+        size, places = s.free + len(s.memory) + len(s.string), normal_places(s)
+        first = np.cumsum([0, *(len(row) for row in places)])
+        memory = np.cumsum([0, *(len(s.memories(c)) for c in range(len(s.contact)))])
+        modes = self.space_of_modes()
         return Loads(
-            slopes_of(tables, "numbers"), slopes_of(tables, "normals"), np.zeros(1),
-            np.zeros(n * len(self.scene.vector)), np.zeros(len(self.scene.contacts) * size),
+            slopes_of(tables, "numbers"), slopes_of(tables, "normals"), slopes_of(tables, "carried"), np.zeros(1),
+            np.zeros(size * len(self.scene.vector)), np.zeros(sum(normal_sizes(s))), np.zeros(CARRIED * modes),
+            first, np.array([k for row in places for k in row], dtype=np.int64), memory,
+            s.string[0] if s.string else -1,
         )  # fmt: skip
+
+    def space_of_modes(self) -> int:
+        """Number of modes of the scene's string, 0 for the bar."""
+        s = self.structure
+        return int(self.scene.vector[s.offset[7]]) if s.string else 0
+
+    def _channels(self, p: int) -> Channels:
+        s, nodes = self.structure, STAGES + 1
+        links = links_of(self.scene.tables) if s.memory or s.string else []
+        c, most, own = len(links), max((len(row) for row in links), default=0), len(self.scene.bodies)
+        table = np.zeros((c, most), dtype=np.int64)
+        for row, of in zip(table, links, strict=True):
+            row[: len(of)] = [s.own - 1 - j if s.own <= j < own else j for j in of]
+        modes, strings = self.space_of_modes(), len(s.string)
+        first = (s.offset[7] + L.STRING_HEAD) if s.string else 0
+        moved = aligned(3, modes, p)
+        moved[:, :, : len(self.directions.parameters)] = modes_moved(self.directions, first, modes)
+        string = Modes(
+            np.zeros(strings, dtype=np.int64), np.array([first]),
+            np.ascontiguousarray(self.scene.vector[first : first + 3 * modes].reshape(3, modes)), moved,
+            aligned(2, modes, p), aligned(nodes, modes, p), np.array([int(np.any(moved))]),
+            np.zeros(nodes), np.zeros(nodes), np.zeros((modes, 4, STAGES)), np.zeros((modes, 2, STAGES, STAGES)),
+            np.zeros((STAGES, STAGES)), aligned(2, STAGES * strings, p),
+        )  # fmt: skip
+        return Channels(
+            table, np.array([len(row) for row in links], dtype=np.int64),
+            np.zeros((nodes, c, most)), np.zeros((nodes, c, most)), np.zeros((nodes, c, most)), np.zeros((nodes, c)),
+            aligned(nodes, c, p), np.zeros((c, STAGES, STAGES)), np.zeros((c, STAGES)),
+            aligned(STAGES, c, p), aligned(STAGES, c, p), aligned(STAGES, c, p), aligned(c, p),
+            np.zeros(len(s.memory)), np.zeros(len(s.memory), dtype=np.int64), np.zeros((3, STAGES, STAGES)), string,
+        )  # fmt: skip
+
+    def put(self, angle: Array, memory: Array) -> None:
+        """Put a state at rest into the workspace."""
+        self.space.point[:] = 0.0
+        self.space.point[W.Q : W.Q + len(angle)] = angle
+        self.space.point[W.Z : W.Z + len(memory)] = memory
 
 
 def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
     """Record the whole run."""
-    parts: list[Motion] = []
-    n, depth = run.scene.size, 4 + 2 * len(plan.method.dense)
+    parts: list[Array] = []
+    n, depth = run.scene.size, 2 + len(plan.method.dense)
+    size = 2 * n + len(plan.span.memory)
     span, limits = plan.span, plan.limits._replace(rest=0.0)
     counters, most = plan.account.counters, limits.most_steps
     before = counters[L.N_STEPS] + counters[L.N_REJECTED]
     while True:
-        part = Motion(np.zeros((ROWS, 2)), np.zeros((ROWS, depth, n)), np.zeros(ROWS, np.int64))
-        time, step, status, rows = record(
-            span, plan.drive, run.numbers, run.kernels, run.regime, plan.method.coefficients, limits,
-            Log(part, plan.account.counters),
+        rows, steps = np.zeros((ROWS, 2 + depth * size)), counters[L.N_STEPS]
+        time, step, status = plan.method.loop(
+            span, plan.drive, plan.out._replace(steps=rows), plan.scene, run.kernels, plan.method.coefficients, limits,
+            plan.account,
         )  # fmt: skip
-        parts.append(Motion(*(array[:rows] for array in part)))
+        parts.append(rows[: counters[L.N_STEPS] - steps])
         if status != FULL:
             simulation.reached(plan, time, step, status)
             break
         span = span._replace(time=time, step=step)
         used = counters[L.N_STEPS] + counters[L.N_REJECTED] - before
         limits = limits._replace(most_steps=max(0, most - int(used)))  # of the whole run, not of each part
-    if len(parts) == 1:
-        return parts[0]
-    return Motion(*(np.ascontiguousarray(np.concatenate(arrays)) for arrays in zip(*parts, strict=True)))
+    whole = np.concatenate(parts)
+    state = np.ascontiguousarray(whole[:, 2:]).reshape(len(whole), depth, size)
+    return Motion(np.ascontiguousarray(whole[:, :2]), state, n)
 
 
-def rest_slopes(run: _Run, rest: Array, u: float) -> Array:
-    """Derivatives (n, P) of the angles at rest: K d = -load, the balance differentiated."""
-    n, count = run.scene.size, len(run.directions.parameters)
-    run.space.point[:] = 0.0
-    run.space.point[W.Q : W.Q + n] = rest
+def _rest_slopes(run: _Run, rest: Array, u: float) -> Array:
+    """Derivatives (n, P) of the coordinates at rest, (n,), under ``u``: K d = -load, the balance differentiated.
+
+    A winding's charge has no place at rest; its current has.
+    """
+    scene, count, size = run.scene, len(run.directions.parameters), run.scene.size
+    run.put(rest[:size], rest[size:])
+    if scene.command is not None:
+        run.space.input_change[0, :count] = rest_input_slopes(run.directions, u)
+        u = scene.command.value(u)
+        for i in scene.wound:
+            run.space.point[W.V + i] = steady_current(scene.vector[scene.tables.offset[2] :], u)
     run.space.point[W.STATIC] = 1.0
-    linearise_node(0, u, run.linear)
+    linearise_node(0, u, run.linear._replace(input_slope=np.zeros((1, 2, run.space.load.shape[2]))))
     run.space.point[W.STATIC] = 0.0
-    _, stiff, _ = balance(run.scene, rest, u)
-    return np.asarray(np.linalg.solve(stiff, -run.space.load[0, :, :count]))
+    stiff, load = run.space.stiff[0].copy(), run.space.load[0, :, :count]
+    for i in scene.wound:
+        stiff[:, i] = run.space.damp[0, :, i]
+    out = np.asarray(np.linalg.solve(stiff, -load))
+    out[list(scene.wound)] = 0.0
+    return out
+
+
+def _still(directions: Directions) -> _Run:
+    """The same scene at rest, where felt presses as its slow loading curve says."""
+    return _Run(replace(directions, scene=replace(directions.scene, tables=directions.scene.static_tables)))
 
 
 def input_kinks(time: Array, value: Array) -> Array:
@@ -134,7 +208,7 @@ def input_kinks(time: Array, value: Array) -> Array:
 
 def key_rest_slopes(directions: Directions, rest: Array, force_n: float = 0.0) -> Array:
     """Derivatives (P,) of the key's angle at rest under a force, in a scene whose key is free."""
-    return np.asarray(rest_slopes(_Run(directions), rest, force_n)[directions.scene.bodies.index("key")])
+    return np.asarray(_rest_slopes(_still(directions), rest, force_n)[directions.scene.bodies.index("key")])
 
 
 @dataclass(frozen=True)
@@ -143,94 +217,166 @@ class Followed:
 
     Attributes
     ----------
-    filled_angle, filled_speed : (m, n, P') with columns of zeros that fill up the lanes
+    filled_angle, filled_speed : (m, n, P') with columns of zeros that fill up the lanes; where joints give, how far
+        they do follows the scene's coordinates
+    channel : (m, C, P') of what felt and string remember, empty where it was not wanted
     count : P, of parameters
+    own : of the scene's coordinates
     acts : (P,) whether anything has moved with a parameter up to the last time
     counters : what was counted
     """
 
     filled_angle: Array
     filled_speed: Array
+    channel: Array
     count: int
+    own: int
     acts: NDArray[np.bool_]
     counters: dict[str, int | float]
 
     @property
     def angle(self) -> Array:
         """Derivatives of the angles (m, n, P)."""
-        return self.filled_angle[:, :, : self.count]
+        return self.filled_angle[:, : self.own, : self.count]
 
     @property
     def speed(self) -> Array:
         """Derivatives of the speeds (m, n, P)."""
-        return self.filled_speed[:, :, : self.count]
+        return self.filled_speed[:, : self.own, : self.count]
 
 
 class Recorded:
     """A motion from rest that was integrated and recorded, with what its derivatives need.
 
-    ``carried`` (P,) are derivatives of a prescribed key's angle, the same at all times.
+    ``until`` (s) and ``table`` are end and input of the run; ``rest`` the coordinates at rest and the input there;
+    ``carried`` (P,) derivatives of a prescribed key's angle, the same at all times.
     """
 
     def __init__(
         self,
         directions: Directions,
         simulation: Simulation,
-        plan: Plan,
-        rest_input: float,
+        until: float,
+        table: tuple[Array, Array],
+        rest: tuple[Array, float],
         carried: Array | None = None,
     ) -> None:
+        plan = simulation.plan(until, *table)
         self.directions, self.simulation, self.drive = directions, simulation, plan.drive
         self.run = _Run(directions)
-        if carried is not None:
-            self.run.space.carried[0, : len(carried)] = carried
-        self.rest = plan.span.angle.copy()
-        self.d_rest = rest_slopes(self.run, self.rest, rest_input)
+        s = self.run.structure
+        still = _still(directions) if s.memory or s.string else self.run
+        for run in (self.run, still):
+            run.space.carried[0:1, : len(directions.parameters)] = 0.0 if carried is None else carried
+        self.rest = rest[0][: directions.scene.size].copy()
+        self._d_rest = _rest_slopes(still, *rest)
+        self._d_remembered = self._remembered_at_rest(plan)
         self.motion = _motion(self.run, simulation, plan)
+        slopes = input_slopes(directions, table, plan.drive.time)
+        if len(slopes):
+            filled = aligned(*slopes.shape[:2], self.run.space.load.shape[2])
+            filled[:, :, : slopes.shape[2]] = slopes
+            self.run.linear = self.run.linear._replace(input_slope=filled)
+
+    def _remembered_at_rest(self, plan: Plan) -> Array:
+        """Derivatives (C, P') of what felt remembers at the start: its rate stays 0."""
+        run, channels = self.run, self.run.space.channels
+        out = aligned(*channels.inner.shape)
+        if len(out):
+            run.put(plan.span.angle, plan.span.memory)
+            linearise_node(0, plan.drive.value[0], run.linear)
+            d_rest = np.zeros((self._d_rest.shape[0], out.shape[1]))
+            d_rest[:, : self._d_rest.shape[1]] = self._d_rest
+            for c in np.flatnonzero(channels.fade[0]):
+                entered = channels.load[0, c].copy()
+                for k in range(channels.many[c]):
+                    j = channels.links[c, k]
+                    entered += channels.turn[0, c, k] * (d_rest[j] if j >= 0 else run.space.carried[-1 - j])
+                out[c] = -entered / channels.fade[0, c]
+        return out
+
+    @property
+    def d_rest(self) -> Array:
+        """Derivatives (n, P) of the angles at rest."""
+        return self._d_rest[: self.run.scene.size]
 
     def states(self, times: Array) -> tuple[Array, Array]:
         """Angles and speeds (m, n) at times (m,)."""
-        angle, speed = np.empty((2, len(times), self.run.scene.size))
-        states_along(self.motion, np.ascontiguousarray(times, dtype=float), angle, speed)
-        return angle, speed
+        n, state = self.run.scene.size, self.whole_states(times)
+        return state[:, :n], state[:, n : 2 * n]
+
+    def whole_states(self, times: Array) -> Array:
+        """Angles, speeds and what is remembered (m, N) at times (m,)."""
+        state = np.empty((len(times), self.motion.state.shape[2]))
+        states_along(self.motion, np.ascontiguousarray(times, dtype=float), state)
+        return state
+
+    def coordinates(self, times: Array) -> tuple[Array, Array]:
+        """Angles and speeds (m, n) at times (m,), followed by how far joints give, and how fast."""
+        n, state = self.run.scene.size, self.whole_states(times)
+        ways, speeds = ([pair[k] for pair in self.run.structure.pin_places(2 * n).values()] for k in (0, 1))
+        return state[:, [*range(n), *ways]], state[:, [*range(n, 2 * n), *speeds]]
 
     def acceleration(self, time: float) -> Array:
-        """Accelerations (n,) at a time."""
-        n, w = self.run.scene.size, np.zeros(W.SIZE)
-        angle, speed = self.states(np.array([time]))
-        w[W.Q : W.Q + n], w[W.V : W.V + n] = angle[0], speed[0]
+        """Accelerations (n,) of all coordinates at a time."""
+        s, w, n = self.run.structure, self.run.workspace(), self.run.scene.size
+        state = self.whole_states(np.array([time]))[0]
+        w[W.Q : W.Q + n], w[W.V : W.V + n], w[W.Z : W.Z + len(state) - 2 * n] = np.split(state, [n, 2 * n])
+        if s.string:
+            w[W.NOW] = time
         u = float(np.interp(time, self.drive.time, self.drive.value))
         self.run.kernels.linearise(w, self.run.scene.vector, u)
-        return w[W.ACC : W.ACC + n]
+        first = W.P_ACC if s.pin else W.ACC
+        return w[first : first + s.free]
+
+    def _woken(self) -> Array:
+        """Times (w, 3) at which a string's modes are stepped again or left (`Landings`)."""
+        s, n = self.run.structure, self.run.scene.size
+        if not s.string:
+            return np.empty((0, 3))
+        since = self.motion.state[:, 0, 2 * n + s.first_of_string() + L.SINCE]
+        awake = since < 0.5 * AWAKE
+        self.run.space.channels.modes.awake[0] = int(awake[0])
+        at = np.flatnonzero(awake[1:] != awake[:-1]) + 1
+        begin = self.motion.time[at, 0]
+        return np.column_stack([begin, np.where(awake[at], begin - since[at - 1], -1.0), at])
 
     def _stride(self) -> int:
         return max(1, round(STRIDE * (STRIDE_AT / self.simulation.tolerance) ** STRIDE_EXPONENT))
 
-    def follow(self, times: Array, tolerance: float) -> Followed:
-        """Derivatives at times (m,) in any order, and what was counted.
+    def follow(self, times: Array, tolerance: float, forces: bool = False) -> Followed:
+        """Derivatives at times (m,) in any order, with what contacts' ``forces`` need, and what was counted.
 
         Raises
         ------
         IntegrationError : the derivatives could not be carried on
         """
         run, motion = self.run, self.motion
-        n, p = self.d_rest.shape
-        filled = _filled_up(p)
+        n, p = self._d_rest.shape
+        filled, count = _filled_up(p), len(run.space.channels.many)
         kinks = np.empty((4 * len(motion.time) + 4, 2))
-        found = find_kinks(motion, self.drive, run.scene.vector, run.kernels.linearise, run.regime, kinks)
+        seen = Seen(self.drive, run.scene.vector, run.kernels.linearise, run.regime, run.workspace())
+        found = find_kinks(motion, seen, kinks)
         scale = np.array([parameter.scale for parameter in self.directions.parameters])
         floor = aligned(2, filled)
         floor[:, :p], floor[:, p:] = [LEAST_ANGLE / scale, LEAST_SPEED / scale], 1.0
         angle, speed = aligned(len(times), n, filled), aligned(len(times), n, filled)
-        landing = np.concatenate([kinks[:found], input_kinks(self.drive.time, self.drive.value)])
+        channel, woken = aligned(len(times) if forces and count else 0, count, filled), self._woken()
+        landing = np.concatenate(
+            [kinks[:found], input_kinks(self.drive.time, self.drive.value), np.repeat(woken[:, :1], 2, axis=1)]
+        )
         landing = np.ascontiguousarray(landing[np.argsort(landing[:, 0], kind="stable")])
         order = np.argsort(times, kind="stable")
-        wanted = Wanted(times[order], order, angle, speed, tolerance, floor, self._stride())
+        wanted = Wanted(times[order], order, angle, speed, channel, tolerance, floor, self._stride())
         run.space.largest[:] = 0.0
-        run.space.largest[:n, :p] = np.abs(self.d_rest)
+        run.space.largest[:n, :p] = np.abs(self._d_rest)
+        run.space.channels.inner[:] = self._d_remembered
+        run.space.channels.modes.tangent[:] = 0.0
         tangent, reached = aligned(2, n, filled), aligned(2, n, filled)
-        tangent[0, :, :p] = self.d_rest
-        status, time, steps, rejected = follow(motion, self.drive, landing, run.linear, wanted, tangent, reached, NODE)
+        tangent[0, :, :p] = self._d_rest
+        status, time, steps, rejected = follow(
+            motion, self.drive, Landings(landing, woken), run.linear, wanted, tangent, reached, NODE
+        )
         if status == STEP_TOO_SMALL:
             raise IntegrationError(f"sensitivities: the step of the derivatives fell below 1e-13 s at t = {time:.6g} s")
         if status == TOO_MANY_STEPS:
@@ -240,14 +386,17 @@ class Recorded:
             )
         counted = {"n_tangent_steps": steps, "n_tangent_rejected": rejected, "n_kinks": found}
         acts = np.any(run.space.largest[:, :p], axis=0)
-        return Followed(angle, speed, p, acts, {**self.simulation.work(), **counted})
+        counters = {**self.simulation.work(), **counted}
+        return Followed(angle, speed, channel, p, run.scene.size, acts, counters)
 
-    def normal_forces(self, state: tuple[Array, Array], slopes: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Normal forces (m, c), N, and their derivatives (m, c, P); the states' are (m, n, P), filled up to lanes."""
-        scene, linear = self.run.scene, self.run.linear
-        normal = np.empty((len(state[0]), len(scene.contacts)))
+    def normal_forces(self, state: Array, slopes: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+        """Normal forces (m, c), N, and their derivatives (m, c, P).
+
+        ``state`` (m, N) are angles, speeds and what is remembered; ``slopes`` those of `Followed`, filled up to lanes.
+        """
+        scene, run = self.run.scene, self.run
+        normal = np.empty((len(state), len(scene.contacts)))
         out = aligned(*normal.shape, slopes[0].shape[2])
-        moved = Moved(*state, *slopes)
-        contacts_at = int(scene.tables.offset[1])
-        normal_slopes(moved, scene.vector, contacts_at, linear.sources, linear.loads, np.zeros(W.SIZE), normal, out)
+        moved, linear = Moved(np.ascontiguousarray(state), *slopes), run.linear
+        normal_slopes(moved, scene.vector, scene.size, linear.sources, linear.loads, run.workspace(), normal, out)
         return normal, out[:, :, : len(self.directions.parameters)]

@@ -181,7 +181,7 @@ class Simulation:
             method,
             Span(float(self.state.time_s), float(until), float(self.state.step_s), q, v, self.state.memory.copy()),
             InputTable(times, values, bool(held)),
-            Outputs(outputs, out_q, out_v, out_z),
+            Outputs(outputs, out_q, out_v, out_z, np.empty((0, 0))),
             SceneNumbers(self.scene.vector, self.scene.tables.parent[: self.scene.size], self.scene.solved_contacts),
             Limits(
                 angle=ANGLE_SHARE * local,
@@ -198,7 +198,7 @@ class Simulation:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Take over the state in which a step loop left a plan; its angles and speeds, or the error that stopped it."""
         self.state = State(time, plan.span.angle, plan.span.speed, step, plan.span.memory)
-        outputs, out_q, out_v, self.remembered = plan.out
+        outputs, out_q, out_v, self.remembered, _ = plan.out
         if status in _ADVICE:
             raise IntegrationError(f"simulation stopped at t = {time:.6g} s{self._extremes()}: {_ADVICE[status]}")
         if not (np.all(np.isfinite(out_q)) and np.all(np.isfinite(out_v))):

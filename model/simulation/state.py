@@ -63,8 +63,10 @@ class State(ArrayRecord):
             )
 
 
-def with_memory(scene: Scene, state: State) -> State:
+def with_memory(scene: Scene, state: State, u: float = 0.0) -> State:
     """The state with the memories of a scene's felt: its own, or those of felt that has rested at its angles.
+
+    Joints that give are in balance under the input ``u``.
 
     Raises
     ------
@@ -73,7 +75,7 @@ def with_memory(scene: Scene, state: State) -> State:
     string, give = straight(scene), len(scene.pins)
     count, found = len(scene.tables.memory) + 2 * give + len(string), np.shape(state.memory)
     if count and found == (0,):
-        whole = with_pins(scene, state.angle_rad, 0.0) if give else state.angle_rad
+        whole = with_pins(scene, state.angle_rad, u) if give else state.angle_rad
         felt = _rested(scene, state, whole) if len(scene.tables.memory) else np.empty(0)
         return replace(state, memory=np.concatenate([felt, whole[scene.size :], np.zeros(give), string]))
     if found != (count,) or not np.all(np.isfinite(state.memory)):

@@ -4,8 +4,12 @@ Steps land on the kinks of the forces, where the Jacobian jumps; the tangents th
 the forces are.
 """
 
+from typing import NamedTuple
+
+import numpy as np
 from numba import types
 
+from model.integrators.tangents.channels import advance_channels, carry, channels_at, find_values
 from model.integrators.tangents.nodes import LINEAR, LINEARISE_NODE, linearise_node
 from model.integrators.tangents.radau import NODES, STAGES, WANTED, at_fraction, estimated_error, solve_step
 from model.integrators.tangents.recorded_motion import DRIVE, MOTION, state_at
@@ -19,10 +23,23 @@ SAFETY, GROW, SHRINK, SMALLEST_STEP = 0.8, 6.0, 0.1, 1e-10
 POWER = -1.0 / (STAGES + 1)  # of the step in the estimated error
 FIRST_STEP = 1e-5  # s
 
+
+class Landings(NamedTuple):
+    """Where steps end: kinks (k, 2), the last time before and the first after each, increasing.
+
+    ``woken`` (w, 3) are times at which a string's modes are stepped again, or left, both among the kinks: the time, for
+    how long (s) they were free or -1, and the step of the motion that begins there.
+    """
+
+    kink: np.ndarray
+    woken: np.ndarray
+
+
 _f, _i = types.float64, types.int64
 _table, _cube = types.Array(_f, 2, "C"), types.Array(_f, 3, "C")
+LANDINGS = types.NamedUniTuple(_table, 2, Landings)
 FOLLOW = types.Tuple((_i, _f, _i, _i))(  # status, time reached, steps, rejected ones
-    MOTION, DRIVE, _table, LINEAR, WANTED, _cube, _cube, KernelType(LINEARISE_NODE, of_numba=True)
+    MOTION, DRIVE, LANDINGS, LINEAR, WANTED, _cube, _cube, KernelType(LINEARISE_NODE, of_numba=True)
 )
 NODE = numba_kernel(linearise_node, LINEARISE_NODE)
 """Given to `follow` as a value, so that LLVM does not compile it twice more inside the loop."""
@@ -37,10 +54,12 @@ def copy(out, given):
 
 
 @inlined_uncounted
-def fill_rest(out, until, wanted, tangent):
+def fill_rest(out, until, wanted, tangent, channels):
     """Fill the outputs wanted up to ``until`` with the tangent as it is; returns how many are filled."""
     while out < wanted.time.shape[0] and wanted.time[out] <= until:
         row = wanted.row[out]
+        if wanted.channel.shape[0] > 0:
+            channels_at(0.0, channels, wanted.channel[row])
         copy(wanted.angle[row], tangent[0])
         copy(wanted.speed[row], tangent[1])
         out += 1
@@ -52,6 +71,11 @@ def node_at(t, m, place, motion, drive, linear, linearise):
     """Linearise at ``t`` into row ``m``; ``place`` is where the step and the input were found last."""
     k = state_at(t, place[0], motion, linear.space.point)
     u, _, k_in = input_at(t, place[1], drive)
+    changes = linear.input_slope
+    if changes.shape[0] > 0:
+        x = min(1.0, max(0.0, (t - drive.time[k_in]) / (drive.time[k_in + 1] - drive.time[k_in])))
+        for j in range(changes.shape[2]):
+            linear.space.input_change[0, j] = (1.0 - x) * changes[k_in, 0, j] + x * changes[k_in, 1, j]
     linearise(m, u, linear)
     return k, k_in
 
@@ -95,19 +119,53 @@ def end_is_start(space):
     copy(space.stiff[0], space.stiff[STAGES])
     copy(space.damp[0], space.damp[STAGES])
     copy(space.load[0], space.load[STAGES])
+    channels = space.channels
+    if channels.many.shape[0] > 0:
+        copy(channels.push[0], channels.push[STAGES])
+        copy(channels.turn[0], channels.turn[STAGES])
+        copy(channels.speed[0], channels.speed[STAGES])
+        copy(channels.load[0], channels.load[STAGES])
+        for c in range(channels.many.shape[0]):
+            channels.fade[0, c] = channels.fade[STAGES, c]
+        if channels.modes.awake.shape[0] > 0:
+            channels.modes.hard[0], channels.modes.lossy[0] = channels.modes.hard[STAGES], channels.modes.lossy[STAGES]
+            copy(channels.modes.load[0], channels.modes.load[STAGES])
+
+
+@inlined_uncounted
+def wake(row, motion, linear):
+    """Carry the tangents of a string's modes over the time in which they were free, or leave them."""
+    modes, loads = linear.space.channels.modes, linear.loads
+    modes.awake[0] = 0 if row[1] < 0.0 else 1
+    if row[1] >= 0.0:
+        before = int(row[2]) - 1
+        state_at(motion.time[before, 0], before, motion, linear.space.point)
+        loads.input[0] = row[1]
+        loads.carried(linear.space.point, loads.input, linear.scene.parameters, loads.modes)
+        carry(loads.modes, linear.space.channels)
+
+
+@inlined_uncounted
+def begin_anew(channels):
+    """Felt that is left remembers nothing of its parameters."""
+    for c in range(channels.before.shape[0]):
+        if channels.began[c] == 1:
+            for j in range(channels.inner.shape[1]):
+                channels.inner[c, j] = 0.0
 
 
 @uncounted_loop(FOLLOW)
-def follow(motion, drive, kinks, linear, wanted, tangent, reached, linearise):
+def follow(motion, drive, landings, linear, wanted, tangent, reached, linearise):
     """Carry ``tangent`` (2, n, P) along the whole motion; fill the outputs wanted (``reached``: memory)."""
-    space = linear.space
+    space, kinks = linear.space, landings.kink
+    channels, woken = space.channels, 0
     t = motion.time[0, 0]
     end = motion.time[-1, 0] + motion.time[-1, 1]
     steps, rejected, kink = 0, 0, 0
     place = (0, 0)
     h = FIRST_STEP
     fresh = True
-    out = fill_rest(0, t, wanted, tangent)
+    out = fill_rest(0, t, wanted, tangent, channels)
     while t < end:
         while kink < kinks.shape[0] and kinks[kink, 1] <= t:
             kink += 1
@@ -116,10 +174,19 @@ def follow(motion, drive, kinks, linear, wanted, tangent, reached, linearise):
             t = kinks[kink, 1]
             fresh = True
             continue
+        while woken < landings.woken.shape[0] and landings.woken[woken, 0] <= t:
+            wake(landings.woken[woken], motion, linear)
+            woken += 1
+            fresh = True
         if fresh:
             place = node_at(t, 0, place, motion, drive, linear, linearise)
             fresh = False
-        stop = min(end, at_kink, before(t, place[0], motion, wanted.stride))
+            begin_anew(channels)
+        # a string's modes are resolved as the motion's steps resolve them: the joints may not tell how fast they swing
+        stride = wanted.stride
+        if channels.modes.awake.shape[0] > 0 and channels.modes.awake[0] == 1:
+            stride = 1
+        stop = min(end, at_kink, before(t, place[0], motion, stride))
         step = fitted(h, stop - t)
         after = stop if step == stop - t else t + step
         for m in range(STAGES):
@@ -139,12 +206,18 @@ def follow(motion, drive, kinks, linear, wanted, tangent, reached, linearise):
         steps += 1
         if steps + rejected > MOST_STEPS * motion.time.shape[0] + 1000:
             return TOO_MANY_STEPS, t, steps, rejected
+        if channels.many.shape[0] > 0:
+            find_values(step, space.slopes, channels)
         while out < wanted.time.shape[0] and wanted.time[out] <= after:
-            row = wanted.row[out]
-            at_fraction((wanted.time[out] - t) / step, step, tangent, space, wanted.angle[row], wanted.speed[row])
+            row, x = wanted.row[out], (wanted.time[out] - t) / step
+            at_fraction(x, step, tangent, space, wanted.angle[row], wanted.speed[row])
+            if wanted.channel.shape[0] > 0:
+                channels_at(x, channels, wanted.channel[row])
             out += 1
         at_fraction(1.0, step, tangent, space, reached[0], reached[1])
         accept(tangent, reached, space.largest)
+        if channels.many.shape[0] > 0:
+            advance_channels(channels)
         h = max(step * factor, h if factor >= 1.0 else 0.0)
         t = after
         if after == at_kink:
@@ -152,5 +225,5 @@ def follow(motion, drive, kinks, linear, wanted, tangent, reached, linearise):
             fresh = True
         else:
             end_is_start(space)
-    fill_rest(out, 2.0 * abs(end) + 1.0, wanted, tangent)
+    fill_rest(out, 2.0 * abs(end) + 1.0, wanted, tangent, channels)
     return DONE, t, steps, rejected

@@ -9,12 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from model.kernels import layout as L
 from model.kernels.compile import uncounted_loop
 from model.kernels.kernel_value import KernelType
 from model.kernels.lanes import rows
-from model.kernels.regimes import OWN, SLOPES
-from model.kernels.workspace import Q, V
+from model.kernels.regimes import SLOPES
+from model.kernels.workspace import Q, V, Z
 
 LANES = 8  # parameters side by side; their number is filled up to a multiple of it
 
@@ -23,7 +22,7 @@ class Sources(NamedTuple):
     """Numbers of a scene that parameters change, (s,), increasing; ``first`` (s + 1,) where each begins in the rest.
 
     ``column`` is the parameter, ``slope`` by how much a unit of it changes the number; ``place`` (k,) the row of each
-    number of the vector, or -1.
+    number of the vector, or -1. Numbers of a string's modes are not among them.
     """
 
     number: np.ndarray
@@ -34,81 +33,112 @@ class Sources(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """Kernels of `model.derived.slopes` and memory for what they fill."""
+    """Kernels of `model.derived.slopes` and memory for what they fill; what contacts' rows are made of.
+
+    ``normal_first`` (c + 1,) is where the numbers of each contact begin in ``normal_number``, ``memory`` (c + 1,) the
+    first memory of each contact; all memories of a contact lie together. ``string`` is the string's contact, or -1.
+    """
 
     numbers: object
     normals: object
+    carried: object
     input: np.ndarray  # (1,)
-    by_number: np.ndarray  # (k n,)
-    normal: np.ndarray  # (c (1 + 4 N + OWN),)
+    by_number: np.ndarray  # (k r,)
+    normal: np.ndarray
+    modes: np.ndarray  # (10 K,)
+    normal_first: np.ndarray
+    normal_number: np.ndarray
+    memory: np.ndarray
+    string: int
 
 
 _f, _i = types.float64, types.int64
 _numbers, _table, _cube = (types.Array(_f, k, "C") for k in (1, 2, 3))
 _integers = types.Array(_i, 1, "C")
 SOURCES = types.NamedTuple([_integers] * 3 + [_numbers, _integers], Sources)
-LOADS = types.NamedTuple([KernelType(SLOPES), KernelType(SLOPES), _numbers, _numbers, _numbers], Loads)
-PARAMETER_LOADS = types.void(_numbers, _numbers, _f, SOURCES, LOADS, _table)
+LOADS = types.NamedTuple([KernelType(SLOPES)] * 3 + [_numbers] * 4 + [_integers] * 3 + [_i], Loads)
+PARAMETER_LOADS = types.void(_numbers, _numbers, _f, SOURCES, LOADS, _table, _table)
 
 
 @uncounted_loop(PARAMETER_LOADS)
-def parameter_loads(w, p, u, sources, loads, load):
-    """Fill ``load`` (n, P) with d(f - M a)/dp at the state and the accelerations in the workspace ``w``."""
-    n = load.shape[0]
+def parameter_loads(w, p, u, sources, loads, load, entering):
+    """Fill ``load`` (n, P) with d(f - M a)/dp at the state and the accelerations in the workspace ``w``.
+
+    And ``entering`` (C, P) with derivatives of the memories' rates, then of the string's force.
+    """
+    n, size = load.shape[0], load.shape[0] + entering.shape[0]
     load[:, :] = 0.0
+    entering[:, :] = 0.0
     loads.input[0] = u
     loads.numbers(w, loads.input, p, loads.by_number)
     for s in range(sources.number.shape[0]):
-        at = n * sources.number[s]
-        for i in range(n):
+        at = size * sources.number[s]
+        for i in range(size):
             change = loads.by_number[at + i]
             if change != 0.0:
                 for e in range(sources.first[s], sources.first[s + 1]):
-                    load[i, sources.column[e]] += sources.slope[e] * change
+                    if i < n:
+                        load[i, sources.column[e]] += sources.slope[e] * change
+                    else:
+                        entering[i - n, sources.column[e]] += sources.slope[e] * change
 
 
 class Moved(NamedTuple):
-    """States (m, N) of a motion and their derivatives (m, N, P), P a multiple of the lanes."""
+    """States (m, N) of a motion, derivatives (m, n, P), P a multiple of the lanes, and those of channels (m, C, P)."""
 
-    angle: np.ndarray
-    speed: np.ndarray
+    state: np.ndarray
     d_angle: np.ndarray
     d_speed: np.ndarray
+    d_channel: np.ndarray
 
 
-MOVED = types.NamedTuple([_table, _table, _cube, _cube], Moved)
+MOVED = types.NamedTuple([_table, _cube, _cube, _cube], Moved)
 NORMAL_SLOPES = types.void(MOVED, _numbers, _i, SOURCES, LOADS, _numbers, _table, _cube)
 
 
 @uncounted_loop(NORMAL_SLOPES)
-def normal_slopes(moved, p, contacts_at, sources, loads, w, normal, out):
-    """Fill ``normal`` (m, c), N, and add to ``out`` (m, c, P), which is 0, its derivatives."""
-    n = moved.angle.shape[1]
+def normal_slopes(moved, p, own, sources, loads, w, normal, out):
+    """Fill ``normal`` (m, c), N, and add to ``out`` (m, c, P), which is 0, its derivatives.
+
+    ``own`` coordinates stand in a row of states before their speeds and what is remembered; ``w`` is a workspace.
+    """
+    n, channels = moved.d_angle.shape[1], moved.d_channel.shape[1]
     blocks = moved.d_angle.shape[2] // LANES
     d_angle, d_speed, lanes = rows(moved.d_angle, LANES), rows(moved.d_speed, LANES), rows(out, LANES)
-    for m in range(moved.angle.shape[0]):
-        for i in range(n):
-            w[Q + i], w[V + i] = moved.angle[m, i], moved.speed[m, i]
+    d_channel = rows(moved.d_channel, LANES)
+    for m in range(moved.state.shape[0]):
+        for i in range(own):
+            w[Q + i], w[V + i] = moved.state[m, i], moved.state[m, own + i]
+        for i in range(moved.state.shape[1] - 2 * own):
+            w[Z + i] = moved.state[m, 2 * own + i]
         loads.normals(w, loads.input, p, loads.normal)
+        at = 0
         for c in range(normal.shape[1]):
-            at = (1 + 4 * n + OWN) * c
-            row = loads.normal
-            normal[m, c] = row[at]
-            if not row[at] > 0.0:
+            row, first = loads.normal, at
+            memories = loads.memory[c + 1] - loads.memory[c]
+            numbers = loads.normal_first[c + 1] - loads.normal_first[c]
+            at += 1 + 2 * n + memories + numbers
+            normal[m, c] = row[first]
+            if not row[first] > 0.0:
                 continue
             to = (m * normal.shape[1] + c) * blocks
             for k in range(n):
                 of = (m * n + k) * blocks
-                by_angle, by_speed = row[at + 1 + k], row[at + 1 + n + k]
+                by_angle, by_speed = row[first + 1 + k], row[first + 1 + n + k]
                 if by_angle != 0.0 or by_speed != 0.0:
                     for b in range(blocks):
                         lanes[to + b] = lanes[to + b] + by_angle * d_angle[of + b] + by_speed * d_speed[of + b]
-            for k in range(OWN + 2 * n):
-                number = contacts_at + L.CONTACT_SIZE * c + k
-                if k >= OWN:
-                    number = L.GLOBALS + L.BODY_SIZE * ((k - OWN) // 2) + L.PIVOT_X + (k - OWN) % 2
-                s = sources.place[number]
-                change = row[at + 1 + 2 * n + k]
+            for k in range(memories):
+                of = (m * channels + loads.memory[c] + k) * blocks
+                for b in range(blocks):
+                    lanes[to + b] = lanes[to + b] + row[first + 1 + 2 * n + k] * d_channel[of + b]
+            if c == loads.string:
+                of = (m * channels + channels - 1) * blocks
+                for b in range(blocks):
+                    lanes[to + b] = lanes[to + b] + d_channel[of + b]
+            for k in range(numbers):
+                s = sources.place[loads.normal_number[loads.normal_first[c] + k]]
+                change = row[first + 1 + 2 * n + memories + k]
                 if s >= 0 and change != 0.0:
                     for e in range(sources.first[s], sources.first[s + 1]):
                         out[m, c, sources.column[e]] += sources.slope[e] * change

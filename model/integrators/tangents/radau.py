@@ -5,7 +5,8 @@ With sigma = dq/dp and nu = dv/dp the motion's equations M a = f give, linear in
     sigma' = nu,    M nu' = K sigma + D nu + load,    load = d(f - M a)/dp at a fixed motion.
 
 The values of nu' at the nodes of a step solve one linear system, the same for all parameters, which stand side by side
-in lanes. Of five nodes, order nine: chosen by error against time (docs/decisions/0152-tangents-of-order-nine.md).
+in lanes; what felt and string remember is eliminated from it (`channels`).
+Of five nodes, order nine: chosen by error against time (docs/decisions/0152-tangents-of-order-nine.md).
 """
 
 from math import isfinite
@@ -14,28 +15,29 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from model.integrators.tangents.coefficients import radau
+from model.integrators.tangents.channels import METHOD, STAGES, begun, couple, find_answers, know, push_known
 from model.integrators.tangents.elimination import factor, substitute, substitute_four
 from model.integrators.tangents.loads import LANES
 from model.integrators.tangents.nodes import SPACE
 from model.kernels.compile import step_loop
 from model.kernels.lanes import filled, rows
 
-STAGES = 5
-NODES, LAGRANGE, ONCE, TWICE, FILTER, ESTIMATE_RISE, ESTIMATE_ONCE, ESTIMATE_TWICE = radau(STAGES)
+NODES, LAGRANGE, ONCE, TWICE, FILTER, ESTIMATE_RISE, ESTIMATE_ONCE, ESTIMATE_TWICE = METHOD
 
 
 class Wanted(NamedTuple):
     """Increasing times (m,) of the outputs, where each goes in ``angle`` and ``speed`` (m, n, P); what errors are
     measured by; longest step.
 
-    ``floor`` (2, P) is the least value that counts, of angles' and of speeds' derivatives.
+    ``floor`` (2, P) is the least value that counts, of angles' and of speeds' derivatives; ``channel`` (m, C, P) is for
+    those of what felt and string remember, or (0, C, P).
     """
 
     time: np.ndarray
     row: np.ndarray
     angle: np.ndarray
     speed: np.ndarray
+    channel: np.ndarray
     tolerance: float
     floor: np.ndarray
     stride: int  # steps of the motion that one may span
@@ -43,7 +45,7 @@ class Wanted(NamedTuple):
 
 _f, _i = types.float64, types.int64
 _numbers, _table, _cube = (types.Array(_f, k, "C") for k in (1, 2, 3))
-WANTED = types.NamedTuple([_numbers, types.Array(_i, 1, "C"), _cube, _cube, _f, _table, _i], Wanted)
+WANTED = types.NamedTuple([_numbers, types.Array(_i, 1, "C"), *[_cube] * 3, _f, _table, _i], Wanted)
 SOLVE_STEP = types.boolean(_f, _cube, SPACE)
 ESTIMATED_ERROR = _f(_f, _cube, WANTED, SPACE)
 AT_FRACTION = types.void(_f, _f, _cube, SPACE, _table, _table)
@@ -62,6 +64,11 @@ def solve_step(h, tangent, space):
                 for j in range(n):
                     x = once * space.damp[m + 1, i, j] + twice * space.stiff[m + 1, i, j]
                     a[n * m + i, n * c + j] = x + space.mass[m + 1, i, j] if c == m else x
+    channels = space.channels
+    if channels.many.shape[0] > 0:
+        find_answers(h, channels)
+        couple(h, n, a, channels)
+        know(h, tangent, space.carried, channels)
     if not factor(space, STAGES * n):
         return False
     sigma, load, slopes = rows(tangent, LANES), rows(space.load, LANES), rows(space.slopes, LANES)
@@ -76,6 +83,10 @@ def solve_step(h, tangent, space):
                 if stiff != 0.0 or damp != 0.0:
                     sum_ = sum_ + stiff * sigma[k] + (stiff * h * NODES[m] + damp) * sigma[nu + k]
             slopes[row * blocks + b] = sum_
+    if channels.many.shape[0] > 0:
+        for row in range(STAGES * n):
+            space.row_of[order[row]] = row
+        push_known(n, space.row_of, space.slopes, channels)
     whole = blocks - blocks % 4
     for b in range(0, whole, 4):
         substitute_four(space, STAGES * n, slopes, b, blocks)
@@ -118,6 +129,10 @@ def estimated_error(h, tangent, wanted, space):
                 if mass != 0.0:
                     for c in range(STAGES):
                         sum_ = sum_ + (h * mass * ESTIMATE_ONCE[c]) * slopes[(n * c + j) * blocks + b]
+            for c in range(space.channels.many.shape[0]):
+                for k in range(space.channels.many[c]):
+                    if space.channels.links[c, k] == i and space.channels.push[0, c, k] != 0.0:
+                        sum_ = sum_ + (g * space.channels.push[0, c, k]) * begun(c, b, space.channels)
             error[(n + row) * blocks + b] = sum_
         substitute(space, n, error, n * blocks + b, blocks)
         for i in range(n):
