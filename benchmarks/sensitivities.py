@@ -75,7 +75,7 @@ class Frozen:
         slopes = directions(action, model.SceneChoice(), find_parameters(action, ["hammer.mass"]))
         simulation = self._at_rest(slopes.scene)
         end = float(blow[0][-1])
-        self.steps = Recorded(slopes, simulation, simulation.plan(end, *blow), 0.0).motion.time
+        self.steps = Recorded(slopes, simulation, end, blow, (solve_rest(slopes.scene), 0.0)).motion.step[:, :2]
         self.ends = np.append(self.steps[1:, 0], end)
 
     def _at_rest(self, scene: model.Scene) -> model.Simulation:
@@ -161,8 +161,47 @@ def tangents(action: model.Action, blow: tuple[Array, Array], names: list[str], 
     return run
 
 
+def scenes() -> None:
+    """Print what 60 columns cost in each scene, in runs of that scene at 1e-5 rad, alone and with all that is asked.
+
+    Errors are those of sampled columns against differences of whole runs: the slow tests of
+    ``tests/model/simulation/test_effects_and_jobs.py``.
+    """
+    action = model.load_action()
+    some = ("contact01", "contact02", "contact12")
+    thirty = action.with_effects({"string.modes": 30.0})
+    cases = {"whole": (action, model.SceneChoice())}
+    cases |= {
+        law: (action.with_laws(dict.fromkeys(some, law)), model.SceneChoice()) for law in ("stulov", "hysteresis")
+    }
+    cases |= {"string, 30 modes": (thirty, model.SceneChoice(effects=("string",)))}
+    named = ("lifting-key", "flexible-shank", "giving-hammer", "giving-joints", "motor-arm", "motor-drive")
+    cases |= {name: (action, model.load_scene(name)) for name in named}
+    print(f"{'60 columns':<20} {'run, ms':>8} {'runs':>6} {'with events, forces':>20}  steps of motion, of tangents")
+    for name, (chosen, choice) in cases.items():
+        per = {"motor_drive": 0.1 / 1.2, "motor_arm": 0.1}
+        time_s, force = model.force_table("forte")
+        blow = time_s, force * next((x for effect, x in per.items() if effect in choice.effects), 1.0)
+        run = seconds(lambda a=chosen, b=blow, c=choice: model.simulate(a, *b, scene=c), 5)  # type: ignore[misc]
+        spent = []
+        for asked in (False, True):
+            options = model.SensitivityOptions(scene=choice, allow_idle=True, events=asked, contact_forces=asked)
+            columns = [x for x in sixty(chosen) if not (x.endswith(".normal.D") and name in ("stulov", "hysteresis"))]
+            found = model.sensitivities(chosen, blow, columns, options=options)
+
+            def work(a=chosen, b=blow, x=columns, o=options) -> None:  # type: ignore[no-untyped-def]
+                model.sensitivities(a, b, x, options=o)
+
+            spent.append(seconds(work, 3))
+        steps = found.counters["n_steps"], found.counters["n_tangent_steps"] + found.counters["n_tangent_rejected"]
+        print(f"{name:<20} {1e3 * run:>8.1f} {spent[0] / run:>6.1f} {spent[1] / run:>20.1f}  {steps[0]}, {steps[1]}")
+
+
 def main() -> None:
     """Print the table."""
+    if "--scenes" in sys.argv:
+        scenes()
+        return
     action, blow = model.load_action(), model.force_table("forte")
 
     def changed(name: str, change: float) -> model.Action:

@@ -30,7 +30,6 @@ from model.kernels.kernel_value import Kernel
 from model.kernels.lanes import lanes_pay
 from model.kernels.layout import Tables
 from model.kernels.once import alone
-from model.kernels.regimes import REGIME, SLOPES
 from model.kernels.signatures import (
     DENSE,
     END,
@@ -44,7 +43,9 @@ from model.kernels.signatures import (
     LINEARISE,
     OBSERVE,
     PREPARE,
+    REGIME,
     SKIP,
+    SLOPES,
     STAGE,
     LaneKernels,
     StepKernels,

@@ -3,8 +3,9 @@
 ``numbers``: derivatives of d(f - M a), of the rates of memories and of the force on the string by every number p that
 they depend on, at the state and accelerations of a workspace; of the modes' rates by their own numbers.
 ``normals``: normal force of each contact with its derivatives by coordinates, speeds, memories and numbers.
-``regime``: bits of the contacts that push, touch an arc's tangent, slide forwards, are pressed in: there the Jacobian
-jumps or turns. ``carried``: what free modes become in a time, with their derivatives.
+``regime``: bits of contacts and tips that push, touch an arc's tangent, slide forwards, are pressed in, and of joints
+that turn forwards: where one changes the Jacobian jumps or turns.
+``carried``: what free modes become in a time, with their derivatives.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from model.elements.strings import AWAKE, Modes, StringContact
 from model.elements.structure import Structure
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.regimes import BESIDE, PRESSED, SLIDING
 
 CARRIED = 10  # numbers of a mode in `carried`: way and rate, then of each its slopes by way, rate, stiffness, damping
 
@@ -157,20 +157,24 @@ class Differentiated:
         return self._program(out)
 
     def regime(self) -> Program:
-        """Bits as told above, by place of the contact."""
-        conditions = []
-        for c, place in self._s.place.items():
-            contact = self._e.contacts[c]
+        """One bit for each of these: whether it holds."""
+        s, e = self._s, self._e
+        holds: list[Expression] = []
+        for c in s.place:
+            contact = e.contacts[c]
             pushes = self._meets(contact) & contact.felt[0]
-            conditions.append((place, ~pushes))
-            if self._s.contact[c][2] == L.HYBRID:
-                conditions.append((BESIDE + place, ~(pushes & contact.beside_the_arc())))
-            if c not in self._s.string:
-                rubs = make("differs", contact.number(L.MU_A), ZERO) & (contact.closing[1] > 0.0)
-                conditions.append((SLIDING + place, ~(pushes & rubs)))
-            if self._s.memories(c):
-                conditions.append((PRESSED + place, ~(pushes & (contact.closing[0] > 0.0))))
-        return Program(dict.fromkeys("wp", "array"), self._with_string(), conditions)
+            holds.append(pushes)
+            if s.contact[c][2] == L.HYBRID:
+                holds.append(pushes & contact.beside_the_arc())
+            if c not in s.string:
+                rubs = make("differs", contact.number(L.MU_A), ZERO)
+                holds.append(pushes & rubs & (contact.closing[1] > 0.0))
+            if s.memories(c):
+                holds.append(pushes & (contact.closing[0] > 0.0))
+        holds += [(tip.depth > 0.0) & tip.felt[0] for tip in e.tips]
+        holds += [make("differs", s.body(i, L.JF_A), ZERO) & (e.state.v[i] > 0.0) for i in s.bodies]
+        assert len(holds) <= 64
+        return Program(dict.fromkeys("wp", "array"), self._with_string(), [(k, ~one) for k, one in enumerate(holds)])
 
     def carried(self) -> Program:
         """Of each mode that was left free for the time ``u``, s: `CARRIED` numbers."""

@@ -25,7 +25,7 @@ from model.integrators.step_control import (
     next_stop,
     shortened,
 )
-from model.kernels.compile import inlined, step_loop
+from model.kernels.compile import inlined, step_loop, uncounted
 from model.kernels.inputs import constant_until, fit_to_input, input_at
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RESTS, N_RHS, N_SKIPPED, N_STEPS
 from model.kernels.signatures import INTEGRATE

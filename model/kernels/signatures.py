@@ -167,6 +167,8 @@ SKIP = _i(pointer, pointer)  # w, p -> mask of contacts that cannot touch
 STAGE = _i(pointer, pointer, pointer, pointer, _i, _f, _f, _f, _f, _i)
 # w, p, a, c, stage, gamma h, 1/h, u, weight of du/dt, mask -> 1 where a coordinate left its allowance
 OBSERVE = _i(pointer, pointer, pointer, pointer)  # state, input, p, row to fill -> 0; see `model.derived.watched`
+SLOPES = OBSERVE  # of a workspace: `model.derived.slopes`
+REGIME = _i(pointer, pointer)  # workspace, p -> bits: the same
 # of `model.derived.stepping`, for one run and for lanes
 FIT = _i(pointer, pointer)  # w, p -> 0
 END = _i(pointer, pointer, _i, _i)  # w, b, stages, memories -> 1, or bits of the lanes, where the error is finite

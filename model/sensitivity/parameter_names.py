@@ -21,6 +21,7 @@ from model.parameters.action import Action
 from model.parameters.scaling import named_paths
 from model.scene.build import Scene, build_scene
 from model.scene.key_motion import KeyMotion
+from model.scene.pressing import Command, command_of
 from model.scene.selection import SceneChoice
 
 Array = NDArray[np.float64]
@@ -188,7 +189,9 @@ def directions(
     switching = {
         j for group in _groups(scene, parameters) for j in _fill(slope, group, parameters, (action, build), scene)
     }
-    idle = [p.name for j, p in enumerate(parameters) if j not in switching and not np.any(slope[j])]
+    found = Directions(tuple(parameters), action, scene, slope)
+    still = [j for j in range(len(parameters)) if j not in switching and not np.any(slope[j])]
+    idle = [parameters[j].name for j in still if not any(end != scene.command for end in commands(found, j))]
     if idle:
         raise InputError(
             f"parameter {', '.join(idle)}: no effect in this scene; leave it out or choose a scene with its element"
@@ -199,7 +202,14 @@ def directions(
             f"parameter {names}: its element is switched off (all its values are 0), where a derivative "
             "does not exist; give it a value or leave it out"
         )
-    return Directions(tuple(parameters), action, scene, slope)
+    return found
+
+
+def commands(directions: Directions, j: int) -> list[Command]:
+    """What turns the input of a run into the kernels', with parameter ``j`` a step more, and a step less; or none."""
+    parameter, bodies = directions.parameters[j], list(directions.scene.bodies)
+    ends = [command_of(shifted(directions.action, parameter, s * parameter.step), bodies) for s in (1.0, -1.0)]
+    return [end for end in ends if end is not None]
 
 
 def _own_numbers(scene: Scene, parameter: Parameter) -> slice | None:

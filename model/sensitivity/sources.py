@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from model.integrators.tangents.loads import Sources
 from model.kernels import layout as L
 from model.scene.build import Scene
-from model.scene.pressing import Command, command_of
-from model.sensitivity.parameter_names import Directions, shifted
+from model.scene.pressing import Command
+from model.sensitivity.parameter_names import Directions, commands
 
 Array = NDArray[np.float64]
 
@@ -45,10 +45,9 @@ def modes_moved(directions: Directions, first: int, count: int) -> Array:
 def _command_slopes(directions: Directions, found: Callable[[Command], Array], shape: tuple[int, ...]) -> Array:
     """Change (..., P) by parameters of what a command turns an input into; zeros of ``shape`` where none does."""
     out = np.zeros((*shape, len(directions.parameters)))
-    bodies, of = list(directions.scene.bodies), directions.scene.command
     for j, parameter in enumerate(directions.parameters):
-        ends = [command_of(shifted(directions.action, parameter, s * parameter.step), bodies) for s in (1.0, -1.0)]
-        if ends[0] is not None and ends[1] is not None and any(end != of for end in ends):
+        ends = commands(directions, j)
+        if any(end != directions.scene.command for end in ends):
             out[..., j] = (found(ends[0]) - found(ends[1])) / (2.0 * parameter.step)
     return out
 

@@ -15,7 +15,7 @@ from model.derived.load import kernels_of, links_of, slopes_of
 from model.derived.slopes import CARRIED, normal_places, normal_sizes
 from model.elements.strings import AWAKE
 from model.elements.structure import Structure
-from model.errors import InputError, IntegrationError
+from model.errors import IntegrationError
 from model.integrators.step_control import FULL
 from model.integrators.tangents.channels import Channels, Modes
 from model.integrators.tangents.follow import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, Landings, follow
@@ -25,7 +25,6 @@ from model.integrators.tangents.radau import STAGES, Wanted
 from model.integrators.tangents.recorded_motion import Motion, Seen, find_kinks, states_along
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.regimes import MOST_CONTACTS
 from model.kernels.signatures import SceneNumbers, StepKernels
 from model.scene.pressing import steady_current
 from model.sensitivity.parameter_names import Directions
@@ -65,8 +64,6 @@ class _Run:
         tables = self.scene.tables
         self.kernels: StepKernels = kernels_of(tables)
         self.numbers = SceneNumbers(self.scene.vector, tables.parent[: self.scene.size], self.scene.solved_contacts)
-        if self.scene.solved_contacts > MOST_CONTACTS:
-            raise InputError(f"sensitivities: found {self.scene.solved_contacts} contacts, allowed {MOST_CONTACTS}")
         self.structure = s = Structure(tables)
         self.regime = slopes_of(tables, "regime")
         n, p = s.free, _filled_up(len(directions.parameters))
@@ -78,7 +75,7 @@ class _Run:
             aligned(len(self.scene.bodies) - self.scene.size, p),
             aligned(count, _filled_up(count)), np.zeros((count, count)), np.zeros(count, dtype=np.int64),
             aligned(count, p), aligned(2 * n, p), aligned(2 * n, p), np.zeros(count, dtype=np.int64),
-            aligned(1, p), np.array(places), self._channels(p),
+            np.zeros((STAGES, 2)), aligned(1, p), np.array(places), self._channels(p),
         )  # fmt: skip
         self.linear = Linear(
             self.numbers, self.kernels, sources_of(directions), self._loads(), self.space, aligned(0, 2, p)
@@ -160,9 +157,7 @@ def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
         span = span._replace(time=time, step=step)
         used = counters[L.N_STEPS] + counters[L.N_REJECTED] - before
         limits = limits._replace(most_steps=max(0, most - int(used)))  # of the whole run, not of each part
-    whole = np.concatenate(parts)
-    state = np.ascontiguousarray(whole[:, 2:]).reshape(len(whole), depth, size)
-    return Motion(np.ascontiguousarray(whole[:, :2]), state, n)
+    return Motion(parts[0] if len(parts) == 1 else np.concatenate(parts), size, n)
 
 
 def _rest_slopes(run: _Run, rest: Array, u: float) -> Array:
@@ -307,7 +302,7 @@ class Recorded:
 
     def whole_states(self, times: Array) -> Array:
         """Angles, speeds and what is remembered (m, N) at times (m,)."""
-        state = np.empty((len(times), self.motion.state.shape[2]))
+        state = np.empty((len(times), self.motion.size))
         states_along(self.motion, np.ascontiguousarray(times, dtype=float), state)
         return state
 
@@ -334,11 +329,11 @@ class Recorded:
         s, n = self.run.structure, self.run.scene.size
         if not s.string:
             return np.empty((0, 3))
-        since = self.motion.state[:, 0, 2 * n + s.first_of_string() + L.SINCE]
+        since = self.motion.step[:, 2 + 2 * n + s.first_of_string() + L.SINCE]
         awake = since < 0.5 * AWAKE
         self.run.space.channels.modes.awake[0] = int(awake[0])
         at = np.flatnonzero(awake[1:] != awake[:-1]) + 1
-        begin = self.motion.time[at, 0]
+        begin = self.motion.step[at, 0]
         return np.column_stack([begin, np.where(awake[at], begin - since[at - 1], -1.0), at])
 
     def _stride(self) -> int:
@@ -354,8 +349,15 @@ class Recorded:
         run, motion = self.run, self.motion
         n, p = self._d_rest.shape
         filled, count = _filled_up(p), len(run.space.channels.many)
-        kinks = np.empty((4 * len(motion.time) + 4, 2))
-        seen = Seen(self.drive, run.scene.vector, run.kernels.linearise, run.regime, run.workspace())
+        kinks = np.empty((4 * len(motion.step) + 4, 2))
+        seen = Seen(
+            self.drive,
+            run.scene.vector,
+            run.kernels.linearise,
+            run.regime,
+            bool(np.any(run.scene.tables.prescribed)),
+            run.workspace(),
+        )
         found = find_kinks(motion, seen, kinks)
         scale = np.array([parameter.scale for parameter in self.directions.parameters])
         floor = aligned(2, filled)

@@ -83,13 +83,14 @@ def node_at(t, m, place, motion, drive, linear, linearise):
 @inlined_uncounted
 def before(t, k, motion, stride):
     """The time that a step from ``t`` may not pass: the end of the ``stride``-th step of the motion from there."""
-    last = motion.time.shape[0] - 1
-    while k > 0 and t < motion.time[k, 0]:
+    steps = motion.step
+    last = steps.shape[0] - 1
+    while k > 0 and t < steps[k, 0]:
         k -= 1
-    while k < last and t >= motion.time[k + 1, 0]:
+    while k < last and t >= steps[k + 1, 0]:
         k += 1
     k = min(last, k + stride - 1)
-    return motion.time[k, 0] + motion.time[k, 1]
+    return steps[k, 0] + steps[k, 1]
 
 
 @inlined_uncounted
@@ -139,7 +140,7 @@ def wake(row, motion, linear):
     modes.awake[0] = 0 if row[1] < 0.0 else 1
     if row[1] >= 0.0:
         before = int(row[2]) - 1
-        state_at(motion.time[before, 0], before, motion, linear.space.point)
+        state_at(motion.step[before, 0], before, motion, linear.space.point)
         loads.input[0] = row[1]
         loads.carried(linear.space.point, loads.input, linear.scene.parameters, loads.modes)
         carry(loads.modes, linear.space.channels)
@@ -159,8 +160,8 @@ def follow(motion, drive, landings, linear, wanted, tangent, reached, linearise)
     """Carry ``tangent`` (2, n, P) along the whole motion; fill the outputs wanted (``reached``: memory)."""
     space, kinks = linear.space, landings.kink
     channels, woken = space.channels, 0
-    t = motion.time[0, 0]
-    end = motion.time[-1, 0] + motion.time[-1, 1]
+    t = motion.step[0, 0]
+    end = motion.step[-1, 0] + motion.step[-1, 1]
     steps, rejected, kink = 0, 0, 0
     place = (0, 0)
     h = FIRST_STEP
@@ -204,7 +205,7 @@ def follow(motion, drive, landings, linear, wanted, tangent, reached, linearise)
                 return STEP_TOO_SMALL, t, steps, rejected
             continue
         steps += 1
-        if steps + rejected > MOST_STEPS * motion.time.shape[0] + 1000:
+        if steps + rejected > MOST_STEPS * motion.step.shape[0] + 1000:
             return TOO_MANY_STEPS, t, steps, rejected
         if channels.many.shape[0] > 0:
             find_values(step, space.slopes, channels)

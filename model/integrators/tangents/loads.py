@@ -12,7 +12,7 @@ from numba import types
 from model.kernels.compile import uncounted_loop
 from model.kernels.kernel_value import KernelType
 from model.kernels.lanes import rows
-from model.kernels.regimes import SLOPES
+from model.kernels.signatures import SLOPES
 from model.kernels.workspace import Q, V, Z
 
 LANES = 8  # parameters side by side; their number is filled up to a multiple of it

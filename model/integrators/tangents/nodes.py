@@ -11,7 +11,7 @@ from numba import types
 from model.integrators.tangents.channels import CHANNELS, Channels, fill_channels, load_modes
 from model.integrators.tangents.loads import LOADS, SOURCES, Loads, Sources, parameter_loads
 from model.integrators.tangents.recorded_motion import KERNELS, NUMBERS
-from model.kernels.compile import step_loop
+from model.kernels.compile import uncounted_loop
 from model.kernels.signatures import SceneNumbers, StepKernels
 from model.kernels.workspace import M_DIAG, M_UP, Z
 
@@ -36,6 +36,7 @@ class Space(NamedTuple):
     error: np.ndarray  # (2 n, P)
     largest: np.ndarray  # (2 n, P) so far
     row_of: np.ndarray  # (s n,) where a row of the system lies after pivoting
+    weights: np.ndarray  # (s, 2) of the polynomial through the nodes, where it is asked for
     input_change: np.ndarray  # (1, P) of the kernels' input by parameters, at the node that is linearised
     places: (
         np.ndarray
@@ -58,13 +59,14 @@ _f, _i = types.float64, types.int64
 _numbers, _table, _cube = (types.Array(_f, k, "C") for k in (1, 2, 3))
 _integers = types.Array(_i, 1, "C")
 SPACE = types.NamedTuple(
-    [_numbers, *[_cube] * 4, *[_table] * 3, _integers, *[_table] * 3, _integers, _table, _integers, CHANNELS], Space
+    [_numbers, *[_cube] * 4, *[_table] * 3, _integers, *[_table] * 3, _integers, *[_table] * 2, _integers, CHANNELS],
+    Space,
 )
 LINEAR = types.NamedTuple([NUMBERS, KERNELS, SOURCES, LOADS, SPACE, _cube], Linear)
 LINEARISE_NODE = types.void(_i, _f, LINEAR)
 
 
-@step_loop(LINEARISE_NODE)
+@uncounted_loop(LINEARISE_NODE)
 def linearise_node(m, u, linear):
     """Linearise at the state in ``space.point`` and fill row ``m`` of M, K, D, the loads and the channels."""
     scene, kernels, sources, loads, space, _ = linear

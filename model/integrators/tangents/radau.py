@@ -19,7 +19,7 @@ from model.integrators.tangents.channels import METHOD, STAGES, begun, couple, f
 from model.integrators.tangents.elimination import factor, substitute, substitute_four
 from model.integrators.tangents.loads import LANES
 from model.integrators.tangents.nodes import SPACE
-from model.kernels.compile import step_loop
+from model.kernels.compile import uncounted_loop
 from model.kernels.lanes import filled, rows
 
 NODES, LAGRANGE, ONCE, TWICE, FILTER, ESTIMATE_RISE, ESTIMATE_ONCE, ESTIMATE_TWICE = METHOD
@@ -51,7 +51,7 @@ ESTIMATED_ERROR = _f(_f, _cube, WANTED, SPACE)
 AT_FRACTION = types.void(_f, _f, _cube, SPACE, _table, _table)
 
 
-@step_loop(SOLVE_STEP)
+@uncounted_loop(SOLVE_STEP)
 def solve_step(h, tangent, space):
     """Fill ``space.slopes`` with nu' at the nodes of a step of ``h`` from ``tangent``; False where it cannot."""
     n = tangent.shape[1]
@@ -95,7 +95,7 @@ def solve_step(h, tangent, space):
     return True
 
 
-@step_loop(ESTIMATED_ERROR)
+@uncounted_loop(ESTIMATED_ERROR)
 def estimated_error(h, tangent, wanted, space):
     """The error of a step, of what is allowed in any column: the difference from a method of lower order."""
     n = tangent.shape[1]
@@ -143,19 +143,19 @@ def estimated_error(h, tangent, wanted, space):
     error[0] = worst
     out = 0.0
     for lane in range(LANES):
-        x = space.error.ravel()[lane]
+        x = space.error[0, lane]
         out = max(out, x) if isfinite(x) else 1e300
     return out / wanted.tolerance
 
 
-@step_loop(AT_FRACTION)
+@uncounted_loop(AT_FRACTION)
 def at_fraction(x, h, tangent, space, angle, speed):
     """Derivatives of angles and speeds (n, P) at the fraction ``x`` of a step, on the polynomial through its nodes."""
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES
     sigma, slopes = rows(tangent, LANES), rows(space.slopes, LANES)
     out_angle, out_speed = rows(angle, LANES), rows(speed, LANES)
-    weights = np.empty((STAGES, 2))
+    weights = space.weights
     for c in range(STAGES):
         once = 0.0
         twice = 0.0

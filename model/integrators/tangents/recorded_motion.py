@@ -14,23 +14,22 @@ from numba import types
 from model.kernels.compile import inlined, step_loop
 from model.kernels.inputs import input_at
 from model.kernels.kernel_value import KernelType
-from model.kernels.regimes import REGIME
-from model.kernels.signatures import INTEGRATE, LINEARISE, InputTable
+from model.kernels.signatures import INTEGRATE, LINEARISE, REGIME, InputTable
 from model.kernels.workspace import NOW, SIZE, WITH_MEMORY, Q, V, Z
 
 NARROW = 1e-12  # s, between the two sides of a kink
 
 
 class Motion(NamedTuple):
-    """Steps of a run, (k, ...), of n coordinates and z memories, N = 2 n + z.
+    """Steps of a run of n coordinates and z memories, N = 2 n + z, as the step loop keeps them.
 
-    time : (k, 2) start and length
-    state : (k, 2 + r, N) angles, speeds and memories at the start and at the end, rows of the dense output
-    coordinates : n
+    step : (k, 2 + N (2 + r)) start and length; angles, speeds and memories at the start and at the end, then rows of
+        the dense output
+    size, coordinates : N and n
     """
 
-    time: np.ndarray
-    state: np.ndarray
+    step: np.ndarray
+    size: int
     coordinates: int
 
 
@@ -41,35 +40,38 @@ class Seen(NamedTuple):
     parameters: np.ndarray
     linearise: Any
     regime: Any
+    prescribed: bool
     workspace: np.ndarray
 
 
 _f, _i = types.float64, types.int64
 _table, _numbers = types.Array(_f, 2, "C"), types.Array(_f, 1, "C")
 _, DRIVE, _, NUMBERS, KERNELS, *_ = INTEGRATE.args
-MOTION = types.NamedTuple([_table, types.Array(_f, 3, "C"), _i], Motion)
+MOTION = types.NamedTuple([_table, _i, _i], Motion)
 STATES_ALONG = types.void(MOTION, _numbers, _table)
-SEEN = types.NamedTuple([DRIVE, _numbers, KernelType(LINEARISE), KernelType(REGIME), _numbers], Seen)
+SEEN = types.NamedTuple([DRIVE, _numbers, KernelType(LINEARISE), KernelType(REGIME), types.boolean, _numbers], Seen)
 FIND_KINKS = _i(MOTION, SEEN, _table)
 
 
 @inlined
 def state_at(t, k, motion, w):
     """Put the state at ``t`` into ``w``; ``k`` is a start for the search of the step. Returns the step."""
-    last = motion.time.shape[0] - 1
-    while k < last and t >= motion.time[k + 1, 0]:
+    steps, size, n = motion
+    last = steps.shape[0] - 1
+    while k < last and t >= steps[k + 1, 0]:
         k += 1
-    while k > 0 and t < motion.time[k, 0]:
+    while k > 0 and t < steps[k, 0]:
         k -= 1
-    x = (t - motion.time[k, 0]) / motion.time[k, 1]
-    row, n = motion.state[k], motion.coordinates
-    for i in range(row.shape[1]):
-        d = 0.0
-        for m in range(row.shape[0] - 1, 1, -1):
-            d = row[m, i] + x * d
-        at = Q + i if i < n else (V + i - n if i < 2 * n else Z + i - 2 * n)
-        w[at] = (1.0 - x) * row[0, i] + x * (row[1, i] + (1.0 - x) * d)
-    if row.shape[1] > 2 * n:
+    x = (t - steps[k, 0]) / steps[k, 1]
+    rows = steps.shape[1] // size - 2
+    for i in range(size):
+        d, at = 0.0, steps.shape[1] - size + i
+        for _ in range(rows):
+            d = steps[k, at] + x * d
+            at -= size
+        to = Q + i if i < n else (V + i - n if i < 2 * n else Z + i - 2 * n)
+        w[to] = (1.0 - x) * steps[k, 2 + i] + x * (steps[k, 2 + size + i] + (1.0 - x) * d)
+    if size > 2 * n:
         w[NOW] = t
     return k
 
@@ -90,8 +92,9 @@ def states_along(motion, times, state):
 def regime_at(t, k, k_in, motion, seen):
     """The regime at a time within or at the start of step ``k``; and where the input was found."""
     state_at(t, k, motion, seen.workspace)
-    u, _, k_in = input_at(t, k_in, seen.drive)
-    seen.linearise(seen.workspace, seen.parameters, u)
+    if seen.prescribed:  # linearising finds the coordinates that are
+        u, _, k_in = input_at(t, k_in, seen.drive)
+        seen.linearise(seen.workspace, seen.parameters, u)
     return seen.regime(seen.workspace, seen.parameters), k_in
 
 
@@ -99,9 +102,10 @@ def regime_at(t, k, k_in, motion, seen):
 def find_kinks(motion, seen, kinks):
     """Fill ``kinks`` (m, 2) with the last time before and the first after each kink; returns how many."""
     found = 0
-    now, k_in = regime_at(motion.time[0, 0], 0, 0, motion, seen)
-    for k in range(motion.time.shape[0] - 1):
-        before, left, end = now, motion.time[k, 0], motion.time[k + 1, 0]
+    steps = motion.step
+    now, k_in = regime_at(steps[0, 0], 0, 0, motion, seen)
+    for k in range(steps.shape[0] - 1):
+        before, left, end = now, steps[k, 0], steps[k + 1, 0]
         now, k_in = regime_at(end, k + 1, k_in, motion, seen)
         while before != now and found < kinks.shape[0]:
             right = end

@@ -15,7 +15,9 @@ import model
 from model.motion_driven.prescribed_key import run_prescribed
 from model.parameters.action import CONTACTS
 from model.scene.key_motion import KeyMotion
+from model.sensitivity import find_parameters
 from model.simulation.statics import solve_rest
+from tests.model.sensitivity.richardson import richardson
 
 FORTE = model.force_table("forte")
 ACTION = model.load_action("hirschkorn2004-regulated")
@@ -109,9 +111,43 @@ def _inside(action: model.Action, choice: model.SceneChoice) -> None:
     assert "balance_rail" in choice.effects or joint == pytest.approx(turning, abs=share)
 
 
+OF_EFFECT = {
+    "string": "string.tension", "shank": "shank.frequency_hz", "key_pin": "key_pin.stiffness",
+    "motor_arm": "motor_arm.inertia", "motor_drive": "motor_drive.torque_constant", "finger": "finger.stiffness",
+}  # fmt: skip
+OF_LAW = {"stulov": "epsilon", "hysteresis": "beta"}
+END_S = 0.125  # after strike and rebound
+
+
 def _sensitivities(action: model.Action, choice: model.SceneChoice) -> None:
-    options = model.SensitivityOptions(scene=choice)
-    model.sensitivities(action, _blow(choice), ["hammer.mass"], options=options)
+    """Derivatives of angles by what is always there, by what effects and laws add, against Richardson's limit.
+
+    Of the printed set: in the regulated one a contact only just touches at rest, where a derivative has two sides.
+    """
+    printed = model.load_action().with_laws({c: action.law(c) for c in CONTACTS})
+    chosen = choice.on(printed).with_effects({"string.modes": 12.0} if "string" in choice.effects else {})
+    names = ["hammer.mass", "contact01"] + [name for effect, name in OF_EFFECT.items() if effect in choice.effects]
+    laws = {chosen.law(c): f"{c}.{chosen.law(c)}.{OF_LAW[chosen.law(c)]}" for c in SOME if chosen.law(c) in OF_LAW}
+    names += laws.values()
+    blow, at = _blow(choice), np.linspace(0.0, END_S, 501)
+    options = model.SensitivityOptions(
+        scene=choice, tolerance=1e-10, relative_tolerance=3e-7, output_time_s=at, allow_idle=True, contact_forces=True
+    )
+    found = model.sensitivities(chosen, blow, names, options=options)
+    tight = {"scene": choice, "output_time_s": at, "tolerance": 1e-10 if "finger" in choice.effects else 1e-11}
+    for j, parameter in enumerate(find_parameters(chosen, names)):
+        moves = max(float(np.abs(found.d_angles[:, :, j]).max()), 1e-9)
+        step = min(2e-5 / moves, 1e-2 * abs(parameter.value))  # angles move by far more than runs are off
+        limit, left = richardson(chosen, blow, parameter.name, step, **tight)
+        largest = np.max(np.abs(limit), axis=0)
+        if not largest.any():
+            assert parameter.name in found.idle
+            continue
+        counts = largest > 1e-3 * largest.max()
+        apart = (np.abs(found.d_angles[:, :, j] - limit) / np.where(counts, largest, np.inf)).max(axis=1)
+        print(parameter.name, left, np.quantile(apart, 0.9), apart.max())
+        assert np.quantile(apart, 0.9) < 1e-5 + left, parameter.name
+        assert apart.max() < 5e-4 + 10.0 * left, parameter.name
 
 
 def _motion(action: model.Action, choice: model.SceneChoice) -> None:
@@ -155,7 +191,7 @@ JOBS: dict[str, Callable[[model.Action, model.SceneChoice], None]] = {
     "hammer speed": _of_the_action(lambda a: model.touch.hammer_speeds(a, [5.0])),
     "null model": _of_the_action(lambda a: model.null_model.simulate(a, *FORTE)),
 }
-REFUSES = {"set-valued friction", "sensitivities"}
+REFUSES = {"set-valued friction"}
 MOVES_THE_KEY = {"motor_arm", "finger", "balance_rail"}  # or what it is pushed by
 
 

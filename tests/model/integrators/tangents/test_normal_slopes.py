@@ -27,14 +27,14 @@ def test_normal_forces_of_all_numbers_agree_with_differences(action: model.Actio
     angle = solve_rest(scene) + random.normal(0.0, 0.05, (m, scene.size)) * small
     speed = random.normal(0.0, 0.3, (m, scene.size))
     filled = recorded.run.space.load.shape[2]
-    moved = aligned(m, scene.size, filled), aligned(m, scene.size, filled)
-    for part in moved:
+    moved = aligned(m, scene.size, filled), aligned(m, scene.size, filled), aligned(m, 0, filled)
+    for part in moved[:2]:
         part[:, :, :count] = random.normal(0.0, 1.0, (m, scene.size, count))
-    found_force, found = recorded.normal_forces((angle, speed), moved)
+    found_force, found = recorded.normal_forces(np.concatenate([angle, speed], axis=1), moved)
     assert found.shape == (m, len(scene.contacts), count)
 
     def forces(j: int, state: float, number: float) -> np.ndarray:
-        q, v = (x + state * d[:, :, j] for x, d in zip((angle, speed), moved, strict=True))
+        q, v = (x + state * d[:, :, j] for x, d in zip((angle, speed), moved[:2], strict=True))
         return contacts_at(scene.tables, scene.vector + number * slopes.slope[j], q, v)[:, :, NORMAL]
 
     np.testing.assert_allclose(found_force, forces(0, 0.0, 0.0), rtol=1e-12, atol=1e-12)
