@@ -168,8 +168,6 @@ def test_what_is_refused(action: model.Action, values: dict[str, float], laws: d
     assert message in str(caught.value)
 
 
-def test_jobs_that_know_the_bar_alone_say_so(action: model.Action) -> None:
-    with pytest.raises(model.InputError, match="sensitivities: found the effect string"):
-        model.sensitivities(action, FORTE, ["hammer.mass"], options=model.SensitivityOptions(scene="string"))
+def test_a_string_without_its_contact_is_refused() -> None:
     with pytest.raises(model.InputError, match="add them or leave out string"):
         model.SceneChoice(without=("contact12",), effects=("string",))
