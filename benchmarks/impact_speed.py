@@ -4,7 +4,7 @@
 
 First table: recordings with known truth (`planted_positions`) go the whole way from sensors to prediction: speeds as
 the sensors show them and as predicted from the key, over the true ones. Second: the training strokes of the real piano,
-predicted with one parameter of the identified set moved at a time. Decision: docs/decisions/0180-impact-too-slow.md.
+predicted with one parameter of the identified set moved at a time. Why: docs/explanation/positions.md.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 
 The specimen is the set identified on `sessions/kawai_kg3c`, some of its parameters moved. Its key and hammer go through
 the readings of both rulers (drawn anew within their uncertainty), drift, hum, noise, 17 bit and 2 kHz into a table, and
-from there the way of any recording: import, smoothing, prediction by the key (docs/decisions/0180-impact-too-slow.md).
+from there the way of any recording: import, smoothing, prediction by the key (docs/explanation/positions.md).
 """
 
 from __future__ import annotations

@@ -136,11 +136,11 @@ def main(arguments: list[str] | None = None) -> None:
     write_what_the_terminal_can()
     warnings.showwarning = _one_line_warning
     # a command keeps most of what it allocates until it ends: passes of the collector, the last one above all, find
-    # nothing and would take a fifth of the time (docs/decisions/0054-start-up-collector.md)
+    # nothing and would take a fifth of the time (docs/explanation/lanes.md)
     gc.set_threshold(20_000, 20, 50)
     atexit.register(gc.freeze)
     # many small matrices, and threads of our own: those of the linear algebra wait for each other, on a busy computer
-    # for two thirds of `validate` (docs/decisions/0235-first-demo-compiles-less.md); read when NumPy is first imported
+    # for two thirds of `validate` (docs/explanation/one_text.md); read when NumPy is first imported
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         refuse_shadowed_packages()

@@ -22,7 +22,7 @@ def run(*arguments: str | Path) -> int:
 
 @functools.cache
 def modules_of_numba() -> frozenset[str]:
-    """Modules that Numba's BLAS support loads: docs/decisions/0005-start-up-imports.md; SciPy 1.15 adds its sparse."""
+    """Modules that Numba's BLAS support loads: docs/explanation/lanes.md; SciPy 1.15 adds its sparse."""
     code = "import sys, numba, scipy.linalg\nprint(*sorted(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=os.environ)
     return frozenset(done.stdout.split())

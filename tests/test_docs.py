@@ -28,6 +28,9 @@ PAGES_WITH_CODE = {
     "which_parameters", "identify", "drive_the_motor",
 }  # fmt: skip
 LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)")
+OWN_FILE = re.compile(
+    r"(?<![\w/.-])((?:model|vision|rig|validation|pianorig|tests|benchmarks|examples|docs|\.ci)/[\w./-]*\w)"
+)
 SHELL = re.compile(r"^ *```sh\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 
 
@@ -45,6 +48,25 @@ def test_the_architecture_is_drawn_from_todays_imports() -> None:
         drawn = made.picture(package).read_text(encoding="utf-8")
         assert drawn == made.draw(package), "run: python docs/make_architecture.py"
     assert made.PAGE.read_text(encoding="utf-8") == made.page(), "run: python docs/make_architecture.py"
+
+
+def test_code_points_to_pages_that_exist() -> None:
+    folders = ["model", "vision", "rig", "validation", "pianorig", "benchmarks", "examples", "tests", "docs"]
+    files = [path for folder in folders for ending in ("py", "toml") for path in (ROOT / folder).rglob(f"*.{ending}")]
+    missing = [
+        f"{path.relative_to(ROOT).as_posix()}: {page}"
+        for path in [*files, ROOT / "pyproject.toml"]
+        for page in re.findall(r"docs/[\w/-]+\.md", path.read_text(encoding="utf-8"))
+        if not (ROOT / page).exists()
+    ]
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_files_named_in_a_page_exist(page: Path) -> None:
+    named = OWN_FILE.findall(page.read_text(encoding="utf-8"))
+    missing = [name for name in named if not (ROOT / name).exists() and not list(ROOT.glob(name + "*"))]
+    assert not [name for name in missing if not name.startswith("docs/_build")], f"{page.name}: {missing}"
 
 
 def test_the_tables_of_the_model_are_those_of_its_parameters() -> None:

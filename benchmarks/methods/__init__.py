@@ -1,4 +1,4 @@
-"""Integration methods of other families, to compare the model's with (docs/decisions/0055-methods-in-benchmarks.md).
+"""Integration methods of other families, to compare the model's with (docs/explanation/steps.md).
 
 ``METHODS.update(COMPARISON)`` makes them known to ``model.simulate(method=...)``; a step loop compiles on first use.
 They keep no account of energies and step through rest.

@@ -2,7 +2,7 @@
 
 A member's numbers are the same to the last bit whatever the other members of its unit are, so that units may be made
 by what saves time. They are not those of a single run to the last bit: same equations and steps, rounded in
-another order (docs/decisions/0083-model-lanes.md).
+another order (docs/explanation/lanes.md).
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Felt under load: Hunt and Crossley (eqs. 2.4, 2.5), Stulov's memory, hysteresis that no speed changes.
 
 f(x) = a x^3 + b x^2 + c x is the slow loading curve, x the depth (m). Felt cannot pull: each law says where it presses.
-Equations, passivity and rules of those with memory: docs/decisions/0191-felt-laws-in-the-action.md; of a curve that
-dips below zero: 0022-model-felt-pocket.md.
+Equations, passivity and rules of those with memory, and of a curve that dips below zero: docs/explanation/felt.md.
 """
 
 from __future__ import annotations

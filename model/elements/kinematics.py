@@ -1,7 +1,7 @@
 """Where bodies are and how they move: a tree of turning joints, vertical guides and pivots that give.
 
 The pivot of a body whose joint gives is moved to the right and up in the world; that displacement does not turn with
-what carries the joint (docs/decisions/0197-joints-that-give.md).
+what carries the joint (docs/explanation/effects.md).
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ y_n is the part of mode n in the string's way at the hammer, u_n its rate: dy/dt
 stage they follow the change dF of the contact's force, which follows the joints and the modes' sums: one scalar
 equation. While the hammer is too far away to touch, the modes stay as they were at the time ``SINCE``, and are carried
 on in closed form at once when it comes near. How many modes there are is a number in the parameter vector, so that one
-compilation serves any. Derivation: docs/decisions/0192-string-in-the-action.md.
+compilation serves any. Derivation: docs/explanation/string_and_motor.md.
 """
 
 from __future__ import annotations

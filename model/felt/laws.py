@@ -2,7 +2,7 @@
 
 ``HuntCrossley`` is the thesis's (eqs 2.4 and 2.5), ``Stulov`` has a memory that fades with time, ``Hysteresis`` one
 that fades with the way gone, whatever the speed. Depth is positive where the surfaces overlap; no law pulls. Each is
-passive: work done on it is never less than the rise of what it stores (docs/decisions/0148-felt-laws-with-memory.md).
+passive: work done on it is never less than the rise of what it stores (docs/explanation/felt.md).
 """
 
 from __future__ import annotations

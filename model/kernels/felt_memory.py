@@ -2,7 +2,7 @@
 
 In: times, s, depths, m, of one press, and a law's numbers. Out: force, N, and stored energy, J, written into arrays
 (n,). Each step is the exact solution of its state between two samples, so that nothing here depends on how finely a
-slow press is sampled. Equations, passivity and limits: docs/decisions/0148-felt-laws-with-memory.md.
+slow press is sampled. Equations, passivity and limits: docs/explanation/felt.md.
 """
 
 from math import exp

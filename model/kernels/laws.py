@@ -15,7 +15,7 @@ def felt(x, rate, a, b, c, damping):
         return 0.0, 0.0, 0.0
     fit = ((a * x + b) * x + c) * x
     factor = 1.0 + damping * rate
-    # each factor by itself: two negative ones would push (docs/decisions/0022-model-felt-pocket.md)
+    # each factor by itself: two negative ones would push (docs/explanation/felt.md)
     if fit <= 0.0 or factor <= 0.0:
         return 0.0, 0.0, 0.0
     return fit * factor, ((3.0 * a * x + 2.0 * b) * x + c) * factor, fit * damping

@@ -2,7 +2,7 @@
 
 Each mode is carried over a step by its own exact solution under a force that runs straight through the step; the forces
 at the step's end follow from Newton's method on the felt law. Modes that are left out give way as springs. Conventions:
-displacements positive the way the hammer moves; docs/decisions/0150-string-of-modes.md.
+displacements positive the way the hammer moves; docs/explanation/string_and_motor.md.
 """
 
 from math import cos, exp, sin, sqrt

@@ -2,7 +2,7 @@
 
 ``measures`` measures an action, ``screws`` lists the adjustments, ``regulate`` turns them and returns the result: the
 four targets at rest together (`rest_screws`), the three in motion each with its screw (`turn_screw`).
-Source: thesis Section 2.3; decisions in docs/decisions/0025-model-regulation.md and 0080-rest-rail.md.
+Source: thesis Section 2.3; reasons in docs/explanation/regulation.md.
 """
 
 import lazy_loader as _lazy

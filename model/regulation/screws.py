@@ -3,7 +3,7 @@
 Seven screws have a target each. The rest rail has none: it is lowered where the hammer lies on it instead of the jack.
 
 A screw's travel is counted from where the given action has it, as on a bench: what is inside the travel is reachable
-without another part. Decisions: docs/decisions/0025-model-regulation.md.
+without another part. Why: docs/explanation/regulation.md.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What the felt of a scene's contacts remembers: its numbers, and the states it starts with.
 
 An action's law for each contact in; rows of `model.kernels.layout.Tables.memory` and numbers out. Felt that is not
-passive under its law is refused: it would give energy (docs/decisions/0148-felt-laws-with-memory.md).
+passive under its law is refused: it would give energy (docs/explanation/felt.md).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Joints that give: directions in which the pivots of bodies move, and the numbers of their bushings.
 
 A choice and an action in; rows of `model.kernels.layout.Tables.pin` and numbers out. Decision:
-docs/decisions/0197-joints-that-give.md.
+docs/explanation/effects.md.
 """
 
 from __future__ import annotations

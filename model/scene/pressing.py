@@ -2,7 +2,7 @@
 
 An action in, numbers for `model.scene.build` out: the turning body, its contact with the key, what drives it. A
 `Command` turns the input of a run, volts or metres, into what the kernels take. Equations, what they leave out:
-docs/decisions/0201-motor-drive.md and 0202-finger.md.
+docs/explanation/string_and_motor.md.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 An action, a blow and named parameters with their uncertainties in; ranked tables out. `local` reads derivatives
 (`model.sensitivity`), `morris` and `sobol` vary all parameters together over their uncertainties (`distributions`);
 `members` computes such variants on all cores or a cluster, resumable, and `blow_marks` measures each. `figure` draws.
-Decision: docs/decisions/0122-model-screening.md.
+Why: docs/explanation/sensitivities.md.
 """
 
 import lazy_loader as _lazy

@@ -2,7 +2,7 @@
 
 An action, a force table and names of parameters in; `Sensitivities` out. `parameter_names` finds what a name stands
 for, `tangents` integrates the motion and its derivatives (`model.integrators.tangents`), `events` differentiates what
-happens in a blow. Decisions: docs/decisions/0121-model-sensitivities.md.
+happens in a blow. Why: docs/explanation/sensitivities.md.
 """
 
 import lazy_loader as _lazy

@@ -58,7 +58,7 @@ def sensitivities(
     Notes
     -----
     The derivatives are those of the exact motion: they are integrated beside it with their own error control and land
-    on the kinks of the contacts; no step of a difference has to be chosen (docs/decisions/0121-model-sensitivities.md).
+    on the kinks of the contacts; no step of a difference has to be chosen (docs/explanation/sensitivities.md).
     Where a contact only just touches at rest they hold on one side alone; such contacts are named in ``at_kink``.
 
     Examples

@@ -2,7 +2,7 @@
 
 The step is halved until the contact force no longer changes by more than the tolerance, the number of modes doubled
 until force and rebound no longer do; both counts are in the result. What is left out gives way as a spring, so that few
-modes suffice where high ones only follow. Equations and their limits: docs/decisions/0150-string-of-modes.md.
+modes suffice where high ones only follow. Equations and their limits: docs/explanation/string_and_motor.md.
 """
 
 from __future__ import annotations

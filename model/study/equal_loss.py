@@ -3,7 +3,7 @@
 A law with memory put on a felt as it stands also presses harder and loses more or less than the law before it. Here its
 share (epsilon or beta) and the height of its slow curve are fitted, in the blow itself, until the felt's largest force
 and what it loses are those of the thesis's law; its second number (tau or eta) stays. Decision:
-docs/decisions/0205-laws-at-equal-loss.md.
+docs/explanation/felt.md.
 """
 
 from __future__ import annotations

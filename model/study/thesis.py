@@ -1,7 +1,7 @@
 """The sensitivity studies of the thesis (Figs 4.9-4.11, 4.16-4.19) repeated, each of its observations a computed check.
 
 The thesis's statements are qualitative; every check names the number it judges by and its limit
-(docs/decisions/0036-model-study.md). "Range" is the widest turn of that body in the action as given. The measured
+(docs/explanation/null_model.md). "Range" is the widest turn of that body in the action as given. The measured
 forces are not printed, so the blows follow their description (`model.files.force_library`); another forte may be
 given. What the thesis compares with its experiment cannot be checked here and is left out.
 """

@@ -2,7 +2,7 @@
 
 Numba tells its listeners when a compilation begins; a kernel found on disk begins none. The listener is added when
 numba is imported, whoever does it, so that a command that compiles nothing does not pay for numba
-(docs/decisions/0071-compile-notice.md).
+(docs/explanation/one_text.md).
 """
 
 from __future__ import annotations

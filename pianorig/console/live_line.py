@@ -2,7 +2,7 @@
 
 Everything that reports progress writes here, so that two reports never fight for one line. Nothing but a carriage
 return and blanks moves the cursor: that works in every terminal and console, whatever its width, colours and encoding
-(docs/decisions/0070-one-live-line.md).
+(docs/explanation/page.md).
 """
 
 from __future__ import annotations

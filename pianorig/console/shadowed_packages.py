@@ -1,7 +1,7 @@
 """Another package under one of our names, found first by Python, is named before it can do harm.
 
 The five packages have common names (``model``, ``rig`` …). A file ``model.py`` in the current folder, or another
-project installed beside this one, would be imported in place of ours (docs/decisions/0074-shadowed-packages.md).
+project installed beside this one, would be imported in place of ours (docs/explanation/page.md).
 """
 
 from __future__ import annotations

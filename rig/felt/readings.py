@@ -1,6 +1,6 @@
 """From a trial to the readings of a press: force without delay, hum and offset, way of the arm's tip, both phases.
 
-Force is that above the reading at rest plus the stated preload (docs/decisions/0006-bench-preload-and-offset.md).
+Force is that above the reading at rest plus the stated preload (docs/explanation/acquisition.md).
 Encoders are not delayed, the force of a bridge module is: without its delay taken off, the loop would be wider by
 speed times delay.
 """

@@ -2,7 +2,7 @@
 
 Conventions: force positive downwards; sample i of the force was taken at ``time_s[i] - group_delay_s``, so
 the delay moves the force's time axis and never its values; nothing is ever smoothed or resampled.
-Source: docs/decisions/0017-validation-hum.md and 0006-bench-preload-and-offset.md; mains hum in
+Source: docs/explanation/uncertainty.md and acquisition.md; mains hum in
 `validation.measurement.mains_hum`.
 """
 

@@ -2,7 +2,7 @@
 
 A band's half width is q · u(t): u joins what the key's calibration leaves open (an ensemble), the hammer's own
 calibration and a floor; q is a number for each phase of the key, or one for the whole stroke. Which of the `CANDIDATES`
-is used is decided by training strokes alone (`calibrate`, docs/decisions/0179-band-rule-fixed-first.md): the numbers
+is used is decided by training strokes alone (`calibrate`, docs/explanation/positions.md): the numbers
 come from some, the interval score is taken on another. So q holds what the model lacks and what other strokes would
 have made of its parameters, as far as left-out strokes show it.
 """

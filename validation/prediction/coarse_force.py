@@ -4,7 +4,7 @@ Conventions: straight lines between points, s and N. A sampled force bends at ea
 integrator may cross a bend; an action does not follow what happens within a millisecond. The coarse force is the
 piecewise linear one that differs least from the samples (least squares), so that impulses over a few points are kept.
 Its angles differ from those of the full table by some hundredths of what the draws scatter
-(docs/decisions/0113-validation-draws-in-lanes.md).
+(docs/explanation/uncertainty.md).
 """
 
 from __future__ import annotations

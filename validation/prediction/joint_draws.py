@@ -67,7 +67,7 @@ def chosen_trials(
     """At most ``most`` trials, by lot, one of them filmed if any is; those with a channel left out come last.
 
     Each trial draws its lot from its own recorded data, and the lowest are taken: a trial that is added or rejected
-    changes at most one of the others (docs/decisions/0114-validation-trials-by-lot.md).
+    changes at most one of the others (docs/explanation/uncertainty.md).
     """
     faulty = {number for number, _ in without}
     order = sorted(trials, key=lambda m: (m.number in faulty, *_lot(m)))

@@ -3,7 +3,7 @@
 Conventions: everything in prior standard uncertainties, as in `validation.identification.unknowns.priors`: a law moves
 by a factor exp(u z), all else by u z in SI. The covariance of z is the identity but for a few directions in which the
 strokes said something; those are kept, each with the share of the prior's variance that is left in it. An action file
-holds them in its table ``[identification.posterior]`` (docs/decisions/0162-joint-posterior-in-the-budget.md).
+holds them in its table ``[identification.posterior]`` (docs/explanation/identification.md).
 """
 
 from __future__ import annotations

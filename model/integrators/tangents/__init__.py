@@ -2,5 +2,5 @@
 
 In: named tuples of a run (`model.kernels.signatures`) and parameters as changes of its numbers; out: derivatives of
 angles and speeds. `recorded_motion` integrates and keeps the motion, `nodes` linearises along it, `radau` is one step,
-`follow` the loop. Decision: docs/decisions/0121-model-sensitivities.md.
+`follow` the loop. Why: docs/explanation/sensitivities.md.
 """

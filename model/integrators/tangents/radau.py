@@ -6,7 +6,7 @@ With sigma = dq/dp and nu = dv/dp the motion's equations M a = f give, linear in
 
 The values of nu' at the nodes of a step solve one linear system, the same for all parameters, which stand side by side
 in lanes; what felt and string remember is eliminated from it (`channels`).
-Of five nodes, order nine: chosen by error against time (docs/decisions/0152-tangents-of-order-nine.md).
+Of five nodes, order nine: chosen by error against time (docs/explanation/sensitivities.md).
 """
 
 from math import isfinite

@@ -66,7 +66,7 @@ def test_a_choir_in_tune_is_one_string_of_its_weight() -> None:
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 5.0])
 def test_mistuning_hardly_reaches_the_hammer(speed: float) -> None:
-    """The hammer has left before strings 2 cents apart differ: why the action's choir is in tune (decision 206)."""
+    """The hammer has left before strings 2 cents apart differ: why the action's choir is in tune."""
     tuned, off = (strike(C4, C4_HAMMER, speed, cents, tolerance=1e-4) for cents in ((0.0,) * 3, (-1.0, 0.0, 1.0)))
     assert off.rebound == pytest.approx(tuned.rebound, rel=1e-5)
     assert off.contact_time_s == pytest.approx(tuned.contact_time_s, rel=1e-5)

@@ -3,7 +3,7 @@
 An independent check of the compiled equations, in plain NumPy straight from an `Action`, vectorised over time:
 nothing of ``kernels`` is used, so that a wrong kernel cannot agree with itself. `energy_audit` integrates
 these along a motion. Felt stores the integral of its static law where that presses
-(docs/decisions/0022-model-felt-pocket.md).
+(docs/explanation/felt.md).
 Source: thesis eqs. 2.4, 2.10, 2.12, A.3. A state that is not finite gives terms that are not finite.
 """
 

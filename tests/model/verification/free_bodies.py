@@ -1,6 +1,6 @@
 """Equations of an action whose joints give or not, with every body free: position and angle each, joints as forces.
 
-An independent check of what generated kernels do with joints that give (docs/decisions/0197-joints-that-give.md), slow
+An independent check of what generated kernels do with joints that give (docs/explanation/effects.md), slow
 and plain: no tree of coordinates, no mass matrix of joints. A joint that gives is a known force, one that does not an
 unknown reaction that keeps two points together; all follow from one linear system. Geometry of gaps and laws are those
 of `tests.model.verification.reference_equations.Twin`.

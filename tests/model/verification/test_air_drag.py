@@ -1,4 +1,4 @@
-"""Air drag of the hammer, left out of the model, stays below the bounds that decision 149 states."""
+"""Air drag of the hammer, left out of the model, stays below the bounds of docs/explanation/effects.md."""
 
 from __future__ import annotations
 

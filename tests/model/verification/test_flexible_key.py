@@ -1,4 +1,4 @@
-"""A key and a whippen that bend, left out of the model, stay below the bounds that decision 193 states.
+"""A key and a whippen that bend, left out of the model, stay below the bounds of docs/explanation/effects.md.
 
 A key that bends hands the force on through its own bending: a spring and the mass that swings on it, between the front
 and the rest of the action. The blow is simulated with the force as that filter passes it on.

@@ -1,4 +1,4 @@
-"""What the bending of a key that has landed does to the check: decision 207, by computing front and action together.
+"""What the bending of a landed key does to the check, front and action computed together (docs/explanation/effects.md).
 
 The front is a mass on the key's bending; force and front felt act on it, and what its spring passes on acts on the
 rest of the action, block by block: ``python -m pytest -m slow tests/model/verification/test_landed_flexible_key.py``.

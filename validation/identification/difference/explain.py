@@ -3,7 +3,7 @@
 Conventions: up to three trials of a session without faults, until the key is let go. Named are all sets of the smallest
 size that is as good as any larger one to a factor of `ODDS`, and sets with one change more that hold none of these and
 are as good; none where "the model lacks something else" is better than all of them by that factor
-(docs/decisions/0141-which-part-explains-in-the-report.md).
+(docs/explanation/differences.md).
 """
 
 from __future__ import annotations

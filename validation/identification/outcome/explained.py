@@ -2,7 +2,7 @@
 
 The question and the rule are those of `validate` (`validation.identification.difference`), so that page and report say
 the same of the same strokes. What the fit held or moved plays no part: everything that may be wrong is a candidate
-(docs/decisions/0212-one-engine-for-which-part-explains.md).
+(docs/explanation/differences.md).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Conventions: z in prior standard uncertainties. Directions of the fit's covariance in which less than half of the
 prior's u is left are sampled, at most `MOST_DIRECTIONS`; along the others z is drawn from the linear model, and the
 density is taken where they are most probable. The density is the fit's: sizes of noise as learnt, so that draws have
-neither the Student factor nor the widening that stated intervals have (docs/decisions/0142-draws-of-the-posterior.md).
+neither the Student factor nor the widening that stated intervals have (docs/explanation/identification.md).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Conventions: a parameter is moved in units of its prior standard uncertainty: z = 0 is the action's value, z = 1 one
 u above; laws of friction, felt and springs by a factor, exp(u z), all else by u z in SI units.
 The declared u is the prior, but for laws of friction, felt and springs whose u is only the rounding of printed digits:
-that says nothing of the piece on the bench, and `LAW_U` takes its place (docs/decisions/0125-identification-priors.md).
+that says nothing of the piece on the bench, and `LAW_U` takes its place (docs/explanation/identification.md).
 """
 
 from __future__ import annotations
