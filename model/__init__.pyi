@@ -14,6 +14,7 @@ from . import string as string
 from . import study as study
 from . import touch as touch
 from .batch.run import simulate_many as simulate_many
+from .elements.laws.known import add_law as add_law
 from .errors import InputError as InputError
 from .errors import IntegrationError as IntegrationError
 from .errors import ModelError as ModelError

@@ -20,6 +20,7 @@ from llvmlite import binding, ir
 from model.compiler.expressions import forget
 from model.compiler.native import Writer
 from model.compiler.programs import Program
+from model.derived.alone import Alone
 from model.derived.slopes import Differentiated
 from model.derived.step import Derived
 from model.derived.stepping import Stepping
@@ -63,17 +64,17 @@ _asked: tuple[Tables | None, bytes] = None, b""
 _lock = threading.RLock()  # threads that start together load or compile a structure once; expressions are one thread's
 
 
-def _key(tables: Tables) -> bytes:
-    """What tells a structure from others; of the tables asked for last it is kept.
+def _key(tables: Tables | None) -> bytes:
+    """What tells a structure from others, and from none; of the tables asked for last it is kept.
 
     A search for rest asks for the same ones hundreds of times, and each time it would take as long as the kernel.
     """
     global _asked
     last, key = _asked
-    if last is not tables:
+    if tables is not None and last is not tables:
         key = b"".join(bytes(str(t.shape), "ascii") + t.tobytes() for t in tables)
         _asked = tables, key
-    return key
+    return key if tables is not None else b""
 
 
 def kernels_of(tables: Tables) -> StepKernels:
@@ -115,13 +116,19 @@ def links_of(tables: Tables) -> list[list[int]]:
     return links
 
 
+def law_alone(what: str) -> Kernel:
+    """Kernel ``felt`` or ``amplifier`` of `model.derived.alone`."""
+    found: Kernel = _kept(None, what, lambda: _compiled(None, {what: OBSERVE}, 1)[what])
+    return found
+
+
 def on_disk(tables: Tables) -> bool:
     """Whether the kernels of a structure are in the disk cache."""
     path = _path(tables, STEP, 1)
     return path is not None and path.is_file()
 
 
-def _kept(tables: Tables, what: str, make: Callable[[], Any]) -> Any:
+def _kept(tables: Tables | None, what: str, make: Callable[[], Any]) -> Any:
     key = _key(tables), what
     if key not in _loaded:
         with _lock:
@@ -135,14 +142,14 @@ def _step_kernels(tables: Tables) -> StepKernels:
     return StepKernels(**found, energy=found["linearise"])
 
 
-def _path(tables: Tables, functions: dict[str, Any], lanes: int) -> Path | None:
+def _path(tables: Tables | None, functions: dict[str, Any], lanes: int) -> Path | None:
     if _compile.FOLDER is None:
         return None
     digest = hashlib.sha256(_key(tables) + f" {lanes} {' '.join(functions)}".encode())
     return _compile.FOLDER / f"scene_{digest.hexdigest()[:16]}.o"
 
 
-def _compiled(tables: Tables, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
+def _compiled(tables: Tables | None, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
     path = _path(tables, functions, lanes)
     machine = _target_machine()
     code = path.read_bytes() if path is not None and path.is_file() else None
@@ -187,7 +194,7 @@ def written(program: Program, module: ir.Module, name: str, lanes: int = 1) -> N
         writer.end(None if result is None else writer.bits(writer.value(result)))
 
 
-def _module(tables: Tables, functions: dict[str, Any], lanes: int) -> ir.Module:
+def _module(tables: Tables | None, functions: dict[str, Any], lanes: int) -> ir.Module:
     module = ir.Module("scene")
     for name in functions:
         source = _source(tables, name, lanes)
@@ -196,8 +203,10 @@ def _module(tables: Tables, functions: dict[str, Any], lanes: int) -> ir.Module:
     return module
 
 
-def _source(tables: Tables, name: str, lanes: int) -> Any:
+def _source(tables: Tables | None, name: str, lanes: int) -> Any:
     """What derives a kernel of that name."""
+    if tables is None:
+        return Alone()
     if name in OBSERVERS:
         return Watched(tables)
     if name in SLOPES_BY:

@@ -35,7 +35,7 @@ def normal_places(s: Structure) -> list[list[int]]:
     out = []
     for c in range(len(s.contact)):
         own = [s.offset[1] + L.CONTACT_SIZE * c + k for k in range(L.DAMP + 1)]
-        felt = [s.offset[6] + L.MEMORY_SIZE * m + k for m in s.memories(c) for k in range(L.MEMORY_SIZE)]
+        felt = [int(number.args[1]) for number in s.law_numbers(c)]
         give = [s.offset[7] + L.STRING_GIVE] if c in s.string else []
         out.append(own + pivots + felt + give)
     return out

@@ -135,7 +135,7 @@ class Derived:
     def links(self) -> list[list[int]]:
         """Coordinates on which each memory acts, then those on which the string acts, in the order of the workspace."""
         e, _ = self._pattern()
-        return [self._chain(e.contacts[c]) for c in (*(c for c, _ in self._s.memory), *self._s.string)]
+        return [self._chain(e.contacts[c]) for c in (*self._s.memory, *self._s.string)]
 
     # linearise ----------------------------------------------------------------------------------------------------
 
@@ -248,7 +248,7 @@ class Derived:
         if isinstance(contact, StringContact):
             return self._string_linearised(e, contact, by, ease)
         chain = self._chain(contact)
-        memories = [m for m, *_ in contact.laws]
+        memories = contact.memories
         forces = self._differentiated(contact.forces(), e, by, chain, memories)
         *before, touch = forces
         assert isinstance(touch, If)
@@ -269,8 +269,8 @@ class Derived:
             Put(self._event(W.GAP_RATE, where_), rate), *self._directions(where_, open_turns, {}),
             self._kick(contact, rate, open_turns, ease),
         ]  # fmt: skip
-        # hysteresis starts anew at the next touch
-        away += [Put(at("w", W.Z + m), ONE) for m, law, *_ in contact.laws if law == L.HYSTERESIS]
+        if contact.law.anew is not None:
+            away += [Put(at("w", W.Z + m), constant(contact.law.anew)) for m in contact.memories]
         return [*self._memories_begun(contact, ease, chain), *before, If(contact.touches, inside, away)]
 
     @staticmethod
@@ -283,8 +283,8 @@ class Derived:
     def _kick(
         self, contact: Contact, rate: Expression, turns: dict[int, Expression], ease: list[Expression]
     ) -> Statement:
-        stiff = contact.stiffness() * (1.0 + contact.number(L.DAMP) * abs(rate) if not contact.laws else ONE)
-        return Put(self._event(W.KICK, self._s.place[contact.c]), stiff * speeds_up(turns, ease))
+        kick = contact.stiffness(rate) * speeds_up(turns, ease)
+        return Put(self._event(W.KICK, self._s.place[contact.c]), kick)
 
     def _directions(self, place: int, turns: dict[int, Expression], slides: dict[int, Expression]) -> list[Statement]:
         """Keep how each coordinate changes the gap and slides, until accelerations are known."""
@@ -312,19 +312,21 @@ class Derived:
     def _memories_begun(self, contact: Contact, ease: list[Expression], chain: list[int]) -> list[Statement]:
         """What holds of a contact's memories until it is known to press."""
         out: list[Statement] = []
-        for m, law, _, share, tau in contact.laws:
+        felt = contact.pressed_by(ZERO, contact.closing[0])
+        for m, z, alone in zip(contact.memories, felt.memory, contact.law.alone(felt), strict=True):
             out += [Put(at("w", W.Z_PUSH + W.LINKS * m + k), ZERO) for k in range(len(chain))]
             worth = ZERO
-            if law == L.STULOV:  # of felt that is left alone: as if it were met again at once
-                push = share / (1.0 - share) * speeds_up(contact.open_turns(), ease)
-                worth = _remembered_error(push, -((1.0 - share) / tau))
+            if contact.law.anew is None:  # of felt that is left alone: as if it were met again at once
+                by_memory = slopes({z: ONE})
+                push = abs(by_memory(contact.law.force(felt)[1])) * speeds_up(contact.open_turns(), ease)
+                worth = _remembered_error(push, by_memory(alone))
             out.append(Put(at("w", W.Z_WEIGHT + m), worth))
         return out
 
     def _weights(self, e: Elements, contact: Contact, ease: list[Expression], chain: list[int]) -> list[Statement]:
         """What an error of each memory of a contact that presses is worth as one of a speed."""
         out: list[Statement] = []
-        for m, *_ in contact.laws:
+        for m in contact.memories:
             pushes = [
                 abs(read("w", W.Z_PUSH + W.LINKS * m + k)) * ease[j] for k, j in enumerate(chain) if j < self._s.free
             ]
@@ -376,7 +378,7 @@ class Derived:
             value = local(f"u{i}") + more
             out += [Put(at("w", W.F_U + i), value)] if i < s.own else []
             out += [Put(at("w", W.P_INPUT + i), value)] if s.pin else []
-        for m, (c, _) in enumerate(s.memory):
+        for m, c in enumerate(s.memory):
             terms = ZERO
             for k, j in enumerate(self._chain(e.contacts[c])):
                 if j >= s.own and j < len(s.bodies):
@@ -422,7 +424,7 @@ class Derived:
             step = LONGEST_OF_STAGE * gh
             way = 1.5 * step * abs(read("w", speed)) + step * step * abs(read("w", W.P_ACC + g)) + 1e-7
             out.append(Put(at("w", W.P_ALLOWANCE + g), way))
-        for n, (c, _) in enumerate(s.memory):
+        for n, c in enumerate(s.memory):
             ease = 1.0 / (inverse - read("w", W.Z_FADE + n))
             out.append(Put(at("w", W.Z_EASE + n), ease))
             chain = self._chain(e.contacts[c])
@@ -564,7 +566,7 @@ class Derived:
             stiff = total(self._kept(self._stiff, i, j) * b[j] for j in n if (i, j) in columns)
             g.append(push + gh * stiff)
         kept = []
-        for m, (c, _) in enumerate(s.memory):
+        for m, c in enumerate(s.memory):
             chain = self._chain(e.contacts[c])
             turned = total(
                 read("w", W.Z_TURN + W.LINKS * m + at_row) * b[j] for at_row, j in enumerate(chain) if j < s.free
@@ -593,7 +595,7 @@ class Derived:
         behind = make("whole_multiply", k, W.MOST_MEMORIES)
         for i, (way, speed) in s.pin_places(W.Z_U).items():
             out += [Put(at("w", way, behind), gh * (b[i] + g[i])), Put(at("w", speed, behind), g[i])]
-        for m, (c, _) in enumerate(s.memory):
+        for m, c in enumerate(s.memory):
             back = total(
                 (gh * read("w", W.Z_TURN + W.LINKS * m + at_row) + read("w", W.Z_SPEED + W.LINKS * m + at_row)) * g[j]
                 for at_row, j in enumerate(self._chain(e.contacts[c]))

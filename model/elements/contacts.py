@@ -1,19 +1,21 @@
 """Contacts of two surfaces: a circle on body A against a circle, a line, or an arc with tangents on body B.
 
-The gap's normal points from B to A. Force acts at mid-penetration; the felt's law is Hunt and Crossley's, Stulov's or
-one with hysteresis, friction opposes sliding (thesis Section 2.2).
+The gap's normal points from B to A. Force acts at mid-penetration; the felt follows a law of `model.elements.laws`,
+friction opposes sliding (thesis Section 2.2).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from model.compiler.expressions import ZERO, Expression, Given, largest, law, make, root, smaller, total, where
 from model.compiler.programs import Add, If, Put, Statement, name
-from model.elements import felts
 from model.elements.kinematics import Kinematics, Vector, apart, dot
+from model.elements.laws.curve import Curve
+from model.elements.laws.felt_law import Felt, FeltLaw, asked
 from model.elements.structure import Structure
 from model.kernels import layout as L
 
@@ -63,7 +65,7 @@ class Contact:
         return self.s.number(1, L.CONTACT_SIZE, self.c, k)
 
     @property
-    def curve(self) -> felts.Curve:
+    def curve(self) -> Curve:
         """Numbers of the felt's loading curve."""
         return self.number(L.K_A), self.number(L.K_B), self.number(L.K_C)
 
@@ -165,49 +167,33 @@ class Contact:
 
     # the felt ------------------------------------------------------------------------------------------------------
 
-    @cached_property
-    def laws(self) -> list[tuple[int, int, Expression, Expression, Expression]]:
-        """Of each memory: number, law, state, share, and reach or time."""
-        s = self.s
-        out = []
-        for m in s.memories(self.c):
-            share, reach = (s.number(6, L.MEMORY_SIZE, m, k) for k in (L.SHARE, L.REACH_OR_TIME))
-            out.append((m, s.memory[m][1], self.k.state.z[m], share, reach))
-        return out
+    @property
+    def memories(self) -> list[int]:
+        """Numbers of the states that its felt remembers."""
+        return self.s.memories(self.c)
+
+    @property
+    def law(self) -> FeltLaw:
+        """Law of its felt."""
+        return self.s.law(self.c)
+
+    def pressed_by(self, depth: Expression, rate: Expression) -> Felt:
+        """Its felt at a depth (m) and a rate (m/s), as the law sees it."""
+        z = tuple(self.k.state.z[m] for m in self.memories)
+        return Felt(depth, rate, z, self.curve, self.number(L.DAMP), self.s.law_numbers(self.c))
 
     @cached_property
     def felt(self) -> tuple[Expression, Expression]:
         """Whether the felt presses where the surfaces meet, and its force, N."""
-        x, rate = self.gap[0], self.closing[0]
-        if not self.laws:
-            pressing, force = felts.hunt_crossley((x, rate), self.curve, self.number(L.DAMP))
-        elif self.laws[0][1] == L.STULOV:
-            (_, _, h, epsilon, tau) = self.laws[0]
-            pressing, force, _ = felts.stulov((x, h), self.curve, epsilon, tau)
-        else:
-            memories, shares = ([row[k] for row in self.laws] for k in (2, 3))
-            force = felts.hysteresis((x, *memories), shares, self.curve)
-            pressing = felts.loading(x, self.curve) > 0.0
+        pressing, force = asked(self.law.force, self.pressed_by(self.gap[0], self.closing[0]))
         return pressing, force
 
-    def _forgotten(self) -> list[Statement]:
-        """Rates of the memories of felt that nothing presses."""
-        return [
-            Put(name(f"fade{m}"), felts.stulov_alone((h,), share, tau) if kind == L.STULOV else ZERO)
-            for m, kind, h, share, tau in self.laws
-        ]
-
-    def _remembered(self) -> list[Statement]:
-        """Rates of the memories of felt that is pressed."""
-        x, rate = self.gap[0], self.closing[0]
-        out: list[Statement] = []
-        for m, kind, z, share, reach in self.laws:
-            if kind == L.STULOV:
-                follows = felts.stulov((x, z), self.curve, share, reach)[2]
-                out.append(If(self.felt[0], [Put(name(f"fade{m}"), follows)]))
-            else:
-                out.append(Put(name(f"fade{m}"), felts.hysteresis_rate((x, rate, z), reach)))
-        return out
+    def _rates(self, of: Callable[[Felt], Sequence[Expression]]) -> list[Statement]:
+        """Rates of its memories, as the law says of felt that presses or of felt that does not."""
+        if not self.memories:
+            return []
+        rates = asked(of, self.pressed_by(self.gap[0], self.closing[0]))
+        return [Put(name(f"fade{m}"), rate) for m, rate in zip(self.memories, rates, strict=True)]
 
     def world(self, force: Expression, coefficient: Expression) -> Vector:
         """Force on A in the world, N, of a normal force and its friction."""
@@ -228,40 +214,27 @@ class Contact:
         )
         rubs = make("differs", self.number(L.MU_A), ZERO)  # most contacts have no friction
         pushed: list[Statement] = list(rubbing) if self.k.everywhere else [If(rubs, list(rubbing), list(smooth))]
-        return [*self._remembered(), If(pressing, pushed)]
+        return [If(pressing, [*self._rates(self.law.rates), *pushed])]
 
     def forces(self) -> list[Statement]:
         """Generalised forces, and the rate of each memory as ``fade``."""
-        return [*self._forgotten(), If(self.touches, self.pressed())]
+        return [*self._rates(self.law.alone), If(self.touches, self.pressed())]
 
-    def stiffness(self) -> Expression:
-        """Force per depth that a first touch brings at once, N/m."""
-        if self.laws and self.laws[0][1] == L.STULOV:
-            return self.number(L.K_C) / (1.0 - self.laws[0][3])
-        return self.number(L.K_C)
+    def stiffness(self, rate: Expression) -> Expression:
+        """Force per depth that a first touch at a rate (m/s) brings at once, N/m."""
+        return self.law.stiffness(self.pressed_by(ZERO, rate))
 
     def energy(self, label: str = "") -> list[Statement]:
         """What the felt stores, J; what felt and friction lose, W; to names that end with ``label``."""
-        pressing, force = self.felt
+        lasting = bool(self.memories) and self.law.anew is None
         x, (rate, slide) = self.gap[0], self.closing
+        felt = self.pressed_by(where(self.touches, x, 0.0) if lasting else x, rate)
+        before, stored, lost = self.law.energy(felt, f"{self.c}{label}")
         loss = name(("rail" if self.c in self.s.rail else "felt") + label)
+        own = [*before, Add(name("energy" + label), stored), Add(loss, lost)]
+        pressing, force = self.felt
         rub = If(pressing, [Add(name("friction" + label), self.coefficient() * force * slide)])
-        if not self.laws:
-            pressed = where(pressing, force, 0.0)
-            lost = (pressed - largest(felts.loading(x, self.curve), 0.0)) * rate
-            return [If(self.touches, [Add(name("energy" + label), felts.stored(x, self.curve)), Add(loss, lost), rub])]
-        if self.laws[0][1] == L.STULOV:
-            m, _, h, epsilon, tau = self.laws[0]
-            depth = where(self.touches, x, 0.0)
-            return [*felts.stulov_energy(f"{m}", label, depth, h, self.curve, epsilon, tau), If(self.touches, [rub])]
-        left = felts.share_left([row[3] for row in self.laws])
-        f = largest(felts.loading(x, self.curve), 0.0)
-        stored, lost = left * felts.stored(x, self.curve), ZERO
-        for _, _, z, share, reach in self.laws:
-            stored = stored + left * (0.5 * share * reach * x * f * z * z)
-            steep = felts.steepness(x, self.curve)
-            lost = lost + left * share * z * z * (f * abs(rate) - 0.5 * reach * (f + x * steep) * rate)
-        return [If(self.touches, [Add(name("energy" + label), stored), Add(name("felt" + label), lost), rub])]
+        return [*own, If(self.touches, [rub])] if lasting else [If(self.touches, [*own, rub])]
 
 
 def speeds_up(turns: dict[int, Expression], ease: list[Expression]) -> Expression:

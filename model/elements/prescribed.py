@@ -1,14 +1,16 @@
 """A coordinate that follows a given motion: piecewise polynomials in the time, which is then the scene's input.
 
-Layout of the motion in the parameter vector: `model.kernels.motion`.
+The time is the input, so that df/du is the time derivative that a Rosenbrock step needs. In the parameter vector:
+number of pieces m, then m + 1 increasing breaks (s), then m rows of `ORDER` coefficients, highest power first, in the
+time since the row's break. Outside the breaks the first or last polynomial goes on.
 """
 
 from __future__ import annotations
 
 from model.compiler.expressions import Expression, largest, local, make, read, smaller
 from model.compiler.programs import Put, Statement, While, name, whole
-from model.kernels.motion import ORDER
 
+ORDER = 6  # coefficients of a piece: a quintic
 Motion = tuple[Expression, Expression, Expression]
 
 

@@ -11,7 +11,7 @@ from model.elements.bodies import Bodies
 from model.elements.contacts import Contact
 from model.elements.drives import Drives
 from model.elements.kinematics import Kinematics, State
-from model.elements.springs import Bushings, Dampers, Springs
+from model.elements.springs import Spring, dampers, springs
 from model.elements.strings import StringContact
 from model.elements.structure import Structure
 from model.elements.tips import Tip
@@ -58,9 +58,7 @@ class Elements:
 
     def damped(self, i: int) -> Expression:
         """Power that dampers and bushings of a joint take, W."""
-        turning = total(d * v * v for body, d, v, _ in Dampers(self.s, self.state).rows if body == i)
-        giving = total(c * v * v for g, _, c, _, _, v in Bushings(self.s, self.state).rows if self.s.pin[g] == i)
-        return turning + giving
+        return total(e.lost for e in dampers(self.s, self.state) if self.s.pin.get(e.i, e.i) == i)
 
     @cached_property
     def tips(self) -> list[Tip]:
@@ -68,10 +66,10 @@ class Elements:
         return [Tip(self.s, self.k, which) for which in range(len(self.s.probe))]
 
     @cached_property
-    def smooth(self) -> list[Springs | Dampers | Bushings | Drives]:
+    def smooth(self) -> list[Spring | Drives]:
         """What acts on coordinates without contacts."""
         s = self.s
-        return [Springs(s, self.state), Drives(s, self.k), Dampers(s, self.state), Bushings(s, self.state)]
+        return [*springs(s, self.state), Drives(s, self.k), *dampers(s, self.state)]
 
     def smooth_forces(self) -> list[Statement]:
         """Forces of all but contacts and tips."""

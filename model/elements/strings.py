@@ -16,10 +16,13 @@ from model.compiler.expressions import (
     ONE,
     ZERO,
     Expression,
+    Given,
     constant,
     cosine,
     exponential,
+    found_by_newton,
     largest,
+    law,
     local,
     make,
     read,
@@ -28,8 +31,8 @@ from model.compiler.expressions import (
     where,
 )
 from model.compiler.programs import Add, Anew, For, If, Place, Put, Statement, at, each, name, whole
-from model.elements import felts
 from model.elements.contacts import Contact
+from model.elements.laws.curve import Curve, loading, stored
 from model.elements.structure import Structure
 from model.kernels import layout as L
 from model.kernels import workspace as W
@@ -129,6 +132,19 @@ class Modes:
         return each("carried on", self.count, one)
 
 
+@law
+def on_string(given: Given, give: Expression, curve: Curve, damping: Expression) -> tuple[Expression, ...]:
+    """Whether felt presses on a string, the force (N), and its part that a slow press takes (N).
+
+    Felt and the modes left out, which give way by ``give`` (m/N) times the slow force, are springs in a row.
+    """
+    x, rate = given
+    f = make("argument", "slow force")
+    slow = found_by_newton(f, f - largest(loading(largest(x - give * f, 0.0), curve), 0.0), 0.0)
+    factor = 1.0 + damping * rate
+    return (slow > 0.0) & (factor > 0.0), slow * factor, slow
+
+
 @dataclass
 class StringContact(Contact):
     """The contact in which a string stands for the bar; the string's ``sway`` and ``swing`` are names set before."""
@@ -149,12 +165,12 @@ class StringContact(Contact):
     @cached_property
     def felt(self) -> tuple[Expression, Expression]:
         """Whether the felt presses, and its force, N."""
-        pressing, force, _ = self._law
+        pressing, force, _ = self._on_string
         return pressing, force
 
     @cached_property
-    def _law(self) -> tuple[Expression, Expression, Expression]:
-        pressing, force, slow = felts.on_string(self.under, self.modes.give, self.curve, self.number(L.DAMP))
+    def _on_string(self) -> tuple[Expression, Expression, Expression]:
+        pressing, force, slow = on_string(self.under, self.modes.give, self.curve, self.number(L.DAMP))
         return pressing, force, slow
 
     def forces(self) -> list[Statement]:
@@ -175,10 +191,10 @@ class StringContact(Contact):
     def energy(self, label: str = "") -> list[Statement]:
         """What modes, felt and what gives way store, J, and lose, W; to names that end with ``label``."""
         modes, row = self.modes, self.modes.row
-        pressing, force, slow = self._law
+        pressing, force, slow = self._on_string
         pressed, held = where(pressing, force, 0.0), where(pressing, slow, 0.0)
         x = self.under[0] - modes.give * held
-        stored = 0.5 * modes.give * held * held + felts.stored(x, self.curve)
+        kept = 0.5 * modes.give * held * held + stored(x, self.curve)
 
         def lost(i: Expression) -> list[Statement]:
             u = modes.state(row, 1, i)
@@ -186,7 +202,7 @@ class StringContact(Contact):
 
         awake = read(modes.array, row + modes.first + L.SINCE) < 0.5 * AWAKE
         touch: list[Statement] = [
-            Add(name("energy" + label), stored),
+            Add(name("energy" + label), kept),
             Add(name("felt" + label), (pressed - held) * self.under[1]),
         ]
         inside = [each("lost", modes.count, lost), *modes.sums(row), If(self.under[0] > 0.0, touch)]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from model.compiler.expressions import Expression, read
+from model.elements.laws.felt_law import FeltLaw
+from model.elements.laws.known import law_numbered
 from model.kernels import layout as L
 
 
@@ -10,7 +12,7 @@ def solved_contacts(tables: L.Tables) -> list[int]:
     """Contacts that push at least one free coordinate, or whose felt remembers."""
     free = len(tables.parent) - int(tables.prescribed.sum())
     rows = zip(tables.chain, tables.contact, strict=True)
-    remember = set(tables.memory[:, 0].tolist())
+    remember = set(tables.memory.tolist())
     return [c for c, (chain, row) in enumerate(rows) if c in remember or any(int(b) < free for b in chain[: row[3]])]
 
 
@@ -22,6 +24,7 @@ class Structure:
     n, free, own : coordinates in all; those that are solved for; those of them that the step loop knows. Directions in
         which joints give follow the bodies' coordinates and are states behind those that felt remembers.
     pin : body whose joint gives, by coordinate; ``axis``: 0 right or 1 up, of those and of guides
+    memory : contact of each state that felt remembers
     place : contacts that a step solves for (`solved_contacts`), with their place in masks and rooms
     """
 
@@ -30,14 +33,15 @@ class Structure:
         bodies = len(self.parent)
         self.bodies = range(bodies)
         self.spring = [int(i) for i in tables.spring]
-        self.contact = [tuple(int(k) for k in row) for row in tables.contact]
+        self.contact = [tuple(int(k) for k in row[:4]) for row in tables.contact]
+        self._law = [(int(row[4]), int(row[5])) for row in tables.contact]
         self.chain = [[int(b) for b in row[: of[3]]] for row, of in zip(tables.chain, tables.contact, strict=True)]
         self.drive = [tuple(int(k) for k in row) for row in tables.drive]
         self.probe = [tuple(int(k) for k in row) for row in tables.probe]
         self.damper = [int(i) for i in tables.damper]
         self.rail = [int(c) for c in tables.rail]
         self.string = [int(c) for c in tables.string]
-        self.memory = [(int(c), int(law)) for c, law in tables.memory]
+        self.memory = [int(c) for c in tables.memory]
         self.offset = [int(k) for k in tables.offset]
         self.place = {c: k for k, c in enumerate(solved_contacts(tables))}
         self.guided = {i for i, w in enumerate(self.parent) if w == L.GUIDED}
@@ -56,7 +60,16 @@ class Structure:
 
     def memories(self, c: int) -> list[int]:
         """Numbers of the states that contact ``c`` remembers."""
-        return [k for k, (contact, _) in enumerate(self.memory) if contact == c]
+        return [k for k, contact in enumerate(self.memory) if contact == c]
+
+    def law(self, c: int) -> FeltLaw:
+        """Law of the felt of contact ``c``."""
+        return law_numbered(self._law[c][0])
+
+    def law_numbers(self, c: int) -> tuple[Expression, ...]:
+        """Numbers that this law has packed for contact ``c``."""
+        first = self.offset[6] + sum(count for _, count in self._law[:c])
+        return tuple(read("p", first + k) for k in range(self._law[c][1]))
 
     def first_of_string(self) -> int:
         """Place of the string's states among all that is remembered."""

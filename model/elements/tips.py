@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from model.compiler.expressions import Expression, largest, where
+from model.compiler.expressions import Expression
 from model.compiler.programs import Add, If, Statement, name
-from model.elements import felts
 from model.elements.kinematics import Kinematics, Vector, apart
+from model.elements.laws.felt_law import Felt, asked
+from model.elements.laws.hunt_crossley import HuntCrossley
 from model.elements.structure import Structure
 from model.kernels import layout as L
+
+LAW = HuntCrossley()
 
 
 class Tip:
@@ -22,13 +25,12 @@ class Tip:
         above, below = k.at(a, n[0], n[1]), k.at(b, n[2], n[3])
         self.ways: dict[int, Vector] = apart(k.ways(a, *above), k.ways(b, *below))
         self.depth = below[1] - above[1]
-        self.rate = -k.velocity(self.ways)[1]
-        self._curve, self._damping = (n[4], n[5], n[6]), n[7]
+        self._felt = Felt(self.depth, -k.velocity(self.ways)[1], (), (n[4], n[5], n[6]), n[7], ())
 
     @cached_property
     def felt(self) -> tuple[Expression, Expression]:
         """Whether it presses where it touches, and its force, N."""
-        pressing, force = felts.hunt_crossley((self.depth, self.rate), self._curve, self._damping)
+        pressing, force = asked(LAW.force, self._felt)
         return pressing, force
 
     def forces(self) -> list[Statement]:
@@ -41,7 +43,5 @@ class Tip:
 
     def energy(self, label: str = "") -> list[Statement]:
         """What its felt stores, J, and loses, W; to names that end with ``label``."""
-        pressing, force = self.felt
-        lost = (where(pressing, force, 0.0) - largest(felts.loading(self.depth, self._curve), 0.0)) * self.rate
-        stored = felts.stored(self.depth, self._curve)
+        _, stored, lost = LAW.energy(self._felt, label)
         return [If(self.depth > 0.0, [Add(name("energy" + label), stored), Add(name("felt" + label), lost)])]

@@ -3,7 +3,7 @@
 In: presses of a felt at several speeds and peak forces. Out: each law's parameters with uncertainty, and which laws the
 presses support. ``laws`` holds the laws in reference form, ``pressing`` the measured curves, ``fit`` one law's
 parameters, ``compare`` all laws on presses they were not fitted to. The moving action follows the same laws
-(`model.elements.felts`), chosen by ``contact02.law`` and so on.
+(`model.elements.laws`), chosen by ``contact02.law`` and so on.
 """
 
 import lazy_loader as _lazy

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
+from model.elements.laws.hysteresis import LONGEST_REACH as LONGEST_REACH
 from model.errors import InputError
 from model.kernels.felt_memory import fill_hysteresis, fill_stulov
+from model.parameters.string import check_numbers
 
 LAWS = ("hunt-crossley", "stulov", "hysteresis")
-LONGEST_REACH = 0.4
-"""Largest reach of a memory that is passive on every cubic whose stiffness is nowhere negative."""
 
 Array = NDArray[np.float64]
 
@@ -54,15 +54,9 @@ def _path(time_s: ArrayLike, depth_m: ArrayLike) -> tuple[Array, Array]:
     return t, x
 
 
-def _check(law: str, **numbers: tuple[float, float, float]) -> None:
-    """Refuse numbers (value, lowest, highest) out of range."""
-    for name, (value, low, high) in numbers.items():
-        if not (math.isfinite(value) and low <= value <= high):
-            raise InputError(f"felt law {law}: {name} found {value:g}, allowed {low:g} to {high:g}")
-
-
 def _check_cubic(law: str, a: float, b: float, c: float) -> None:
-    _check(law, a=(a, 0.0, math.inf), c=(c, 0.0, math.inf))
+    """Refuse a curve that pulls or softens."""
+    check_numbers(f"felt law {law}", a=(a, 0.0, math.inf), c=(c, 0.0, math.inf))
     if b < 0.0 and b * b > 3.0 * a * c * (1.0 + 1e-9):
         raise InputError(f"felt law {law}: b found {b:g}, allowed from {-math.sqrt(3.0 * a * c):g} (stiffness from 0)")
 
@@ -85,7 +79,7 @@ class HuntCrossley:
     def __post_init__(self) -> None:
         """Refuse a felt that pulls, softens below zero stiffness or gives energy."""
         _check_cubic("hunt-crossley", self.a, self.b, self.c)
-        _check("hunt-crossley", D=(self.d, 0.0, math.inf))
+        check_numbers("felt law hunt-crossley", D=(self.d, 0.0, math.inf))
 
     def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
         """Force and stored energy along a press.
@@ -141,8 +135,10 @@ class Stulov:
     def __post_init__(self) -> None:
         """Refuse a felt that would give energy or force without press."""
         largest = 1.0 - 1e-9
-        _check("stulov", F0=(self.f0, 0.0, math.inf), p=(self.p, 0.5, 10.0), epsilon=(self.epsilon, 0.0, largest))
-        _check("stulov", tau0=(self.tau_s, 1e-12, math.inf))
+        check_numbers(
+            "felt law stulov", F0=(self.f0, 0.0, math.inf), p=(self.p, 0.5, 10.0), epsilon=(self.epsilon, 0.0, largest)
+        )
+        check_numbers("felt law stulov", tau0=(self.tau_s, 1e-12, math.inf))
 
     def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
         """Force and stored energy along a press, from a felt at rest; exact where x^p runs straight between samples.
@@ -203,8 +199,8 @@ class Hysteresis:
                 f"felt law hysteresis: found {len(self.beta)} beta and {len(self.eta)} eta, allowed as many, 1 or more"
             )
         for beta, eta in zip(self.beta, self.eta, strict=True):
-            _check("hysteresis", beta=(beta, 0.0, 1.0), eta=(eta, 1e-3, LONGEST_REACH))
-        _check("hysteresis", **{"sum of beta": (sum(self.beta), 0.0, 1.0)})
+            check_numbers("felt law hysteresis", beta=(beta, 0.0, 1.0), eta=(eta, 1e-3, LONGEST_REACH))
+        check_numbers("felt law hysteresis", **{"sum of beta": (sum(self.beta), 0.0, 1.0)})
 
     def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
         """Force and stored energy along a press; exact for any sampling that has its turning points.

@@ -42,7 +42,7 @@ CONTACT_SIZE = REACH + 4
 DRIVE_X, DRIVE_Y = 0, 1
 DRIVE_SIZE = 2
 # an amplifier acts on a winding; its coordinate is the charge that has passed (its speed is the current, its inertia
-# the inductance), the motor that it turns is the one before. Alone in its scene. Ohm, N m/A, then as `laws.amplifier`
+# the inductance), the motor that it turns is the one before. Alone in its scene. Ohm, N m/A, then as `drives.amplifier`
 WINDING_R, WINDING_K, WINDING_AMPLIFIER = 0, 1, 2
 WINDING_SIZE = 7
 
@@ -55,11 +55,6 @@ DAMPER_SIZE = 1
 # per direction in which a joint gives: force on the body = load - k d - c dd/dt
 PIN_K, PIN_C, PIN_LOAD = range(3)
 PIN_SIZE = 3
-
-# laws of felt with memory; what a contact remembers is one state each (`Tables.memory`), with two numbers
-STULOV, HYSTERESIS = 1, 2
-SHARE, REACH_OR_TIME = 0, 1  # share of the force that fades or half width of the loop; s, or a share of the depth
-MEMORY_SIZE = 2
 
 # a string in place of the bar: in p how many modes it has and what those left out give way (m/N), then rows of their
 # gains (1/kg), stiffnesses (1/s^2), dampings (1/s); its states: the time at which free modes were left, or
@@ -88,17 +83,17 @@ class Tables(NamedTuple):
     parent: np.ndarray  # (n,) index of the parent body, GROUND, or GUIDED for a vertical guide
     ancestor: np.ndarray  # (n, n) 1 where the column's joint is a strict ancestor of the row's
     spring: np.ndarray  # (s,) body of each spring
-    contact: np.ndarray  # (c, 4) body A, body B (-1 ground), shape of B, length of the chain
+    contact: np.ndarray  # (c, 6) body A, B (-1 ground), shape of B, length of the chain, law of felt, how many numbers
     chain: np.ndarray  # (c, MAX_CHAIN) coordinates that move A against B
     side: np.ndarray  # (c, MAX_CHAIN) +1 where the coordinate moves A, -1 where it moves B
     drive: np.ndarray  # (d, 2) kind, body
     probe: np.ndarray  # (b, 2) body A, body B; both hang from ground
     offset: (
         np.ndarray
-    )  # (9,) where springs, contacts, drives, probes, motion, dampers, memories, string, pins start in p
+    )  # (9,) where springs, contacts, drives, probes, motion, dampers, laws of felt, string, pins start in p
     prescribed: np.ndarray  # (n,) 1 where a coordinate follows the motion in p; such come last and carry no other body
     damper: np.ndarray  # (k,) body of each damper
     rail: np.ndarray  # (0,) or (1,) contact on which a guided body rests
     string: np.ndarray  # (0,) or (1,) contact in which a string stands for the bar
-    memory: np.ndarray  # (z, 2) contact and law of each state of felt that remembers; those of one contact together
+    memory: np.ndarray  # (z,) contact of each state of felt that remembers; those of one contact together
     pin: np.ndarray  # (g, 2) body whose joint gives, and in which direction of the world: 0 right, 1 up

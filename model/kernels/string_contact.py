@@ -7,8 +7,9 @@ displacements positive the way the hammer moves; docs/explanation/string_and_mot
 
 from math import cos, exp, sin, sqrt
 
+import numpy as np
+
 from model.kernels.compile import kernel
-from model.kernels.laws import felt
 
 NEWTON = 50
 
@@ -43,15 +44,16 @@ def fill_propagators(omega, sigma, push, step, out):
 
 
 @kernel
-def march(shape, rows, soft, law, modes, force, hammer):
+def march(felt, shape, rows, soft, law, modes, force, hammer):
     """March (steps,) rows of ``force`` (steps, strings) and ``hammer`` (steps, 2: m, m/s); returns Newton's worst left.
 
-    ``shape`` (k,) at the hammer, ``rows`` (strings, k, 8), ``soft`` (strings,) m/N of what is left out, ``law`` the
-    felt's numbers, the hammer's mass and the step, ``modes`` (strings, k, 2) at rest on entry and at the last row on
-    return. The first rows of force and hammer are given.
+    ``felt`` is the kernel of `model.derived.alone`, ``shape`` (k,) at the hammer, ``rows`` (strings, k, 8), ``soft``
+    (strings,) m/N of what is left out, ``law`` the felt's numbers, the hammer's mass and the step, ``modes`` (strings,
+    k, 2) at rest on entry and at the last row on return. The first rows of force and hammer are given.
     """
     a, b, c, power, exponent, damping, mass, step = law
     strings, worst = len(rows), 0.0
+    at, pressed, numbers = np.empty(2), np.empty(3), np.array([a, b, c, damping])
     f0, f1, free, gives = force[0].copy(), force[0].copy(), force[0].copy(), force[0].copy()
     moving, eases, lead, gain = force[0].copy(), force[0].copy(), force[0].copy(), force[0].copy()
     for i in range(strings):
@@ -83,7 +85,9 @@ def march(shape, rows, soft, law, modes, force, hammer):
             for i in range(strings):
                 depth = y0 - near * pushes - free[i] - gives[i] * f1[i]
                 rate = v0 - fast * pushes - moving[i] - eases[i] * f1[i]
-                fn, fx, fr = felt(depth, rate, a, b, c, damping)
+                at[0], at[1] = depth, rate
+                felt(at, at, numbers, pressed)
+                fn, fx, fr = pressed
                 if depth > 0.0 and power > 0.0 and 1.0 + damping * rate > 0.0:
                     more = power * depth**exponent
                     fn += more * (1.0 + damping * rate)

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from model.derived.columns import DEPTH, NORMAL
 from model.derived.observe import contacts_at
 from model.observables import hammer_height_from_angle
-from model.parameters.action import BACK_CHECK, BODIES, BUTTON, CONTACTS, Action
-from model.parameters.felt_laws import HUNT_CROSSLEY
+from model.parameters.action import BACK_CHECK, BODIES, BUTTON, CONTACTS, USUAL, Action
 from model.scene.build import Scene, build_scene
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.statics import balance, solve_rest
@@ -191,7 +190,7 @@ def reduce_action(action: Action) -> Reduced:
     >>> reduced.rest_rad.shape
     (5,)
     """
-    scene = build_scene(action.with_laws(dict.fromkeys(CONTACTS, HUNT_CROSSLEY)))  # the yardstick knows one law
+    scene = build_scene(action.with_laws(dict.fromkeys(CONTACTS, USUAL)))  # the yardstick knows one law
     rest = hand_set_rest(action)
     lever = balance(scene, rest, 1.0)[0][KEY] - balance(scene, rest, 0.0)[0][KEY]
     sense = 1.0 if lever > 0.0 else -1.0  # of the key's angle as its front goes down

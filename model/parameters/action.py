@@ -17,9 +17,11 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
+from model.elements.laws.felt_law import FeltLaw
+from model.elements.laws.known import LAWS
+from model.elements.laws.known import USUAL as USUAL
 from model.errors import InputError
 from model.parameters.effects import effect_defaults
-from model.parameters.felt_laws import HUNT_CROSSLEY, check_law, law_defaults
 from model.parameters.quantity import Quantity, check_value, quantity_tables, read_quantity
 
 ACTIONS = Path(__file__).parents[1] / "actions"
@@ -39,10 +41,32 @@ LAW = "law"  # last part of the path that names a contact's law of felt
 _STRUCTURE_KEYS = {"parent", "body", "shape", "description", "name"}
 
 
-@cache
 def added_defaults() -> Mapping[str, Quantity]:
-    """Quantities by path that an action's file need not hold: those of effects and of felt laws with memory."""
-    return {**effect_defaults(), **law_defaults(CONTACTS)}
+    """Quantities by path that an action's file need not hold: of effects, and of laws of felt for each contact."""
+    return _added_defaults(tuple(LAWS.values()))
+
+
+@cache
+def _added_defaults(laws: tuple[FeltLaw, ...]) -> Mapping[str, Quantity]:
+    of_laws = {
+        f"{law.name}.{name}": Quantity(n.value, n.unit, n.u, "assumed", n.source)
+        for law in laws
+        for name, n in law.numbers.items()
+    }
+    return {**effect_defaults(), **{f"{c}.{path}": quantity for c in CONTACTS for path, quantity in of_laws.items()}}
+
+
+def law_of(path: str) -> tuple[str, str] | None:
+    """Contact and law of felt that a parameter path belongs to, where it is one of a law's own."""
+    contact, law, *_ = *path.split("."), ""
+    return (contact, law) if law in LAWS else None
+
+
+def check_law(path: str, found: object, where: str) -> str:
+    """The name of a law of felt; ``InputError`` for any other."""
+    if not isinstance(found, str) or found not in LAWS:
+        raise InputError(f"{where}: {path}: found {found!r}, allowed {', '.join(LAWS)}")
+    return found
 
 
 @dataclass(frozen=True)
@@ -101,8 +125,8 @@ class Action:
         return replace(self, effects=effects)
 
     def law(self, contact: str) -> str:
-        """Law of felt that a contact follows (`model.parameters.felt_laws`)."""
-        return self.structure.get(f"{contact}.{LAW}", HUNT_CROSSLEY)
+        """Law of felt that a contact follows, one of `model.elements.laws`."""
+        return self.structure.get(f"{contact}.{LAW}", USUAL)
 
     def with_laws(self, laws: Mapping[str, str]) -> Action:
         """Return a copy whose contacts follow other laws of felt, contact -> law."""
@@ -111,15 +135,16 @@ class Action:
             if contact not in CONTACTS:
                 raise InputError(f"felt law: found {contact!r}, allowed {CONTACTS[0]} to {CONTACTS[-1]}")
             structure[f"{contact}.{LAW}"] = check_law(f"{contact}.{LAW}", law, "felt law")
-        return replace(self, structure=structure)
+        effects = {**added_defaults(), **self.effects}  # a law may be younger than the action
+        return replace(self, structure=structure, effects=effects)
 
     def content(self) -> str:
         """All values as text in a fixed order, for hashing; of what files need not hold, only what is not usual."""
         usual = added_defaults()
-        own = {path: q for path, q in self.effects.items() if q.value != usual[path].value}
+        own = {path: q for path, q in self.effects.items() if path not in usual or q.value != usual[path].value}
         lines = [f"{path}={q.value!r}" for path, q in sorted({**self.quantities, **own}.items())]
         laws = {contact: self.law(contact) for contact in CONTACTS}
-        return "\n".join([*lines, *(f"{c}.{LAW}={law}" for c, law in laws.items() if law != HUNT_CROSSLEY)])
+        return "\n".join([*lines, *(f"{c}.{LAW}={LAWS[law].stamp}" for c, law in laws.items() if law != USUAL)])
 
 
 _OFF_SWITCHES = {"friction": ("A",), "joint_friction": ("A",)}
@@ -145,7 +170,7 @@ def _expand(path: str, value: float, quantities: Mapping[str, Quantity]) -> list
 def _unknown_path(path: str, known: Mapping[str, Any]) -> str:
     near = difflib.get_close_matches(path, list(known), n=1)
     hint = f"; did you mean {near[0]}" if near else ""
-    files = f"model/actions/{TEMPLATE}.toml, model/parameters/effects.toml and model/parameters/felt_laws.toml"
+    files = f"model/actions/{TEMPLATE}.toml, model/parameters/effects.toml and model/elements/laws/"
     return f"parameter {path}: unknown path{hint}; all paths are in {files}"
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
+from model.elements.laws.known import LAWS
 from model.errors import InputError
 
 Basis = Literal["measured", "printed digits", "assumed"]
@@ -76,14 +77,6 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "string.struck_at": (1e-3, 0.999, False),
     "string.modes": (0.0, 100.0, False),
     "string.unisons": (1.0, 3.0, False),
-    "stulov.epsilon": (0.0, 0.9999, False),
-    "stulov.tau": (1e-9, 10.0, False),
-    "hysteresis.beta": (0.0, 1.0, False),
-    "hysteresis.beta2": (0.0, 1.0, False),
-    "hysteresis.beta3": (0.0, 1.0, False),
-    "hysteresis.eta": (1e-3, 0.4, False),  # up to where it is passive (docs/explanation/felt.md)
-    "hysteresis.eta2": (1e-3, 0.4, False),
-    "hysteresis.eta3": (1e-3, 0.4, False),
     **{
         f"{body}_pin.{name}": allowed
         for body in ("key", "whippen", "jack", "repetition", "hammer")
@@ -108,6 +101,9 @@ class Quantity:
 def allowed_range(path: str) -> tuple[float, float, bool]:
     """Smallest and largest allowed value of a parameter path, and whether the smallest is excluded."""
     parts = path.split(".")
+    if len(parts) > 1 and parts[-2] in LAWS and parts[-1] in LAWS[parts[-2]].numbers:
+        of_law = LAWS[parts[-2]].numbers[parts[-1]]
+        return of_law.low, of_law.high, False
     return RANGES.get(".".join(parts[-2:]), RANGES.get(parts[-1], (-math.inf, math.inf, False)))
 
 

@@ -9,31 +9,47 @@ motion of the key is prescribed, the other bodies are solved for and the input i
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, wraps
+from threading import Lock
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import ArrayRecord, as_numbers
+from model.elements.laws.known import LAWS, USUAL
 from model.elements.structure import solved_contacts
 from model.errors import InputError
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.parameters.action import CONTACTS, STRING, Action
-from model.parameters.effects import ARM, FINGER, KEY_LIFT, MOTOR, MOTOR_DRIVE, RAIL, SHANK, STRING_EFFECT, WINDING
+from model.parameters.effects import (
+    ARM,
+    FINGER,
+    KEY_LIFT,
+    MOTOR,
+    MOTOR_DRIVE,
+    PINS,
+    RAIL,
+    SHANK,
+    STRING_EFFECT,
+    WINDING,
+)
 from model.scene import pressing
-from model.scene.contacts import chain_of, reach_of, read_contact
+from model.scene.contacts import chain_of, law_of_contact, reach_of, read_contact
 from model.scene.effect_terms import bending, parts_of_hammer
-from model.scene.felt_memory import memories_of
-from model.scene.giving_joints import AXES, pins_and_numbers
 from model.scene.key_motion import KeyMotion
-from model.scene.latest import keeps_latest
 from model.scene.selection import SceneChoice, check_prescribed_key
 from model.scene.string_terms import string_numbers
 
 # rest angles of the printed action, to two digits: the solver needs a start on the right side of each contact
 PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35, "hammer": 0.295}
+AXES = ("x", "y")  # in which a joint gives: to the right and up
+MOST = 256
+"""Scenes kept, some 4 kB each: more than runs are carried out at one time."""
+S = TypeVar("S")
 
 
 @dataclass(frozen=True)
@@ -69,7 +85,7 @@ class Scene(ArrayRecord):
         if len(self.tables.memory):
             names = ", ".join(name for name in self.what_remembers if name in self.contacts)
             raise InputError(
-                f"{what}: found felt that remembers ({names}), allowed the law hunt-crossley; "
+                f"{what}: found felt that remembers ({names}), allowed the law {USUAL}; "
                 "take that law for these contacts"
             )
         if len(self.tables.string):
@@ -88,12 +104,14 @@ class Scene(ArrayRecord):
     @cached_property
     def static_tables(self) -> L.Tables:
         """Tables of the same scene at rest, where felt that remembers presses as its slow loading curve says."""
-        return self.tables._replace(memory=np.zeros((0, 2), dtype=np.int64), string=np.zeros(0, dtype=np.int64))
+        nothing, contact = np.zeros(0, dtype=np.int64), self.tables.contact.copy()
+        contact[:, 4:] = LAWS[USUAL].number, 0
+        return self.tables._replace(contact=contact, memory=nothing, string=nothing)
 
     @property
     def what_remembers(self) -> tuple[str, ...]:
         """Contacts whose felt has a law with memory; then the string, where there is one."""
-        felts = dict.fromkeys(self.contacts[c] for c, _ in self.tables.memory)
+        felts = dict.fromkeys(self.contacts[c] for c in self.tables.memory)
         return (*felts, *(("string",) if len(self.tables.string) else ()))
 
     @property
@@ -199,6 +217,54 @@ def _ancestors(parent: list[int]) -> NDArray[np.int64]:
     return out
 
 
+def _pins(
+    action: Action, choice: SceneChoice, bodies: Sequence[str], prescribed: bool
+) -> tuple[list[list[int]], list[float]]:
+    """Body and direction, 0 to the right and 1 up, of each way in which a joint gives; their numbers in p.
+
+    A key on its balance rail gives to the side only. Where the key's motion is ``prescribed``, joints are rigid.
+    """
+    pins: list[list[int]] = []
+    numbers: list[float] = []
+    for effect, body in PINS.items():
+        if effect not in choice.effects:
+            continue
+        if prescribed:
+            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
+        if body not in bodies:
+            raise InputError(f"scene: effects: {effect} needs the {body}; add {body} or leave out {effect}")
+        for axis, name in enumerate(AXES):
+            if not (body == "key" and name == "y" and RAIL in choice.effects):
+                pins.append([bodies.index(body), axis])
+                numbers += [action[f"{effect}.{k}"] for k in ("stiffness", "damping", f"load.{name}")]
+    return pins, numbers
+
+
+def keeps_latest(build: Callable[..., S]) -> Callable[..., S]:
+    """Give the scene of an action that was built for it before; none is kept of a prescribed motion."""
+    kept: dict[tuple[int, SceneChoice, tuple[int, ...]], tuple[Action, S]] = {}
+    lock = Lock()
+
+    @wraps(build)
+    def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> S:
+        choice = SceneChoice() if choice is None else choice
+        if key_motion is not None:
+            return build(action, choice, key_motion)
+        laws = tuple(law.number for law in LAWS.values())  # a law that was added again is another
+        key = id(action), choice, laws  # the action is kept with its scene, so that no other has its id
+        with lock:
+            found = kept.get(key)
+        if found is None:
+            found = action, build(action, choice)
+            with lock:
+                kept[key] = found
+                while len(kept) > MOST:
+                    del kept[next(iter(kept))]
+        return found[1]
+
+    return build_scene
+
+
 @keeps_latest
 def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
     """Scene of the whole action, or of what ``choice`` leaves out and adds.
@@ -240,8 +306,8 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     vector += [number for _, numbers in springs for number in numbers]
     offsets.append(len(vector))
     names, contacts, chains, sides = list[str](), list[list[int]](), list[list[int]](), list[list[int]]()
-    memories: list[list[int]] = []
-    remembered: list[float] = []
+    memories: list[int] = []
+    of_laws: list[float] = []
     for name in (*CONTACTS, *((RAIL,) if KEY_LIFT in bodies else ())):
         contact = read_contact(action, name, SHANK in bodies)
         numbers, between = list(contact.numbers), {contact.first, contact.second}
@@ -251,12 +317,11 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         chain = chain_of(parent, first, second)
         point = complex(numbers[L.A_X], numbers[L.A_Y])
         pad = L.MAX_CHAIN - len(chain)
-        for kind, share, time_or_reach in memories_of(action, name):
-            memories.append([len(names), kind])
-            remembered += [share, time_or_reach]
-            numbers[L.DAMP] = 0.0  # its loss is the memory's
+        count, packed = law_of_contact(action, name, numbers)
+        memories += [len(names)] * count
+        of_laws += packed
         names.append(name)
-        contacts.append([first, second, contact.shape, len(chain)])
+        contacts.append([first, second, contact.shape, len(chain), LAWS[action.law(name)].number, len(packed)])
         chains.append([i for i, _ in chain] + [0] * pad)
         sides.append([s for _, s in chain] + [0] * pad)
         vector += [*numbers, *(reach_of(parent, pivot, first, point, b) for b, _ in chain), *[0.0] * pad]
@@ -276,10 +341,10 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     dampers, given = pressing.dampers_of(action, bodies)
     vector += given
     pins_at = len(vector)
-    pins, given = pins_and_numbers(action, choice, bodies, key_motion is not None)
+    pins, given = _pins(action, choice, bodies, key_motion is not None)
     vector += given
     offsets.append(len(vector))
-    vector += remembered
+    vector += of_laws
     offsets += [len(vector), pins_at]
     strung = STRING_EFFECT in choice.effects
     vector += string_numbers(action) if strung else []
@@ -287,7 +352,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         parent=np.array(parent, dtype=np.int64),
         ancestor=_ancestors(parent),
         spring=np.array([i for i, _ in springs], dtype=np.int64),
-        contact=_table(contacts, 4),
+        contact=_table(contacts, 6),
         chain=_table(chains, L.MAX_CHAIN),
         side=_table(sides, L.MAX_CHAIN),
         drive=_table([drive], 2),
@@ -297,7 +362,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         damper=np.array(dampers, dtype=np.int64),
         rail=np.array([names.index(RAIL)] if RAIL in names else [], dtype=np.int64),
         string=np.array([names.index(STRING)] if strung else [], dtype=np.int64),
-        memory=_table(memories, 2),
+        memory=np.array(memories, dtype=np.int64),
         pin=_table(pins, 2),
     )
     start = np.array([PRINTED_REST.get(b, 0.0) for b in bodies[: n - int(prescribed.sum())]])

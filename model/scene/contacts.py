@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from model.elements.laws.known import LAWS
 from model.kernels import layout as L
 from model.parameters.action import Action
 from model.parameters.effects import RAIL, SHANK
@@ -56,6 +57,17 @@ def _numbers(action: Action, name: str) -> list[float]:
     numbers += [action[f"{name}.normal.{k}"] for k in ("a", "b", "c", "D")]
     numbers += [action[f"{name}.friction.{k}"] for k in ("A", "B1", "B2")]
     return numbers
+
+
+def law_of_contact(action: Action, name: str, numbers: list[float]) -> tuple[int, list[float]]:
+    """How many states the felt of a contact remembers, and the numbers of its law; sets D to 0 where it has none."""
+    law = LAWS[action.law(name)]
+    values = {k: action[f"{name}.{law.name}.{k}"] for k in law.numbers}
+    if not law.damped:
+        numbers[L.DAMP] = 0.0
+    a, b, c = numbers[L.K_A : L.K_C + 1]
+    count, packed = law.packed(name, values, (a, b, c))
+    return count, list(packed)
 
 
 def _ancestry(parent: list[int], body: int) -> list[int]:

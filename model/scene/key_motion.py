@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import ArrayRecord, as_numbers
+from model.elements.prescribed import ORDER
 from model.errors import InputError
-from model.kernels.motion import ORDER, motion_along
 
 Array = NDArray[np.float64]
 
@@ -68,12 +68,18 @@ class KeyMotion(ArrayRecord):
         return KeyMotion(self.break_s, rows)
 
     def packed(self) -> list[float]:
-        """The block of the parameter vector that kernels read; see `model.kernels.motion`."""
+        """The block of the parameter vector that kernels read; see `model.elements.prescribed`."""
         return [float(len(self.break_s) - 1), *self.break_s.tolist(), *self.coefficient.ravel().tolist()]
 
     def at(self, time_s: ArrayLike) -> Array:
         """Angle (rad), speed and acceleration at times (k,) within the breaks; (k, 3)."""
         times = as_numbers(time_s, "times of a key motion", 1)
-        out = np.empty((len(times), 3))
-        motion_along(times, np.array(self.packed()), 0, out)
-        return out
+        k = np.clip(np.searchsorted(self.break_s, times, side="right") - 1, 0, len(self.coefficient) - 1)
+        x, row, out = times - self.break_s[k], self.coefficient[k], []
+        for _ in range(3):
+            value = row[:, 0]
+            for c in row.T[1:]:
+                value = value * x + c
+            out.append(value)
+            row = row[:, :-1] * np.arange(row.shape[1] - 1, 0, -1)
+        return np.stack(out, axis=1)

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model.derived.load import law_alone
+from model.derived.observe import rows_of
 from model.errors import InputError
 from model.kernels import layout as L
 from model.parameters.action import Action
@@ -25,16 +26,6 @@ TIP = {MOTOR: (ARM, "contact_", "motor_arm.joint_friction"), FINGER: (FINGER, "p
 RAMP_S = 2e-9  # s, in which a force jumps: steps land on either end; a jump proper is seen early by a step's last stage
 SATURATED = 2.0  # commands beyond so many times the supply ask for nothing more
 DRIVE_NUMBERS = ("loop_gain", "supply", "current_limit", "limit_gain", "limit_softness")
-
-
-class Command(Protocol):
-    """Turns the input of a run into what the kernels are given."""
-
-    def table(self, time_s: Array, value: Array, held: bool) -> tuple[Array, Array]:
-        """Table (k,) of the same input for the kernels."""
-
-    def value(self, value: float) -> float:
-        """The same of a constant input."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +86,10 @@ class FingerCommand:
         )
         order = np.argsort(times, kind="stable")
         return times[order], self.length_m * force[order]
+
+
+Command = AmplifierCommand | FingerCommand
+"""Turns the input of a run into what the kernels are given."""
 
 
 def presser_of(bodies: list[str]) -> str | None:
@@ -188,10 +183,11 @@ def command_of(action: Action, bodies: list[str]) -> Command | None:
 
 
 def amplifier_voltage(numbers: Array, source_v: Array, current_a: Array) -> Array:
-    """Voltage at the winding (m,): `model.elements.drives.amplifier` in plain NumPy; ``numbers`` as in the kernels."""
-    loop, supply, limit, hold, share = numbers[L.WINDING_AMPLIFIER : L.WINDING_SIZE]
-    beyond = current_a - _held(current_a, limit, share)
-    return _held(source_v - loop * current_a - hold * beyond, supply, share)
+    """Voltage at the winding (m,) by `model.elements.drives.amplifier`; ``numbers`` as in the kernels."""
+    x, found = np.column_stack([source_v, current_a]), np.empty((len(current_a), 2))
+    own = np.ascontiguousarray(numbers[L.WINDING_AMPLIFIER : L.WINDING_SIZE])
+    rows_of(law_alone("amplifier"), x, x, own, found)
+    return found[:, 0]
 
 
 def steady_current(numbers: Array, source_v: float) -> float:
@@ -205,9 +201,3 @@ def steady_current(numbers: Array, source_v: float) -> float:
         if high - low <= 1e-15 * most:
             break
     return 0.5 * (low + high)
-
-
-def _held(x: Array, limit: float, share: float) -> Array:
-    width = share * limit
-    s = np.maximum((np.abs(x) - limit) / width + 1.0, 0.0)
-    return np.where(s > 0.0, np.sign(x) * (limit - width + width * s / (1.0 + s**4) ** 0.25), x)

@@ -5,9 +5,9 @@
     outputs = ["contact_forces", "energy"] # beyond angles and speeds
     effects = ["balance_rail"]             # beyond the action itself (model.parameters.effects)
 
-    [contact02]                            # the law of a contact's felt (model.parameters.felt_laws), and its values
-    law = "hysteresis"
-    hysteresis.beta = 0.3
+    [contact02]                            # the law of a contact's felt (model.elements.laws), and its values
+    law = "<law>"
+    <law>.<number> = 0.3
 
     [shank]                                # a table switches its effect on, and gives values other than the action's
     frequency_hz = 80.0
@@ -25,9 +25,8 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import InputError
-from model.parameters.action import BODIES, CONTACTS, LAW, STRING, Action
-from model.parameters.effects import EFFECTS, FINGER, PINS, RAIL, effect_defaults, effect_of
-from model.parameters.felt_laws import check_law, law_defaults, law_of
+from model.parameters.action import BODIES, CONTACTS, LAW, STRING, Action, added_defaults, check_law, law_of
+from model.parameters.effects import EFFECTS, FINGER, PINS, RAIL, effect_of
 from model.parameters.quantity import check_value
 
 SPRINGS = ("jack_spring", "repetition_spring")
@@ -218,7 +217,7 @@ def scene_of(table: Mapping[str, Any], where: str) -> SceneChoice:
 
 def _values(where: str, effect: str, table: dict[str, Any]) -> list[tuple[str, float]]:
     """Paths and checked values of an effect's or a contact's table in a scene file."""
-    known, out = {**effect_defaults(), **law_defaults(CONTACTS)}, []
+    known, out = added_defaults(), []
     for key, item in _flat(table, f"{effect}."):
         if key not in known:
             allowed = ", ".join(p for p in known if p.startswith(f"{effect}."))

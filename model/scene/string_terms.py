@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from model.errors import InputError
 from model.kernels.workspace import MOST_MODES
 from model.parameters.action import STRING as CONTACT
-from model.parameters.action import Action
-from model.parameters.felt_laws import HUNT_CROSSLEY
+from model.parameters.action import USUAL, Action
 from model.parameters.string import String
 
 LEFT_OUT = 20_000  # modes up to which those left out are summed as a spring
@@ -63,8 +62,8 @@ def moved_modes(action: Action) -> Array:
 
 def string_numbers(action: Action) -> list[float]:
     """How many modes, what those left out give way, then gains, stiffnesses and dampings of the modes."""
-    if action.law(CONTACT) != HUNT_CROSSLEY:
-        raise InputError(f"string: found {CONTACT}.law {action.law(CONTACT)}, allowed {HUNT_CROSSLEY} under a string")
+    if action.law(CONTACT) != USUAL:
+        raise InputError(f"string: found {CONTACT}.law {action.law(CONTACT)}, allowed {USUAL} under a string")
     if action[f"{CONTACT}.friction.A"] != 0.0:
         raise InputError(f"string: found {CONTACT}.friction.A above 0, allowed 0: the string has one polarisation")
     string, n = string_of(action), moved_modes(action)

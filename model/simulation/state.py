@@ -14,10 +14,11 @@ from model.arrays import ArrayRecord
 from model.derived.columns import DEPTH
 from model.derived.load import kernels_of
 from model.derived.observe import contacts_at
+from model.elements.structure import Structure
 from model.errors import InputError
+from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.scene.build import Scene
-from model.scene.felt_memory import rested
 from model.simulation.statics import with_pins
 from model.simulation.string_motion import straight
 
@@ -92,7 +93,12 @@ def _rested(scene: Scene, state: State, whole: NDArray[np.float64]) -> NDArray[n
     angles = w[None, W.Q : W.Q + len(scene.bodies)]  # with those of a prescribed coordinate
     rows = np.concatenate([whole[scene.size :], np.zeros(len(scene.pins))])[None]
     found = contacts_at(scene.static_tables, scene.vector, angles, np.zeros_like(angles), rows)[0]
-    return rested(scene.tables, scene.vector, found[:, DEPTH].tolist())
+    s, p, out = Structure(scene.tables), scene.vector, list[float]()
+    for c in dict.fromkeys(s.memory):
+        curve = p[s.offset[1] + L.CONTACT_SIZE * c + L.K_A :][:3].tolist()
+        numbers = [p[n.args[1]] for n in s.law_numbers(c)]
+        out += s.law(c).rested(max(0.0, float(found[c, DEPTH])), tuple(curve), numbers, len(s.memories(c)))
+    return np.array(out)
 
 
 def check_input(

@@ -21,8 +21,7 @@ from model.errors import InputError
 from model.force_driven import simulate
 from model.parameters.action import BODIES, Action
 from model.scene.build import build_scene
-from model.string.blow import strike
-from model.string.parameters import Hammer, String
+from model.string.blow import Hammer, String, strike
 
 STRING_CONTACT = "contact12"
 LOUDEST_HZ = 5000.0

@@ -20,8 +20,7 @@ from model.derived.observe import contacts_at
 from model.felt.laws import Hysteresis, Stulov
 from model.files.force_table import check_force_table
 from model.force_driven import output_times, simulate
-from model.parameters.action import BACK_CHECK, CONTACTS, KEY_FRONT, STRING, Action
-from model.parameters.felt_laws import HUNT_CROSSLEY, HYSTERESIS, STULOV
+from model.parameters.action import BACK_CHECK, CONTACTS, KEY_FRONT, STRING, USUAL, Action
 from model.parameters.quantity import allowed_range
 from model.scene.build import build_scene
 from model.simulation.solution import Solution
@@ -30,9 +29,9 @@ from model.study.felt_and_string import TOLERANCE, Effect, effect_of, touch_and_
 Array = NDArray[np.float64]
 
 RATE_HZ = 100_000.0  # a memory of 50 us is to be followed
-SHARE = {STULOV: "stulov.epsilon", HYSTERESIS: "hysteresis.beta"}
-SECOND = {STULOV: "stulov.tau", HYSTERESIS: "hysteresis.eta"}
-SHARES = {STULOV: np.linspace(0.02, 0.98, 49), HYSTERESIS: np.linspace(0.0125, 1.0, 80)}
+SHARE = {"stulov": "stulov.epsilon", "hysteresis": "hysteresis.beta"}
+SECOND = {"stulov": "stulov.tau", "hysteresis": "hysteresis.eta"}
+SHARES = {"stulov": np.linspace(0.02, 0.98, 49), "hysteresis": np.linspace(0.0125, 1.0, 80)}
 ROUNDS, CLOSE = 12, 0.005  # fits, each along the press of the blow before; share of peak and loss that ends them
 FELTS: Mapping[str, tuple[str, ...]] = {
     "hammer": (STRING,),
@@ -126,7 +125,7 @@ def effects_at_equal_loss(
     >>> all(abs(e.value["loss_mj"] / base.value["loss_mj"] - 1.0) < 0.02 for e in others)
     True
     """
-    plain = action.with_laws(dict.fromkeys(CONTACTS, HUNT_CROSSLEY))
+    plain = action.with_laws(dict.fromkeys(CONTACTS, USUAL))
     blow = check_force_table(time_s, force_n)
     out = []
     for name, contacts in felts.items():
@@ -139,11 +138,11 @@ def effects_at_equal_loss(
             press = presses(variant, _blow(variant, blow), seen[:1]).get(seen[0])
             own = {"peak_n": press.peak_n, "loss_mj": 1e3 * press.loss_j} if press else {}
             law = variant.law(seen[0])
-            share = math.nan if law == HUNT_CROSSLEY else variant[f"{seen[0]}.{SHARE[law]}"]
+            share = math.nan if law == USUAL else variant[f"{seen[0]}.{SHARE[law]}"]
             height = variant[f"{seen[0]}.normal.c"] / plain[f"{seen[0]}.normal.c"]
             return touch_and_blow(variant, blow) | own | {"share": share, "height": height}
 
-        out.append(effect_of(name, HUNT_CROSSLEY, [plain], marks))
+        out.append(effect_of(name, USUAL, [plain], marks))
         for law, second in SECOND.items():
             variants = []
             for sign in (0.0, -1.0, 1.0):
@@ -220,7 +219,7 @@ def _fit(plain: Action, given: Action, contact: str, law: str, wanted: Press) ->
 def _force(law: str, curve: tuple[float, float, float], share: float, second: float, press: Press) -> Array:
     """Force along a press; the slow curve is Stulov's u with the exponent 1."""
     a, b, c = curve
-    if law == STULOV:
+    if law == "stulov":
         x = np.maximum(press.depth_m, 0.0)
         slow = np.maximum(((a * x + b) * x + c) * x, 0.0)
         return Stulov(1.0 / (1.0 - share), 1.0, share, second).response(press.time_s, slow).force_n

@@ -17,8 +17,17 @@ from model.errors import IntegrationError, StaticsError
 from model.files.force_table import check_force_table
 from model.force_driven import output_times, simulate
 from model.observables import hammer_height_m
-from model.parameters.action import BACK_CHECK, BODIES, CONTACTS, JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
-from model.parameters.felt_laws import HUNT_CROSSLEY, HYSTERESIS, STULOV
+from model.parameters.action import (
+    BACK_CHECK,
+    BODIES,
+    CONTACTS,
+    JACK_KNUCKLE,
+    KEY_FRONT,
+    LEVER_KNUCKLE,
+    STRING,
+    USUAL,
+    Action,
+)
 from model.parameters.quantity import allowed_range
 from model.scene.selection import SceneChoice, load_scene
 from model.study.blow_measures import measure_blow
@@ -37,7 +46,7 @@ FELTS: Mapping[str, tuple[str, ...]] = {
     "back check": (BACK_CHECK,),
     "all felts": CONTACTS,
 }
-NUMBERS = {STULOV: ("stulov.epsilon", "stulov.tau"), HYSTERESIS: ("hysteresis.beta", "hysteresis.eta")}
+NUMBERS = {"stulov": ("stulov.epsilon", "stulov.tau"), "hysteresis": ("hysteresis.beta", "hysteresis.eta")}
 OF_THE_STRING = ("length", "mass", "tension", "stiffness", "b1", "b2", "struck_at")
 
 
@@ -91,9 +100,9 @@ def felt_law_effects(
     >>> [effect.law for effect in others]
     ['stulov', 'hysteresis']
     """
-    plain = action.with_laws(dict.fromkeys(CONTACTS, HUNT_CROSSLEY))
+    plain = action.with_laws(dict.fromkeys(CONTACTS, USUAL))
     blow = check_force_table(time_s, force_n)
-    out = [effect_of("all felts", HUNT_CROSSLEY, [plain], lambda a: touch_and_blow(a, blow))]
+    out = [effect_of("all felts", USUAL, [plain], lambda a: touch_and_blow(a, blow))]
     for name, contacts in felts.items():
         for law, numbers in NUMBERS.items():
             given = plain.with_laws(dict.fromkeys(contacts, law))

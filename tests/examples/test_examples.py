@@ -19,6 +19,8 @@ PROMISES = {
         "Session double, RMSE of damping x 4.5 against hirschkorn2004",
         "report.html",
     ],
+    "felt_with_two_times.py": ["share 0.5: peak", "energy closes to"],
+    "felt_with_restitution.py": ["restitution: 0.68", "of 1.13 m/s"],
     "own_optimiser.py": ["hammer.joint_friction.A: ", "of the prior's"],
     "validate_session.py": ["as printed", "string_impact", "report.html"],
 }

@@ -10,8 +10,7 @@ import math
 from dataclasses import replace
 from functools import cache, partial
 
-from model.parameters.action import CONTACTS
-from model.parameters.felt_laws import HUNT_CROSSLEY
+from model.parameters.action import CONTACTS, USUAL
 from validation.conventions import KEY, WHIPPEN
 from validation.events.definitions import Event
 from validation.events.encoder_wiring import miswired_channels
@@ -79,7 +78,7 @@ def rail_pulls(tested: ModelUnderTest, m: MeasuredTrial) -> list[RailPull]:
 
     def run() -> list[tuple[float, float, float]]:
         rest = tested.load(force.preload_n).rest
-        action = tested.action.with_laws(dict.fromkeys(CONTACTS, HUNT_CROSSLEY))
+        action = tested.action.with_laws(dict.fromkeys(CONTACTS, USUAL))
         found = tested.simulate(
             action, force.time_s, force.force_n, tolerance=tested.tolerance, initial=rest, inside=True
         )

@@ -16,10 +16,10 @@ from model.kernels.lanes import lanes_pay
 
 CODE = """
 import numpy as np, model
-from model.kernels.motion import motion_along
-out = np.zeros((2, 3))
-motion_along(np.array([0.1, 0.2]), np.array([1.0, 0.0, 1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), 0, out)
-print(repr(out.tolist()), motion_along.stats.cache_hits and sum(motion_along.stats.cache_hits.values()))
+from model.kernels.felt_memory import fill_stulov
+at, out = np.arange(4.0), np.zeros((2, 4))
+fill_stulov(at, at, 1.0, 1.0, 0.5, 1.0, out[0], out[1])
+print(repr(out.tolist()), fill_stulov.stats.cache_hits and sum(fill_stulov.stats.cache_hits.values()))
 """
 
 
@@ -41,10 +41,10 @@ def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) ->
     assert hits == 0
     again, hits = run(tmp_path, cache)
     assert again == first and hits == 1  # nothing changed: loaded, not compiled
-    callee = package / "kernels" / "motion.py"
+    callee = package / "kernels" / "felt_memory.py"
     text = callee.read_text(encoding="utf-8")
-    assert text.count("    x = t - p[o + 1 + k]") == 1
-    callee.write_text(text.replace("    x = t - p[o + 1 + k]", "    x = t + p[o + 1 + k] + 1.0"), encoding="utf-8")
+    assert text.count("slope * (at - tau)") == 1
+    callee.write_text(text.replace("slope * (at - tau)", "slope * (at + tau)"), encoding="utf-8")
     edited, hits = run(tmp_path, cache)
     assert edited != first and hits == 0
 
@@ -52,7 +52,7 @@ def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) ->
 def test_every_compiled_module_of_the_step_loop_is_among_the_hashed_sources() -> None:
     package = Path(model.__file__).parent
     hashed = {path.relative_to(package).as_posix() for path in kernel_sources()}
-    assert {"kernels/laws.py", "kernels/motion.py", "kernels/inputs.py"} <= hashed
+    assert {"kernels/felt_memory.py", "kernels/inputs.py", "elements/laws/stulov.py"} <= hashed
     assert {"elements/contacts.py", "derived/step.py", "compiler/native.py", "integrators/rosenbrock.py"} <= hashed
     compiled = ("@kernel", "@inlined", "@uncounted", "@piece", "@step_loop", "@generated")
     for path in [*package.glob("kernels/**/*.py"), *package.glob("integrators/**/*.py")]:

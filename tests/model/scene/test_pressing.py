@@ -7,9 +7,8 @@ import pytest
 
 import model
 from model.compiler.expressions import ONE, lift, slopes
-from model.elements.drives import amplifier
+from model.elements.drives import amplifier, soft_limit
 from model.kernels import workspace as W
-from model.kernels.laws import soft_limit
 from model.scene.build import build_scene
 from model.scene.pressing import RAMP_S, AmplifierCommand, FingerCommand, amplifier_voltage, steady_current
 from tests.model.compiler.machine import given, machine, text_of, touched
@@ -23,19 +22,25 @@ TIGHT = {"motor_drive.current_limit": 3.0, "motor_drive.supply": 12.0, "motor_ar
 
 
 def test_soft_limit_is_smooth_to_the_fourth_derivative_and_exact_below() -> None:
-    limit, share = 3.0, 0.1
-    for x in (0.0, 1.5, -2.69, 2.7):
-        assert soft_limit(x, limit, share) == (x, 1.0)
-    assert 2.7 < soft_limit(2.9, limit, share)[0] < 2.9
-    assert soft_limit(1e4, limit, share)[0] == pytest.approx(limit, abs=1e-12)
-    assert soft_limit(-1e4, limit, share)[0] == -soft_limit(1e4, limit, share)[0]
+    limit, x = 3.0, given(0)
+    held = soft_limit(x, lift(limit), lift(0.1))
+    run = machine([held, slopes({x: ONE})(held)])
+
+    def limited(x: float) -> tuple[float, float]:
+        value, slope = run(np.array([x]))[:2]
+        return float(value), float(slope)
+
+    for at in (0.0, 1.5, -2.69, 2.7):
+        assert limited(at) == (at, 1.0)
+    assert 2.7 < limited(2.9)[0] < 2.9
+    assert limited(1e4)[0] == pytest.approx(limit, abs=1e-12)
+    assert limited(-1e4)[0] == -limited(1e4)[0]
     # next to where it sets in it leaves x as the fifth power
-    off = [x - soft_limit(2.7 + x, limit, share)[0] + 2.7 for x in (0.02, 0.04)]
+    off = [at - limited(2.7 + at)[0] + 2.7 for at in (0.02, 0.04)]
     assert off[1] / off[0] == pytest.approx(32.0, rel=0.01)
-    for x in (2.71, 2.95, 3.3, -3.1):
-        h = 1e-6
-        slope = (soft_limit(x + h, limit, share)[0] - soft_limit(x - h, limit, share)[0]) / (2.0 * h)
-        assert soft_limit(x, limit, share)[1] == pytest.approx(slope, abs=1e-8)
+    for at in (2.71, 2.95, 3.3, -3.1):
+        slope = (limited(at + H)[0] - limited(at - H)[0]) / (2.0 * H)
+        assert limited(at)[1] == pytest.approx(slope, abs=1e-8)
 
 
 def test_amplifier_never_leaves_its_supply_and_its_slopes_are_right() -> None:

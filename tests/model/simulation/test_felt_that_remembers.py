@@ -10,14 +10,13 @@ import pytest
 
 import model
 from model.derived.columns import DEPTH
-from model.derived.load import kernels_of
 from model.derived.observe import contacts_at
 from model.felt import Hysteresis, Stulov
-from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.parameters.action import CONTACTS
 from model.simulation.run import Simulation, State
 from tests.model.compiler.machine import text_of, touched
+from tests.model.kernels.linearised import stages_off
 
 # a memory of each kind, two in one contact (string), with friction and on a chain of three joints (knuckle)
 MIXED = {"contact02": "stulov", "contact07": "hysteresis", "contact12": "hysteresis"}
@@ -56,36 +55,8 @@ def test_the_thesis_s_law_named_is_the_thesis_s_law() -> None:
 def test_a_stage_solves_the_system_with_the_jacobian_of_differences(
     blow: tuple[Simulation, np.ndarray, np.ndarray],
 ) -> None:
-    run, angles, speeds = blow
-    scene, n, z = run.scene, run.scene.size, len(run.scene.tables.memory)
-    kernels = kernels_of(scene.tables)
-    w = np.zeros(W.WITH_MEMORY)
-
-    def rates(y: np.ndarray) -> np.ndarray:
-        w[W.Q : W.Q + n], w[W.V : W.V + n], w[W.Z : W.Z + z] = y[:n], y[n : 2 * n], y[2 * n :]
-        kernels.linearise(w, scene.vector, 12.0)
-        return np.concatenate([y[n : 2 * n], w[W.ACC : W.ACC + n], w[W.Z_RATE : W.Z_RATE + z]])
-
-    checked = set[int]()
-    gh, wrong = 1e-5, []
-    for k in range(20, len(angles), 8):
-        y = np.concatenate([angles[k], speeds[k], run.remembered[k]])
-        sizes = np.concatenate([np.full(n, 1e-9), 1e-6 * (1.0 + np.abs(speeds[k])), 1e-6 * (1.0 + np.abs(y[2 * n :]))])
-        columns = []
-        for j, size in enumerate(sizes):
-            step = size * np.eye(len(y))[j]
-            columns.append((rates(y + step) - rates(y - step)) / (2.0 * size))
-        right = rates(y)
-        if not kernels.prepare(w, gh):
-            continue
-        kernels.stage(w, scene.vector, np.zeros(64), np.zeros(64), 0, gh, 1.0 / 4e-5, 12.0, 0.0, 0)
-        u = np.concatenate([w[W.U : W.U + n], w[W.U + W.WIDTH : W.U + W.WIDTH + n], w[W.Z_U : W.Z_U + z]])
-        dense = np.linalg.solve(np.eye(len(y)) / gh - np.column_stack(columns), right)
-        parts = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
-        wrong.append(max(np.max(np.abs(u[p] - dense[p])) / (1e-9 + np.max(np.abs(dense[p]))) for p in parts))
-        push = w[W.Z_PUSH : W.Z_PUSH + W.LINKS * z].reshape(z, W.LINKS)
-        checked |= {int(scene.tables.memory[m, 0]) for m in range(z) if np.any(push[m])}
-    assert checked == {scene.contacts.index(c) for c in MIXED}
+    wrong, checked = stages_off(*blow, range(20, 1001, 8))
+    assert checked == set(MIXED)
     # a difference that steps across a kink (touching, friction turning, v = 0) is no derivative
     assert np.quantile(wrong, 0.9) < 1e-5
     assert np.median(wrong) < 1e-6
@@ -178,10 +149,10 @@ def test_felt_at_rest_presses_as_its_slow_curve_says(mixed: model.Action) -> Non
     scene = model.build_scene(mixed)
     run = Simulation(scene, State(0.0, rest.angle_rad, np.zeros(scene.size)))
     pressed = rest.contact_normal_n[scene.contacts.index("contact02")]
-    law = scene.tables.memory[:, 1]
+    law = np.array([mixed.law(scene.contacts[c]) for c in scene.tables.memory])
     assert pressed > 5.0
-    np.testing.assert_allclose(run.state.memory[law == L.STULOV], pressed, rtol=1e-12)
-    assert np.all(run.state.memory[law == L.HYSTERESIS] == 1.0)
+    np.testing.assert_allclose(run.state.memory[law == "stulov"], pressed, rtol=1e-12)
+    assert np.all(run.state.memory[law == "hysteresis"] == 1.0)
     held = np.array([20.0, 20.0])
     moved, _ = run.advance(0.2, np.array([0.0, 1.0]), held, output_time_s=np.array([0.1, 0.2]))
     assert np.max(np.abs(moved - rest.angle_rad)) < 1e-9  # and stays there
@@ -206,7 +177,7 @@ def test_felt_that_parted_starts_anew(blow: tuple[Simulation, np.ndarray, np.nda
     run, angles, speeds = blow
     scene = run.scene
     string = scene.contacts.index("contact12")
-    memory = int(np.flatnonzero(scene.tables.memory[:, 0] == string)[0])
+    memory = int(np.flatnonzero(scene.tables.memory == string)[0])
     normal, _ = run.contact_forces(angles, speeds)
     struck = np.flatnonzero(normal[:, string] > 0.0)
     assert run.remembered[struck, memory].min() < -0.5  # on its way out

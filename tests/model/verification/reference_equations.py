@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import InputError
-from model.parameters.action import BODIES, CONTACTS, Action
+from model.parameters.action import BODIES, CONTACTS, USUAL, Action
 from model.parameters.effects import PINS
-from model.parameters.felt_laws import HUNT_CROSSLEY
 
 Vector = NDArray[np.float64]
 
@@ -60,7 +59,7 @@ class Twin:
     """
 
     def __init__(self, action: Action, effects: Sequence[str] = ()) -> None:
-        remembering = [c for c in CONTACTS if action.law(c) != HUNT_CROSSLEY]
+        remembering = [c for c in CONTACTS if action.law(c) != USUAL]
         if remembering:
             raise InputError(f"reference equations: found felt that remembers ({', '.join(remembering)}), allowed none")
         if giving := [e for e in effects if e in PINS]:

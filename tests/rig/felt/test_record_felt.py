@@ -11,7 +11,7 @@ import pytest
 import model
 import rig
 from model.calibration import damping_factor, fit_felt, read_curve
-from model.kernels.laws import felt
+from model.derived.load import law_alone
 from rig.calibration.rig_text import changed
 from rig.felt.press_curve import press_curve
 from rig.simulated.backend import DEFAULT_BENCH
@@ -173,6 +173,7 @@ def test_the_arm_follows_the_specimens_law() -> None:
     action = model.load_action()
     law = felt_law(action, "contact07")
     rng = np.random.default_rng(1)
+    abcd, found = np.array([action[f"contact07.normal.{k}"] for k in "abcD"]), np.empty(3)
     for x, rate in zip(rng.uniform(-1e-5, 3e-4, 50), rng.uniform(-0.4, 0.4, 50), strict=True):
-        abcd = [action[f"contact07.normal.{k}"] for k in "abcD"]
-        assert law.force_n(float(x), float(rate)) == pytest.approx(felt.py_func(x, rate, *abcd)[0], rel=1e-12)
+        law_alone("felt")(np.array([x, rate]), abcd, abcd, found)
+        assert law.force_n(float(x), float(rate)) == pytest.approx(found[0], rel=1e-12)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 
 import model
-from model.scene.latest import MOST, keeps_latest
+from model.scene.build import MOST, keeps_latest
 
 
 def test_an_action_has_one_scene_per_choice_and_another_action_another(action: model.Action) -> None:

@@ -1,0 +1,127 @@
+"""What a law of felt states; everything that simulations, lanes, derivatives and audits ask of it follows from that."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple
+
+from model.compiler.expressions import ZERO, Expression, Given, law
+from model.compiler.programs import Statement
+from model.elements.laws.curve import Curve
+from model.errors import InputError
+
+
+class Number(NamedTuple):
+    """A parameter that a law adds to each contact: usual value, unit, standard uncertainty, allowed range, source."""
+
+    value: float
+    unit: str
+    u: float
+    low: float
+    high: float
+    source: str
+
+
+@dataclass(frozen=True)
+class Felt:
+    """A felt under load, as a law sees it.
+
+    Attributes
+    ----------
+    depth, rate : m, positive where the surfaces meet, and m/s
+    memory : what it remembers
+    curve : a, b, c of its slow loading curve
+    damping : ``normal.D`` of the contact, s/m; 0 unless the law is `damped`
+    numbers : what the law has `packed`
+    """
+
+    depth: Expression
+    rate: Expression
+    memory: tuple[Expression, ...]
+    curve: Curve
+    damping: Expression
+    numbers: tuple[Expression, ...]
+
+
+class FeltLaw:
+    """A law of felt.
+
+    Attributes
+    ----------
+    name : as ``contact02.law`` takes it; lower case
+    numbers : parameters by name; a contact's paths are ``contact02.<law>.<name>``
+    damped : whether ``normal.D`` is a parameter of it; otherwise its felt has D = 0
+    anew : value that memories have at the next touch, whatever was before; None where they go on by `alone`
+    """
+
+    name: ClassVar[str]
+    numbers: ClassVar[Mapping[str, Number]] = {}
+    damped: ClassVar[bool] = False
+    anew: ClassVar[float | None] = None
+    number: int
+    """By which a scene's tables name it; set when it is listed or added."""
+
+    def __init__(self) -> None:
+        """Stamp it with its name; that of an added law changes with what the law does."""
+        self.stamp = self.name
+
+    def packed(
+        self, contact: str, values: Mapping[str, float], curve: tuple[float, float, float]
+    ) -> tuple[int, Sequence[float]]:
+        """How many memories felt with these values has, and the numbers that the kernels read.
+
+        Raises ``InputError`` where values together cannot be (`refuse_softening`).
+        """
+        return 0, tuple(values.values())
+
+    def force(self, felt: Felt) -> tuple[Expression, Expression]:
+        """Whether felt whose surfaces meet presses, and its force (N) where it does; felt never pulls."""
+        raise NotImplementedError
+
+    def rates(self, felt: Felt) -> Sequence[Expression]:
+        """Rate of each memory while the felt presses: of its own state, depth and rate, of no other memory."""
+        return self.alone(felt)
+
+    def alone(self, felt: Felt) -> Sequence[Expression]:
+        """Rate of each memory while the felt does not press."""
+        return [ZERO for _ in felt.memory]
+
+    def energy(self, felt: Felt, label: str) -> tuple[list[Statement], Expression, Expression]:
+        """Energy stored (J) and power lost (W), and statements that these need, their names ending with ``label``.
+
+        Asked where surfaces meet; of felt whose memories go on when left alone always, with the depth 0 where it is.
+        """
+        raise NotImplementedError
+
+    def stiffness(self, felt: Felt) -> Expression:
+        """Force per depth that a first touch brings at once, N/m; steps are kept short enough for it."""
+        return felt.curve[2]
+
+    def rested(
+        self, depth: float, curve: tuple[float, float, float], numbers: Sequence[float], memories: int
+    ) -> Sequence[float]:
+        """Memories of felt that came to a depth (m) from outside and has rested there."""
+        return [self.anew or 0.0] * memories
+
+    def refuse_softening(self, contact: str, curve: tuple[float, float, float]) -> None:
+        """Refuse a curve that falls somewhere: felt with a memory would give energy on it."""
+        a, b, c = curve
+        if b < 0.0 and b * b > 3.0 * a * c * (1.0 + 1e-9):
+            raise InputError(
+                f"{contact}.law: found {self.name} on felt with normal.b {b:g}, allowed from "
+                f"{-math.sqrt(3.0 * a * c):.6g}: felt that softens as it is pressed would give energy"
+            )
+
+
+@law
+def _law_at(given: Given, of: Callable[[Felt], Any], felt: Felt) -> tuple[Expression, ...]:
+    depth, rate, *memory = given
+    return tuple(of(replace(felt, depth=depth, rate=rate, memory=tuple(memory))))
+
+
+def asked(of: Callable[[Felt], Any], felt: Felt) -> tuple[Expression, ...]:
+    """What a law says of felt, differentiated by depth, rate and memories once, however deep these lie."""
+    out: tuple[Expression, ...] = _law_at((felt.depth, felt.rate, *felt.memory), of, felt)
+    return out

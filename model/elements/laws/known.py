@@ -1,0 +1,150 @@
+"""The laws of felt that contacts may follow: those of this folder, and those that a user's program adds.
+
+A law has a number, by which a scene's tables name it. That of an added law is a hash of its text and of what that does,
+so that kernels in the cache are never those of a law that was changed since.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import math
+import re
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from model.compiler.expressions import ONE, ZERO, Expression, argument, forget, slopes
+from model.elements.laws.felt_law import Felt, FeltLaw, Number
+from model.elements.laws.hunt_crossley import HuntCrossley
+from model.elements.laws.hysteresis import Hysteresis
+from model.elements.laws.stulov import Stulov
+from model.errors import InputError
+
+MOST_MEMORIES = 3  # of one felt: the workspace of a step has room for so many at each of thirteen contacts
+TRIED_ON = (1e10, 1e7, 1e4)  # a loading curve that no law refuses
+
+
+class _Laws(dict[str, FeltLaw]):
+    """Laws by name; what is not there is said in one line."""
+
+    def __missing__(self, name: str) -> FeltLaw:
+        raise InputError(f"felt law {name}: not known in this process; call model.add_law where your script starts")
+
+
+BUILT_IN = (HuntCrossley(), Stulov(), Hysteresis())
+LAWS = _Laws({law.name: law for law in BUILT_IN})
+USUAL = BUILT_IN[0].name
+"""Law of a contact for which no other is chosen."""
+_numbered: dict[int, FeltLaw] = {}
+for number, built_in in enumerate(BUILT_IN):
+    built_in.number, _numbered[number] = number, built_in
+
+
+def law_numbered(number: int) -> FeltLaw:
+    """The law with a number of a scene's tables."""
+    return _numbered[number]
+
+
+def add_law(law: FeltLaw) -> None:
+    """Let contacts follow another law of felt, until the program ends.
+
+    Call it where your script starts, before actions are read, so that worker processes know the law, too. A law added
+    again under its name takes the place of the one before.
+
+    Parameters
+    ----------
+    law : an instance of a subclass of `FeltLaw`; how to write one: docs/howto/contact_law.md
+
+    Raises
+    ------
+    InputError : a name that is taken or cannot be part of a path, a number without a range that holds its usual value,
+        memories whose rates hang on each other, or a method that gives too few
+
+    Examples
+    --------
+    >>> import model
+    >>> class Gel(model.FeltLaw):
+    ...     '''Nothing is lost in it.'''
+    ...     name = "gel"
+    ...     def force(self, felt):
+    ...         a, b, c = felt.curve
+    ...         slow = ((a * felt.depth + b) * felt.depth + c) * felt.depth
+    ...         return slow > 0.0, slow
+    ...     def energy(self, felt, label):
+    ...         a, b, c = felt.curve
+    ...         x = felt.depth
+    ...         return [], x * x * (0.5 * c + x * (b / 3.0 + 0.25 * a * x)), 0.0 * x
+    >>> model.add_law(Gel())
+    >>> model.load_action().with_laws({"contact02": "gel"}).law("contact02")
+    'gel'
+    """
+    found = getattr(law, "name", None)
+    if not isinstance(law, FeltLaw) or not isinstance(found, str) or not re.fullmatch("[a-z][a-z0-9-]*", found):
+        raise InputError(
+            f"felt law: found {found or law!r}, allowed an instance of FeltLaw whose name has lower-case letters, "
+            "digits and hyphens"
+        )
+    if found in {one.name for one in BUILT_IN}:
+        raise InputError(f"felt law {found}: the name of a law that is there; choose another")
+    for name, n in law.numbers.items():
+        if not (isinstance(n, Number) and n.low <= n.value <= n.high and n.u >= 0.0 and math.isfinite(n.u)):
+            raise InputError(
+                f"felt law {found}: {name}: found {n}, allowed a Number with low <= value <= high, u from 0"
+            )
+    law.number = _hash(law)
+    law.stamp = f"{found} {law.number}"
+    LAWS[found] = _numbered[law.number] = law
+
+
+def _hash(law: FeltLaw) -> int:
+    """Hash of a law's text and of what it does with its usual values, which is checked."""
+    forget()
+    usual = {name: n.value for name, n in law.numbers.items()}
+    count, packed = law.packed("contact01", usual, TRIED_ON)
+    if not 0 <= count <= MOST_MEMORIES:
+        raise InputError(f"felt law {law.name}: found {count} memories, allowed to {MOST_MEMORIES}")
+    memory = tuple(argument(f"memory {k}") for k in range(count))
+    curve = argument("a"), argument("b"), argument("c")
+    numbers = tuple(argument(f"number {k}") for k in range(len(packed)))
+    felt = Felt(argument("depth"), argument("rate"), memory, curve, argument("damping"), numbers)
+    rates = law.rates(felt), law.alone(felt)
+    found = [len(row) for row in (*rates, law.rested(1e-4, TRIED_ON, packed, count))]
+    if set(found) != {count}:
+        raise InputError(
+            f"felt law {law.name}: found {', '.join(map(str, found))} numbers from rates, alone and rested, allowed "
+            f"{count}, one for each memory"
+        )
+    for k, z in enumerate(memory):
+        slope = slopes({z: ONE})
+        if any(slope(rate) is not ZERO for row in rates for j, rate in enumerate(row) if j != k):
+            raise InputError(
+                f"felt law {law.name}: found a memory whose rate hangs on another, allowed rates of the own state; "
+                "write it as layers side by side"
+            )
+    done = law.force(felt), rates, law.energy(felt, ""), law.stiffness(felt), law.anew, law.damped
+    try:
+        text = inspect.getsource(type(law))
+    except (OSError, TypeError):  # written at a prompt
+        text = ""
+    digest = hashlib.sha256((text + _spelled(done)).encode()).digest()
+    forget()
+    return int.from_bytes(digest[:7], "big") + len(BUILT_IN)
+
+
+def _spelled(things: Any) -> str:
+    """Expressions and statements as text: equal where they do the same."""
+    place: dict[Expression, int] = {}
+    lines: list[str] = []
+
+    def word(x: Any) -> str:
+        if isinstance(x, Expression):
+            if x not in place:
+                lines.append(f"{x.op} {' '.join(word(a) for a in x.args)}")
+                place[x] = len(place)
+            return f"%{place[x]}"
+        if is_dataclass(x):
+            return type(x).__name__ + word([getattr(x, f.name) for f in fields(x)])
+        return f"({' '.join(word(part) for part in x)})" if isinstance(x, list | tuple) else repr(x)
+
+    lines.append(word(things))
+    return "\n".join(lines)

@@ -1,0 +1,79 @@
+"""Stulov's felt: F = (f - epsilon h) / (1 - epsilon), a memory h that follows f: tau dh/dt = f - h.
+
+Where the surfaces part, the felt's own surface lags at f = epsilon h and comes back by itself. Equations, passivity and
+sources: docs/explanation/felt.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from model.compiler.expressions import Expression, largest
+from model.compiler.programs import Statement
+from model.elements.laws.curve import Curve, depth_of, loading, stored_slowly
+from model.elements.laws.felt_law import Felt, FeltLaw, Number
+
+
+def faded(x: Expression, h: Expression, curve: Curve, epsilon: Expression) -> tuple[Expression, Expression]:
+    """Whether it presses, and its force, N."""
+    f = loading(x, curve)
+    return f > epsilon * h, (f - epsilon * h) * (1.0 / (1.0 - epsilon))
+
+
+def surface_energy(
+    label: str, x: Expression, h: Expression, curve: Curve, epsilon: Expression, tau: Expression
+) -> tuple[list[Statement], Expression, Expression]:
+    """Energy (J) that felt with the memory ``h`` (N) stores and power (W) that it loses, touched (x > 0) or not."""
+    outer, behind = depth_of(f"outer{label}", epsilon * h, curve)
+    within, inner = depth_of(f"inner{label}", h, curve)
+    surface = largest(x, behind)
+    f, hard = largest(loading(surface, curve), 0.0), 1.0 / (1.0 - epsilon)
+    bound = h * surface - (h * inner - stored_slowly(inner, curve))
+    lost = epsilon * (surface - inner) * (f - h) / tau
+    return [*outer, *within], (stored_slowly(surface, curve) - epsilon * bound) * hard, lost * hard
+
+
+class Stulov(FeltLaw):
+    """Felt with a memory that fades with time."""
+
+    name = "stulov"
+    numbers = {
+        "epsilon": Number(0.9, "1", 0.08, 0.0, 0.9999, "share of the force that fades; 0.99 with microseconds for "
+                          "hammer felt (Stulov, as remembered), less for softer felt"),
+        "tau": Number(5.0e-5, "s", 3.0e-5, 1e-9, 10.0, "time in which it fades; tau eps / (1 - eps) = 0.45 ms acts as "
+                      "the damping of slow presses"),
+    }  # fmt: skip
+
+    def packed(
+        self, contact: str, values: Mapping[str, float], curve: tuple[float, float, float]
+    ) -> tuple[int, Sequence[float]]:
+        """Epsilon and tau."""
+        self.refuse_softening(contact, curve)
+        return 1, (values["epsilon"], values["tau"])
+
+    def force(self, felt: Felt) -> tuple[Expression, Expression]:
+        """See `faded`."""
+        return faded(felt.depth, felt.memory[0], felt.curve, felt.numbers[0])
+
+    def rates(self, felt: Felt) -> Sequence[Expression]:
+        """The memory (N) follows the curve."""
+        return [(loading(felt.depth, felt.curve) - felt.memory[0]) / felt.numbers[1]]
+
+    def alone(self, felt: Felt) -> Sequence[Expression]:
+        """Its own surface comes back."""
+        epsilon, tau = felt.numbers
+        return [-((1.0 - epsilon) * felt.memory[0] / tau)]
+
+    def energy(self, felt: Felt, label: str) -> tuple[list[Statement], Expression, Expression]:
+        """See `surface_energy`."""
+        return surface_energy(label, felt.depth, felt.memory[0], felt.curve, *felt.numbers)
+
+    def stiffness(self, felt: Felt) -> Expression:
+        """Of a press too fast for the memory."""
+        return felt.curve[2] / (1.0 - felt.numbers[0])
+
+    def rested(
+        self, depth: float, curve: tuple[float, float, float], numbers: Sequence[float], memories: int
+    ) -> Sequence[float]:
+        """The memory has come up to the curve."""
+        return [loading(depth, curve)]

@@ -1,0 +1,67 @@
+"""The two laws of `examples/`, written as docs/howto/contact_law.md says: every job takes them and is right at once."""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import model
+from model.simulation.run import Simulation, State
+from tests.model.kernels.linearised import stages_off
+from tests.model.simulation.test_effects_and_jobs import JOBS, OF_LAW
+
+EXAMPLES = Path(__file__).parents[4] / "examples"
+LAWS = {"two-times": ("felt_with_two_times", "TwoTimes"), "restitution": ("felt_with_restitution", "Restitution")}
+NUMBER = {"two-times": "epsilon2", "restitution": "e"}  # by which runs are differentiated
+JOBS_OF_A_SCENE = ("estimated error", "batch", "block by block", "inside view", "motion of the key", "sensitivities")
+FELTS = ("contact02", "contact04", "contact12")  # key front, back check (with friction), hammer
+
+
+@pytest.fixture(scope="module", params=LAWS)
+def action(request: pytest.FixtureRequest) -> model.Action:
+    """The regulated action with that law on three felts; the law is loaded as a user would, by running its file."""
+    file, kind = LAWS[request.param]
+    spec = spec_from_file_location(file, EXAMPLES / f"{file}.py")
+    assert spec is not None and spec.loader is not None
+    sys.modules[file] = module_from_spec(spec)
+    spec.loader.exec_module(sys.modules[file])
+    model.add_law(getattr(sys.modules[file], kind)())
+    return model.load_action("hirschkorn2004-regulated").with_laws(dict.fromkeys(FELTS, request.param))
+
+
+def test_a_stage_solves_the_system_with_the_jacobian_of_differences(action: model.Action) -> None:
+    times, force = model.force_table("forte")
+    scene = model.build_scene(action)
+    run = Simulation(scene, State(0.0, model.rest_state(action).angle_rad, np.zeros(scene.size)), 1e-7)
+    angles, speeds = run.advance(0.2, times, force, output_time_s=np.linspace(0.1, 0.2, 1001))
+    wrong, checked = stages_off(run, angles, speeds, [*range(20, 1001, 25), *range(104, 112, 2)])
+    assert checked == set(FELTS)
+    assert max(wrong) < 1e-5
+
+
+def test_felt_at_rest_presses_as_its_slow_curve_says_and_stays(action: model.Action) -> None:
+    plain = action.with_laws(dict.fromkeys(FELTS, "hunt-crossley"))
+    rest = model.rest_state(action, 20.0)
+    assert np.array_equal(rest.angle_rad, model.rest_state(plain, 20.0).angle_rad)
+    scene = model.build_scene(action)
+    run = Simulation(scene, State(0.0, rest.angle_rad, np.zeros(scene.size)))
+    moved, _ = run.advance(0.1, np.array([0.0, 1.0]), np.full(2, 20.0), output_time_s=np.array([0.05, 0.1]))
+    assert np.max(np.abs(moved - rest.angle_rad)) < 1e-9
+
+
+@pytest.mark.parametrize(
+    "job",
+    [
+        "simulate with audit",
+        *(pytest.param(job, marks=pytest.mark.slow) for job in JOBS_OF_A_SCENE),
+    ],
+)
+def test_jobs_are_right(action: model.Action, job: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Energies close; members side by side are as by themselves; derivatives are those of differences; and so on."""
+    law = action.law(FELTS[0])
+    monkeypatch.setitem(OF_LAW, law, NUMBER[law])
+    JOBS[job](action, model.SceneChoice())
