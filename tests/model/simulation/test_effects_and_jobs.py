@@ -6,6 +6,7 @@ Compiles some ten structures: ``python -m pytest -m slow tests/model/simulation/
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -14,10 +15,11 @@ from scipy.interpolate import PPoly, make_interp_spline
 import model
 from model.motion_driven.prescribed_key import run_prescribed
 from model.parameters.action import CONTACTS
+from model.parameters.effects import EFFECTS
 from model.scene.key_motion import KeyMotion
 from model.sensitivity import find_parameters
 from model.simulation.statics import solve_rest
-from tests.model.sensitivity.richardson import richardson
+from tests.model.sensitivity.richardson import changed, richardson
 
 FORTE = model.force_table("forte")
 ACTION = model.load_action("hirschkorn2004-regulated")
@@ -25,6 +27,11 @@ SOME = ("contact02", "contact04", "contact12")
 PER_NEWTON = {"motor_drive": 0.1 / 1.2, "motor_arm": 0.1}  # V or N m for a newton at the tip
 HAND = np.array([0.0, 0.05, 0.07, 0.09, 0.11, 0.4, 0.45, 0.7]), np.array([0.0, 0.0, 0.008, 0.022, 0.03, 0.03, 0, 0])
 CASES: dict[str, tuple[model.Action, model.SceneChoice]] = {
+    "whole": (ACTION, model.SceneChoice()),
+    "lifting key": (ACTION, model.load_scene("lifting-key")),
+    "flexible shank": (ACTION, model.load_scene("flexible-shank")),
+    "giving hammer": (ACTION, model.load_scene("giving-hammer")),
+    "motor arm": (ACTION, model.load_scene("motor-arm")),
     "stulov": (ACTION.with_laws(dict.fromkeys(SOME, "stulov")), model.SceneChoice()),
     "hysteresis": (ACTION.with_laws(dict.fromkeys(SOME, "hysteresis")), model.SceneChoice()),
     "hysteresis everywhere": (ACTION.with_laws(dict.fromkeys(CONTACTS, "hysteresis")), model.SceneChoice()),
@@ -119,35 +126,50 @@ OF_LAW = {"stulov": "epsilon", "hysteresis": "beta"}
 END_S = 0.125  # after strike and rebound
 
 
-def _sensitivities(action: model.Action, choice: model.SceneChoice) -> None:
-    """Derivatives of angles by what is always there, by what effects and laws add, against Richardson's limit.
-
-    Of the printed set: in the regulated one a contact only just touches at rest, where a derivative has two sides.
-    """
-    printed = model.load_action().with_laws({c: action.law(c) for c in CONTACTS})
-    chosen = choice.on(printed).with_effects({"string.modes": 12.0} if "string" in choice.effects else {})
-    names = ["hammer.mass", "contact01"] + [name for effect, name in OF_EFFECT.items() if effect in choice.effects]
-    laws = {chosen.law(c): f"{c}.{chosen.law(c)}.{OF_LAW[chosen.law(c)]}" for c in SOME if chosen.law(c) in OF_LAW}
-    names += laws.values()
+def _derivatives_agree(action: model.Action, choice: model.SceneChoice, names: list[str]) -> None:
+    """Derivatives of angles against Richardson's limit; of contact forces against differences."""
     blow, at = _blow(choice), np.linspace(0.0, END_S, 501)
     options = model.SensitivityOptions(
         scene=choice, tolerance=1e-10, relative_tolerance=3e-7, output_time_s=at, allow_idle=True, contact_forces=True
     )
-    found = model.sensitivities(chosen, blow, names, options=options)
+    found = model.sensitivities(action, blow, names, options=options)
+    assert found.contact_forces is not None and found.d_contact_forces is not None
     tight = {"scene": choice, "output_time_s": at, "tolerance": 1e-10 if "finger" in choice.effects else 1e-11}
-    for j, parameter in enumerate(find_parameters(chosen, names)):
+    for j, parameter in enumerate(find_parameters(action, names)):
         moves = max(float(np.abs(found.d_angles[:, :, j]).max()), 1e-9)
         step = min(2e-5 / moves, 1e-2 * abs(parameter.value))  # angles move by far more than runs are off
-        limit, left = richardson(chosen, blow, parameter.name, step, **tight)
+        limit, left = richardson(action, blow, parameter.name, step, **tight)
         largest = np.max(np.abs(limit), axis=0)
         if not largest.any():
             assert parameter.name in found.idle
             continue
         counts = largest > 1e-3 * largest.max()
         apart = (np.abs(found.d_angles[:, :, j] - limit) / np.where(counts, largest, np.inf)).max(axis=1)
-        print(parameter.name, left, np.quantile(apart, 0.9), apart.max())
         assert np.quantile(apart, 0.9) < 1e-5 + left, parameter.name
-        assert apart.max() < 5e-4 + 10.0 * left, parameter.name
+        assert apart.max() < 5e-4 + 10.0 * left, parameter.name  # next to kinks
+    ends = [
+        model.simulate(changed(action, names[-1], s * step), *blow, contact_forces=True, **tight).contact_normal_n
+        for s in (0.5, -0.5)
+    ]
+    assert ends[0] is not None and ends[1] is not None
+    forces = found.contact_forces.shape[1]  # a tip's force stands beside those of contacts in a run
+    difference = ((ends[0] - ends[1]) / step)[:, :forces]
+    apart = np.abs(found.d_contact_forces[:, :, -1] - difference)
+    assert np.quantile(apart, 0.99) < (1e-4 + 10.0 * left) * np.abs(difference).max()
+
+
+def _printed(action: model.Action, choice: model.SceneChoice) -> model.Action:
+    """The printed set with the laws of another: a regulated contact only just touches at rest, on a kink."""
+    printed = model.load_action().with_laws({c: action.law(c) for c in CONTACTS})
+    return choice.on(printed).with_effects({"string.modes": 12.0} if "string" in choice.effects else {})
+
+
+def _sensitivities(action: model.Action, choice: model.SceneChoice) -> None:
+    """By what is always there, by what effects and laws add."""
+    chosen = _printed(action, choice)
+    names = ["hammer.mass", "contact01"] + [name for effect, name in OF_EFFECT.items() if effect in choice.effects]
+    laws = {chosen.law(c): f"{c}.{chosen.law(c)}.{OF_LAW[chosen.law(c)]}" for c in SOME if chosen.law(c) in OF_LAW}
+    _derivatives_agree(chosen, choice, [*laws.values(), *names])
 
 
 def _motion(action: model.Action, choice: model.SceneChoice) -> None:
@@ -213,3 +235,24 @@ def test_works_or_says_why_not(case: str, job: str) -> None:
     with pytest.raises(model.InputError) as caught:
         JOBS[job](action, choice)
     assert "\n" not in str(caught.value)
+
+
+LAW = "law"  # among effects: felt that remembers
+PAIRS = [
+    (a, b)
+    for a, b in combinations((LAW, *EFFECTS), 2)
+    if {a, b} not in ({"motor_arm", "finger"}, {"motor_drive", "finger"}, {"motor_arm", "motor_drive"})
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("one", "other"), PAIRS)
+def test_every_pair_of_effects_runs_with_energy_and_derivatives(one: str, other: str) -> None:
+    effects = [e for e in (one, other) if e != LAW]
+    if "motor_drive" in effects:
+        effects.insert(0, "motor_arm")
+    choice = model.SceneChoice(effects=tuple(effects))
+    laws = {"contact02": "stulov", "contact04": "hysteresis"} if LAW in (one, other) else {}
+    action = ACTION.with_laws(laws)
+    _simulate(action, choice)
+    _derivatives_agree(_printed(action, choice), choice, ["hammer.mass"])
