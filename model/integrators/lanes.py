@@ -11,6 +11,7 @@ number is a row of lanes; what is done lane by lane is here, for the lanes whose
 from __future__ import annotations
 
 from functools import cache
+from math import sqrt
 from typing import Any
 
 from numba import int64
@@ -19,16 +20,17 @@ from model.integrators.rosenbrock import WAKING_STEP
 from model.integrators.step_control import (
     DONE,
     NOT_FINITE,
+    SAFETY,
+    SHRINK,
     SMALLEST_STEP,
     STEP_TOO_SMALL,
     TOO_MANY_STEPS,
-    after_step,
     at_rest,
     ending_at,
-    shortened,
+    grown,
 )
 from model.kernels.compile import uncounted, uncounted_loop
-from model.kernels.inputs import constant_until, fit_to_kinks, input_between, input_gain
+from model.kernels.inputs import JUMP, constant_until, fit_to_kinks, input_between, input_gain
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RESTS, N_RHS, N_SKIPPED, N_STEPS
 from model.kernels.signatures import INTEGRATE_LANES, InputTable
 from model.kernels.workspace import (
@@ -64,8 +66,10 @@ from model.kernels.workspace import (
 )
 
 # rows of the loop's own numbers, a number per lane
-TIME, END, WANTED, REST, LONGEST, STEP, SLOPE, START_INPUT, AT_REST, EVALUATED = range(10)
-N_NUMBERS = 10
+TIME, END, WANTED, REST, LONGEST, STEP, SLOPE, START_INPUT, AT_REST, EXCEEDED = range(10)
+QUIET = 10  # time up to which the input was last found to stay constant
+BASE_TIME, BASE, KINK = range(11, 14)  # point of the table before the start of the step, time of the next one
+N_NUMBERS = 14
 # its integers, of each lane
 MEMBER, TRIED, POINT, ROWS_DONE, FIRST, LAST, FIRST_WANTED, N_OUT, MOST, FIRST_ROW = range(10)
 N_WHOLE = 10
@@ -107,6 +111,7 @@ def sit_down(lane, width, m, members, space):
     memory[ANGLE_LIMIT * width + lane] = members.start[m, 5]
     memory[SPEED_LIMIT * width + lane] = members.start[m, 6]
     number[AT_REST * width + lane] = 0.0
+    number[QUIET * width + lane] = members.start[m, 0]
     at, place = whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE], members.place[m]
     at[MEMBER] = m
     at[TRIED] = 0
@@ -166,11 +171,12 @@ def fill_lanes(busy, following, width, members, space):
 @uncounted
 def nearly_still(lane, width, n, memory, number):
     """Whether a lane moves so little, under an input that does not change, that it may be at rest."""
+    if number[SLOPE * width + lane] != 0.0:
+        return False
     fastest = 0.0
     for i in range(n):
         fastest = max(fastest, abs(memory[(V + i) * width + lane]))
-    still = fastest * number[WANTED * width + lane] < number[REST * width + lane]
-    return number[SLOPE * width + lane] == 0.0 and still
+    return fastest * number[WANTED * width + lane] < number[REST * width + lane]
 
 
 @uncounted
@@ -184,7 +190,10 @@ def rest(bits, width, parent, members, space):
         if bits >> lane & 1 and nearly_still(lane, width, n, memory, number):
             at = N_WHOLE * lane
             t, end = number[TIME * width + lane], number[END * width + lane]
-            quiet = constant_until(t, whole[at + POINT], end, whole[at + FIRST], whole[at + LAST], drive)
+            quiet = number[QUIET * width + lane]
+            if quiet <= t:
+                quiet = constant_until(t, whole[at + POINT], end, whole[at + FIRST], whole[at + LAST], drive)
+                number[QUIET * width + lane] = quiet
             for i in range(n):  # what decides about rest, as in the workspace of one run
                 for start in (V, ACC, M_DIAG, M_UP):
                     single[start + i] = memory[(start + i) * width + lane]
@@ -216,6 +225,8 @@ def read_start(bits, width, n_contacts, members, space):
             at, t = N_WHOLE * lane, number[TIME * width + lane]
             u, slope, k = input_between(t, whole[at + POINT], whole[at + FIRST], whole[at + LAST], drive)
             whole[at + POINT] = k
+            number[BASE_TIME * width + lane], number[BASE * width + lane] = drive.time[k], drive.value[k]
+            number[KINK * width + lane] = drive.time[k + 1] - JUMP if drive.time[k] <= t else t
             number[START_INPUT * width + lane] = u
             number[SLOPE * width + lane] = slope
             m = whole[at + MEMBER]
@@ -234,9 +245,13 @@ def read_inputs(bits, width, node, members, space):
     drive = InputTable(members.time, members.value, False)
     for lane in range(width):
         if bits >> lane & 1:
-            at, t = N_WHOLE * lane, number[TIME * width + lane] + node * number[STEP * width + lane]
-            u, _, k = input_between(t, whole[at + POINT], whole[at + FIRST], whole[at + LAST], drive)
-            whole[at + POINT] = k
+            t = number[TIME * width + lane] + node * number[STEP * width + lane]
+            if t < number[KINK * width + lane]:
+                u = number[BASE * width + lane] + number[SLOPE * width + lane] * (t - number[BASE_TIME * width + lane])
+            else:
+                at = N_WHOLE * lane
+                k, first, last = whole[at + POINT], whole[at + FIRST], whole[at + LAST]
+                u, _, whole[at + POINT] = input_between(t, k, first, last, drive)
             space.step[INPUT * width + lane] = u
 
 
@@ -263,9 +278,11 @@ def choose_steps(bits, width, gamma, members, space):
             gain = input_gain(memory, lane, width, n)
             step = fit_to_kinks(t, step, number[START_INPUT * width + lane], k, last, drive, gain, bounds)
         number[STEP * width + lane] = step
+    for lane in range(width):
+        step = number[STEP * width + lane]
         memory[STEP_RATE * width + lane] = 1.0 / step
         memory[STAGE_STEP * width + lane] = gamma * step
-        number[EVALUATED * width + lane] = 0.0
+        number[EXCEEDED * width + lane] = 0.0
     for i in range(n):
         for lane in range(width):
             step = number[STEP * width + lane]
@@ -283,10 +300,10 @@ def weigh_slopes(width, d, space):
 
 @uncounted
 def count_contacts(exceeded, width, n_contacts, space):
-    """Add contacts that the lanes' own members needed at a stage, all where one left its allowance."""
+    """Count all contacts, not only those needed, in the lanes in which a coordinate left its allowance."""
     for lane in range(width):
-        more = float(n_contacts) if exceeded >> lane & 1 else space.step[NEEDED * width + lane]
-        space.number[EVALUATED * width + lane] += more
+        if exceeded >> lane & 1:
+            space.number[EXCEEDED * width + lane] += n_contacts - space.step[NEEDED * width + lane]
 
 
 @uncounted
@@ -297,15 +314,16 @@ def judge(trying, sound, rejected, exponent, width, space):
     for lane in range(width):
         if trying >> lane & 1:
             step, error = number[STEP * width + lane], memory[ERROR * width + lane]
+            power = 1.0 / sqrt(sqrt(error)) if exponent == 0.25 else error ** (-exponent)
             if not sound >> lane & 1:
                 number[WANTED * width + lane] = 0.2 * step
             elif error <= 1.0:
                 within |= 1 << lane
                 before = rejected >> lane & 1 == 1
                 h, fitted = number[WANTED * width + lane], memory[FITTED * width + lane]
-                number[WANTED * width + lane] = after_step(step, error, exponent, before, fitted, h)
+                number[WANTED * width + lane] = grown(step, power, before, fitted, h)
             else:
-                number[WANTED * width + lane] = shortened(step, error, exponent)
+                number[WANTED * width + lane] = step * max(SHRINK, SAFETY * power)
     return within
 
 
@@ -353,13 +371,17 @@ def write_rows(bits, width, members, space):
 def commit(within, width, members, space):
     """State and time of the lanes that were accepted."""
     memory = space.step
+    for start, end, n in (
+        (Q, Q1, members.angle.shape[1]),
+        (V, V1, members.angle.shape[1]),
+        (Z, Z1, members.memory.shape[1]),
+    ):
+        for i in range(n):
+            for lane in range(width):  # a choice, so that it becomes one instruction for all of them
+                old, new = memory[(start + i) * width + lane], memory[(end + i) * width + lane]
+                memory[(start + i) * width + lane] = new if within >> lane & 1 else old
     for lane in range(width):
         if within >> lane & 1:
-            for i in range(members.angle.shape[1]):
-                memory[(Q + i) * width + lane] = memory[(Q1 + i) * width + lane]
-                memory[(V + i) * width + lane] = memory[(V1 + i) * width + lane]
-            for i in range(members.memory.shape[1]):
-                memory[(Z + i) * width + lane] = memory[(Z1 + i) * width + lane]
             space.number[TIME * width + lane] = end_of_step(lane, width, space.number)
 
 
@@ -372,7 +394,8 @@ def count(trying, within, prepared, shape, width, members, space):
             m = space.whole[N_WHOLE * lane + MEMBER]
             members.counters[m, N_STEPS if within >> lane & 1 else N_REJECTED] += 1
             if prepared >> lane & 1:
-                evaluated = int(space.number[EVALUATED * width + lane])
+                needed = (n_stages - 1) * space.step[NEEDED * width + lane]
+                evaluated = int(needed + space.number[EXCEEDED * width + lane])
                 members.counters[m, N_RHS] += n_stages - 1
                 members.counters[m, N_CONTACT] += evaluated
                 members.counters[m, N_SKIPPED] += (n_stages - 1) * n_contacts - evaluated
@@ -432,7 +455,7 @@ def loop_in_lanes(width: int) -> Any:
                     read_inputs(trying, width, node[m], members, space)
                 weigh_slopes(width, d[m], space)
                 exceeded = kernels.stage(memory, numbers, a, c, m, mask)
-                if m > 0:
+                if m > 0 and exceeded:
                     count_contacts(exceeded, width, n_contacts, space)
             sound = prepared & trying & kernels.end(memory, b, n_stages, n_z)
             within = judge(trying, sound, rejected, exponent, width, space)

@@ -133,6 +133,7 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
     rejected = False
     u0 = 0.0
     slope = 0.0
+    quiet = t
     for _ in range(limits.most_steps):
         if t >= t_end:
             break
@@ -154,7 +155,8 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             # felt that remembers may still creep: what it will do, the bound on rest does not know
             if n_z == 0 and slope == 0.0 and fastest * h < limits.rest:
                 last = drive.time.shape[0] - 1
-                quiet = constant_until(t, k_in, t_end, 0, last, drive)
+                if quiet <= t:
+                    quiet = constant_until(t, k_in, t_end, 0, last, drive)
                 if quiet > t and at_rest(w, parent, parts, limits.rest):
                     k_out = stay(quiet, k_out, out, w, n)
                     times[0] += quiet - t

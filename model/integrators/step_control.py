@@ -67,13 +67,19 @@ def shortened(step, error, exponent):
 
 
 @inlined
-def after_step(step, error, exponent, rejected, fitted, h):
-    """The step to want next."""
-    factor = GROW if error == 0.0 else min(GROW, max(SHRINK, SAFETY * error ** (-exponent)))
+def grown(step, power, rejected, fitted, h):
+    """The step to want next, where the estimated error to minus the exponent is ``power``; infinite for none."""
+    factor = min(GROW, max(SHRINK, SAFETY * power))
     if rejected:
         factor = min(factor, 1.0)
     # a step cut short by its end says little about the next one, one cut short by an event does
     return max(step * factor, h if step < fitted == h and factor >= 1.0 else 0.0)
+
+
+@inlined
+def after_step(step, error, exponent, rejected, fitted, h):
+    """The step to want next."""
+    return grown(step, error ** (-exponent), rejected, fitted, h)
 
 
 @uncounted
