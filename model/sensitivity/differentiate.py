@@ -17,8 +17,7 @@ from model.sensitivity.options import SensitivityOptions
 from model.sensitivity.parameter_names import directions, find_parameters, stated_uncertainty
 from model.sensitivity.result import Sensitivities
 from model.sensitivity.tangents import Recorded
-from model.simulation.run import Simulation, State
-from model.simulation.state import with_memory
+from model.simulation.run import Simulation, State, with_memory
 from model.simulation.statics import RestState, rest_state, with_pins
 
 Array = NDArray[np.float64]

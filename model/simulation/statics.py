@@ -52,41 +52,30 @@ def balance(
 
     Where joints give, what they give follows the angles; by default it is what holds these angles.
     """
-    if scene.pins:
-        return _wide_balance(scene, q if len(q) > scene.size else with_pins(scene, q, u), u, v)
-    n = scene.size
-    w = np.zeros(W.SIZE)
-    w[W.Q : W.Q + n] = q
+    n, give = scene.size, len(scene.pins)
+    if give and len(q) == n:
+        q = with_pins(scene, q, u)
+    w = np.zeros(W.WITH_MEMORY if give else W.SIZE)
+    w[W.Q : W.Q + n], w[W.Z : W.Z + give] = q[:n], q[n:]
     if v is not None:
-        w[W.V : W.V + n] = v
+        w[W.V : W.V + n] = v[:n]
     if scene.command is not None:
         u = scene.command.value(u)
         if v is None and scene.wound:
             w[W.V + scene.wound[0]] = steady_current(scene.vector[scene.tables.offset[2] :], u)
     w[W.STATIC] = 1.0
     kernels_of(scene.static_tables).linearise(w, scene.vector, u)
+    k = n + give
+    if give:
+        lower, stiff = (w[at : at + W.WIDE**2].reshape(W.WIDE, W.WIDE)[:k, :k] for at in (W.P_MASS, W.P_STIFF))
+        mass = np.tril(lower) + np.tril(lower, -1).T
+        return mass @ w[W.P_ACC : W.P_ACC + k], stiff, mass
     mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
     for i, parent in enumerate(scene.tables.parent):
         if parent >= 0:
             mass[i, parent] = mass[parent, i] = w[W.M_UP + i]
     stiff = w[W.STIFF : W.STIFF + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n]
     return mass @ w[W.ACC : W.ACC + n], stiff, mass
-
-
-def _wide_balance(
-    scene: Scene, q: NDArray[np.float64], u: float, v: NDArray[np.float64] | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    n, count = scene.size, len(scene.pins)
-    w = np.zeros(W.WITH_MEMORY)
-    w[W.Q : W.Q + n], w[W.Z : W.Z + count] = q[:n], q[n:]
-    if v is not None:
-        w[W.V : W.V + n] = v[:n]
-    w[W.STATIC] = 1.0
-    kernels_of(scene.static_tables).linearise(w, scene.vector, u)
-    k = n + count
-    lower, stiff = (w[at : at + W.WIDE**2].reshape(W.WIDE, W.WIDE)[:k, :k] for at in (W.P_MASS, W.P_STIFF))
-    mass = np.tril(lower) + np.tril(lower, -1).T
-    return mass @ w[W.P_ACC : W.P_ACC + k], stiff, mass
 
 
 def with_pins(scene: Scene, q: NDArray[np.float64], u: float) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from model.kernels import workspace as W
 from model.scene.build import Scene
 from model.sensitivity.parameter_names import directions
 from model.sensitivity.tangents import Recorded, _Run
-from model.simulation.state import with_memory
+from model.simulation.run import with_memory
 from model.simulation.statics import solve_rest
 from tests.model.kernels.linearised import Evaluation
 
