@@ -25,8 +25,8 @@ import model
 import rig
 from model.scene.selection import SceneChoice
 from rig.foreign.mapping import ImportMapping
+from rig.session.channel_info import RulerInfo
 from rig.session.ruler import ruler_curve
-from rig.session.ruler_info import RulerInfo
 from validation.conventions import HAMMER
 from validation.positions.compare import PositionComparison, compare_positions
 from validation.positions.driven import bowed, hammer_reading

@@ -20,7 +20,7 @@ from eight_channels import RAD_PER_VOLT, bench, bench_elsewhere, eight
 from journal_delay import Timed
 
 from rig.configuration.profile import load_profile
-from rig.recording.progress import Progress
+from rig.recording.options import Progress
 from rig.recording.recorder import record_session
 from rig.session import Session, Trial
 from rig.session.journal.writer import JournalWriter

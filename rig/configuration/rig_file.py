@@ -2,6 +2,10 @@
 
 It is read before anything else; its text and SHA-256 go into every session. Conventions as in
 :mod:`rig.configuration.channels`.
+
+Table ``[felt]`` of the rig file: how the arm presses a felt, what gives way between them, and what is allowed.
+
+Further devices of a rig, ``[[devices]]``: cards or chassis beside the one whose AI clock everything follows.
 """
 
 from __future__ import annotations
@@ -29,9 +33,59 @@ from rig.configuration.channels import (
     Table,
     Text,
 )
-from rig.configuration.felt_setup import FeltConfig
-from rig.configuration.further_device import FurtherDevice
 from rig.storage.atomic_write import sha256_of_bytes
+
+
+class FeltConfig(Table):
+    """The arm as a press for felts (``pianorig record --felt``).
+
+    The scale of ``encoder`` is mounted on the motor's shaft for this. ``compliance_m_per_n`` is that of arm and load
+    cell between shaft and felt; ``record --felt block`` measures it. Beyond ``force_limit_n`` or ``depth_limit_m`` the
+    press ends at once.
+    """
+
+    encoder: Literal["key", "whippen", "hammer"] = "key"
+    radius_m: Number = Field(gt=0, le=1)
+    """From the shaft to where the felt is touched."""
+    u_radius_m: Number = Field(default=1e-4, ge=0, le=0.01)
+    compliance_m_per_n: Number = Field(ge=0, le=1e-3)
+    u_compliance_m_per_n: Number = Field(ge=0, le=1e-3)
+    force_limit_n: Number = Field(default=50.0, gt=0, le=120)
+    depth_limit_m: Number = Field(default=3e-3, gt=0, le=0.02)
+
+
+class FurtherDevice(Table):
+    """A card or chassis beside the main one, and how it gets the main one's sample clock.
+
+    ``link`` "RTSI": both are on one RTSI cable, registered in NI MAX; the driver routes clock and trigger. "lines": the
+    main device puts its sample clock out on ``clock_from``, a wire takes it to ``clock_to`` of this one. A device that
+    runs on its own timebase is not offered: two of them part by up to 50 us in a second.
+    """
+
+    product: Literal["cDAQ-9189", "PCIe-6363", "PCI-6034E", "PCI-6602", "PCI-6733"]
+    name: Text
+    link: Literal["RTSI", "lines"]
+    clock_from: Text | None = None
+    clock_to: Text | None = None
+
+    @model_validator(mode="after")
+    def _wired(self) -> FurtherDevice:
+        wires = [self.clock_from, self.clock_to]
+        if self.link == "lines" and None in wires:
+            raise ValueError(f"{self.name}: link = 'lines' needs clock_from and clock_to, the ends of the wire")
+        if self.link == "RTSI" and wires != [None, None]:
+            raise ValueError(f"{self.name}: link = 'RTSI' has no clock_from and clock_to; the driver finds the lines")
+        if self.link == "RTSI" and self.product.startswith("cDAQ"):
+            raise ValueError(f"{self.name}: a {self.product} has no RTSI; allowed link = 'lines'")
+        return self
+
+    def owns(self, channel: str) -> bool:
+        """Whether a channel or terminal is this device's, or one of its modules'."""
+        first = channel.removeprefix("/").split("/", 1)[0].lower()
+        return first == self.name.lower() or (
+            self.product.startswith("cDAQ") and first.startswith(self.name.lower() + "mod")
+        )
+
 
 FOLDER = Path(__file__).parents[1] / "rigs"
 

@@ -18,7 +18,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from rig.errors import RigInputError
-from rig.storage.file_errors import refused
+from rig.storage.atomic_write import refused
 
 Model = TypeVar("Model", bound=BaseModel)
 

@@ -10,7 +10,7 @@ import grpc
 
 from rig.configuration.rig_file import RigConfig
 from rig.daq import server_sessions
-from rig.daq.discovery.devices import FoundDevice, driver_version, find_devices
+from rig.daq.discovery import FoundDevice, driver_version, find_devices
 from rig.daq.nidaqmx_backend import NidaqmxBackend
 from rig.errors import RigInputError
 

@@ -2,31 +2,201 @@
 
 A stop tries every step, logs every failure, and goes by what the watchdog says: where it has tripped the device is
 reset before the outputs are written, because a chassis refuses everything else, and all tasks are made afresh.
+
+Steps towards the safe state: every one is tried whatever happens to the others, and every failure is logged.
+
+A ``grpc.Channel`` that makes each of its calls once: NI's client asks for all 451 of them anew with every task.
+
+Over a socket that takes 15 ms of processor time, several times a trial.
+
+The two outputs that decide whether the bench can move: motor at 0 V, drive enabled or not; written on demand.
+
+A stopped DAC holds its last value, so 0 V must be written; a static line keeps its state. The tasks are reused and
+reserve nothing between writes. Where a reused task fails (a restarted server does not know it) a new one is tried
+before the failure is reported. Errors are those of ``nidaqmx``, translated by the caller.
 """
 
 from __future__ import annotations
 
 import contextlib
+import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from typing import Any
 
 import grpc
 import nidaqmx
+import nidaqmx.constants as ni
 from nidaqmx import GrpcSessionOptions
 from nidaqmx.grpc_session_options import SessionInitializationBehavior
+from nidaqmx.stream_writers import AnalogSingleChannelWriter, DigitalSingleChannelWriter
 
 from rig.backend import Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
 from rig.daq.faults import translated
-from rig.daq.remembered_calls import RememberedCalls
-from rig.daq.safe_outputs import SafeOutputs
-from rig.daq.safing import attempt, worst
-from rig.daq.task_set import TaskSet
+from rig.daq.tasks import NewTask, TaskSet
 from rig.daq.watchdog import Watchdog, reset_device
-from rig.errors import WatchdogTripped
+from rig.errors import WatchdogTripped, is_defect
+
+ZERO, DRIVE = "motor_zero", "drive_enable"
+WRITE_TIMEOUT_S = 5.0
+
+
+class SafeOutputs:
+    """Writes the motor's zero and the drive-enable line of one rig."""
+
+    def __init__(self, new_task: NewTask, end_left: Callable[[str], None]) -> None:
+        self._tasks = TaskSet(new_task, end_left)
+
+    def put_motor_at_zero(self, config: RigConfig) -> None:
+        """Put the motor output at 0 V."""
+
+        def add(task: nidaqmx.Task) -> None:
+            channel, limit = config.motor.channel, config.motor.voltage_limit_v
+            task.ao_channels.add_ao_voltage_chan(channel, "motor", -limit, limit, ni.VoltageUnits.VOLTS, "")
+
+        def write(task: nidaqmx.Task) -> None:
+            writer = AnalogSingleChannelWriter(task.out_stream, auto_start=True)
+            writer.verify_array_shape = False  # saves a call
+            writer.write_one_sample(0.0, timeout=WRITE_TIMEOUT_S)
+
+        self._write(ZERO, add, write)
+
+    def enable_drive(self, line: str, enabled: bool) -> None:
+        """Set the drive-enable line; high is enabled."""
+
+        def add(task: nidaqmx.Task) -> None:
+            task.do_channels.add_do_chan(
+                line, name_to_assign_to_lines="drive_enable", line_grouping=ni.LineGrouping.CHAN_PER_LINE
+            )
+
+        def write(task: nidaqmx.Task) -> None:
+            writer = DigitalSingleChannelWriter(task.out_stream, auto_start=True)
+            writer.verify_array_shape = False
+            writer.write_one_sample_one_line(enabled, timeout=WRITE_TIMEOUT_S)
+
+        self._write(DRIVE, add, write)
+
+    def clear(self) -> None:
+        """Clear the tasks; the outputs keep their state."""
+        for name in self._tasks:
+            self._tasks.clear(name)
+
+    def _write(self, name: str, add: Callable[[nidaqmx.Task], None], write: Callable[[nidaqmx.Task], None]) -> None:
+        if name in self._tasks:
+            with contextlib.suppress(nidaqmx.errors.Error):
+                self._written(name, write)
+                return
+            self._forget(name)
+        try:
+            add(self._tasks.make(name))
+            self._written(name, write)
+        except BaseException:
+            self._forget(name)
+            raise
+
+    def _written(self, name: str, write: Callable[[nidaqmx.Task], None]) -> None:
+        write(self._tasks[name])
+        self._tasks[name].stop()  # it was started by the write: with that it gives its hardware back
+
+    def _forget(self, name: str) -> None:
+        """Clear a task that has failed; a failure to clear it tells nothing new."""
+        with contextlib.suppress(nidaqmx.errors.Error):
+            self._tasks.clear(name)
+
+
+LOG = logging.getLogger("rig.daq")
+
+
+def attempt(step: Callable[[], None], failures: list[BaseException], what: str) -> bool:
+    """Try one step; log a failure and append it, even a Ctrl-C, which must not prevent the next step.
+
+    Parameters
+    ----------
+    step : callable
+        What to do.
+    failures : list
+        Takes what the step raised.
+    what : str
+        The step in words, for the log.
+
+    Returns
+    -------
+    bool
+        Whether the step was done.
+    """
+    try:
+        step()
+    except BaseException as error:
+        defect = is_defect(error) and not isinstance(error, nidaqmx.errors.Error)
+        LOG.error("%s failed: %s: %s", what, type(error).__name__, error, exc_info=error if defect else None)
+        failures.append(error)
+        return False
+    return True
+
+
+def worst(failures: list[BaseException]) -> BaseException:
+    """Return the failure to raise: a programming error before the first fault of the hardware, so that neither hides.
+
+    A fault caused by an error in this program would otherwise be blamed on the bench.
+    """
+    return next(filter(is_defect, failures), failures[0])
+
+
+class RememberedCalls(grpc.Channel):
+    """Another channel, whose callables are made when they are first asked for, and kept.
+
+    Parameters
+    ----------
+    channel : grpc.Channel
+        The connection; closing this closes it.
+    """
+
+    def __init__(self, channel: grpc.Channel) -> None:
+        self._channel = channel
+        self._made: dict[tuple[str, str], Callable[..., Any]] = {}
+
+    def _once(self, kind: str, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
+        if (kind, method) not in self._made:
+            self._made[kind, method] = getattr(self._channel, kind)(method, *args, **kwargs)
+        return self._made[kind, method]
+
+    def unary_unary(self, method: str, *args: Any, **kwargs: Any) -> Any:
+        """Return the callable of a call with one request and one response."""
+        return self._once("unary_unary", method, *args, **kwargs)
+
+    def unary_stream(self, method: str, *args: Any, **kwargs: Any) -> Any:
+        """Return the callable of a call with one request and a stream of responses."""
+        return self._once("unary_stream", method, *args, **kwargs)
+
+    def stream_unary(self, method: str, *args: Any, **kwargs: Any) -> Any:
+        """Return the callable of a call with a stream of requests and one response."""
+        return self._once("stream_unary", method, *args, **kwargs)
+
+    def stream_stream(self, method: str, *args: Any, **kwargs: Any) -> Any:
+        """Return the callable of a call with a stream of requests and one of responses."""
+        return self._once("stream_stream", method, *args, **kwargs)
+
+    def subscribe(self, callback: Callable[..., Any], try_to_connect: bool | None = False) -> None:
+        """Let a function be told of changes of the connection."""
+        self._channel.subscribe(callback, try_to_connect)
+
+    def unsubscribe(self, callback: Callable[..., Any]) -> None:
+        """Tell it no longer."""
+        self._channel.unsubscribe(callback)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._channel.close()
+
+    def __enter__(self) -> RememberedCalls:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
 
 
 class SafeBench:

@@ -21,7 +21,7 @@ from nidaqmx import GrpcSessionOptions
 from nidaqmx.grpc_session_options import SessionInitializationBehavior
 
 from rig.configuration.rig_file import RigConfig
-from rig.daq import analog_inputs, safe_outputs, tasks
+from rig.daq import safe_bench, tasks
 from rig.daq.faults import translated
 from rig.daq.watchdog import NAME as WATCHDOG
 from rig.errors import ResourceBusy
@@ -37,9 +37,9 @@ def session_names(config: RigConfig) -> list[str]:
     fixed = (
         WATCHDOG,
         tasks.MOTOR,
-        analog_inputs.MASTER,
-        safe_outputs.ZERO,
-        safe_outputs.DRIVE,
+        tasks.MASTER,
+        safe_bench.ZERO,
+        safe_bench.DRIVE,
         tasks.CAMERA,
         tasks.EDGES,
     )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from rig.backend import Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
-from rig.daq.analog_inputs import MASTER
+from rig.daq.tasks import MASTER
 from rig.daq.watchdog import ANALOG_REACH
 
 

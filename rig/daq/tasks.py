@@ -3,21 +3,233 @@
 AI is the clock master. Counters and the motor output take their sample clock from ``ai/SampleClock``; counters arm on
 ``ai/StartTrigger`` and the frame pulses start on it. The motor output needs no trigger: its clock does not tick before
 AI starts. NI-DAQmx's defaults (volts of range, degrees, 24 pulses) are never relied on.
+
+Tasks that are made once and used for every trial: stopped and unreserved in between, cleared only at the end.
+
+This follows the state model of NI-DAQmx (verified → committed → running and back). An unreserved task keeps its
+settings and reserves no hardware: the watchdog of a chassis can start before the others, and other tasks can have the
+channels. Errors are those of ``nidaqmx``, translated by the caller.
+
+AI tasks: load cell and further channels, the master of clock and trigger; and one voltage input for a self-test.
+
+NI-DAQmx's defaults (pounds, 2.5 V) are never relied on: every argument is given.
+
+The next samples of every input task as one block, and the driver's own count of samples.
+
+Force comes calibrated and as measured, counts as whole numbers; a count that is not whole is a fault.
 """
 
 from __future__ import annotations
 
+import contextlib
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
 import nidaqmx
 import nidaqmx.constants as ni
 import numpy as np
+from nidaqmx.constants import TaskMode
+from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
 from nidaqmx.stream_writers import AnalogSingleChannelWriter
 from numpy.typing import NDArray
 
-from rig.configuration.channels import CameraConfig, EncoderConfig, OppositeHeadConfig
+from rig.backend import Block
+from rig.configuration.channels import CameraConfig, ChannelConfig, EncoderConfig, OppositeHeadConfig
 from rig.configuration.rig_file import RigConfig
-from rig.daq.analog_inputs import buffer_samples
-from rig.daq.task_set import NewTask
-from rig.errors import RigInputError
+from rig.daq.faults import translated
+from rig.errors import HardwareFault, RigInputError
+
+
+class NewTask(Protocol):
+    """Makes an empty task with the given name on the driver or server in use."""
+
+    def __call__(self, name: str) -> nidaqmx.Task:
+        """Make the task."""
+        ...
+
+
+class TaskSet:
+    """Open tasks by name in the order they were made; registered as soon as they exist, so that none is lost.
+
+    Parameters
+    ----------
+    new_task : NewTask
+    end_left : callable
+        Ends what a server may still have of a task of ours that could not be cleared, by its name.
+    """
+
+    def __init__(self, new_task: NewTask, end_left: Callable[[str], None]) -> None:
+        self._new_task, self._end_left = new_task, end_left
+        self._tasks: dict[str, nidaqmx.Task] = {}
+        self._left: set[str] = set()
+        """Names of tasks whose clearing failed: a server may still have them, and refuses another of the name."""
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._tasks
+
+    def __getitem__(self, name: str) -> nidaqmx.Task:
+        return self._tasks[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(tuple(self._tasks))
+
+    def make(self, name: str) -> nidaqmx.Task:
+        """Make an empty task and register it; one of that name that could not be cleared is cleared now."""
+        if name in self._left:
+            self._end_left(name)
+            self._left.discard(name)
+        self._tasks[name] = task = self._new_task(name)
+        return task
+
+    def unreserve(self, name: str) -> None:
+        """Stop a task and unreserve its hardware, or clear it where that fails; nothing happens without the task."""
+        if name not in self._tasks:
+            return
+        task = self._tasks[name]
+        try:
+            with _early_stop_expected():
+                task.stop()
+            task.control(TaskMode.TASK_UNRESERVE)
+        except nidaqmx.errors.Error:
+            self.clear(name)  # e.g. a generation that failed reports it when it is stopped
+
+    def clear(self, name: str) -> None:
+        """Clear a task; when the driver refuses it is tried again before another of the name is made."""
+        task = self._tasks.pop(name, None)
+        if task is not None:
+            self._left.add(name)
+            with _early_stop_expected():
+                task.close()
+            self._left.discard(name)
+
+
+@contextmanager
+def _early_stop_expected() -> Iterator[None]:
+    """The driver warns (200010) when a finite generation is stopped before its end."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", nidaqmx.errors.DaqWarning)
+        yield
+
+
+BUFFER_S = 20.0
+"""Length of the driver's buffers: how late the program may read before samples are lost."""
+MASTER = "force"
+"""Name of the master task."""
+
+
+def buffer_samples(sample_rate_hz: float) -> int:
+    """Return the driver's buffer size in samples per channel."""
+    return int(BUFFER_S * sample_rate_hz)
+
+
+def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
+    """AI on the load cell and the further channels, in this order, continuous, on its own clock: the master."""
+    task = force_task(new_task, config)
+    for further in config.channels:
+        _add_voltage(task, further.channel, further.name, _electrical_ends(further))
+    for device in config.devices:
+        if device.clock_from is not None:
+            task.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, device.clock_from)
+    return task
+
+
+def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
+    """AI on the load cell alone, continuous, on its own clock."""
+    task = new_task(MASTER)
+    force = config.force
+    if force.kind == "bridge":
+        task.ai_channels.add_ai_force_bridge_two_point_lin_chan(
+            force.channel,
+            name_to_assign_to_channel="force",
+            min_val=force.min_n,
+            max_val=force.max_n,
+            units=ni.ForceUnits.NEWTONS,
+            bridge_config=ni.BridgeConfiguration.FULL_BRIDGE,
+            voltage_excit_source=ni.ExcitationSource.INTERNAL,
+            voltage_excit_val=force.excitation_v,
+            nominal_bridge_resistance=force.bridge_resistance_ohm,
+            first_electrical_val=force.electrical[0],
+            second_electrical_val=force.electrical[1],
+            electrical_units=ni.BridgeElectricalUnits.MILLIVOLTS_PER_VOLT,
+            first_physical_val=force.physical_n[0],
+            second_physical_val=force.physical_n[1],
+            physical_units=ni.BridgePhysicalUnits.NEWTONS,
+            custom_scale_name="",
+        )
+    else:
+        ends = volts_of_force(config, np.array([force.min_n, force.max_n]))
+        _add_voltage(task, force.channel, "force", ends)
+    _own_clock(task, config)
+    task.in_stream.overwrite = ni.OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES
+    return task
+
+
+def device_scaling(task: nidaqmx.Task) -> tuple[float, ...]:
+    """Return the polynomial by which the driver scales codes of the force channel; empty where it does not say."""
+    with contextlib.suppress(nidaqmx.errors.DaqError):
+        return tuple(float(one) for one in task.ai_channels[0].ai_dev_scaling_coeff)
+    return ()
+
+
+def voltage_task(new_task: NewTask, config: RigConfig, channel: str) -> nidaqmx.Task:
+    """AI on one voltage input within the motor's range, continuous, on its own clock."""
+    task, limit = new_task("voltage"), config.motor.voltage_limit_v
+    _add_voltage(task, channel, "voltage", np.array([-limit, limit]))
+    _own_clock(task, config)
+    return task
+
+
+def _add_voltage(task: nidaqmx.Task, channel: str, name: str, ends_v: NDArray[np.float64]) -> None:
+    task.ai_channels.add_ai_voltage_chan(
+        channel,
+        name_to_assign_to_channel=name,
+        terminal_config=ni.TerminalConfiguration.DIFF,
+        min_val=float(ends_v.min()),
+        max_val=float(ends_v.max()),
+        units=ni.VoltageUnits.VOLTS,
+        custom_scale_name="",
+    )
+
+
+def _own_clock(task: nidaqmx.Task, config: RigConfig) -> None:
+    rate = config.device.sample_rate_hz
+    task.timing.cfg_samp_clk_timing(
+        rate,
+        source="",
+        active_edge=ni.Edge.RISING,
+        sample_mode=ni.AcquisitionType.CONTINUOUS,
+        samps_per_chan=buffer_samples(rate),
+    )
+
+
+Points = tuple[float, float]
+
+
+def _on_line(value: NDArray[np.float64], x: Points, y: Points) -> NDArray[np.float64]:
+    """Return where ``value`` lies on the straight line through the points (x[0], y[0]) and (x[1], y[1])."""
+    return y[0] + (value - x[0]) * ((y[1] - y[0]) / (x[1] - x[0]))
+
+
+def volts_of_force(config: RigConfig, force_n: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Electrical reading (mV/V or V) that the calibration line gives for a force."""
+    return _on_line(force_n, config.force.physical_n, config.force.electrical)
+
+
+def force_of_volts(config: RigConfig, electrical: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Force that the calibration line gives for an electrical reading (mV/V or V)."""
+    return _on_line(electrical, config.force.electrical, config.force.physical_n)
+
+
+def channel_of_volts(channel: ChannelConfig, volts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Value in the channel's unit that its calibration line gives for a voltage."""
+    return _on_line(volts, channel.electrical, channel.physical)
+
+
+def _electrical_ends(channel: ChannelConfig) -> NDArray[np.float64]:
+    return _on_line(np.array([channel.least, channel.most]), channel.physical, channel.electrical)
+
 
 WRITE_TIMEOUT_S = 5.0
 MOTOR, CAMERA, EDGES, OPPOSITE = "motor", "camera", "exposures", "encoder_key_opposite"
@@ -165,3 +377,49 @@ def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
     worst = float(np.max(np.abs(command_v)))
     if worst > reach * (1 + 1e-9):
         raise RigInputError(f"motor command reaches {worst:g} V, allowed {reach:g} V on {config.motor.channel}")
+
+
+def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: int, timeout_s: float) -> Block:
+    """Return the next ``n_samples`` of every input; ``first_sample`` is the number of the first of them."""
+    values = np.empty((1 + len(config.channels), n_samples))
+    with translated("read", MASTER):
+        reader = AnalogMultiChannelReader(made[MASTER].in_stream)
+        reader.verify_array_shape = False  # saves a round trip to the server per read
+        reader.read_many_sample(values, n_samples, timeout_s)
+    if config.force.kind == "bridge":
+        force_n, raw = values[0], volts_of_force(config, values[0])
+    else:
+        force_n, raw = force_of_volts(config, values[0]), values[0]
+    further = [channel_of_volts(channel, values[k]) for k, channel in enumerate(config.channels, 1)]
+    count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
+    for column, encoder in enumerate(config.encoders):
+        count[:, column] = _ticks(made, encoder_task_name(encoder), n_samples, timeout_s)
+    if OPPOSITE in made and config.key_opposite is not None:
+        per_tick = config.key_opposite.sign * 2 * np.pi / config.encoders[0].counts_per_revolution
+        further.append(np.asarray(_ticks(made, OPPOSITE, n_samples, timeout_s) * per_tick, dtype=np.float64))
+    exposures = _ticks(made, EDGES, n_samples, timeout_s) if EDGES in made else None
+    return Block(first_sample, force_n, raw, count, exposures, np.column_stack(further) if further else None)
+
+
+def _ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
+    ticks = np.empty(n_samples)
+    with translated("read", name):
+        reader = CounterReader(made[name].in_stream)
+        reader.verify_array_shape = False
+        reader.read_many_sample_double(ticks, n_samples, timeout_s)
+    whole = np.rint(ticks)
+    if not np.array_equal(whole, ticks):
+        raise HardwareFault(f"{name}: counts are not whole numbers; the task is not in ticks", phase="read")
+    return whole.astype(np.int64)
+
+
+def positions(made: TaskSet, config: RigConfig) -> dict[str, tuple[int, int]]:
+    """Return by input task the samples per channel the driver has handed out and acquired since its start."""
+    found = {}
+    encoders = map(encoder_task_name, config.encoders)
+    for name in (MASTER, *encoders, OPPOSITE, EDGES):
+        if name in made:
+            with translated("read", name):
+                stream = made[name].in_stream
+                found[name] = (int(stream.curr_read_pos), int(stream.total_samp_per_chan_acquired))
+    return found

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rig.arrays import as_numbers
-from rig.configuration.felt_setup import FeltConfig
-from rig.configuration.rig_file import RigConfig
+from rig.configuration.rig_file import FeltConfig, RigConfig
 from rig.errors import RigInputError
 
 BLOCK = "block"

@@ -2,22 +2,226 @@
 
 Each common error is carried through the whole evaluation: with it one standard uncertainty off the curve is computed
 again, first touch included, and the difference is what the file states for each point.
+
+From a trial to the readings of a press: force without delay, hum and offset, way of the arm's tip, both phases.
+
+Force is that above the reading at rest plus the stated preload (docs/decisions/0006-bench-preload-and-offset.md).
+Encoders are not delayed, the force of a bridge module is: without its delay taken off, the loop would be wider by
+speed times delay.
+
+Where the felt is first touched: the arm rests on it with a preload, so the zero of compression lies before the rest.
+
+Fitted together are the felt's cubic (eq. 2.5), its loop as a share of the cubic, and the way from first touch to rest;
+the force at rest is the preload.
+
+The compliance of arm and cell: way of the arm over force while it presses a block that does not give way.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.configuration.felt_setup import FeltConfig
-from rig.felt.first_touch import first_touch
-from rig.felt.readings import Readings, loading_speed, readings
+from rig.configuration.rig_file import FeltConfig
+from rig.errors import RigInputError
 from rig.session.trial_data import TrialData
 
-PHASES = ("loading", "unloading")
+BINS = 160
+"""Points of a phase at most: means over equal times."""
+FEWEST_SAMPLES = 3
+"""Of a point."""
+LOWEST, HIGHEST = 0.07, 0.92
+"""Part of the way that counts: between where the speed is reached and where it is left."""
+HARMONICS = 3
+HUM_HZ = 0.15
+"""How far the mains may be from its nominal frequency."""
+LEAST_COUNTS = 20
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Means over short times: the way of the tip since rest, m, the force, N, its rate, N/s, loading first.
+
+    ``samples`` are the samples of each mean; ``loading`` is true for the first phase; ``count_m`` is the way of one
+    count, ``u_force_n`` the scatter of the force from sample to sample.
+    """
+
+    moved_m: Array
+    force_n: Array
+    rate_n_per_s: Array
+    samples: NDArray[np.int64]
+    loading: NDArray[np.bool_]
+    count_m: float
+    u_force_n: float
+    peak_n: float
+
+
+def readings(trial: TrialData, felt: FeltConfig, lowest: float = LOWEST) -> Readings:
+    """Cut press and release out of a trial.
+
+    Parameters
+    ----------
+    lowest : from which share of the way on; 0 takes the beginning as well, where the speed is still growing
+
+    Raises
+    ------
+    RigInputError
+        The encoder did not turn, or the trial is too short.
+    """
+    force, rate = trial.force_info, trial.sample_rate_hz
+    body = [encoder.name for encoder in trial.encoders].index(felt.encoder)
+    per_count = abs(trial.encoders[body].rad_per_count) * felt.radius_m
+    counts = trial.encoder_count[:, body].astype(np.float64)
+    quiet = int(trial.blow_start_s * rate)
+    turned = counts - counts[:quiet].mean()
+    moved = turned * per_count * np.sign(turned[int(np.argmax(np.abs(turned)))])
+    if np.abs(turned).max() < LEAST_COUNTS:
+        raise RigInputError(
+            f"trial {trial.number}: the {felt.encoder} encoder turned by {np.abs(turned).max():.0f} counts, allowed "
+            f"from {LEAST_COUNTS}; is its scale on the motor's shaft (felt.encoder), and the arm on the felt?"
+        )
+    felt_n, scatter = _pressed(trial, quiet)
+    k = np.arange(trial.n_valid) + force.group_delay_s * rate
+    felt_n = np.interp(k, np.arange(trial.n_valid), felt_n)
+    change = np.gradient(felt_n) * rate
+    top = float(moved.max())
+    inside = np.flatnonzero(moved >= HIGHEST * top)
+    # between the phases the arm rests at the peak
+    rise = _between(moved, quiet, int(inside[0]), lowest * top)
+    last = min(trial.n_valid - int(np.ceil(force.group_delay_s * rate)) - 1, moved.size)
+    fall = _between(moved[last - 1 :: -1], 0, last - 1 - int(inside[-1]), lowest * top)
+    fall = (last - fall[1], last - fall[0])
+    parts = [_binned(span, moved, felt_n, change) for span in (rise, fall)]
+    columns = [np.concatenate([part[k] for part in parts]) for k in range(4)]
+    return Readings(
+        moved_m=columns[0],
+        force_n=columns[1],
+        rate_n_per_s=columns[2],
+        samples=columns[3].astype(np.int64),
+        loading=np.arange(columns[0].size) < parts[0][0].size,
+        count_m=per_count,
+        u_force_n=scatter,
+        peak_n=float(felt_n[quiet:].max()),
+    )
+
+
+def loading_speed(
+    x_m: Array, loading: NDArray[np.bool_], samples: NDArray[np.int64], rate_hz: float
+) -> tuple[float, float]:
+    """Return the mean speed of the first phase, m/s, and that of its last third, where the loop is widest."""
+    at = np.cumsum(samples[loading]) / rate_hz
+    x = x_m[loading]
+    last = x > x[-1] * 2.0 / 3.0
+    return float(np.polyfit(at, x, 1)[0]), float(np.polyfit(at[last], x[last], 1)[0])
+
+
+def _pressed(trial: TrialData, quiet: int) -> tuple[Array, float]:
+    """Force above rest plus preload, without mains hum, and its scatter from sample to sample, N."""
+    t, n = trial.time_s, trial.n_valid
+    calm = np.zeros(n, dtype=bool)
+    calm[: max(quiet - 5, 1)] = True
+    calm[-int(0.15 * trial.sample_rate_hz) :] = True
+    late = np.arange(n) > n // 2
+    nominal = trial.force_info.mains_frequency_hz
+    best: tuple[float, Array, Array] | None = None
+    for mains in nominal + np.linspace(-HUM_HZ, HUM_HZ, 31):
+        waves = [f(2 * np.pi * k * mains * t) for k in range(1, HARMONICS + 1) for f in (np.sin, np.cos)]
+        terms = np.column_stack([~late, late, *waves])  # a felt that has not come back rests at another force
+        found, *_ = np.linalg.lstsq(terms[calm], trial.force_n[calm], rcond=None)
+        left = trial.force_n[calm] - terms[calm] @ found
+        if best is None or float(left @ left) < best[0]:
+            best = float(left @ left), terms, found
+    assert best is not None
+    _, terms, found = best
+    hum = terms[:, 2:] @ found[2:]
+    return trial.force_n - hum - found[0] + trial.force_info.preload_n, float(np.sqrt(best[0] / calm.sum()))
+
+
+def _between(moved: Array, start: int, top: int, low: float) -> tuple[int, int]:
+    """First sample after the last one below ``low``, up to the first one that has reached the top."""
+    below = np.flatnonzero(moved[start:top] < low)
+    first = start + (int(below[-1]) + 1 if below.size else 0)
+    if top - first < 10 * FEWEST_SAMPLES:
+        raise RigInputError(
+            f"felt: a phase of {top - first} samples, allowed from {10 * FEWEST_SAMPLES}; press more slowly or harder"
+        )
+    return first, top
+
+
+def _binned(span: tuple[int, int], *series: Array) -> tuple[Array, ...]:
+    """Means over equal times, and how many samples each has."""
+    first, end = span
+    bins = min(BINS, (end - first) // FEWEST_SAMPLES)
+    edges = np.linspace(first, end, bins + 1).astype(int)
+    size = np.diff(edges)
+    return *(np.add.reduceat(one[:end], edges[:-1]) / size for one in series), size.astype(np.float64)
+
+
+DEEPEST_REST = 0.5
+"""Share of the way that the preload may have taken up at most."""
+
+
+@dataclass(frozen=True)
+class FirstTouch:
+    """Compression at rest, m, with the standard uncertainty that the scatter of the readings gives it."""
+
+    rest_m: float
+    u_rest_m: float
+
+
+def first_touch(moved_m: Array, force_n: Array, loading: NDArray[np.bool_], u_n: Array, preload_n: float) -> FirstTouch:
+    """Fit the compression at rest.
+
+    Parameters
+    ----------
+    moved_m, force_n : (n,) compression since rest, force of the felt
+    u_n : (n,) standard uncertainty of a reading as a force
+    preload_n : force at rest
+
+    Raises
+    ------
+    RigInputError
+        The readings do not rise from the preload.
+    """
+    from scipy.optimize import least_squares  # start-up: 0.2 s that only the press of a felt needs
+
+    span, top = float(moved_m.max()), float(force_n.max())
+    sense = np.where(loading, 1.0, -1.0)
+    u_preload = 0.1 * float(np.median(u_n))  # the preload's own error is one of the errors common to all points
+
+    def residual(p: Array) -> Array:
+        a, b, c, rest, share = p
+        x = moved_m / span + rest
+        at_rest = (((a * rest + b) * rest + c) * rest - preload_n / top) * top / u_preload
+        fit = (((a * x + b) * x + c) * x) * (1.0 + share * sense)
+        return np.append((fit - force_n / top) * top / u_n, at_rest)
+
+    start = np.polyfit(moved_m / span, force_n / top, 3)
+    slope = max(start[2], 0.05)
+    guess = np.array([start[0], start[1], slope, min(preload_n / top / slope, 0.9 * DEEPEST_REST), 0.01])
+    fit = least_squares(
+        residual,
+        guess,
+        bounds=([-np.inf, -np.inf, 0.0, 0.0, -0.5], [np.inf, np.inf, np.inf, DEEPEST_REST, 0.5]),
+        x_scale=[1.0, 1.0, 1.0, 0.01, 0.01],
+    )
+    rest = float(fit.x[3])
+    if not fit.success or not 0.0 <= rest < 0.98 * DEEPEST_REST:
+        raise RigInputError(
+            f"felt: first touch not found: at rest the felt would be compressed by {1e3 * rest * span:.3g} mm of "
+            f"{1e3 * span:.3g} mm; look at force.preload_n, or lighten the preload"
+        )
+    freedom = max(moved_m.size + 1 - 5, 1)
+    widened = max(2.0 * float(fit.cost) / freedom, 1.0)
+    covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * widened
+    return FirstTouch(rest * span, float(np.sqrt(covariance[3, 3])) * span)
+
+
+PHASES = ("loading", "unloading")
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,3 +324,48 @@ def _compressed(read: Readings, known: _Truth, stated_preload_n: float) -> tuple
     u = np.hypot(read.u_force_n, at * read.count_m / np.sqrt(12.0)) / np.sqrt(read.samples)
     touch = first_touch(moved, force, read.loading, u, known.preload_n)
     return moved + touch.rest_m, force, touch.u_rest_m
+
+
+ABOVE_N = 2.0
+"""Below, surfaces that are not flat yet give way."""
+
+
+@dataclass(frozen=True)
+class Compliance:
+    """Compliance with its standard uncertainty, m/N, and how far the readings are from a straight line, m."""
+
+    m_per_n: float
+    u_m_per_n: float
+    crooked_m: float
+
+
+def compliance(trials: Sequence[TrialData], felt: FeltConfig) -> Compliance:
+    """Fit way over force of presses on a block.
+
+    Raises
+    ------
+    RigInputError
+        Too little force, or an arm that does not give way in step with the force.
+    """
+    slopes, crooked = [], 0.0
+    for trial in trials:
+        read = readings(trial, felt)
+        hard = read.force_n > ABOVE_N
+        if hard.sum() < 20:
+            raise RigInputError(
+                f"trial {trial.number}: {read.peak_n:.3g} N on the block, allowed well above {ABOVE_N:g} N"
+            )
+        line = np.polyfit(read.force_n[hard], read.moved_m[hard], 1)
+        left = read.moved_m[hard] - np.polyval(line, read.force_n[hard])
+        crooked = max(crooked, float(np.abs(left).max()))
+        # a count read once too many at one end tilts the line; more readings do not make the scale finer
+        slopes.append((float(line[0]), read.count_m / np.sqrt(12.0) / float(np.ptp(read.force_n[hard]))))
+    values = np.array([slope for slope, _ in slopes])
+    mean = float(values.mean())
+    scatter = float(values.std(ddof=1)) if values.size > 1 else 0.0
+    force, encoder = trials[0].force_info, next(e for e in trials[0].encoders if e.name == felt.encoder)
+    relative = np.hypot(force.u_gain_relative, np.hypot(felt.u_radius_m / felt.radius_m, encoder.u_turn_relative))
+    u = float(np.sqrt((mean * relative) ** 2 + scatter**2 / values.size + max(u for _, u in slopes) ** 2))
+    if mean <= 0:
+        raise RigInputError(f"block: compliance found {mean:.3g} m/N, allowed above 0; look at the encoder's mounting")
+    return Compliance(mean, u, crooked)

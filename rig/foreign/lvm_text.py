@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigInputError
-from rig.foreign.channel_table import JITTER, SECONDS, ChannelTable, Clock, even_interval, number, shown
-from rig.foreign.text_encoding import decoded
-from rig.foreign.units import known
-from rig.storage.file_errors import refused
+from rig.foreign.channel_table import JITTER, SECONDS, ChannelTable, Clock, even_interval, known, number, shown
+from rig.foreign.csv_text import decoded
+from rig.storage.atomic_write import refused
 
 END = "***End_of_Header***"
 SPECIAL, END_SPECIAL = "***Start_Special***", "***End_Special***"

@@ -1,24 +1,99 @@
-"""The options of a recording: one frozen record, made once, handed down unchanged to the single trial."""
+"""The options of a recording: one frozen record, made once, handed down unchanged to the single trial.
+
+Progress of a recording: what an observer is told after each block, and the time left.
+
+A bounded feed of recorded blocks for live viewers: it drops the oldest and never blocks the recorder.
+"""
 
 from __future__ import annotations
 
+import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
 
-from rig.backend import Backend
+from rig.backend import Backend, Block
 from rig.configuration.profile import Profile
 from rig.configuration.rig_file import Rig
-from rig.recording.feed import BlockFeed
-from rig.recording.progress import Progress
 from rig.recording.trial_plan import Plan
 from rig.safety.dry_run import Predict
 from rig.safety.permission import Permission
 from rig.session.folder import Trial
 from rig.session.info import ActionInfo, RoomInfo
 from rig.session.journal.writer import JournalWriter, OpenJournal
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Trial of trials, time in the trial, and the largest force of the last block.
+
+    What was acquired before ``committed_s`` is in the journal and survives whatever happens to the program.
+    """
+
+    trial: int
+    trials: int
+    time_s: float
+    blow_end_s: float
+    peak_force_n: float
+    committed_s: float = 0.0
+    left_s: float | None = None
+    """Time left for all trials, s; None until it is known."""
+
+
+class TimeLeft:
+    """Estimates the time left from the duration of the trials recorded so far; operator prompts are not counted."""
+
+    def __init__(self, now_s: Callable[[], float], rest_s: float, trials: int) -> None:
+        self._now_s, self._rest_s, self._trials = now_s, rest_s, trials
+        self._done, self._spent_s, self._began_s = 0, 0.0, now_s()
+
+    def begin(self) -> None:
+        """Tell that a trial begins."""
+        self._began_s = self._now_s()
+
+    def end(self) -> None:
+        """Tell that it has ended."""
+        self._spent_s += self._now_s() - self._began_s
+        self._done += 1
+
+    def left_s(self) -> float | None:
+        """Return the time left, s; None before the first trial has ended."""
+        if not self._done:
+            return None
+        mean_s = self._spent_s / self._done
+        after = self._trials - self._done - 1
+        return max(mean_s - (self._now_s() - self._began_s), 0.0) + after * (mean_s + self._rest_s)
+
+
+class BlockFeed:
+    """At most ``capacity`` blocks waiting for a viewer; thread-safe."""
+
+    def __init__(self, capacity: int = 50) -> None:
+        self._blocks: deque[Block] = deque(maxlen=capacity)
+        self._lock = threading.Lock()
+        self._dropped = 0
+
+    @property
+    def dropped(self) -> int:
+        """Blocks dropped because no viewer took them in time."""
+        return self._dropped
+
+    def publish(self, block: Block) -> None:
+        """Add a block; returns at once."""
+        with self._lock:
+            if len(self._blocks) == self._blocks.maxlen:
+                self._dropped += 1
+            self._blocks.append(block)
+
+    def take(self) -> list[Block]:
+        """Remove and return all waiting blocks, oldest first."""
+        with self._lock:
+            blocks = list(self._blocks)
+            self._blocks.clear()
+            return blocks
 
 
 class ResumeKeywords(TypedDict, total=False):

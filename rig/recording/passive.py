@@ -16,15 +16,20 @@ from typing import Unpack
 import numpy as np
 
 from rig.backend import Backend, Block, Timing
-from rig.configuration.motor_command import MotorCommand
+from rig.configuration.profile import MotorCommand
 from rig.configuration.rig_file import Rig, RigConfig, load_rig
 from rig.errors import RigInputError
-from rig.recording.empty_session import discard_empty
-from rig.recording.options import RecordingKeywords, RecordingOptions
-from rig.recording.own_backend import recording_backend
-from rig.recording.progress import Progress
-from rig.recording.provenance import ClockWatch, software_versions, trial_provenance
-from rig.recording.sealing import PASSIVE, Cut, seal_cut
+from rig.recording.options import Progress, RecordingKeywords, RecordingOptions
+from rig.recording.sealing import (
+    PASSIVE,
+    ClockWatch,
+    Cut,
+    discard_empty,
+    recording_backend,
+    seal_cut,
+    software_versions,
+    trial_provenance,
+)
 from rig.recording.strokes import Stroke, StrokeDetector, StrokeSettings
 from rig.recording.trial_plan import MAX_TRIALS
 from rig.recording.trial_run import LATE_S, closed, reason_of, status_of

@@ -13,15 +13,12 @@ from pathlib import Path
 from typing import Unpack
 
 from rig.backend import Capabilities
-from rig.configuration.motor_command import motor_command
-from rig.configuration.profile import Profile, load_profile
+from rig.configuration.profile import Profile, load_profile, motor_command
 from rig.configuration.rig_file import Rig, load_rig
-from rig.recording.empty_session import discard_empty
 from rig.recording.options import RecordingKeywords, RecordingOptions
-from rig.recording.own_backend import recording_backend
-from rig.recording.provenance import software_versions
+from rig.recording.sealing import discard_empty, recording_backend, software_versions
 from rig.recording.trial_plan import Plan, plain_plan
-from rig.recording.trial_sequence import record_entries
+from rig.recording.trial_run import record_entries
 from rig.safety.dry_run import dry_run
 from rig.safety.permission import require_permission
 from rig.session.annotation_file import utc_now
@@ -49,7 +46,7 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
     operator, action_name, action, room, notes
         What goes into ``session.toml``; ``action`` replaces ``action_name``.
     progress : callable, optional
-        Called after each block with a :class:`rig.recording.progress.Progress`; an exception in it stops the trial
+        Called after each block with a :class:`rig.recording.options.Progress`; an exception in it stops the trial
         safely.
     before_trial : callable, optional
         Called with a trial's number when the rest before it is over and its prompt answered; the outputs are safe, and

@@ -24,8 +24,7 @@ from rig.session.folder import INFO_NAME
 from rig.session.journal.format import Journal, scan_journal, stored_blocks
 from rig.session.trial_data import TrialData
 from rig.storage import platform_calls
-from rig.storage.atomic_write import replace_when_complete
-from rig.storage.file_errors import refused
+from rig.storage.atomic_write import refused, replace_when_complete
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from rig.errors import RigInputError
 from rig.recording.options import RecordingOptions, ResumeKeywords
 from rig.recording.recover import recover
 from rig.recording.trial_plan import WARM_UP_REASON, Entry
-from rig.recording.trial_sequence import record_entries
+from rig.recording.trial_run import record_entries
 from rig.safety.dry_run import dry_run
 from rig.safety.permission import require_permission
 from rig.session.folder import Session

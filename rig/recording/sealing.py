@@ -1,22 +1,145 @@
 """From the journal of a trial to its sealed file, part by part: a long trial never is in memory as a whole.
 
 Recorder and recovery both seal trials here, so that a recovered trial is the one that would have been sealed.
+
+A session in which nothing was recorded leaves no folder behind.
+
+The backend of a recording: opened from an address and closed at the end, or one that somebody else has opened.
+
+What every trial file says of its own origin, so that it stands alone: who, what, with which devices and programs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
+import functools
+import platform
+import shutil
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from rig.backend import Block
-from rig.errors import RigInputError
+from rig.backend import Backend, Block, Capabilities, check_contract, open_backend
+from rig.configuration.profile import Profile
+from rig.configuration.rig_file import RigConfig
+from rig.errors import HardwareFault, RigInputError
 from rig.recording.trial_plan import reject_warm_up
+from rig.safety.interrupts import deferred
 from rig.session.folder import Session, Trial
+from rig.session.info import SessionInfo
 from rig.session.journal.format import Journal, scan_journal, stored_blocks
 from rig.session.journal.trial_head import TrialHead
 from rig.session.trial_data import TrialData
+
+
+def discard_empty(session: Session, existed: bool) -> None:
+    """Remove a session that has neither trials nor journals; a folder that was there before stays, empty."""
+    with deferred():
+        if session.trials or session.journals:
+            return
+        if not existed:
+            shutil.rmtree(session.path, ignore_errors=True)
+        elif session.path.is_dir():
+            for path in session.path.iterdir():
+                path.unlink()
+
+
+@contextlib.contextmanager
+def recording_backend(given: Backend | str, config: RigConfig) -> Iterator[Backend]:
+    """Open ``given`` where it is an address, check what it offers, and close what was opened here."""
+    own = isinstance(given, str)
+    backend = open_backend(given, config) if isinstance(given, str) else given
+    check_contract(backend)
+    try:
+        yield backend
+    except BaseException:
+        if own:
+            with deferred(), contextlib.suppress(HardwareFault):
+                backend.close()  # the first fault is the one to report
+        raise
+    else:
+        if own:
+            backend.close()
+
+
+PACKAGES = ("piano-action-rig", "numpy", "h5py", "nidaqmx", "grpcio")
+JUMP_S = 1.0
+"""A wall clock that goes wrong by more against the monotonic one has been set."""
+
+
+def software_versions() -> dict[str, str]:
+    """Return versions of Python, the operating system and the packages a recording depends on.
+
+    Returns
+    -------
+    dict
+        Name to version.
+
+    Examples
+    --------
+    >>> import rig
+    >>> "nidaqmx" in rig.recorder.software_versions()
+    True
+    """
+    return {"python": platform.python_version(), "system": platform.platform(), **_package_versions()}
+
+
+@functools.cache  # they are read from files, 20 ms with every trial otherwise; a running program's do not change
+def _package_versions() -> dict[str, str]:
+    versions = {}
+    for package in PACKAGES:
+        with contextlib.suppress(PackageNotFoundError):
+            versions[package] = version(package)
+    return versions
+
+
+def trial_provenance(
+    info: SessionInfo, capabilities: Capabilities, config: RigConfig, profile: Profile | None
+) -> dict[str, str]:
+    """Return the origin of a trial that begins now, by name; what is not known is ``unknown`` or left out.
+
+    Devices come with serial numbers where the driver gives them, software as it runs now: a session may be resumed
+    with other versions than it began with.
+    """
+    force = config.force.certificate
+    calibrated = {"force": force, **{f"encoder_{e.name}": e.certificate for e in config.encoders}}
+    calibrated |= {channel.name: channel.certificate for channel in config.channels}
+    return {
+        "session": info.name,
+        "operator": info.operator,
+        "action": info.action.name,
+        "action_key": info.action.key,
+        "rig": info.rig.name,
+        "rig_sha256": info.rig.sha256,
+        **({} if profile is None else {"profile": profile.name, "profile_sha256": profile.sha256}),
+        "device": config.device.name,
+        "backend": capabilities.name,
+        **{f"backend_{key}": value for key, value in capabilities.description.items()},
+        **{f"calibration_date_{name}": c.date for name, c in calibrated.items() if c is not None},
+        **{f"software_{package}": found for package, found in software_versions().items()},
+    }
+
+
+class ClockWatch:
+    """Compares the computer's wall clock with its monotonic one; both are read by ``wall_s`` and ``monotonic_s``."""
+
+    def __init__(self, wall_s: Callable[[], float], monotonic_s: Callable[[], float]) -> None:
+        self._wall_s, self._monotonic_s = wall_s, monotonic_s
+        self._off_s = wall_s() - monotonic_s()
+
+    def jump(self) -> str:
+        """Return in words by how much the wall clock was set since the last call; empty where it was not."""
+        off_s = self._wall_s() - self._monotonic_s()
+        jump_s, self._off_s = off_s - self._off_s, off_s
+        if abs(jump_s) <= JUMP_S:
+            return ""
+        return (
+            f"the computer's clock went {'forward' if jump_s > 0 else 'back'} by {abs(jump_s):.1f} s; times of day "
+            "before and after do not compare, the samples' times are those of the device and not affected"
+        )
+
 
 PART_SAMPLES = 5_000
 PASSIVE = "passive"

@@ -2,27 +2,85 @@
 
 The result is a journal, the trial's status, and the exception that ended it, if any. A block is in the journal before
 any observer receives it; no sample is kept in memory.
+
+When is the action at rest again: encoders still, force back where it was before the blow.
+
+Encoders are still when each stays within ±``counts`` of one value for the whole window; the force is back when its
+mean over the window is within a band about its mean over the quiet time before the blow. A body that rests slightly
+off its first position (friction) is at rest all the same.
+
+The entries of a plan recorded one after the other into a session that exists.
+
+Recorder and resume use it. Before a condition with a prompt the operator is asked; between blows the bench rests as
+long as the plan says; a warm-up blow is recorded and rejected. What ends a trial early ends the session: earlier trials
+and the marked one stay, the exception goes on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import contextlib
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.backend import Backend, Block, Timing
-from rig.configuration.motor_command import MotorCommand
+from rig.configuration.profile import MotorCommand, motor_command
 from rig.configuration.rig_file import RigConfig
-from rig.errors import HardwareFault, SamplesLost
-from rig.recording.options import RecordingOptions
-from rig.recording.progress import Progress
-from rig.recording.rest_detector import RestDetector
+from rig.errors import HardwareFault, NotPermitted, RecordingFault, RigInputError, SamplesLost
+from rig.recording.options import Progress, RecordingOptions, TimeLeft
+from rig.recording.sealing import ClockWatch, seal_recorded, trial_provenance
+from rig.recording.trial_plan import Entry
 from rig.safety.interlocks import Interlocks
-from rig.safety.interrupts import deferred
+from rig.safety.interrupts import deferred, termination_as_interrupt
+from rig.session.folder import Session, Trial
 from rig.session.journal.trial_head import TrialHead
 from rig.session.journal.writer import JournalWriter
+
+
+class RestDetector:
+    """Examines the last ``window`` samples once sample ``earliest`` has passed; stores only those.
+
+    Parameters
+    ----------
+    window : int
+        Samples that must be at rest.
+    earliest : int
+        First sample that may belong to the rest.
+    baseline : int
+        Samples at the beginning of the trial whose mean force is the reference.
+    counts : int
+        Allowed deviation of each encoder from the middle, counts.
+    force_n : float
+        Half width of the band for the mean force, N.
+    """
+
+    def __init__(self, *, window: int, earliest: int, baseline: int, counts: int, force_n: float) -> None:
+        self._window, self._earliest, self._baseline = window, earliest, baseline
+        self._counts, self._force_n = counts, force_n
+        self._samples = 0
+        self._baseline_sum_n = 0.0
+        self._recent: deque[tuple[NDArray[np.float64], NDArray[np.int64]]] = deque()
+
+    def add(self, force_n: NDArray[np.float64], encoder_count: NDArray[np.int64]) -> bool:
+        """Take the next samples, force (m,) and counts (m, 3); return whether they end a window at rest."""
+        if (missing := self._baseline - self._samples) > 0:
+            self._baseline_sum_n += float(force_n[:missing].sum())
+        self._samples += force_n.shape[0]
+        self._recent.append((force_n, encoder_count))
+        while sum(force.shape[0] for force, _ in self._recent) - self._recent[0][0].shape[0] >= self._window:
+            self._recent.popleft()
+        if self._samples < max(self._earliest + self._window, self._baseline):
+            return False
+        count = np.concatenate([count for _, count in self._recent])[-self._window :]
+        if np.any(count.max(axis=0) - count.min(axis=0) > 2 * self._counts):
+            return False
+        force = np.concatenate([force for force, _ in self._recent])[-self._window :]
+        return bool(abs(force.mean() - self._baseline_sum_n / self._baseline) <= self._force_n)
+
 
 LATE_S = 0.2
 """How long a block may be late where there is no watchdog: without a sample clock the motor holds its last voltage."""
@@ -244,3 +302,127 @@ def one_line(error: BaseException) -> str:
     """Return an exception's type and text in one line."""
     text = f"{type(error).__name__}: {error}".replace("\0", " ")  # HDF5 text cannot hold a null
     return " ".join(text.split())
+
+
+def record_entries(
+    session: Session,
+    backend: Backend,
+    config: RigConfig,
+    entries: Sequence[Entry],
+    options: RecordingOptions,
+    *,
+    first_number: int = 1,
+) -> None:
+    """Record ``entries`` as the trials from ``first_number`` on, resting as the session's plan says.
+
+    Raises
+    ------
+    HardwareFault
+        The bench stopped; ``NotPermitted`` when a prompt found nobody.
+    KeyboardInterrupt
+        The operator stopped.
+    """
+    prompts = [entry for entry in entries if entry.prompt]
+    if prompts and options.ask is None:
+        raise _nobody(prompts[0])  # before the first blow, not in the middle of the plan
+    rest_s = session.info.plan.rest_s
+    commands = {entry.condition: motor_command(entry.profile, config) for entry in entries}
+    last = first_number + len(entries) - 1
+    prompted: str | None = None
+    there = len(session.trials)
+    clocks = ClockWatch(options.wall_s, options.now_s)
+    clock = TimeLeft(options.now_s, rest_s, len(entries))
+    observed = _with_time_left(options, clock)
+    with termination_as_interrupt():
+        for number, entry in enumerate(entries, first_number):
+            if number > first_number and rest_s:
+                backend.wait(rest_s)
+            if entry.condition != prompted:
+                _prompt(entry, number, options)
+                prompted = entry.condition
+            if options.before_trial is not None:
+                options.before_trial(number)
+            clock.begin()
+            check_still_there(session, there + number - first_number)
+            trial = PlannedTrial(
+                number, last, commands[entry.condition], session.journal_path(number),
+                entry.condition, entry.number if entry.condition else 0,
+                trial_provenance(session.info, backend.capabilities, config, entry.profile),
+            )  # fmt: skip
+            outcome = run_trial(backend, config, trial, observed)
+            _store(session, trial, outcome, options)
+            _note_jump(session, number, clocks)
+            if outcome.error is not None:
+                raise outcome.error
+            clock.end()
+
+
+def _store(session: Session, trial: PlannedTrial, outcome: TrialOutcome, options: RecordingOptions) -> None:
+    if outcome.journal is not None:
+        with deferred():
+            sealed = seal(session, outcome.journal.path, outcome.status, outcome.reason)
+            outcome.journal.remove()
+        if outcome.error is None and options.after_trial is not None:
+            options.after_trial(sealed)
+    elif session.trials:
+        with contextlib.suppress(RigInputError):  # the fault itself is raised in any case
+            session.annotate(0, "note", f"trial {trial.number} did not begin: {outcome.reason}", author="recorder")
+
+
+def seal(session: Session, journal: Path, status: str, reason: str) -> Trial:
+    """Seal a trial from its journal; a failure to seal it is reported together with what had ended the trial.
+
+    Raises RecordingFault, which says whether the journal is still there.
+    """
+    try:
+        return seal_recorded(session, journal, status, reason)
+    except RigInputError as failure:
+        if journal.exists():
+            advice = f"{failure}; its journal is kept: free some space, then run  pianorig recover {session.path}"
+        else:
+            advice = f"{journal}: was deleted while it was recorded; the samples of this trial are lost"
+        raise RecordingFault("; ".join(filter(None, (reason, advice))), phase="write") from failure
+
+
+def check_still_there(session: Session, sealed: int) -> None:
+    """Refuse to go on recording into a folder that was deleted or unmounted, or lost trials that were ``sealed``."""
+    found = len(session.trials) if session.path.is_dir() else 0
+    if found < sealed or not session.path.is_dir():
+        raise RecordingFault(
+            f"{session.path}: {sealed} trials were sealed here, {found} are left: the folder was deleted, moved or "
+            "unmounted while it was recorded; nothing else is kept elsewhere, record into another folder",
+            phase="write",
+        )
+
+
+def _note_jump(session: Session, number: int, clocks: ClockWatch) -> None:
+    """Note a wall clock that was set during the trial, or the rest before it."""
+    if (jump := clocks.jump()) and any(trial.number == number for trial in session.trials):
+        with contextlib.suppress(RigInputError):  # a note is not worth the session
+            session.annotate(number, "note", jump, author="recorder")
+
+
+def _prompt(entry: Entry, number: int, options: RecordingOptions) -> None:
+    if not entry.prompt:
+        return
+    question = f"Trial {number}, condition {entry.condition}: {entry.prompt}  Press Enter when done: "
+    if options.ask is None or options.ask(question) is None:
+        raise _nobody(entry)
+
+
+def _nobody(entry: Entry) -> NotPermitted:
+    return NotPermitted(
+        f"condition {entry.condition} asks the operator: {entry.prompt!r}, and nobody can be asked; record it at a "
+        "terminal, or take the prompt out of the plan"
+    )
+
+
+def _with_time_left(options: RecordingOptions, clock: TimeLeft) -> RecordingOptions:
+    show = options.progress
+    if show is None:
+        return options
+
+    def progress(at: Progress) -> None:
+        show(replace(at, left_s=clock.left_s()))
+
+    return replace(options, progress=progress)

@@ -16,8 +16,7 @@ from rig.configuration import toml_file
 from rig.configuration.channels import Number, Table, Text
 from rig.configuration.rig_file import Rig
 from rig.errors import NotPermitted
-from rig.storage.atomic_write import write_text
-from rig.storage.file_errors import refused
+from rig.storage.atomic_write import refused, write_text
 
 SCHEMA: Literal["piano-action-rig selftest 1"] = "piano-action-rig selftest 1"
 

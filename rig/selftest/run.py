@@ -5,18 +5,413 @@ below zero); the motor pushes gently, with the drive disabled, then enabled (dri
 motor, delay to the input in samples); the watchdog is not reset while the motor pushes; the bridge's shunt resistor is
 switched in; camera edges are counted. A check that fails says where to look; a fault of the hardware becomes the
 finding of its step.
+
+The steps of the self-test: what each has the bench do, what it must read, and where to look if it does not.
+
+In: an open backend and what the rig file says a sound bench does; out: a finding for each check.
+
+What a self-test asks of a backend beside the recorder's contract (:mod:`rig.backend`).
+
+Evaluation of a self-test's data: joined blocks, the time of a step, the likely cause of a wrong stroke.
+
+When a gentle push begins: the edge of the force fitted, with its ringing, to some hundredths of a sample.
+
+The arm rings on load cell and key, so that no level crossing tells when the torque changed: a crossing comes some 0.3
+ms late, by another amount on each bench. Fitted is a damped oscillation towards a plateau, ``p (1 - exp(-a t) (cos w t
++ a/w sin w t))``, whose phase gives the beginning; mains hum is taken off first, as it is the same in every push.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Protocol
 
-from rig.configuration.rig_file import Rig
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rig.backend import Backend, Block, Expiry, Timing
+from rig.configuration.channels import BODIES
+from rig.configuration.rig_file import Rig, RigConfig, SelftestConfig
 from rig.errors import HardwareFault, RigInputError
-from rig.selftest.backend import SelftestBackend
-from rig.selftest.checks import Checks
 from rig.selftest.record import SelftestFinding, SelftestRecord
+
+
+class SelftestBackend(Backend, Protocol):
+    """A backend with the calls only a self-test makes (:mod:`rig.daq.nidaqmx_backend`)."""
+
+    def shunt_step(self, config: RigConfig) -> float:
+        """Return the change of the bridge's reading with its shunt resistor, mV/V."""
+
+    def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
+        """Return the rising edges on a terminal."""
+
+    def loopback_read(self, config: RigConfig, channel: str, command_v: ArrayLike) -> NDArray[np.float64]:
+        """Return what an input wired to the motor's output reads, V."""
+
+    def let_watchdog_expire(self, n_samples: int, blocks: int) -> Expiry:
+        """Read without resetting the watchdog; the blocks, in which it expired, and whether the device ended it."""
+
+
+PUSHES, PUSH_S, PAUSE_S, LEAD_S = 8, 0.15, 0.15, 0.3
+
+
+def push_train(volts: float, rate_hz: float) -> NDArray[np.float64]:
+    """Return the motor command of a row of equal gentle pushes, V, on the sample clock."""
+    one = np.concatenate((np.full(int(PUSH_S * rate_hz), volts), np.zeros(int(PAUSE_S * rate_hz))))
+    return np.concatenate((np.zeros(int(LEAD_S * rate_hz)), np.tile(one, PUSHES), np.zeros(int(0.1 * rate_hz))))
+
+
+def push_response(force_n: NDArray[np.float64], rate_hz: float, delay: int) -> tuple[NDArray[np.float64], float]:
+    """Return the mean response to one push, N above the force before it, from the push on, and its plateau, N."""
+    lead, push = int(LEAD_S * rate_hz), int(PUSH_S * rate_hz)
+    period = push + int(PAUSE_S * rate_hz)
+    rows = [force_n[lead + i * period + delay :][:period] for i in range(PUSHES)]
+    before = [force_n[lead + i * period - period // 4 : lead + i * period].mean() for i in range(PUSHES)]
+    shortest = min(row.size for row in rows)
+    response = np.mean([row[:shortest] - zero for row, zero in zip(rows, before, strict=True)], axis=0)
+    return response, float(response[push // 3 : push - 2].mean())
+
+
+def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
+    """Return the likely cause of a wrong stroke, from the counts that each mistake would give."""
+    if config.selftest is None:
+        return ""
+    encoders, strokes, tolerance = config.encoders, config.selftest.stroke_rad, config.selftest.stroke_tolerance
+    expected = [s / (2 * np.pi) * e.counts_per_revolution for s, e in zip(strokes, encoders, strict=True)]
+    counts = turned_rad / (2 * np.pi) * encoders[body].counts_per_revolution
+
+    def like(other: float) -> bool:
+        return abs(counts - other) <= tolerance * abs(other)
+
+    if abs(counts) < 0.02 * abs(expected[body]):
+        return "does not move: look at its plug, supply and terminals"
+    if like(-expected[body]):
+        return "turns the wrong way: change its sign, or exchange A and B"
+    for other, theirs in enumerate(expected):
+        if other != body and (like(theirs) or like(-theirs)):
+            return f"reads like the {BODIES[other]}: its cable or terminals are swapped with the {BODIES[other]}'s"
+    ratio = abs(counts / expected[body])
+    if min(abs(ratio / 4 - 1), abs(4 * ratio - 1)) <= tolerance:
+        return f"wrong scale by {ratio:.3g}: counts_per_revolution must count all four edges, four for each line"
+    return f"wrong scale by {ratio:.3g}: look at counts_per_revolution and the decoding"
+
+
+def joined(blocks: list[Block]) -> Block:
+    """Join successive blocks to one."""
+    return Block(
+        blocks[0].first_sample,
+        np.concatenate([block.force_n for block in blocks]),
+        np.concatenate([block.force_raw for block in blocks]),
+        np.concatenate([block.encoder_count for block in blocks]),
+    )
+
+
+FITTED_S = 0.012
+"""How much of a push is fitted."""
+EARLIEST_S, LATEST_S = -2e-3, 15e-3
+"""Where the edge is looked for, beside the time at which it should be."""
+RINGING_HZ = (80.0, 2400.0)
+HARMONICS = 3
+SHAPE_SAMPLES = 0.1
+"""Standard uncertainty for a bench that does not ring like the fitted curve, samples."""
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A fitted edge: how late it is, its standard uncertainty, s, and the frequency at which the arm rings, Hz."""
+
+    late_s: float
+    u_s: float
+    ringing_hz: float
+
+
+def without_hum(force_n: Array, rate_hz: float, mains_hz: float, delay: int) -> Array:
+    """Return the force less mains hum, fitted where nothing pushes: before the pushes and late in each pause."""
+    lead, push, pause = (int(s * rate_hz) for s in (LEAD_S, PUSH_S, PAUSE_S))
+    quiet = np.zeros(force_n.size, dtype=bool)
+    quiet[:lead] = True
+    for k in range(PUSHES):
+        end = lead + (k + 1) * (push + pause) + delay
+        quiet[end - pause // 2 : end] = True
+    t = np.arange(force_n.size) / rate_hz
+    waves = [f(2 * np.pi * order * mains_hz * t) for order in range(1, HARMONICS + 1) for f in (np.sin, np.cos)]
+    terms = np.column_stack([np.ones(t.size), t, *waves])
+    found, *_ = np.linalg.lstsq(terms[quiet], force_n[quiet], rcond=None)
+    return force_n - terms @ found
+
+
+def fit_edge(response_n: Array, rate_hz: float, at_sample: float) -> Edge | None:
+    """Fit the beginning of the mean response to a push (n,), due at ``at_sample``; None where there is no push."""
+    from scipy.optimize import least_squares  # start-up: 0.2 s that only a self-test needs
+
+    t = (np.arange(response_n.size) - at_sample) / rate_hz
+    plateau = float(response_n[int(2 * LATEST_S * rate_hz) : int(0.8 * PUSH_S * rate_hz)].mean())
+    crossed = np.flatnonzero((response_n > 0.5 * plateau) & (t > EARLIEST_S) & (t < LATEST_S))
+    if not np.isfinite(response_n).all() or plateau <= 0 or not crossed.size:
+        return None
+    crossing_s = float(t[crossed[0]])
+    n = int(np.searchsorted(t, crossing_s + FITTED_S))
+    t = t[:n]
+
+    def curve(p: Array) -> Array:
+        late, level, decay, w, rest = p
+        after = np.maximum(t - late, 0.0)
+        ringing = np.exp(-decay * after) * (np.cos(w * after) + decay / w * np.sin(w * after))
+        return np.asarray(rest + level * (1.0 - ringing))
+
+    bounds = (
+        [EARLIEST_S, 0.2 * plateau, 1.0, 2 * np.pi * RINGING_HZ[0], -plateau],
+        [LATEST_S, 3.0 * plateau, 3e4, 2 * np.pi * RINGING_HZ[1], plateau],
+    )
+    fits = [
+        least_squares(
+            lambda p: curve(p) - response_n[:n],
+            [late, plateau, 200.0, 2 * np.pi * hz, 0.0],
+            bounds=bounds,
+            x_scale=[1e-4, plateau, 200.0, 1e3, 0.1 * plateau],
+        )
+        for late in np.clip(crossing_s - np.array([0.1e-3, 0.6e-3]), 0.99 * EARLIEST_S, 0.99 * LATEST_S)
+        for hz in (150.0, 350.0, 600.0, 1000.0, 1800.0)
+    ]
+    best = min(fits, key=lambda fit: float(fit.cost))
+    variance = 2 * best.cost / max(n - best.x.size, 1)
+    covariance = np.linalg.pinv(best.jac.T @ best.jac) * variance
+    return Edge(
+        float(best.x[0]),
+        float(np.hypot(np.sqrt(covariance[0, 0]), SHAPE_SAMPLES / rate_hz)),
+        float(best.x[3] / (2 * np.pi)),
+    )
+
+
+PRESS_S = 4.5
+REST_WINDOW_S = 0.3
+SETTLED_S = 0.1
+"""Force before and after the watchdog trips is the mean over the last of this, however long the blocks are."""
+CAMERA_S = 0.5
+EDGE_LEAD = 10
+"""Samples before the edge of a push that are evaluated with it."""
+READ_TIMEOUT_S = 5.0
+INSTRUCTION = (
+    "drive disabled: lift the arm off the key for a second, put it back, then press the key slowly to its bottom and "
+    f"let it come up again, all within {PRESS_S:g} s"
+)
+
+
+class Checks:
+    """The steps, and what they found."""
+
+    def __init__(
+        self,
+        config: RigConfig,
+        expected: SelftestConfig,
+        backend: SelftestBackend,
+        tell: Callable[[SelftestFinding], None],
+    ) -> None:
+        self.config, self.expected, self.backend, self._tell = config, expected, backend, tell
+        self.rate = config.device.sample_rate_hz
+        self.findings: list[SelftestFinding] = []
+        self.unloaded_n: float | None = None
+        self._push_felt = self._reversed = False
+        self._delay_samples = 0.0
+
+    def add(self, check: str, passed: bool, found: str, allowed: str, advice: str = "") -> None:
+        """Note a finding and tell it; advice is for one that failed."""
+        finding = SelftestFinding(
+            check=check, passed=passed, found=found, allowed=allowed, advice="" if passed else advice
+        )
+        self.findings.append(finding)
+        self._tell(finding)
+
+    def _acquire(self, command_v: NDArray[np.float64], *, enable_drive: bool) -> tuple[Timing, Block]:
+        timing = self.backend.configure(self.config, command_v)
+        self.backend.arm(enable_drive=enable_drive)
+        self.backend.start()
+        size = max(int(round(self.config.recording.block_s * self.rate)), 1)
+        blocks = [self.backend.read_block(size, READ_TIMEOUT_S) for _ in range(-(-command_v.size // size))]
+        self.backend.safe_stop()
+        return timing, joined(blocks)
+
+    def by_hand(self, prompt: Callable[[str], None]) -> None:
+        """Unloaded reading, and the encoders' response to a key pressed by the operator."""
+        prompt(INSTRUCTION)
+        _, block = self._acquire(np.zeros(int(PRESS_S * self.rate)), enable_drive=False)
+        turned = (block.encoder_count - block.encoder_count[:1]) * [e.sign for e in self.config.encoders]
+        rad = turned * (2 * np.pi / np.array([e.counts_per_revolution for e in self.config.encoders]))
+        self._force_by_hand(block)
+        stroke = np.take_along_axis(rad, np.argmax(np.abs(rad), axis=0)[None, :], axis=0)[0]
+        for body, name in enumerate(BODIES):
+            wanted, tolerance = self.expected.stroke_rad[body], self.expected.stroke_tolerance
+            passed = abs(stroke[body] - wanted) <= tolerance * abs(wanted)
+            self.add(
+                f"{name} encoder",
+                bool(passed),
+                f"turned {stroke[body]:+.4f} rad",
+                f"{wanted:+.4f} rad ± {tolerance:.0%}",
+                encoder_advice(self.config, body, float(stroke[body])),
+            )
+        below = int(block.encoder_count.min())
+        wrapped = int(np.abs(block.encoder_count).max()) >= 2**31
+        signed = below < 0 and not wrapped
+        found = f"smallest {below}, largest {int(block.encoder_count.max())}"
+        advice = "ticks must be read as signed numbers; one body turns below 0"
+        self.add("counts below zero", signed, found, "some below 0, none beyond 2^31", advice)
+
+    def _force_by_hand(self, block: Block) -> None:
+        n = int(REST_WINDOW_S * self.rate)
+        mean = np.convolve(block.force_n, np.full(n, 1 / n), "valid")
+        resting = float(np.median(mean[: max(n // 4, 1)]))
+        up, down = float(block.force_n.max()) - resting, resting - float(block.force_n.min())
+        felt = up if up >= down else -down
+        self._push_felt, self._reversed = felt > 0.5, felt < -0.5
+        self.unloaded_n = round(float(mean.max() if self._reversed else mean.min()), 5)
+        channel = self.config.force.channel
+        limit = self.expected.offset_limit_n
+        self.add("unloaded reading", abs(self.unloaded_n) <= limit, f"{self.unloaded_n:.4f} N", f"within {limit:g} N",
+                 f"null the bridge on {channel}; look at its wiring")  # fmt: skip
+        least = self.config.limits.least_preload_n or 0.0
+        least, preload = max(least, 1e-4), abs(resting - self.unloaded_n)
+        advice = "lift the arm when asked; it must rest on the key by itself"
+        self.add("preload", preload >= least, f"{preload:.4f} N", f"from {least:g} N", advice)
+        advice = f"{channel} does not feel the hand: swapped or open analog inputs"
+        if self._reversed:
+            advice = f"{channel} reads a push as a pull: exchange its signal wires, or the signs of force.physical_n"
+        self.add("load cell by hand", self._push_felt, f"{felt:+.3f} N", "above 0.5 N", advice)
+
+    def _push(self, *, enable_drive: bool) -> tuple[NDArray[np.float64], float]:
+        """Push gently; return the mean response to one push, N, and its plateau, N."""
+        volts = push_train(self.expected.push_n / self.config.motor.force_per_volt_n, self.rate)
+        timing, block = self._acquire(volts, enable_drive=enable_drive)
+        self._delay_samples = timing.force_group_delay_s * self.rate
+        late = int(np.floor(self._delay_samples)) - EDGE_LEAD
+        force_n = without_hum(block.force_n, self.rate, self.config.mains_frequency_hz, late)
+        return push_response(force_n, self.rate, late)
+
+    def pushed_disabled(self) -> None:
+        """With the drive disabled the motor's command must not reach the key."""
+        if self.config.drive_enable is None:
+            self.add("drive-enable line", False, "none in the rig file", "a line", "add [drive_enable] and wire it")
+            return
+        _, force = self._push(enable_drive=False)
+        self.add("drive disabled", abs(force) < 0.3 * self.expected.push_n, f"{force:+.4f} N",
+                 f"below {0.3 * self.expected.push_n:.3g} N", "the motor pushes though its drive-enable is low: "
+                 f"{self.config.drive_enable.line} does not reach the drive, or is bridged")  # fmt: skip
+
+    def pushed_enabled(self) -> None:
+        """With the drive enabled force must follow the command: sign, size and delay."""
+        response, force = self._push(enable_drive=True)
+        wanted = self.expected.push_n
+        if abs(force) < 0.3 * wanted:
+            line = self.config.drive_enable.line if self.config.drive_enable else "its drive-enable"
+            advice = (
+                f"no force: {line} does not enable the drive, or {self.config.motor.channel} is not the motor's input"
+            )
+            if not self._push_felt:
+                advice = f"no force: {self.config.force.channel} is not the load cell; look for swapped analog inputs"
+        elif force < 0 and self._reversed:
+            advice = "the load cell reads a push as a pull: mend that first, and leave the motor as it is"
+        elif force < 0:
+            advice = "the motor pulls: exchange its command's polarity"
+        else:
+            advice = "wrong size: look at motor.force_per_volt_n, the drive's gain and the load cell's scale"
+        tolerance = self.expected.push_tolerance
+        self.add("motor and force", abs(force - wanted) <= tolerance * wanted, f"{force:+.4f} N",
+                 f"{wanted:+.3g} N ± {tolerance:.0%}", advice)  # fmt: skip
+        self._add_delay(response if force > 0.3 * wanted else None)
+
+    def _add_delay(self, response: NDArray[np.float64] | None) -> None:
+        """The push must begin when it should: after the module's delay and the drive's."""
+        delay, limit_s = self._delay_samples, self.expected.latency_tolerance_samples / self.rate
+        at = EDGE_LEAD + delay - np.floor(delay) + self.expected.drive_delay_s * self.rate
+        edge = None if response is None else fit_edge(response, self.rate, at)
+        late_s = float("nan") if edge is None else edge.late_s
+        sure = edge is not None and edge.u_s <= limit_s / 2
+        found = "no edge" if edge is None else f"{late_s * 1e3:+.3f} ms, u {edge.u_s * 1e3:.3f}, "
+        found += "" if edge is None else f"beside {delay / self.rate * 1e3:.3f} ms; rings at {edge.ringing_hz:.0f} Hz"
+        advice = "force.module, group_delay_s, selftest.drive_delay_s or the clock's route are wrong"
+        if edge is not None and not sure:
+            advice = "too uncertain: look for noise on the force, or a loose arm; raise selftest.push_n"
+        passed = sure and abs(late_s) <= limit_s
+        self.add("output to force delay", passed, found, f"within {limit_s * 1e3:.3g} ms", advice)
+
+    def watchdog(self) -> None:
+        """While the motor pushes the watchdog is not reset: it must cut the force; a chassis shows it after a reset."""
+        config = self.config
+        if config.watchdog is None:
+            self.add("watchdog", False, "none in the rig file", "a watchdog", "add [watchdog]")
+            return
+        timeout = config.watchdog.timeout_s
+        volts = self.expected.push_n / config.motor.force_per_volt_n
+        held = int((2 * timeout + 1.0) * self.rate)
+        command = np.concatenate((np.zeros(int(LEAD_S * self.rate)), np.full(held, volts), np.zeros(2)))
+        self.backend.configure(config, command)
+        self.backend.arm()
+        self.backend.start()
+        size = max(int(round(config.recording.block_s * self.rate)), 1)
+        first = joined([self.backend.read_block(size, READ_TIMEOUT_S) for _ in range(int(0.6 * self.rate) // size)])
+        lead, settled = int(LEAD_S * self.rate), int(SETTLED_S * self.rate)
+        pushed = float(first.force_n[-settled:].mean() - first.force_n[:lead].mean())
+        expiry = self.backend.let_watchdog_expire(size, int((timeout + 0.6) * self.rate) // size)
+        self.backend.safe_stop()  # a chassis that has expired is reset by it, and everything made afresh
+        if expiry.locked:
+            last = self._acquire(np.zeros(int(REST_WINDOW_S * self.rate)), enable_drive=False)[1].force_n
+        else:
+            last = joined(expiry.blocks).force_n[-settled:]
+        left = float(last.mean() - first.force_n[:lead].mean())
+        after_s = None if expiry.tripped is None else (expiry.tripped + 1) * size / self.rate
+        late = after_s is None or not 0.5 * timeout <= after_s <= timeout + 0.25
+        self.add("watchdog trips", not late, "never" if after_s is None else f"after {after_s:.3f} s",
+                 f"{0.5 * timeout:g} to {timeout + 0.25:g} s", "the device's watchdog does not run")  # fmt: skip
+        cut = pushed > 0.3 * self.expected.push_n and abs(left) < 0.3 * self.expected.push_n
+        advice = "the watchdog's line does not reach the drive's enable input"
+        if pushed <= 0.3 * self.expected.push_n:
+            advice = "no force was there to cut: mend what is said under motor and force first"
+        self.add(
+            "watchdog cuts the force",
+            cut,
+            f"{pushed:+.3f} N before, {left:+.3f} N after" + (" the chassis was reset" if expiry.locked else ""),
+            "force, then none",
+            advice,
+        )
+
+    def shunt(self) -> None:
+        """The bridge's reading must change by what its shunt resistor predicts."""
+        force, shunt = self.config.force, self.expected.shunt_ohm
+        if force.kind != "bridge" or shunt == 0:
+            return
+        wanted = 1e3 * force.bridge_resistance_ohm / (4 * shunt + 2 * force.bridge_resistance_ohm)
+        found = self.backend.shunt_step(self.config)
+        tolerance = self.expected.shunt_tolerance
+        self.add("bridge shunt", abs(found - wanted) <= tolerance * wanted, f"{found:+.4f} mV/V",
+                 f"{wanted:+.4f} mV/V ± {tolerance:.0%}", f"no bridge on {force.channel}, or its wiring, excitation or "
+                 "bridge_resistance_ohm are wrong; look for swapped analog inputs")  # fmt: skip
+
+    def loopback(self) -> None:
+        """An input wired to the motor's output reads each sample one edge after it was put out."""
+        if self.expected.loopback is None:
+            return
+        volts = 0.5 * np.sin(np.linspace(0, 40 * np.pi, int(0.4 * self.rate))) * np.hanning(int(0.4 * self.rate))
+        volts[0] = volts[-1] = 0.0
+        read = self.backend.loopback_read(self.config, self.expected.loopback, volts)
+        errors = [float(np.abs(read[lag:] - volts[: volts.size - lag]).max()) for lag in range(6)]
+        lag = int(np.argmin(errors))
+        self.add("output to input", lag == 1 and errors[lag] < 0.02, f"{lag} samples, {errors[lag]:.4f} V off",
+                 "1 sample, below 0.02 V",
+                 f"{self.expected.loopback} is not wired to {self.config.motor.channel}")  # fmt: skip
+
+    def camera(self) -> None:
+        """Edges on the camera's terminal in half a second, counted by a counter of its own."""
+        camera = self.config.camera
+        if camera is None:
+            return
+        pulses = camera.mode == "pulses"
+        counter = self.config.encoders[0].counter if pulses else camera.counter
+        found = self.backend.count_edges(self.config, counter, camera.terminal, CAMERA_S, pulses)
+        wanted = (CAMERA_S - 1 / self.rate - (camera.start_delay_s if pulses else 0.0)) * camera.frame_rate_hz
+        self.add("camera count", abs(found - wanted) <= 2 + 1e-3 * wanted, f"{found} edges", f"{wanted:.0f} ± 2",
+                 f"look at {camera.terminal}, the camera's rate and its trigger setting")  # fmt: skip
 
 
 def run_selftest(

@@ -16,7 +16,7 @@ from typing import Literal, get_args
 
 from rig.errors import RigInputError
 from rig.storage import platform_calls
-from rig.storage.file_errors import refused
+from rig.storage.atomic_write import refused
 
 FILE_NAME = "annotations.jsonl"
 Kind = Literal["reject", "accept", "note"]

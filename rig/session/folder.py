@@ -2,29 +2,105 @@
 
 Created by the recorder or an importer. The listing is read from disk at every access; trials are never rewritten.
 Failures are :class:`rig.errors.RigInputError`, one line each.
+
+``derived/<step>/trial_NNNN.h5``: tables that can be made again, with the hashes of what they were made from.
+
+One dataset per column of the table in group ``/table``, dimension ``row``; netCDF-4 tools open it. Attributes are
+stored as JSON.
 """
 
 from __future__ import annotations
 
 import contextlib
 import html
+import json
 import re
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import h5py
+import numpy as np
+
 from rig.configuration import toml_file
 from rig.errors import RigInputError
-from rig.session import annotation_file, derived
+from rig.session import annotation_file
 from rig.session.info import SessionInfo
+from rig.session.sealed_hdf5 import open_sealed, write_sealed
 from rig.session.trial_data import TrialData
 from rig.session.trial_file import read_status, read_trial, write_trial, write_trial_parts
-from rig.storage.atomic_write import write_text
-from rig.storage.file_errors import refused
+from rig.storage.atomic_write import refused, write_text
 
 if TYPE_CHECKING:
     import pandas as pd
+
+SCHEMA = "piano-action-rig derived 1"
+
+
+def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], parents_sha256: Mapping[str, str]) -> None:
+    """Write a table of numbers, booleans or text, replacing an older result of the same step whole."""
+    names = [str(name) for name in table.columns]
+    if len(set(names)) != len(names) or any(not name or "/" in name or name == "row" for name in names):
+        raise RigInputError(f"{path}: column names {names} must be unique, not empty, not 'row' and without '/'")
+    with refused(path.parent, "created"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with write_sealed(path) as file:
+        file.attrs["schema"] = SCHEMA
+        file.attrs["attributes_json"] = json.dumps(dict(attrs), default=_plain)
+        file.attrs["parents_json"] = json.dumps(dict(parents_sha256), sort_keys=True)
+        group = file.create_group("table", track_order=True)
+        group.attrs["columns_json"] = json.dumps(names)
+        row = group.create_dataset("row", data=np.arange(len(table), dtype=np.int64))
+        row.make_scale("row")
+        for position, name in enumerate(names):
+            _write_column(group, name, table.iloc[:, position].to_numpy()).dims[0].attach_scale(row)
+
+
+def _plain(value: object) -> Any:
+    """Return a NumPy value or a path as JSON can store it."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return value.as_posix()
+    raise RigInputError(
+        f"attribute {value!r} of a derived table is a {type(value).__name__}; use numbers, text or lists"
+    )
+
+
+def _write_column(group: h5py.Group, name: str, values: np.ndarray) -> h5py.Dataset:
+    if values.dtype.kind == "b":
+        dataset = group.create_dataset(name, data=values.astype(np.int8))
+        dataset.attrs["dtype"] = "bool"
+    elif values.dtype.kind in "iuf":
+        dataset = group.create_dataset(name, data=values)
+    else:
+        text = np.array([str(value) for value in values], dtype=object)
+        dataset = group.create_dataset(name, data=text, dtype=h5py.string_dtype("utf-8"))
+    return dataset
+
+
+def read_table(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Return the table and its attributes, among them ``parents_sha256``."""
+    import pandas as pd  # start-up: pandas costs 0.4 s, opening a session does not need it
+
+    with open_sealed(path) as file:
+        if file.attrs.get("schema") != SCHEMA:
+            raise RigInputError(f"{path}: schema {file.attrs.get('schema')!r}, expected {SCHEMA!r}")
+        attrs = json.loads(file.attrs["attributes_json"])
+        attrs["parents_sha256"] = json.loads(file.attrs["parents_json"])
+        group = file["table"]
+        columns = {name: _read_column(group[name]) for name in json.loads(group.attrs["columns_json"])}
+        index = pd.RangeIndex(group["row"].shape[0])
+    return pd.DataFrame(columns, index=index), attrs
+
+
+def _read_column(dataset: h5py.Dataset) -> np.ndarray:
+    if h5py.check_string_dtype(dataset.dtype) is not None:
+        return np.asarray(dataset.asstr()[()], dtype=object)
+    values = np.asarray(dataset[()])
+    return values.astype(bool) if dataset.attrs.get("dtype") == "bool" else values
+
 
 INFO_NAME = "session.toml"
 FILM_SUFFIXES = (".mraw", ".avi", ".tif", ".tiff", ".mp4")
@@ -236,10 +312,10 @@ class Session:
             trial = self.trial(trial_number)
             parents = {trial.path.name: trial.sha256}
         path = self.derived_path(step, trial_number)
-        derived.write_table(path, table, attrs or {}, parents)
+        write_table(path, table, attrs or {}, parents)
         return path
 
     def read_derived(self, step: str, trial_number: int) -> tuple[pd.DataFrame, dict[str, Any]] | None:
         """Return (table, attributes with ``parents_sha256``) of a step, or None when it has not been made."""
         path = self.derived_path(step, trial_number)
-        return derived.read_table(path) if path.is_file() else None
+        return read_table(path) if path.is_file() else None

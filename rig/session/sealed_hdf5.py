@@ -18,8 +18,7 @@ from typing import Any
 import h5py
 
 from rig.errors import RigInputError
-from rig.storage.atomic_write import replace_when_complete
-from rig.storage.file_errors import refused
+from rig.storage.atomic_write import refused, replace_when_complete
 
 MARK = b"\npiano-action-rig sha256 "
 _TAIL = len(MARK) + 64 + 1

@@ -1,11 +1,11 @@
 from .backend import SimulatedBackend as SimulatedBackend
 from .backend import build_device as build_device
 from .backend import open_backend as open_backend
+from .bench.camera import ActionGeometry as ActionGeometry
+from .bench.camera import CameraSettings as CameraSettings
 from .bench.camera import FilmTruth as FilmTruth
+from .bench.camera import film_bodies as film_bodies
 from .bench.camera import film_trial as film_trial
-from .bench.camera_view import ActionGeometry as ActionGeometry
-from .bench.camera_view import CameraSettings as CameraSettings
-from .bench.camera_view import film_bodies as film_bodies
 from .bench.plant import ActionPlant as ActionPlant
 from .bench.plant import PlantTruth as PlantTruth
 from .bench.plant import load_plant as load_plant

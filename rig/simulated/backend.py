@@ -29,21 +29,18 @@ from rig.backend import Capabilities, Opener
 from rig.configuration.rig_file import RigConfig
 from rig.daq import NidaqmxBackend
 from rig.errors import RigInputError
-from rig.simulated.bench.bench_file import read_bench
 from rig.simulated.bench.bench_time import BenchTime
-from rig.simulated.bench.clock import Clock, PacedClock, VirtualClock
+from rig.simulated.bench.clock import PacedClock, VirtualClock
 from rig.simulated.bench.felt_plant import felt_plant
 from rig.simulated.bench.plant import load_plant
-from rig.simulated.bench.plant_protocol import Plant
-from rig.simulated.bench.pose_plant import pose_plant
+from rig.simulated.bench.plant_protocol import Plant, read_bench
 from rig.simulated.bench.sensors import SensorSet, load_sensors
-from rig.simulated.bench.swing_plant import swing_plant
+from rig.simulated.bench.single_body import pose_plant, swing_plant
 from rig.simulated.bench.wiring import Wiring, planted_wiring, usual_wiring
 from rig.simulated.device.fault_injection import FaultPlan, parse_faults
 from rig.simulated.device.state import DeviceState
-from rig.simulated.product.catalogue import PRODUCTS
+from rig.simulated.product.capabilities import PRODUCTS
 from rig.simulated.product.inventory import Inventory
-from rig.simulated.product.several import SeveralDevices
 from rig.simulated.rpc.in_process_channel import InProcessChannel
 from rig.simulated.rpc.service import Service
 from rig.storage.atomic_write import sha256_of_file
@@ -90,7 +87,7 @@ def build_device(
     plant: Plant,
     sensors: SensorSet,
     *,
-    clock: Clock | None = None,
+    clock: VirtualClock | None = None,
     wiring: Wiring | None = None,
 ) -> DeviceState:
     """Assemble a virtual device for a rig file.
@@ -102,7 +99,7 @@ def build_device(
         The moving parts.
     sensors : SensorSet
         What they read as.
-    clock : Clock, optional
+    clock : VirtualClock, optional
         By default one that runs as fast as it is read.
     wiring : Wiring, optional
         By default the product's usual one.
@@ -132,12 +129,11 @@ def build_device(
 def _inventory(config: RigConfig, rtsi: bool) -> Inventory:
     """The rig's devices, each with a timebase of its own."""
     named = [(config.device.product, config.device.name), *((one.product, one.name) for one in config.devices)]
-    devices = [
-        Inventory(PRODUCTS[product], name, CLOCK_ERRORS[k % len(CLOCK_ERRORS)])
-        for k, (product, name) in enumerate(named)
-    ]
-    on_cable = [device.name for device in devices if device.product.rtsi and rtsi]
-    return SeveralDevices(devices, on_cable) if len(devices) > 1 else devices[0]
+    on_cable = [name for product, name in named if PRODUCTS[product].rtsi and rtsi]
+    first, *others = (
+        (PRODUCTS[product], name, CLOCK_ERRORS[k % len(CLOCK_ERRORS)]) for k, (product, name) in enumerate(named)
+    )
+    return Inventory(*first, [Inventory(*other) for other in others], on_cable)
 
 
 def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
@@ -242,7 +238,7 @@ def _hand(url: str, text: str) -> str:
     return text
 
 
-def _clock(url: str, text: str) -> Clock:
+def _clock(url: str, text: str) -> VirtualClock:
     if text == "virtual":
         return VirtualClock()
     try:

@@ -2,6 +2,8 @@
 
 A file is written under a temporary name in its own folder and renamed when complete, so that a crash or a full disk
 never leaves a partial file that looks complete. Failures of the file system become :class:`rig.errors.RigInputError`.
+
+One wording for what the file system refuses.
 """
 
 from __future__ import annotations
@@ -12,8 +14,18 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from rig.errors import RigInputError
 from rig.storage import platform_calls
-from rig.storage.file_errors import refused
+
+
+@contextlib.contextmanager
+def refused(path: Path, action: str, advice: str = "") -> Iterator[None]:
+    """Turn an OSError in the block into :class:`rig.errors.RigInputError`: ``path: cannot be <action> (reason)``."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"({error.strerror or error})"
+        raise RigInputError(f"{path}: cannot be {action} {reason}{advice and '; '}{advice}") from error
 
 
 @contextlib.contextmanager

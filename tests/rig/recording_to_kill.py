@@ -18,11 +18,11 @@ from conftest import AlgebraicPlant, sensors
 
 from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import load_rig, parse_rig
-from rig.daq import analog_inputs
-from rig.recording.progress import Progress
+from rig.daq import tasks
+from rig.recording.options import Progress
 from rig.recording.recorder import record_session
-from rig.session.hdf5_content import Growing
 from rig.session.journal.writer import JournalWriter
+from rig.session.trial_file import Growing
 from rig.simulated.backend import SimulatedBackend, build_device
 from rig.simulated.bench.clock import PacedClock
 from rig.storage import platform_calls
@@ -32,7 +32,7 @@ SPEED = 5.0
 """Of the bench; the writing thread has a fifth of the time it has at the bench, on a machine that may be busy.
 
 The buffers are as much longer: how late the program may be woken is the machine's matter."""
-analog_inputs.BUFFER_S *= SPEED
+tasks.BUFFER_S *= SPEED
 step = ""
 
 

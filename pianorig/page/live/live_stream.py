@@ -19,7 +19,7 @@ from pianorig.page.catalogue.session_row import LARGEST_TRIAL_BYTES, open_sessio
 from rig.configuration.rig_file import RigConfig
 from rig.errors import RigError
 from rig.recording.resume import session_rig
-from rig.safety.limit_use import LimitWatch
+from rig.safety.interlocks import LimitWatch
 from rig.session import TrialData
 from rig.session.journal.live_reader import JournalFollower
 from rig.session.journal.trial_head import TrialHead

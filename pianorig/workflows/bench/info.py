@@ -9,8 +9,7 @@ from typing import Any
 from pianorig.errors import CommandInputError
 from rig import Session, load_rig, open_backend, parse_rig
 from rig.daq.address import discover
-from rig.daq.discovery.devices import FoundDevice
-from rig.daq.discovery.proposal import propose_rig
+from rig.daq.discovery import FoundDevice, propose_rig
 from rig.daq.nidaqmx_backend import NidaqmxBackend
 from rig.storage.atomic_write import write_text
 

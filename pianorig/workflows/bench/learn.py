@@ -30,8 +30,7 @@ from rig import (
     read_channels,
 )
 from rig import record as record_session
-from rig.foreign.channel_table import SECONDS
-from rig.foreign.units import known
+from rig.foreign.channel_table import SECONDS, known
 from rig.storage.atomic_write import write_text
 
 

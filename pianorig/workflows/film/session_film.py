@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 import vision
 from pianorig.errors import CommandInputError
 from rig import Session, Trial
-from rig.session.film_clock import frame_times
-from rig.session.film_record import read_record
+from rig.session.film_record import frame_times, read_record
 from rig.storage.atomic_write import sha256_of_file
 
 if TYPE_CHECKING:  # start-up: 0.3 s of every recording, which needs no table

@@ -23,7 +23,7 @@ import numpy as np
 
 from rig.backend import Block
 from rig.session.journal.trial_head import TrialHead
-from rig.storage.file_errors import refused
+from rig.storage.atomic_write import refused
 
 MAGIC = b"PAJ1"
 HEAD, COMMAND, BLOCK, END = 1, 2, 3, 4

@@ -29,7 +29,7 @@ from rig.errors import RecordingFault, RigInputError, is_defect
 from rig.session.journal.format import BLOCK, COMMAND, END, HEAD, OVERHEAD, block_payload, bytes_per_sample, encode
 from rig.session.journal.trial_head import TrialHead
 from rig.storage import platform_calls
-from rig.storage.file_errors import refused
+from rig.storage.atomic_write import refused
 
 PATIENCE_S = 0.05
 STALL_LIMIT_S = 5.0

@@ -1,22 +1,116 @@
-"""The mechanics and sensors of the bench between two edges of the sample clock that runs.
+"""The mechanics and sensors of the bench between two edges of the sample clock that runs, and the hands that play it.
 
 The device says how many edges pass and what volts its analog output is at; the plant answers, and its state becomes
 what stands at the terminals: the load cell's millivolts per volt and the encoders' counts. A new trial begins, at rest,
 whenever a task with a sample clock of its own starts while nothing else runs.
+
+The virtual operator acts with ``sim://?hand=yes`` (or ``serve-sim --hand``) in every acquisition whose motor command is
+0 V throughout, which is when ``pianorig selftest`` asks for it: lifts the arm off the key, puts it back, presses the
+key down and lets go. Pressing is a torque on the arm, so that all bodies move as the mechanism makes them.
+
+The virtual pianist plays with ``sim://?hand=plays`` in every acquisition in which the motor has no task, as in
+``pianorig record --passive``: strokes of random strength and length, each a force on the arm's tip, so that it reaches
+the key through the load cell; the same seed and trial give the same strokes.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated.bench import virtual_operator
-from rig.simulated.bench.adc import DelayLine
-from rig.simulated.bench.clock import Clock
+from rig.simulated.bench.clock import VirtualClock
 from rig.simulated.bench.plant_protocol import Plant
-from rig.simulated.bench.pulse_train import PulseTrain
-from rig.simulated.bench.sensors import EncoderSignals, ForceSignal, SensorSet
-from rig.simulated.bench.virtual_pianist import VirtualPianist
+from rig.simulated.bench.sensors import DelayLine, EncoderSignals, ForceSignal, SensorSet
+
+
+@dataclass(frozen=True)
+class PulseTrain:
+    """Rising edges at ``first_s + k / rate_hz``, ``count`` of them (may be infinite); high for ``high_s`` each."""
+
+    rate_hz: float
+    first_s: float
+    count: float
+    high_s: float
+    before: int = 0
+    """Edges that had passed before ``first_s``."""
+
+    def passed(self, time_s: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return how many rising edges have passed by each time."""
+        edges = np.floor((time_s - self.first_s) * self.rate_hz + 1e-9) + 1
+        return np.asarray(np.clip(self.before + np.maximum(edges, 0), 0, self.count), dtype=np.int64)
+
+    def passed_at(self, time_s: float) -> int:
+        """Return how many rising edges have passed by one time."""
+        return int(self.passed(np.array([time_s]))[0])
+
+    def next_after(self, time_s: float) -> float:
+        """Return when the next rising edge comes; infinite when there is none."""
+        passed = self.passed_at(time_s)
+        return self.first_s + (passed - self.before) / self.rate_hz if passed < self.count else float("inf")
+
+    @property
+    def end_s(self) -> float:
+        """When the last pulse has ended."""
+        last = self.count - 1 - self.before
+        return self.first_s + last / self.rate_hz + self.high_s if np.isfinite(self.count) else float("inf")
+
+
+LIFTED_S = (0.4, 1.2)
+PRESS_S = (1.8, 2.6, 3.0, 3.5)
+"""Begin, key at the bottom, let go, key up again."""
+PRESS_N = 2.5
+
+
+def press_n(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the force of the operator at the arm's tip, N."""
+    return np.interp(time_s, PRESS_S, (0.0, PRESS_N, PRESS_N, 0.0))
+
+
+def lifted(time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return when the arm is off the key."""
+    return (time_s >= LIFTED_S[0]) & (time_s < LIFTED_S[1])
+
+
+PAUSE_S = (1.0, 2.5)
+PEAK_N = (3.0, 22.0)
+RISE_S = (0.03, 0.12)
+HOLD_N = (2.0, 4.0)
+HOLD_S = (0.05, 0.4)
+LET_GO_S = 0.06
+_STREAM = 9
+
+
+class VirtualPianist:
+    """The force of one player over time; strokes are drawn as they come."""
+
+    def __init__(self, seed: int, trial: int) -> None:
+        self._random = np.random.default_rng([seed, trial, _STREAM])
+        self._begun_s = 0.0
+        self._strokes: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+
+    def press_n(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the force at the arm's tip, N, at successive times (n,)."""
+        while not self._strokes or self._strokes[-1][0][0] <= time_s[-1]:
+            self._strokes.append(self._next())
+        while self._strokes[0][0][-1] < time_s[0]:
+            self._strokes.pop(0)
+        force = np.zeros(time_s.size)
+        for at, values in self._strokes:
+            force += np.interp(time_s, at, values, left=0.0, right=0.0)
+        return force
+
+    def _next(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Draw a stroke: quiet, a push that grows and falls like a hand's, a hold, the finger lifted."""
+        pause, peak, rise, hold_n, hold = (self._random.uniform(*b) for b in (PAUSE_S, PEAK_N, RISE_S, HOLD_N, HOLD_S))
+        begin = self._begun_s + pause
+        phase = np.linspace(0.0, 1.0, 41)
+        push = np.maximum(peak * np.sin(np.pi * phase) ** 2, np.where(phase > 0.5, min(hold_n, peak), 0.0))
+        at = np.concatenate((begin + rise * 2 * phase, [begin + 2 * rise + hold, begin + 2 * rise + hold + LET_GO_S]))
+        self._begun_s = float(at[-1])
+        return at, np.concatenate((push, [push[-1], 0.0]))
+
 
 _CAMERA_STREAM = 4
 
@@ -24,7 +118,7 @@ _CAMERA_STREAM = 4
 class BenchTime:
     """Plant, sensors and clock of the virtual bench, at edge ``edge`` of trial ``trial``."""
 
-    def __init__(self, plant: Plant, sensors: SensorSet, clock: Clock) -> None:
+    def __init__(self, plant: Plant, sensors: SensorSet, clock: VirtualClock) -> None:
         self.plant = plant
         self.sensors = sensors
         self.clock = clock
@@ -34,9 +128,9 @@ class BenchTime:
         self._force: ForceSignal | None = None
         self._encoders: EncoderSignals | None = None
         self.operator_acts = False
-        """Whether the virtual operator acts in a self-test (:mod:`rig.simulated.bench.virtual_operator`)."""
+        """Whether the virtual operator acts in a self-test."""
         self.pianist_plays = False
-        """Whether a virtual pianist plays where the motor has no task (:mod:`rig.simulated.bench.virtual_pianist`)."""
+        """Whether a virtual pianist plays where the motor has no task."""
         self._pianist: VirtualPianist | None = None
         self.hung_n = 0.0
         """Weight that hangs on the load cell, N."""
@@ -88,11 +182,11 @@ class BenchTime:
         n = command_v.size
         time_s = (self.edge + np.arange(n)) / self.rate_hz
         if self._by_operator:
-            command_v = command_v + virtual_operator.press_n(time_s) / self.force_per_volt_n
+            command_v = command_v + press_n(time_s) / self.force_per_volt_n
         if self._pianist is not None:
             command_v = command_v + self._pianist.press_n(time_s) / self.force_per_volt_n
         block = self.plant.advance(command_v)
-        felt_n = np.where(virtual_operator.lifted(time_s), 0.0, block.force_n) if self._by_operator else block.force_n
+        felt_n = np.where(lifted(time_s), 0.0, block.force_n) if self._by_operator else block.force_n
         cell = self._force.millivolts_per_volt(self._delay.push(felt_n + self.hung_n), time_s)
         self._last_force_n, self._last_angle_rad = block.force_n[-1:], block.angle_rad[-1:]
         self._last_lift_m = None if block.key_lift_m is None else block.key_lift_m[-1:]

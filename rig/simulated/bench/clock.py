@@ -8,61 +8,36 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Protocol
 
 POLL_S = 0.01
-
-
-class Clock(Protocol):
-    """What the device needs of a clock."""
-
-    paced: bool
-    """Whether the clock follows the wall clock."""
-
-    @property
-    def now_s(self) -> float:
-        """Time since the clock was made, s."""
-
-    @property
-    def elapsed_s(self) -> float:
-        """Time since the clock was made, as a watchdog timer counts it: also while nothing is read, s."""
-
-    @property
-    def due_s(self) -> float:
-        """Time that should have passed by itself when a client only asks what is available, s."""
-
-    def begin(self) -> None:
-        """Begin an acquisition: time in which nothing ran is not caught up on."""
-
-    def advance(self, duration_s: float) -> None:
-        """Let ``duration_s`` pass."""
 
 
 class VirtualClock:
     """Time that is only counted."""
 
     paced = False
+    """Whether the clock follows the wall clock."""
 
     def __init__(self) -> None:
         self._now_s = 0.0
 
     @property
     def now_s(self) -> float:
-        """Virtual time, s."""
+        """Time since the clock was made, s."""
         return self._now_s
 
     @property
     def elapsed_s(self) -> float:
-        """Virtual time, s."""
+        """Time since the clock was made, as a watchdog timer counts it: also while nothing is read, s."""
         return self._now_s
 
     @property
     def due_s(self) -> float:
-        """A little: polling takes time where nothing else lets it pass."""
+        """Time that should have passed by itself when a client only asks what is available, s: a little."""
         return POLL_S
 
     def begin(self) -> None:
-        """Do nothing: time only counts."""
+        """Begin an acquisition: time in which nothing ran is not caught up on; here there is none."""
 
     def advance(self, duration_s: float) -> None:
         """Add ``duration_s`` to the time."""

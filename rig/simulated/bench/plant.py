@@ -20,8 +20,7 @@ from model.parameters.effects import EFFECTS, KEY_LIFT, MOTOR, MOTOR_DRIVE, WIND
 from model.simulation.giving_motion import rows_of_pins
 from rig.arrays import ArrayRecord, as_numbers
 from rig.errors import RigInputError
-from rig.simulated.bench.bench_file import bench_table, read_bench
-from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
+from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock, bench_table, read_bench
 
 TOLERANCE = 1e-6
 KEPT_S = 60.0

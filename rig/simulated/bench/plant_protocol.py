@@ -5,15 +5,35 @@ turn that state into millivolts per volt and counts. Time zero is the AI start t
 sample k is generated at edge k and stays until edge k+1; the command of edge k has not yet acted on the state at edge
 k. Force on the key is positive downwards; angles are absolute, in rad, counter-clockwise; encoder order is key,
 whippen, hammer.
+
+The bench file: TOML tables with the true values of the virtual bench (specimen, motor, sensors, wiring, scatter).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rig.configuration import toml_file
+from rig.errors import RigInputError
+
+
+def read_bench(path: Path) -> dict[str, Any]:
+    """Parse a bench file; raises RigInputError in one line."""
+    return toml_file.parse_toml(toml_file.read_text(path), str(path))
+
+
+def bench_table(bench: dict[str, Any], name: str, where: Path) -> dict[str, Any]:
+    """Return a table of a parsed bench file; raises RigInputError when it is missing."""
+    table = bench.get(name)
+    if not isinstance(table, dict):
+        raise RigInputError(f"{where}: [{name}]: missing; the virtual bench needs this table")
+    return table
+
 
 ENCODED_BODIES = ("key", "whippen", "hammer")
 

@@ -16,18 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigInputError
-from rig.simulated import status
 from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.status import DaqStatusError, ServerGone
+from rig.simulated.status import Code, DaqStatusError, ServerGone
 
 STATUS = {
-    "overwrite": status.SAMPLES_NO_LONGER_AVAILABLE,
-    "timeout": status.SAMPLES_NOT_YET_AVAILABLE,
-    "underrun": status.GENERATION_STOPPED,
-    "reserved": status.RESOURCE_RESERVED,
-    "device-lost": status.DEVICE_LOST,
+    "overwrite": Code.SAMPLES_NO_LONGER_AVAILABLE,
+    "timeout": Code.SAMPLES_NOT_YET_AVAILABLE,
+    "underrun": Code.GEN_STOPPED_TO_PREVENT_REGEN_OF_OLD_SAMPLES,
+    "reserved": Code.PAL_RESOURCE_RESERVED,
+    "device-lost": Code.DEV_CANNOT_BE_ACCESSED,
 }
 LASTING = ("device-lost", "server-gone", "underrun")
 CELL = ("bridge-open", "saturated", "silent")

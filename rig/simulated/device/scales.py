@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rig.simulated import daqmx, status
-from rig.simulated.status import DaqStatusError
+from rig.simulated import daqmx
+from rig.simulated.status import Code, DaqStatusError
 
 LINEAR, MAP, POLYNOMIAL, TABLE = 10447, 10448, 10449, 10450
 Array = NDArray[np.float64]
@@ -60,14 +60,17 @@ class CustomScale:
         """Refuse what no scale can be; raises DaqStatusError with the driver's code."""
         own = self.values
         if self.type == LINEAR and own["LIN_SLOPE"] == 0.0:
-            raise DaqStatusError(status.ZERO_SLOPE, f"Scale: {self.name}")
+            raise DaqStatusError(Code.ZERO_SLOPE_LINEAR_SCALE, f"Scale: {self.name}")
         if self.type == MAP:
-            for side, code in (("PRE_SCALED", status.PRESCALED_EQUAL), ("SCALED", status.SCALED_EQUAL)):
+            for side, code in (("PRE_SCALED", Code.PRE_SCALED_MIN_EQUAL_MAX), ("SCALED", Code.SCALED_MIN_EQUAL_MAX)):
                 low, high = self._ends(side)
                 if low == high:
                     raise DaqStatusError(code, f"Scale: {self.name}: {low:g}")
         if self.type == POLYNOMIAL:
-            for side, code in (("FORWARD", status.ZERO_FORWARD), ("REVERSE", status.ZERO_REVERSE)):
+            for side, code in (
+                ("FORWARD", Code.ZERO_FORWARD_POLY_SCALE_COEFFS),
+                ("REVERSE", Code.ZERO_REVERSE_POLY_SCALE_COEFFS),
+            ):
                 if not any(own[f"POLY_{side}_COEFF"]):
                     raise DaqStatusError(code, f"Scale: {self.name}")
         if self.type == TABLE:
@@ -75,10 +78,16 @@ class CustomScale:
 
     def _check_table(self, prescaled: Sequence[float], scaled: Sequence[float]) -> None:
         if len(prescaled) != len(scaled):
-            raise DaqStatusError(status.TABLE_SIZES, f"Scale: {self.name}: {len(prescaled)} and {len(scaled)} values")
+            raise DaqStatusError(
+                Code.TABLE_SCALE_NUM_PRE_SCALED_AND_SCALED_VALS_NOT_EQUAL,
+                f"Scale: {self.name}: {len(prescaled)} and {len(scaled)} values",
+            )
         if len(prescaled) < 2:
-            raise DaqStatusError(status.TABLE_TOO_SHORT, f"Scale: {self.name}")
-        for values, code in ((prescaled, status.PRESCALED_REPEATED), (scaled, status.SCALED_REPEATED)):
+            raise DaqStatusError(Code.FEWER_THAN_2_PRE_SCALED_VALS, f"Scale: {self.name}")
+        for values, code in (
+            (prescaled, Code.REPEATED_NUMBER_IN_PRE_SCALED_VALUES),
+            (scaled, Code.REPEATED_NUMBER_IN_SCALED_VALUES),
+        ):
             if len(set(values)) < len(values):
                 raise DaqStatusError(code, f"Scale: {self.name}")
 
@@ -97,12 +106,12 @@ def scale_of(scales: dict[str, CustomScale], name: str, units: tuple[int, ...]) 
     scale = find_scale(scales, name)
     if scale.prescaled_units not in units:
         detail = f"Scale: {name!r} is of units {scale.prescaled_units}, allowed {', '.join(map(str, units))}"
-        raise DaqStatusError(status.INVALID_VALUE, detail)
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, detail)
     return scale
 
 
 def find_scale(scales: dict[str, CustomScale], name: str) -> CustomScale:
     """Return a scale by name; the driver does not tell upper from lower case."""
     if name.lower() not in scales:
-        raise DaqStatusError(status.NO_SUCH_SCALE, f"Scale: {name!r}")
+        raise DaqStatusError(Code.CUSTOM_SCALE_DOES_NOT_EXIST, f"Scale: {name!r}")
     return scales[name.lower()]

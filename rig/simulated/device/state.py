@@ -2,6 +2,8 @@
 
 Everything else in the device is a function that takes this state: :mod:`rig.simulated.signals` (what is on which
 terminal), :mod:`rig.simulated.timing` (how time passes) and :mod:`rig.simulated.driver` (what a client may ask).
+
+Which task has reserved which hardware: counters, converters, timing engines, pins; no other task gets it then.
 """
 
 from __future__ import annotations
@@ -12,15 +14,115 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status
+from rig.simulated import daqmx
 from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.wiring import Wiring
 from rig.simulated.device.fault_injection import FaultPlan
-from rig.simulated.device.reservations import Reservations
 from rig.simulated.device.scales import CustomScale
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.product.inventory import Inventory
-from rig.simulated.status import DaqStatusError
+from rig.simulated.status import Code, DaqStatusError, Unsupported
+
+
+class Reservations:
+    """Resources of one device and the tasks that have reserved them."""
+
+    def __init__(self, inventory: Inventory) -> None:
+        self._inventory = inventory
+        self._reserved: dict[str, str] = {}
+        self._directions: dict[str, dict[str, bool]] = {}
+
+    def needed(self, task: SimulatedTask) -> list[str]:
+        """Return the hardware a task needs for itself; refuses a task whose required terminals are not set."""
+        digital = task.type in ("DI", "DO")
+        owner = self._inventory.of(task.channels[0].physical.name) if task.channels else self._inventory
+        self._check_routes(task, owner)
+        needed = [] if digital else [channel.physical.resource for channel in task.channels]
+        if task.type == "DO":  # inputs may share a line, outputs may not
+            needed = [self._inventory.line(line).resource for line in task.lines]
+        multiplexed = task.type == "AI" and not owner.product.chassis  # one converter, also on demand
+        if (task.timing.clock is not None and (digital or task.type in ("AI", "AO"))) or multiplexed:
+            needed.append(f"{task.type} timing engine")
+        if (
+            task.setting("Trig", "", daqmx.ARM_START_TRIG_TYPE, daqmx.NO_TRIGGER) != daqmx.NO_TRIGGER
+            and not task.triggers.arm_start
+        ):
+            raise DaqStatusError(
+                Code.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING,
+                f"Task: {task.name}: arm start trigger without a source",
+            )
+        for channel in task.channels:
+            if channel.settings.get("two_counters"):
+                number = int(channel.physical.resource.removeprefix("ctr"))
+                needed.append(f"ctr{number ^ 1}")  # the paired counter makes the time base
+            if task.type == "CI" and "decoding_type" in channel.settings:
+                for terminal in (daqmx.CI_ENCODER_A_INPUT_TERM, daqmx.CI_ENCODER_B_INPUT_TERM):
+                    self._inventory.terminal(task.setting("Chan", channel.name, terminal, ""))
+            if task.type == "CO" and (named := task.setting("Chan", channel.name, daqmx.CO_PULSE_TERM, "")):
+                relative = self._inventory.own_name(self._inventory.terminal(named, output=True))
+                # on the 9401 a terminal and a line of the same number are one pin
+                needed.append("pin4." + relative[-1] if relative.startswith("Mod4") else "PFI " + relative)
+        return needed if owner is self._inventory else [f"{owner.name}: {resource}" for resource in needed]
+
+    def _check_routes(self, task: SimulatedTask, owner: Inventory) -> None:
+        """Refuse a clock or trigger of another device that no cable carries to this one."""
+        source = task.timing.clock.source if task.timing.clock is not None else ""
+        for terminal in filter(
+            None, (source, task.triggers.start, task.triggers.arm_start, task.triggers.reference, task.triggers.pause)
+        ):
+            origin = self._inventory.of(terminal) if terminal.startswith("/") else self._inventory
+            if not self._inventory.linked(origin, owner):
+                raise DaqStatusError(
+                    Code.TRIG_LINE_NOT_FOUND_ROUTING, f"Task: {task.name}: {terminal} of {origin.name} to {owner.name}"
+                )
+
+    def directions(self, task: SimulatedTask) -> dict[str, bool]:
+        """Return whether the task drives each group of lines it uses, where all lines of a group have one direction.
+
+        The NI 9401 has two groups of four lines; a terminal and a line of the same number are one pin. A counter's
+        inputs are left out: it may count what another puts out on the pin.
+        """
+        pins = {
+            self._inventory.line(line).resource: task.type == "DO"
+            for channel in task.channels
+            for line in channel.settings.get("lines", ())
+        }
+        for channel in task.channels:
+            if value := task.setting("Chan", channel.name, daqmx.CO_PULSE_TERM, ""):
+                if self._inventory.of(value) is not self._inventory:
+                    continue
+                module, _, pin = self._inventory.terminal(value).partition("/PFI")
+                pins[f"{module.replace('Mod', 'pin')}.{pin}"] = True
+        groups = self._inventory.product.lines_in_group
+        found = {}
+        for pin, is_output in pins.items():
+            stem, _, number = pin.partition(".")
+            if stem in groups:
+                found[f"{stem} group {int(number) // groups[stem]}"] = is_output
+        return found
+
+    def reserve(self, task: SimulatedTask) -> None:
+        """Reserve all a task needs, or nothing."""
+        needed, directions = self.needed(task), self.directions(task)
+        for resource in needed:
+            holder = self._reserved.get(resource)
+            if holder not in (None, task.name):
+                raise DaqStatusError(Code.PAL_RESOURCE_RESERVED, f"Resource: {resource}, held by task {holder}")
+        for name, others in self._directions.items():
+            for group, is_output in directions.items():
+                if name != task.name and others.get(group, is_output) != is_output:
+                    raise DaqStatusError(Code.LINE_CONFLICT_CDAQ, f"Task: {task.name}, {group}, task {name}")
+        self._reserved.update(dict.fromkeys(needed, task.name))
+        self._directions[task.name] = directions
+
+    def is_reserved(self, resource: str) -> bool:
+        """Whether a task has reserved a resource."""
+        return resource in self._reserved
+
+    def release(self, task: SimulatedTask) -> None:
+        """Release all a task has reserved."""
+        self._reserved = {key: holder for key, holder in self._reserved.items() if holder != task.name}
+        self._directions.pop(task.name, None)
 
 
 @dataclass(eq=False)
@@ -108,6 +210,10 @@ class DeviceState:
         """Full name of the analog output the motor is wired to."""
         return self.inventory.full_name(self.wiring.motor)
 
+    def devices_of(self, task: SimulatedTask) -> list[str]:
+        """Names of the devices whose channels a task has, in their order."""
+        return list(dict.fromkeys(self.inventory.of(channel.physical.name).name for channel in task.channels))
+
     def drive_enabled(self) -> bool:
         """Whether the motor drive follows the analog output."""
         line = self.wiring.drive_enable
@@ -117,20 +223,22 @@ class DeviceState:
 def verify(device: DeviceState, task: SimulatedTask) -> None:
     """Refuse settings that cannot be together, and those that the virtual device cannot act on."""
     if not task.channels:
-        raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
+        raise DaqStatusError(Code.CAN_NOT_PERFORM_OP_WHEN_NO_CHANS_IN_TASK, f"Task: {task.name}")
     kinds = {*task.unsimulated, *task.triggers.analog_kinds}
     if kinds & {"start trigger", "reference trigger"} and task.timing.clock is None:
-        raise DaqStatusError(status.TRIGGER_ON_DEMAND, f"Task: {task.name}")
+        raise DaqStatusError(Code.TRIG_WHEN_ON_DEMAND_SAMP_TIMING, f"Task: {task.name}")
     device.settle_settings(device, task)
     for (category, _, number), value in task.properties.items():
         if category == "ExportedSignal" and isinstance(value, str) and value:
             try:
                 device.inventory.terminal(value, output=True)
             except DaqStatusError:
-                raise DaqStatusError(status.NO_SUCH_TARGET, f"Property: 0x{number:04X}: {value!r}") from None
+                raise DaqStatusError(
+                    Code.INVALID_ROUTING_DESTINATION_TERMINAL_NAME_ROUTING, f"Property: 0x{number:04X}: {value!r}"
+                ) from None
     if task.unsimulated:
         settings = ", ".join(f"{name} = {value}" for name, value in task.unsimulated.items())
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: not simulated: {settings}")
+        raise Unsupported(f"Task: {task.name}: not simulated: {settings}")
 
 
 def commit(device: DeviceState, task: SimulatedTask) -> None:

@@ -2,6 +2,18 @@
 
 States follow the driver's model: unreserved → committed (resources taken) → running; a stop leads back to where the
 task was before its start. A running task is *live* once its trigger has come.
+
+The triggers of a task of the virtual device: which it has, and from where; the timing knows when they come.
+
+Sample buffers of a task, as the driver keeps them: one that fills with acquired samples, one that holds written
+ones.
+
+A buffer counts samples per channel since the start of its task (acquired and read, or generated), so that overwriting
+is found by counting.
+
+The analog comparator of a card: it finds the sample at which an input crosses a level, or enters or leaves a window.
+
+Hardware compares between the samples, the virtual device at them: a trigger comes up to one sample later.
 """
 
 from __future__ import annotations
@@ -12,13 +24,157 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import daqmx, status
-from rig.simulated.device.comparator import Comparator
-from rig.simulated.device.sample_buffers import InputBuffer, OutputBuffer
-from rig.simulated.device.task_triggers import Triggers
+from rig.simulated import daqmx
 from rig.simulated.device.tdms_log import LogSettings, TdmsLog
 from rig.simulated.product.inventory import PhysicalChannel
-from rig.simulated.status import DaqStatusError
+from rig.simulated.status import Code, DaqStatusError
+
+
+@dataclass(frozen=True)
+class AnalogShape:
+    """What is waited for: a crossing of ``level`` after ``armed_at``, or of the edges of a window.
+
+    ``source`` names a channel of the task; an empty one is a terminal to which nothing is wired. Values are in the
+    channel's units.
+    """
+
+    source: str
+    rising: bool
+    """Upwards, or into the window."""
+    level: float
+    armed_at: float
+    """An upward crossing counts only after a value at or below this one: the level less the hysteresis."""
+    window: tuple[float, float] | None = None
+    """Bottom and top; ``level`` has no meaning then."""
+
+
+@dataclass(eq=False)
+class Comparator:
+    """An analog shape and where the signal was: each value is shown to it once, in order."""
+
+    shape: AnalogShape
+    _armed: bool = False
+
+    def crossings(self, value: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return how many crossings have come by each of the next values (n,), counted from the first of them."""
+        shape, armed = self.shape, self._armed
+        passed = np.zeros(value.size, dtype=np.int64)
+        if not shape.source:
+            return passed
+        if shape.window is not None:
+            bottom, top = shape.window
+            beyond = ((value >= bottom) & (value <= top)) == shape.rising
+            before = ~beyond
+        elif shape.rising:
+            beyond, before = value >= shape.level, value <= shape.armed_at
+        else:
+            beyond, before = value <= shape.level, value >= shape.armed_at
+        count = 0
+        for k in range(value.size):
+            if armed and beyond[k]:
+                count, armed = count + 1, False
+            elif before[k]:
+                armed = True
+            passed[k] = count
+        self._armed = armed
+        return passed
+
+
+@dataclass(eq=False)
+class Triggers:
+    """Terminals of the triggers, relative to the device; "" for none."""
+
+    start: str = ""
+    arm_start: str = ""
+    reference: str = ""
+    pretrigger_samples: int = 0
+    """Samples to keep from before the reference trigger."""
+    analog_kinds: dict[str, str] = field(default_factory=dict)
+    """What a client has set of analog triggers: kind of shape by start trigger or reference trigger."""
+    analog_start: AnalogShape | None = None
+    analog_reference: AnalogShape | None = None
+    pause: str = ""
+    pause_high: bool = True
+    """Sampling pauses while this terminal is high, or low."""
+
+    def forget(self, which: str) -> None:
+        """Take the start trigger or reference trigger away, of whatever kind."""
+        self.analog_kinds.pop(which, None)
+        if which == "start trigger":
+            self.start = ""
+        else:
+            self.reference = ""
+
+    @property
+    def begin(self) -> str:
+        """Terminal of the trigger with which sampling begins: start trigger, or arm start trigger of a counter."""
+        return self.start or self.arm_start
+
+    @property
+    def awaited(self) -> bool:
+        """Whether sampling begins with a trigger."""
+        return bool(self.begin or self.analog_start)
+
+    @property
+    def referenced(self) -> bool:
+        """Whether samples from before a trigger are kept."""
+        return bool(self.reference or self.analog_reference)
+
+
+class InputBuffer:
+    """Input buffer of a task: a fixed size, samples acquired, samples read."""
+
+    def __init__(self, size: int, columns: int, *, drops_oldest: bool = False) -> None:
+        self.size = size
+        self.drops_oldest = drops_oldest
+        """Whether a full buffer drops its oldest samples instead of overflowing, as before a reference trigger."""
+        self.acquired = 0
+        self.read = 0
+        self.overwritten = False
+        self._blocks: list[NDArray[np.float64]] = []
+        self._columns = columns
+
+    @property
+    def available(self) -> int:
+        """Samples per channel waiting to be read."""
+        return self.acquired - self.read
+
+    def put(self, values: NDArray[np.float64]) -> None:
+        """Add n samples, shape (n, columns); more unread samples than the buffer holds means loss."""
+        self._blocks.append(values)
+        self.acquired += values.shape[0]
+        if self.available > self.size:
+            if self.drops_oldest:
+                self.take(self.available - self.size)
+            else:
+                self.overwritten = True
+
+    def take(self, n: int) -> NDArray[np.float64]:
+        """Remove and return the oldest n samples, shape (n, columns)."""
+        if self.overwritten:
+            raise DaqStatusError(Code.SAMPLES_NO_LONGER_AVAILABLE, samples_read=0)
+        stored = np.concatenate(self._blocks) if self._blocks else np.empty((0, self._columns))
+        self._blocks = [stored[n:]] if stored.shape[0] > n else []
+        self.read += n
+        return stored[:n]
+
+
+@dataclass(eq=False)
+class OutputBuffer:
+    """Output buffer of a task: the samples written, and how many have been generated."""
+
+    samples: NDArray[np.float64] | None = None
+    """Shape (n, channels or lines); None before the first write."""
+    generated: int = 0
+    """Samples per channel generated since the start."""
+    size: int = 0
+    """Samples per channel the buffer holds while the task runs."""
+
+    @property
+    def written(self) -> int:
+        """Samples per channel written."""
+        return 0 if self.samples is None else self.samples.shape[0]
+
 
 TaskType = Literal["AI", "AO", "CI", "CO", "DI", "DO"]
 TaskState = Literal["unreserved", "committed", "running"]
@@ -150,18 +306,18 @@ class SimulatedTask:
         """Add a channel; refuses a mixture of types and a second counter."""
         self.refuse_while_running()
         if self.type not in (None, kind):
-            raise DaqStatusError(status.TASK_MIXES_TYPES, f"Task: {self.name}")
+            raise DaqStatusError(Code.MULTI_CHAN_TYPES_IN_TASK, f"Task: {self.name}")
         if kind == "CI" and self.channels:
-            raise DaqStatusError(status.ONE_COUNTER_PER_TASK, f"Task: {self.name}")
+            raise DaqStatusError(Code.MULTIPLE_COUNTER_INPUT_TASK, f"Task: {self.name}")
         if any(channel.name == other.name or channel.physical == other.physical for other in self.channels):
-            raise DaqStatusError(status.DUPLICATE_TASK, f"Channel {channel.name} is in the task already")
+            raise DaqStatusError(Code.DUPLICATE_TASK, f"Channel {channel.name} is in the task already")
         self.type = kind
         self.channels.append(channel)
 
     def refuse_while_running(self) -> None:
         """Raise the driver's status for what cannot be done to a running task."""
         if self.state == "running":
-            raise DaqStatusError(status.TASK_RUNNING, f"Task: {self.name}")
+            raise DaqStatusError(Code.CAN_NOT_PERFORM_OP_WHILE_TASK_RUNNING, f"Task: {self.name}")
 
     def setting(self, category: str, channel: str, number: int, default: Any) -> Any:
         """Return a property that was set, or ``default``."""
@@ -230,7 +386,7 @@ class SimulatedTask:
         m = int(min(n, total - self.samples_since_trigger))
         if not self.regenerates and output.generated + m > output.written:
             m = output.written - output.generated
-            self.progress.error, self.progress.live = status.GENERATION_STOPPED, False
+            self.progress.error, self.progress.live = Code.GEN_STOPPED_TO_PREVENT_REGEN_OF_OLD_SAMPLES, False
         rows = (output.generated + np.arange(m)) % output.written
         output.generated += m
         return output.samples[rows]

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status
-from rig.simulated.status import DaqStatusError
+from rig.simulated.status import Code, DaqStatusError
 
 if TYPE_CHECKING:
     from nptdms import TdmsWriter
@@ -59,15 +58,15 @@ class TdmsLog:
     def __init__(self, path: str, operation: int, group: str, names: list[str], interval_s: float) -> None:
         file = Path(path)
         if not file.resolve().is_relative_to(Path.cwd()):
-            raise DaqStatusError(status.FILE_PATH_INVALID, f"{path!r}: the virtual device logs into {Path.cwd()} only")
+            raise DaqStatusError(Code.FILE_PATH_INVALID, f"{path!r}: the virtual device logs into {Path.cwd()} only")
         exists = file.is_file()
         if (operation == OPEN and not exists) or (operation == CREATE and exists) or not path:
             what = "does not exist" if operation == OPEN else "exists" if exists else "no path"
-            raise DaqStatusError(status.FILE_PATH_INVALID, f"{path!r}: {what}")
+            raise DaqStatusError(Code.FILE_PATH_INVALID, f"{path!r}: {what}")
         try:
             from nptdms import TdmsWriter  # start-up: an optional package, only logging needs it
         except ImportError:
-            raise DaqStatusError(status.TDMS_NOT_FOUND, "pip install 'piano-action-rig[tdms]'") from None
+            raise DaqStatusError(Code.TDMS_NOT_FOUND, "pip install 'piano-action-rig[tdms]'") from None
         self._group, self._names = group, names
         self._properties: dict[str, Any] = {"wf_start_time": datetime.now(UTC).replace(tzinfo=None)}
         if interval_s > 0:
@@ -77,7 +76,7 @@ class TdmsLog:
             self._writer: TdmsWriter = TdmsWriter(path, mode=mode)
             self._writer.open()
         except OSError as error:
-            raise DaqStatusError(status.FILE_PATH_INVALID, f"{path!r}: {error.strerror}") from None
+            raise DaqStatusError(Code.FILE_PATH_INVALID, f"{path!r}: {error.strerror}") from None
 
     def write(self, values: NDArray[np.float64]) -> None:
         """Append samples, (n, channels)."""
@@ -91,7 +90,7 @@ class TdmsLog:
                 ]
             )
         except OSError as error:
-            raise DaqStatusError(status.GENERIC_FILE_IO, str(error.strerror)) from None
+            raise DaqStatusError(Code.GENERIC_FILE_IO, str(error.strerror)) from None
         self._properties = {}
 
     def close(self) -> None:

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import re
 
-from rig.simulated import daqmx, status
+from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState, WatchdogTimer
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.product.inventory import Inventory
-from rig.simulated.status import DaqStatusError
+from rig.simulated.status import Code, DaqStatusError, Unsupported
 
 RESET_TIMER, CLEAR_EXPIRATION = 0, 1
 SHORTEST_S = 1e-3
@@ -28,15 +28,15 @@ WITHOUT_HARDWARE = re.compile(
 def refuse_bad_timer(owner: Inventory, name: str, timeout_s: float) -> None:
     """Refuse a watchdog timer task the product does not have, or with a timeout out of range."""
     if not owner.product.watchdog_reach:
-        raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Task: {name}")
+        raise DaqStatusError(Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Task: {name}")
     if not SHORTEST_S <= timeout_s <= owner.product.watchdog_longest_s:
-        raise DaqStatusError(status.WATCHDOG_TIMEOUT_OUT_OF_RANGE, f"Timeout: {timeout_s:g} s")
+        raise DaqStatusError(Code.WATCHDOG_TIMEOUT_OUT_OF_RANGE_AND_NOT_SPECIAL_VAL, f"Timeout: {timeout_s:g} s")
 
 
 def watchdog_timer(device: DeviceState, name: str) -> WatchdogTimer:
     """Return the timer of a task."""
     if name not in device.watchdogs:
-        raise DaqStatusError(status.NOT_A_WATCHDOG, f"Task: {name!r}")
+        raise DaqStatusError(Code.ACTION_NOT_SUPPORTED_TASK_NOT_WATCHDOG, f"Task: {name!r}")
     return device.watchdogs[name]
 
 
@@ -46,18 +46,18 @@ def set_expiration_volts(
     """Set the expiration state of an analog output."""
     product = device.inventory.of(timer.device).product
     if "voltage_out" not in product.watchdog_reach:
-        raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Physical Channel: {channel} is analog")
+        raise DaqStatusError(Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Physical Channel: {channel} is analog")
     physical = device.inventory.channel(channel, "voltage_out")
     _same_device(device, timer, channel)
     if output_type != daqmx.VOLTAGE or abs(volts) > product.ao_range_v:
-        raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {channel}: {volts:g}")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Expiration state of {channel}: {volts:g}")
     timer.volts[physical.name] = volts
 
 
 def set_expiration_level(device: DeviceState, timer: WatchdogTimer, line: str, level: int) -> None:
     """Set the expiration state of a digital line."""
     if level not in (daqmx.LOW, daqmx.HIGH, daqmx.TRISTATE, daqmx.NO_CHANGE):
-        raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {line}: {level}")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Expiration state of {line}: {level}")
     _same_device(device, timer, line)
     # tri-stated, the line falls to low: the bench's pull-down
     timer.levels[device.inventory.channel(line, "line").name] = level
@@ -67,7 +67,7 @@ def set_expiration_level(device: DeviceState, timer: WatchdogTimer, line: str, l
 def _same_device(device: DeviceState, timer: WatchdogTimer, name: str) -> None:
     """A timer reaches the outputs of its own device only."""
     if device.inventory.of(name) is not device.inventory.of(timer.device):
-        raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Physical Channel: {name} is on another device")
+        raise DaqStatusError(Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Physical Channel: {name} is on another device")
 
 
 def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
@@ -80,9 +80,11 @@ def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
         if other.state != "unreserved" and all(device.inventory.of(c.physical.name) is owner for c in other.channels)
     ]
     if others and "voltage_out" in owner.product.watchdog_reach:
-        raise DaqStatusError(status.WATCHDOG_WHILE_OTHERS_RESERVED, f"Task: {task.name}, reserved: {others[0]}")
+        raise DaqStatusError(
+            Code.CANT_RESERVE_WATCHDOG_TASK_WHILE_OTHER_TASKS_RESERVED, f"Task: {task.name}, reserved: {others[0]}"
+        )
     if any(isinstance(value, str) and value for value in timer.settings.values()):
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: not simulated: expiration trigger")
+        raise Unsupported(f"Task: {task.name}: not simulated: expiration trigger")
     timer.running, timer.reset_at_s = True, device.bench.clock.elapsed_s
     task.state = "running"
 
@@ -92,9 +94,9 @@ def control_watchdog(device: DeviceState, timer: WatchdogTimer, action: int) -> 
     if action == CLEAR_EXPIRATION:
         timer.expired, timer.running = False, False
     elif action != RESET_TIMER:
-        raise DaqStatusError(status.INVALID_VALUE, f"Watchdog action {action}")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Watchdog action {action}")
     elif timer.expired:
-        raise DaqStatusError(status.CANNOT_RESET_EXPIRED_WATCHDOG, f"Task: {timer.name}")
+        raise DaqStatusError(Code.CANT_RESET_EXPIRED_WATCHDOG, f"Task: {timer.name}")
     else:
         timer.reset_at_s = device.bench.clock.elapsed_s
 
@@ -119,17 +121,19 @@ def _lock(device: DeviceState) -> None:
     device.locked = True
     for task in device.tasks.values():
         if task.state == "running" and task.name not in device.watchdogs:
-            task.progress.live, task.progress.error = False, status.DEVICE_WATCHDOG_EXPIRED
+            task.progress.live, task.progress.error = False, Code.CHASSIS_WATCHDOG_TIMER_EXPIRED
 
 
 def refuse_locked(device: DeviceState, call: str) -> None:
     """Refuse a call that reaches the hardware of a device that a watchdog timer has locked."""
     if device.locked and not WITHOUT_HARDWARE.fullmatch(call):
-        raise DaqStatusError(status.DEVICE_WATCHDOG_EXPIRED, f"Device: {device.inventory.name}")
+        raise DaqStatusError(Code.CHASSIS_WATCHDOG_TIMER_EXPIRED, f"Device: {device.inventory.name}")
 
 
 def refuse_expired(device: DeviceState, task: SimulatedTask) -> None:
     """Refuse to write to an output that an expired timer controls."""
     for channel in task.channels:
         if any(timer.controls(channel.physical.name) for timer in device.watchdogs.values()):
-            raise DaqStatusError(status.WRITE_AFTER_WATCHDOG, f"Physical Channel: {channel.physical.name}")
+            raise DaqStatusError(
+                Code.WRITE_FAILED_BECAUSE_WATCHDOG_EXPIRED, f"Physical Channel: {channel.physical.name}"
+            )

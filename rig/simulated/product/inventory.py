@@ -1,18 +1,20 @@
-"""One product under the name it has in the system: its devices, channels, lines and terminals, looked up as a client
-names them, with the driver's refusals.
+"""The devices under the names they have in the system: channels, lines and terminals, looked up as a client names them,
+with the driver's refusals.
+
+Of several devices, each with its own channels, terminals and timebase, the first is the main one: its terminals are
+known by their own names, those of the others in full, with a slash. A cable carries clocks between them.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from rig.simulated import status
 from rig.simulated.product.capabilities import Kind, Product
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice
 
 DIGITAL_RATE_HZ = 10e6
 Pin = Literal["source", "gate", "auxiliary", "out"]
@@ -38,14 +40,24 @@ def channel_names(text: str) -> list[str]:
         else:
             names.append(part)
     if not names:
-        raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Physical Channel: {text!r}")
+        raise DaqStatusError(Code.PHYSICAL_CHAN_DOES_NOT_EXIST, f"Physical Channel: {text!r}")
     return names
 
 
 class Inventory:
-    """A product under the name it has in the system, e.g. chassis ``cDAQ1`` with modules ``cDAQ1Mod1`` …"""
+    """A product under the name it has in the system, e.g. chassis ``cDAQ1`` with modules ``cDAQ1Mod1`` …
 
-    def __init__(self, product: Product, name: str, clock_error: float = 0.0) -> None:
+    ``others`` are further devices of the rig, ``linked_names`` those of all that are on one RTSI cable.
+    """
+
+    def __init__(
+        self,
+        product: Product,
+        name: str,
+        clock_error: float = 0.0,
+        others: Sequence[Inventory] = (),
+        linked_names: Collection[str] = (),
+    ) -> None:
         self.product = product
         self.name = name
         self.clock_error = clock_error
@@ -54,6 +66,9 @@ class Inventory:
             self.full_name(relative).lower(): PhysicalChannel(self.full_name(relative), kind, resource)
             for relative, kind, resource in product.channels
         }
+        self._others, self._linked = tuple(others), frozenset(linked_names)
+        for other in others:
+            self._channels |= other._channels
         self._terminals: dict[tuple[str, bool], str] = {}
         """Terminals looked up so far: every read needs those of its encoder."""
 
@@ -67,8 +82,8 @@ class Inventory:
         return self.name + relative if relative.startswith("Mod") else f"{self.name}/{relative}"
 
     def devices(self) -> dict[str, str]:
-        """Return product types by device name of all devices there are."""
-        return self.own_devices()
+        """Return product types by name, of all devices and modules."""
+        return {name: kind for one in (self, *self._others) for name, kind in one.own_devices().items()}
 
     def own_devices(self) -> dict[str, str]:
         """Return product types by device name: the card, or the chassis and its modules."""
@@ -76,38 +91,41 @@ class Inventory:
         return {self.name: self.product.name, **modules}
 
     def of(self, name: str) -> Inventory:
-        """Return the device that a channel, terminal or device of this name belongs to."""
+        """Return the device that a channel, terminal or device of this name belongs to; else the main one."""
+        if self._others:
+            first = name.removeprefix("/").split("/", 1)[0].lower()
+            for other in self._others:
+                if first in (known.lower() for known in other.own_devices()):
+                    return other
         return self
 
     def own_name(self, terminal: str) -> str:
         """Return a terminal relative to its device."""
-        return terminal
+        owner = self.of(terminal) if terminal.startswith("/") else self
+        return terminal if owner is self else terminal[1 + len(owner.name) :].lstrip("/")
 
     def known_as(self, owner: Inventory, relative: str) -> str:
         """Return the name by which a terminal of a device is known here."""
-        return relative
+        return relative if owner is self or relative.startswith("/") else "/" + owner.full_name(relative)
 
     def linked(self, one: Inventory, other: Inventory) -> bool:
         """Whether two devices can route clocks and triggers to each other without a wire of the lab's own."""
-        return one is other
+        return one is other or {one.name, other.name} <= self._linked
 
     def channel(self, name: str, kind: Kind) -> PhysicalChannel:
         """Look up a physical channel and refuse a wrong device, name or kind as the driver does."""
         device = name.split("/", 1)[0]
-        if not self._has(device.lower()):
-            raise DaqStatusError(status.INVALID_DEVICE, f"Device: {device}")
+        named = device.lower()
+        if not named.startswith(self.name.lower()) and named not in map(str.lower, self.devices()):
+            raise DaqStatusError(Code.INVALID_DEVICE_ID, f"Device: {device}")
         channel = self._channels.get(name.lower())
         if channel is None:
-            raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Physical Channel: {name}")
+            raise DaqStatusError(Code.PHYSICAL_CHAN_DOES_NOT_EXIST, f"Physical Channel: {name}")
         if channel.kind != kind:
             output = kind in ("voltage_out",)
-            code = status.WRONG_OUTPUT_TYPE if output else status.WRONG_MEASUREMENT_TYPE
+            code = Code.PHYS_CHAN_OUTPUT_TYPE if output else Code.PHYS_CHAN_MEAS_TYPE
             raise DaqStatusError(code, f"Physical Channel: {name} ({channel.kind}, not {kind})")
         return channel
-
-    def _has(self, device: str) -> bool:
-        names = [name.lower() for name in self.devices()]
-        return device.startswith(self.name.lower()) or device in names
 
     def names(self, *kinds: Kind) -> list[str]:
         """Return the full names of all channels of these kinds."""
@@ -128,7 +146,10 @@ class Inventory:
         return found
 
     def counter_terminal(self, channel: PhysicalChannel, pin: Pin) -> str:
-        """Return a counter's default terminal, relative to the device; "" where it has none."""
+        """Return a counter's default terminal, by the name it has here; "" where it has none."""
+        if (owner := self.of(channel.name)) is not self:
+            found = owner.counter_terminal(channel, pin)
+            return self.known_as(owner, found) if found else ""
         module = channel.name.split("/", 1)[0].removeprefix(self.name)
         pins = self.product.counter_pins.get(module)
         found = getattr(pins, pin)[int(channel.resource.removeprefix("ctr"))] if pins and getattr(pins, pin) else ""
@@ -143,6 +164,8 @@ class Inventory:
 
         A name that does not begin with a slash, such as ``ai/SampleClock``, is one of this device.
         """
+        if "/" in name and (owner := self.of(name)) is not self:
+            return self.known_as(owner, owner.terminal("/" + name.removeprefix("/"), output=output))
         if (name, output) not in self._terminals:
             self._terminals[name, output] = self._checked_terminal(name, output)
         return self._terminals[name, output]
@@ -153,7 +176,7 @@ class Inventory:
             mine = re.match(re.escape(owner) + r"(mod\d+)?/", name, re.IGNORECASE)
             name = f"/{name}" if mine else f"/{self.name}/{name}"
         if not name.lower().startswith("/" + owner):
-            raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {name!r}")
+            raise DaqStatusError(Code.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING, f"Terminal: {name!r}")
         relative = self._spelled(name[1 + len(owner) :].lstrip("/"))
         name = f"/{self.name}{name[1 + len(owner) :]}"
         name = name[: len(name) - len(relative)] + relative
@@ -163,11 +186,11 @@ class Inventory:
         if spelled and re.fullmatch(self.product.unsimulated, relative):
             raise NotImplementedByDevice(f"terminal {name}")
         if not (known and spelled):
-            raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {given!r}")
+            raise DaqStatusError(Code.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING, f"Terminal: {given!r}")
         inputs = self.product.input_only_terminals
         inside = relative in self.product.internal or re.fullmatch(self.product.timebases, relative)
         if output and (inside or re.fullmatch(inputs, relative)):
-            raise DaqStatusError(status.NO_ROUTE, f"Terminal: {name!r} is an input")
+            raise DaqStatusError(Code.ROUTE_NOT_SUPPORTED_BY_HW_ROUTING, f"Terminal: {name!r} is an input")
         return relative
 
     def _spelled(self, relative: str) -> str:
@@ -186,20 +209,17 @@ class Inventory:
         """
         product = self.product
         if not rate_hz > 0 or (kind != "counter" and rate_hz < product.timebase_hz / 2**32):
-            raise DaqStatusError(status.INVALID_VALUE, f"Sample clock rate: {rate_hz:g}")
+            raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Sample clock rate: {rate_hz:g}")
         most = DIGITAL_RATE_HZ
         if kind in ("bridge", "voltage_in"):
-            most = (
-                product.ai_max_rate_hz
-                if channels == 1
-                else min(product.ai_max_rate_hz, product.ai_aggregate_rate_hz / channels)
-            )
+            shared = product.ai_aggregate_rate_hz if channels > 1 else math.inf
+            most = min(product.ai_max_rate_hz, shared / channels)
         elif kind == "voltage_out":
             most = product.ao_rates_hz[channels - 1] if product.ao_rates_hz else product.ao_max_rate_hz
         elif kind == "counter":
             return rate_hz  # not generated: the clock comes from a terminal
         if rate_hz > most * (1 + 1e-9):
-            raise DaqStatusError(status.RATE_TOO_HIGH, f"Requested {rate_hz:g}, maximum {most:g}")
+            raise DaqStatusError(Code.SAMP_RATE_TOO_HIGH, f"Requested {rate_hz:g}, maximum {most:g}")
         if kind == "bridge" and product.bridge_decimates:
             return 50e3 / min(max(math.floor(50e3 / rate_hz * (1 + 1e-12)), 1), 31)
         return product.timebase_hz / math.floor(product.timebase_hz / rate_hz * (1 + 1e-12))
@@ -220,4 +240,4 @@ class Inventory:
         for half in self.product.ai_ranges_v:
             if need <= half * (1 + 1e-9):
                 return half
-        raise DaqStatusError(status.INVALID_VALUE, f"Input limits {low_v:g} to {high_v:g} V are out of range")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Input limits {low_v:g} to {high_v:g} V are out of range")

@@ -13,13 +13,12 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from typing import Any
 
-from rig.simulated import status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.device.watchdog import check_watchdogs
-from rig.simulated.driver.tasks import find_task
+from rig.simulated.driver import find_task
 from rig.simulated.rpc.messages import enum, response
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+from rig.simulated.status import EVENT_REGISTERED, Code, DaqStatusError, NotImplementedByDevice
 from rig.simulated.timing.engine import engine_of
 from rig.simulated.timing.wait import advance, edges_in, go_on
 
@@ -43,10 +42,14 @@ class EventStreams:
         task = find_task(self.device, request.task.name)
         is_due = EVENTS[call](task, request)
         if task.state == "running":
-            raise DaqStatusError(status.EVENT_WHILE_RUNNING, f"Task: {task.name}")
+            raise DaqStatusError(Code.CANNOT_REGISTER_DA_QMX_SOFTWARE_EVENT_WHILE_TASK_IS_RUNNING, f"Task: {task.name}")
         if self._like(call, request):
             output = call == "RegisterEveryNSamplesEvent" and task.type in ("AO", "DO")
-            code = status.TRANSFERRED_EVENT_REGISTERED if output else status.EVENT_REGISTERED[call]
+            code = (
+                Code.EVERY_N_SAMPS_TRANSFERRED_FROM_BUFFER_EVENT_ALREADY_REGISTERED
+                if output
+                else EVENT_REGISTERED[call]
+            )
             raise DaqStatusError(code, f"Task: {task.name}")
         self._registered.append(EventStream(self, call, request, task, is_due))
         return self._registered[-1]
@@ -160,9 +163,13 @@ class EventStream:
 def _every_n(task: SimulatedTask, request: Any) -> Callable[[int], bool]:
     kind, n = enum(request, "every_n_samples_event_type"), int(request.n_samples)
     if n < 1:
-        raise DaqStatusError(status.INVALID_VALUE, f"Task: {task.name}: every {n} samples")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Task: {task.name}: every {n} samples")
     if kind != (ACQUIRED if task.type in ("AI", "CI", "DI") else TRANSFERRED):
-        code = status.NO_ACQUIRED_EVENT if kind == ACQUIRED else status.NO_TRANSFERRED_EVENT
+        code = (
+            Code.EVERY_N_SAMPLES_ACQ_INTO_BUFFER_EVENT_NOT_SUPPORTED_BY_DEVICE
+            if kind == ACQUIRED
+            else Code.EVERY_N_SAMPS_TRANSFERRED_FROM_BUFFER_EVENT_NOT_SUPPORTED_BY_DEVICE
+        )
         raise DaqStatusError(code, f"Task: {task.name} is {task.type}, event type {kind}")
     return lambda sent: task.total_samples >= (sent + 1) * n
 

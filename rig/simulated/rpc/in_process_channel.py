@@ -12,7 +12,7 @@ from typing import Any
 import grpc
 
 from rig.simulated.rpc.event_streams import EventStream
-from rig.simulated.rpc.grpc_status import REFUSALS, Metadatum, rpc_status
+from rig.simulated.rpc.messages import REFUSALS, Metadatum, rpc_status
 from rig.simulated.rpc.service import Service
 
 

@@ -14,31 +14,35 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
-from rig.simulated import status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.device.watchdog import check_watchdogs, refuse_locked
-from rig.simulated.driver.tasks import find_task
-from rig.simulated.rpc.calls import logging
-from rig.simulated.rpc.calls.calibration import CALIBRATION_CALLS
+from rig.simulated.driver import find_task
 from rig.simulated.rpc.calls.channels import CHANNEL_CALLS
 from rig.simulated.rpc.calls.data import DATA_CALLS
-from rig.simulated.rpc.calls.device import DEVICE_CALLS
-from rig.simulated.rpc.calls.physical_channels import PHYSICAL_CHANNEL_CALLS
-from rig.simulated.rpc.calls.scales import SCALE_CALLS
-from rig.simulated.rpc.calls.task import TASK_CALLS, refuse_failed
+from rig.simulated.rpc.calls.device import DEVICE_CALLS, DEVICE_PROPERTIES
+from rig.simulated.rpc.calls.scales import SCALE_CALLS, SCALE_PROPERTIES
+from rig.simulated.rpc.calls.task import TASK_CALLS, settle_logging
 from rig.simulated.rpc.calls.timing import TIMING_CALLS
-from rig.simulated.rpc.calls.watchdog import WATCHDOG_CALLS
-from rig.simulated.rpc.calls.waveforms import WAVEFORM_CALLS
+from rig.simulated.rpc.calls.watchdog import WATCHDOG_CALLS, WATCHDOG_PROPERTIES
 from rig.simulated.rpc.event_streams import EVENTS, UNREGISTER, EventStream, EventStreams
-from rig.simulated.rpc.handlers import DeviceHandler, Fields, TaskHandler
-from rig.simulated.rpc.messages import CALLS, attribute_fields, attribute_value, enum, refuse_not_finite, response
-from rig.simulated.rpc.properties import sampling_triggers
-from rig.simulated.rpc.properties import task as task_properties
-from rig.simulated.status import NotImplementedByDevice, SessionRefused
+from rig.simulated.rpc.messages import (
+    CALLS,
+    DeviceHandler,
+    Fields,
+    Properties,
+    TaskHandler,
+    attribute_fields,
+    attribute_value,
+    enum,
+    refuse_not_finite,
+    response,
+)
+from rig.simulated.rpc.properties.task import TASK_PROPERTIES, settle_triggers
+from rig.simulated.status import Code, NotImplementedByDevice, SessionRefused, Unsupported
 from rig.simulated.timing.wait import go_on, let_pass, question_asked
 
-_ATTRIBUTE_CALL = re.compile(r"(Get|Set|Reset)(Task|Timing|Read|Write|Buffer|Chan|Trig|ExportedSignal)Attribute(\w*)")
+_ATTRIBUTE_CALL = re.compile(r"(Get|Set|Reset)(\w+?)Attribute\w*")
 _QUESTION = re.compile(r"IsTaskDone|Get(Read|Write)Attribute\w+|Get(Chan|Task)Attribute(Bool|UInt32)")
 """Calls that ask how far a task is."""
 TRACE_LENGTH = 100_000
@@ -114,14 +118,10 @@ class Service:
             return None
         if call in _TASK_CALLS:
             return _TASK_CALLS[call](device, find_task(device, request.task.name), request)
-        if call == "IsTaskDone":
-            return self._is_task_done(find_task(device, request.task.name))
         match = _ATTRIBUTE_CALL.fullmatch(call)
-        if match and call in CALLS:
-            return self._attribute(call, match.group(1), match.group(2), request)
-        if (
-            call.startswith("CreateAI") and call in CALLS
-        ):  # a device that is not there is refused before the measurement
+        if match and call in CALLS and match[2] in _PROPERTIES:
+            return self._attribute(call, match[1], match[2], request)
+        if call.startswith("CreateAI") and call in CALLS:  # a missing device is refused before the measurement
             named = getattr(request, "physical_channel", "") or getattr(request, "voltage_physical_channel", "")
             device.inventory.channel(named, "voltage_in")
         raise NotImplementedByDevice(call, _refusal_of(call))
@@ -140,47 +140,40 @@ class Service:
         if len(self.trace) > TRACE_LENGTH:
             del self.trace[: TRACE_LENGTH // 2]
 
-    def _is_task_done(self, task: SimulatedTask) -> Fields:
-        refuse_failed(task)
-        return {"is_task_done": task.done}
-
     def _attribute(self, call: str, action: str, category: str, request: Any) -> Fields | None:
-        task, channel = find_task(self.device, request.task.name), getattr(request, "channel", "")
-        key = (category, enum(request, "attribute"))
-        if action == "Reset":
-            task_properties.reset(self.device, task, channel, key)
-            return None
-        if action == "Set":
-            task_properties.put(self.device, task, channel, key, attribute_value(request))
-            return None
-        return attribute_fields(call, task_properties.get(self.device, task, channel, key))
+        properties, key = _PROPERTIES[category], (category, enum(request, "attribute"))
+        if action == "Get":
+            if (value := properties.get(self.device, request, key)) is None:
+                raise Unsupported(f"Property: 0x{key[1]:04X} ({category})")
+            return attribute_fields(call, value)
+        if action == "Set" and properties.put is not None:
+            properties.put(self.device, request, key, attribute_value(request))
+        elif action == "Reset" and properties.reset is not None:
+            properties.reset(self.device, request, key)
+        else:
+            raise NotImplementedByDevice(call)
+        return None
 
 
 def _settle(device: DeviceState, task: SimulatedTask) -> None:
     """Take over what a client has set of triggers and logging, before a task is verified."""
-    sampling_triggers.settle(device, task)
-    logging.settle(task)
+    settle_triggers(device, task)
+    settle_logging(task)
 
 
 def _refusal_of(call: str) -> int:
     """Return the driver's code for a call that the virtual device does not have."""
     if created := re.fullmatch(r"Create(AI|CI|DI|AO|CO|DO)\w+", call):
-        return status.WRONG_MEASUREMENT_TYPE if created[1] in ("AI", "CI", "DI") else status.WRONG_OUTPUT_TYPE
-    return status.ATTRIBUTE_NOT_SUPPORTED
+        return Code.PHYS_CHAN_MEAS_TYPE if created[1] in ("AI", "CI", "DI") else Code.PHYS_CHAN_OUTPUT_TYPE
+    return Code.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT
 
 
-_DEVICE_CALLS: dict[str, DeviceHandler] = {
-    **DEVICE_CALLS,
-    **SCALE_CALLS,
-    **WATCHDOG_CALLS,
-    **CALIBRATION_CALLS,
-    **PHYSICAL_CHANNEL_CALLS,
+_DEVICE_CALLS: dict[str, DeviceHandler] = {**DEVICE_CALLS, **SCALE_CALLS, **WATCHDOG_CALLS}
+_TASK_CALLS: dict[str, TaskHandler] = {**TASK_CALLS, **CHANNEL_CALLS, **TIMING_CALLS, **DATA_CALLS}
+_PROPERTIES: dict[str, Properties] = {
+    **DEVICE_PROPERTIES,
+    "Scale": SCALE_PROPERTIES,
+    "Watchdog": WATCHDOG_PROPERTIES,
+    **dict.fromkeys(("Task", "Timing", "Read", "Write", "Buffer", "Chan", "Trig", "ExportedSignal"), TASK_PROPERTIES),
 }
-_TASK_CALLS: dict[str, TaskHandler] = {
-    **TASK_CALLS,
-    **CHANNEL_CALLS,
-    **TIMING_CALLS,
-    **DATA_CALLS,
-    **WAVEFORM_CALLS,
-    **logging.LOGGING_CALLS,
-}
+"""Properties by the category in the names of their calls."""

@@ -1,8 +1,20 @@
-"""The virtual device over TCP, as a client of the NI gRPC Device Server sees it; on the loopback by default."""
+"""The virtual device over TCP, as a client of the NI gRPC Device Server sees it; on the loopback by default.
+
+Event streams of all clients of a server, sent from one thread, so that no stream occupies a worker.
+
+NI's session utilities: the devices a server has, reservations by which its clients take turns, and its reset.
+
+A TCP client that enumerates devices, or shares them with others, calls this service beside the DAQmx one. A reservation
+is a name the clients agree on; it reserves nothing on the device. Answers and refusals are those of NI's own server
+(``session_repository.cpp`` of ni/grpc-device).
+"""
 
 from __future__ import annotations
 
 import contextlib
+import threading
+import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -12,19 +24,173 @@ from typing import Any
 import grpc
 
 from rig.errors import HardwareFault, RigInputError
-from rig.simulated.rpc.event_streams import EVENTS
-from rig.simulated.rpc.grpc_status import REFUSALS, rpc_status
+from rig.simulated.driver import clear_task
+from rig.simulated.rpc.event_streams import EVENTS, POLL_S, EventStream
 from rig.simulated.rpc.messages import (
     CALLS,
+    REFUSALS,
     SERVICE,
     UTILITIES,
     UTILITY_CALLS,
+    Fields,
     request_class,
+    rpc_status,
     utility_request_class,
+    utility_response,
 )
 from rig.simulated.rpc.service import Service
-from rig.simulated.rpc.session_utilities import SessionUtilities
-from rig.simulated.rpc.stream_pump import StreamPump
+from rig.simulated.status import NotImplementedByDevice, SessionRefused
+
+BUSY = 0.25
+"""Part of the time that looking at the streams may take: with many of them each is looked at less often."""
+
+
+class StreamPump:
+    """The streams of a server; its thread begins with the first one."""
+
+    def __init__(self) -> None:
+        self._streams: dict[EventStream, Callable[[Any], None]] = {}
+        self._changed = threading.Condition()
+        self._thread: threading.Thread | None = None
+
+    def add(self, stream: EventStream, send: Callable[[Any], None]) -> None:
+        """Send a stream's responses with ``send`` as they come, and None after the last."""
+        with self._changed:
+            self._streams[stream] = send
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name="event streams", daemon=True)
+                self._thread.start()
+            self._changed.notify()
+
+    def remove(self, stream: EventStream) -> None:
+        """End a stream whose client is gone, or that has ended."""
+        stream.cancel()
+        with self._changed:
+            self._streams.pop(stream, None)
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                while not self._streams:
+                    self._changed.wait()
+                streams = list(self._streams.items())
+            began = time.perf_counter()
+            for stream, send in streams:
+                if not stream.waits:
+                    self._serve(stream, send)
+            time.sleep(max(POLL_S, (time.perf_counter() - began) * (1 / BUSY - 1)))
+
+    def _serve(self, stream: EventStream, send: Callable[[Any], None]) -> None:
+        answer, ended = stream.poll()
+        while answer is not None:
+            send(answer)
+            if ended:
+                break
+            answer, ended = stream.poll()
+        if ended:
+            self.remove(stream)
+            send(None)
+
+
+RESERVED_POLL_S = 0.02
+VENDOR = "National Instruments"
+
+
+@dataclass(eq=False)
+class _Call:
+    """A client's call for a reservation; one that has ended must not be taken for a later one of the same client."""
+
+    client: str
+    granted: bool = False
+
+
+class SessionUtilities:
+    """Answers the calls of ``nidevice_grpc.SessionUtilities`` for one served device."""
+
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._queues: dict[str, deque[_Call]] = {}
+        """Calls by reservation; the first has it once it is granted, the others wait for their turn."""
+        self._changed = threading.Condition()
+        self._handlers: dict[str, Callable[[Any], Fields]] = {
+            "EnumerateDevices": self._devices,
+            "IsReservedByClient": self._is_reserved,
+            "Unreserve": self._unreserve,
+            "ResetServer": self._reset,
+        }
+
+    def handle(self, call: str, request: Any, is_waiting: Callable[[], bool]) -> Any:
+        """Answer one call; ``is_waiting`` tells whether the client still waits.
+
+        Raises
+        ------
+        SessionRefused
+            A reservation without a name, one the client has already, or one ended by a reset.
+        NotImplementedByDevice
+            Any other call.
+        """
+        if call == "Reserve":
+            return utility_response(call, **self._reserve(request, is_waiting))
+        if call not in self._handlers:
+            raise NotImplementedByDevice(call)
+        return utility_response(call, **self._handlers[call](request))
+
+    def _devices(self, request: Any) -> Fields:
+        devices = self._service.device.inventory.devices()
+        return {"devices": [{"name": name, "model": model, "vendor": VENDOR} for name, model in devices.items()]}
+
+    def _reserve(self, request: Any, is_waiting: Callable[[], bool]) -> Fields:
+        name, client = request.reservation_id, request.client_id
+        if not (name and client):
+            raise SessionRefused("INVALID_ARGUMENT", "reservation_id and client_id must not be empty")
+        with self._changed:
+            queue = self._queues.setdefault(name, deque())
+            if self._holds(request):
+                raise SessionRefused("FAILED_PRECONDITION", f"client {client!r} holds {name!r} already")
+            mine = _Call(client)
+            queue.append(mine)
+            while self._queues.get(name) is queue and queue[0] is not mine and is_waiting():
+                self._changed.wait(RESERVED_POLL_S)
+            if self._queues.get(name) is not queue:
+                raise SessionRefused("ABORTED", f"reservation {name!r} ended: the server was reset")
+            if queue[0] is not mine or not is_waiting():  # a call that nobody waits for takes nothing
+                self._leave(name, mine)
+                raise SessionRefused("CANCELLED", "the client no longer waits")
+            mine.granted = True
+        return {"is_reserved": True}
+
+    def _leave(self, name: str, call: _Call) -> None:
+        queue = self._queues[name]
+        queue.remove(call)
+        if not queue:
+            del self._queues[name]
+        self._changed.notify_all()
+
+    def _holds(self, request: Any) -> bool:
+        queue = self._queues.get(request.reservation_id)
+        return bool(queue) and queue[0].granted and queue[0].client == request.client_id  # type: ignore[index]
+
+    def _is_reserved(self, request: Any) -> Fields:
+        with self._changed:
+            return {"is_reserved": self._holds(request)}
+
+    def _unreserve(self, request: Any) -> Fields:
+        with self._changed:
+            reserved = self._holds(request)
+            if reserved:
+                self._leave(request.reservation_id, self._queues[request.reservation_id][0])
+        return {"is_unreserved": reserved}
+
+    def _reset(self, request: Any) -> Fields:
+        with self._changed:
+            self._queues.clear()
+            self._changed.notify_all()
+        with self._service.exclusive():
+            device = self._service.device
+            for name in list(device.tasks):  # closing sessions stops their tasks; outputs stay at their values
+                clear_task(device, name)
+        return {"is_server_reset": True}
+
 
 WORKERS = 128
 """Calls at once, e.g. reads that wait; event streams take none."""

@@ -9,6 +9,22 @@ A wait for samples, for the end of a task or for a timeout lets pass what it tak
   counts) takes :data:`QUESTION_S`; a reading on demand takes :data:`ON_DEMAND_S` while no clock runs.
 
 On a paced clock time moves in stretches of 20 ms, between which other clients and the watchdogs get a turn.
+
+Time passing on the virtual device: outputs, plant, inputs, in this order, n edges of the bench at once.
+
+Generations say what the outputs are at by each edge, the bench answers with what stands at the sensors' terminals, and
+every input task acquires the samples its clock ticked for. Sample k of AI and CI is latched at edge k; sample k of AO
+is generated at edge k and stays until the next.
+
+Pause triggers: a task with a sample clock of its own takes no sample while a digital terminal is at a level.
+
+A counter output's pulses, a line of a port that shares its pin with the terminal, and nothing at all, which is low, can
+be on it. The clock goes on by whole samples: what is left out is left out.
+
+Reference triggers: a finite acquisition that keeps samples from before an edge and ends a set number after it.
+
+The input buffer drops its oldest samples until the edge has come; nothing can be read before the last posttrigger
+sample has been acquired, as with the driver.
 """
 
 from __future__ import annotations
@@ -16,14 +32,124 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
+from rig.simulated.device.tdms_log import LOG
 from rig.simulated.device.watchdog import check_watchdogs
-from rig.simulated.status import DaqStatusError
-from rig.simulated.timing.engine import engine_of
-from rig.simulated.timing.sample_clock import pass_edges
-from rig.simulated.timing.triggers import check_triggers, edges_to_trigger, watches
+from rig.simulated.signals import analog_reading, edges_passed, latch, level_on, set_clocked_lines, set_outputs
+from rig.simulated.status import Code, DaqStatusError
+from rig.simulated.timing.engine import Engine, check_triggers, edges_to_trigger, engine_of, load_pulses, watches
+
+
+def paused(device: DeviceState, task: SimulatedTask, edge: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return whether a task pauses at each edge (n,) of the bench."""
+    return level_on(device, task.triggers.pause, edge) == task.triggers.pause_high
+
+
+def ticks_to_acquire(
+    device: DeviceState, task: SimulatedTask, edge: NDArray[np.int64], values: NDArray[np.float64]
+) -> int:
+    """Return how many of the next ticks, on these edges of the bench (n,), still belong to the acquisition.
+
+    ``values``, (n, channels), are what the task would acquire. An edge of the trigger counts only after all pretrigger
+    samples have been acquired. The first sample behind it is the first posttrigger sample.
+    """
+    progress, triggers = task.progress, task.triggers
+    if task.timing.clock is None or task.buffer is None or not edge.size:
+        return 0
+    if progress.reference_end is None:
+        index = task.buffer.acquired + np.arange(edge.size)
+        comparator = progress.comparator
+        if comparator is None:
+            passed = edges_passed(device, triggers.reference, edge)
+        else:
+            passed = progress.crossings + comparator.crossings(values[:, 0])
+            progress.crossings = int(passed[-1])
+        armed = index >= triggers.pretrigger_samples
+        if progress.reference_edges is None and armed.any():
+            progress.reference_edges = int(passed[armed][0])
+        posttrigger = armed & (passed > (progress.reference_edges or 0))
+        if not posttrigger.any():
+            return edge.size
+        first = int(index[posttrigger][0])
+        progress.reference_end = first + task.timing.clock.samples - triggers.pretrigger_samples
+    return int(min(edge.size, max(progress.reference_end - task.buffer.acquired, 0)))
+
+
+def pass_edges(device: DeviceState, n: int) -> None:
+    """Let n edges of the bench pass."""
+    bench, edge = device.bench, device.bench.edge
+    clocked = [
+        (task, engine)
+        for task in device.tasks.values()
+        if task.progress.live and task.type != "CO" and (engine := engine_of(device, task)) is not None
+    ]
+    command_v = np.full(n, device.output_v.get(device.motor, 0.0))
+    device.line_history.clear()
+    for task, engine in clocked:
+        if task.type in ("AO", "DO"):
+            _generate(device, task, engine, command_v)
+    at_s = (edge + np.arange(n)) / bench.rate_hz
+    bench.set_motor_volts(command_v)
+    cell, quarter = bench.step(command_v if device.drive_enabled() else np.zeros(n))
+    cell, quarter = device.faults.change(device.trial, at_s, cell, quarter)
+    for task, engine in clocked:
+        if task.buffer is None:
+            continue
+        first, last = _ticks(task, engine, edge, n)
+        if not task.triggers.pause:
+            last = min(last, first + int(min(task.samples_remaining, last - first)))
+        rows = np.clip(engine.edges(first, last) - edge, 0, n - 1)
+        if task.triggers.pause:
+            rows = rows[~paused(device, task, edge + rows)]
+            rows = rows[: int(min(task.samples_remaining, rows.size))]
+        if not rows.size:
+            continue
+        values = latch(device, task, cell[rows], quarter[rows], edge + rows)
+        if task.triggers.referenced:
+            values = values[: ticks_to_acquire(device, task, edge + rows, values)]
+        if values.size:
+            task.buffer.put(values)
+        if task.log is not None and task.logging.mode == LOG:
+            task.log.write(task.buffer.take(task.buffer.available))
+    for task in device.tasks.values():
+        if watches(task) and (comparator := task.progress.comparator) is not None:
+            reading = analog_reading(device, task, task.channels[0], cell, edge + np.arange(n))
+            task.progress.triggered = task.progress.triggered or bool(comparator.crossings(reading)[-1])
+    for task in device.tasks.values():
+        if task.type == "CO" and task.progress.live and task.pulses.written is not None:
+            load_pulses(device, task, edge, n)
+    for task in device.tasks.values():
+        if task.type == "CO" and task.progress.live and bench.now_s >= task.pulses.end_s:
+            task.pulses.finished = True
+
+
+def _ticks(task: SimulatedTask, engine: Engine, edge: int, n: int) -> tuple[int, int]:
+    first = task.progress.first_tick
+    return max(engine.passed(edge), first), max(engine.passed(edge + n), first)
+
+
+def _generate(device: DeviceState, task: SimulatedTask, engine: Engine, command_v: NDArray[np.float64]) -> None:
+    """Generate the samples of the next edges; those of the motor's channel go into ``command_v``, (n,)."""
+    edge, n = device.bench.edge, command_v.size
+    first, last = _ticks(task, engine, edge, n)
+    at = engine.edges(first, last) - edge
+    if task.triggers.pause:
+        at = at[~paused(device, task, edge + at)]
+    rows = task.generate(at.size)
+    if not rows.shape[0]:
+        return
+    at = at[: rows.shape[0]]
+    if task.type == "DO":
+        set_clocked_lines(device, task, rows, at, n)
+        return
+    set_outputs(device, task, rows[-1])
+    for column, channel in enumerate(task.channels):
+        if channel.physical.name == device.motor:
+            last_row = np.searchsorted(at, np.arange(n), side="right") - 1
+            reached = last_row >= 0
+            command_v[reached] = rows[last_row[reached], column]
+
 
 STRETCH_S = 0.02
 POLL_S = 0.01
@@ -181,7 +307,7 @@ def write_as_room_comes(
             output.samples = np.concatenate((output.samples, values[written : written + room]))
             written = min(written + room, values.shape[0])
         elif allowed <= 0 or task.state != "running":
-            raise DaqStatusError(status.NOT_YET_WRITTEN, f"Task: {task.name}", samples_written=written)
+            raise DaqStatusError(Code.SAMPLES_CAN_NOT_YET_BE_WRITTEN, f"Task: {task.name}", samples_written=written)
         else:
             step = min(edges_in(device, POLL_S), allowed)
             if not advance(device, step):

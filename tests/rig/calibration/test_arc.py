@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rig
-from rig.calibration.arc import Arc, fit_arc, read_plateaus, there_and_back, with_what_was_known
+from rig.calibration import Arc, fit_arc, read_plateaus, there_and_back, with_what_was_known
 from rig.simulated.backend import DEFAULT_BENCH
 from tests.command_line import run
 

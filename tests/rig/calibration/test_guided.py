@@ -8,9 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.calibration.guided import STANDARD_GRAVITY, dead_weights, null, shunt
-from rig.calibration.line_fit import fit_line
-from rig.calibration.rig_text import changed
+from rig.calibration import STANDARD_GRAVITY, changed, dead_weights, fit_line, null, shunt
 from rig.configuration.rig_file import load_rig, parse_rig
 from rig.errors import InputError
 from tests.command_line import run

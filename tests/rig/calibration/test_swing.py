@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import rig
-from rig.calibration.swing import friction_of_swing, read_swing
+from rig.calibration import friction_of_swing, read_swing
 from rig.simulated.backend import DEFAULT_BENCH
-from rig.simulated.bench.swing_plant import SwingPlant
+from rig.simulated.bench.single_body import SwingPlant
 
 RATE_HZ = 5000.0
 
@@ -67,7 +67,7 @@ def test_the_specimens_joint_is_found_on_the_bench(body: str, seed: int) -> None
 
 
 def test_a_body_that_is_not_let_go_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rig.calibration.swing.LONGEST_S", 6.0)
+    monkeypatch.setattr("rig.calibration.LONGEST_SWING_S", 6.0)
     config = rig.load_rig("virtual").config
     bench = rig.open_backend(f"sim://?bench={DEFAULT_BENCH.as_posix()}", config)
     with pytest.raises(rig.RigInputError, match="the hammer did not swing within 6 s"):

@@ -12,7 +12,7 @@ from rig.configuration.rig_file import load_rig
 from rig.daq import NidaqmxBackend, call_delay, open_backend
 from rig.errors import DeviceNotFound, HardwareFault, InputError, NotSupported, ReadTimeout, SamplesLost
 from rig.simulated.rpc.tcp_server import serve
-from rig.simulated.signals.pulses import pulse_train
+from rig.simulated.signals import pulse_train
 from rig.simulated.status import NotImplementedByDevice
 from rig.simulated.timing.wait import advance
 

@@ -17,7 +17,7 @@ from rig.errors import (
     SamplesLost,
 )
 from rig.simulated.device.watchdog import check_watchdogs
-from rig.simulated.driver.tasks import stop_task
+from rig.simulated.driver import stop_task
 from rig.simulated.status import DaqStatusError
 from rig.simulated.timing.wait import advance
 

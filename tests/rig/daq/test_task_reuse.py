@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rig.errors import SamplesLost
-from rig.simulated.driver.tasks import clear_task
+from rig.simulated.driver import clear_task
 from rig.simulated.status import DaqStatusError, ServerGone
 
 

@@ -12,7 +12,7 @@ import model
 import rig
 from model.calibration import damping_factor, fit_felt, read_curve
 from model.derived.load import law_alone
-from rig.calibration.rig_text import changed
+from rig.calibration import changed
 from rig.felt.press_curve import press_curve
 from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.felt_plant import felt_law

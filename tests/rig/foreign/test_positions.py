@@ -12,12 +12,11 @@ from rig.configuration.channels import ChannelConfig
 from rig.errors import InputError, RigInputError
 from rig.foreign.export import columns
 from rig.foreign.mapping import load_mapping, parse_mapping
-from rig.foreign.position_strokes import cut_strokes
+from rig.foreign.position_import import cut_strokes
 from rig.foreign.session_import import import_session
 from rig.session import Session
-from rig.session.channel_info import ChannelInfo
+from rig.session.channel_info import ChannelInfo, RulerInfo
 from rig.session.ruler import ABOVE, BELOW, position_of, ruler_curve
-from rig.session.ruler_info import RulerInfo
 from tests.command_line import run
 from validation.positions.measured import measure_positions
 

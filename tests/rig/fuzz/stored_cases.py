@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from rig.backend import Block, Timing
-from rig.configuration.motor_command import MotorCommand
+from rig.configuration.profile import MotorCommand
 from rig.configuration.rig_file import load_rig
 from rig.foreign.reading import read_channels
 from rig.session import Session

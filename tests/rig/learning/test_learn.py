@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 
 from rig.backend import Timing
-from rig.configuration.motor_command import motor_command
-from rig.configuration.profile import Profile, parse_profile
+from rig.configuration.profile import Profile, motor_command, parse_profile
 from rig.errors import InputError
-from rig.learning import learn, make_target
-from rig.learning.correction import within_limits
-from rig.learning.learner import key_points, profile_of
-from rig.learning.target import key_bottom
+from rig.learning import key_bottom, key_points, learn, make_target, profile_of, within_limits
 from rig.session.journal.trial_head import TrialHead
 from rig.session.trial_data import TrialData
 

@@ -10,8 +10,8 @@ from rig.errors import HardwareFault, InputError, RecordingFault
 from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.session import Session
-from rig.session.frame_clock import FrameClock
 from rig.session.journal.format import block_payload, read_journal
+from rig.session.journal.trial_head import FrameClock
 from rig.simulated.backend import CAMERA_CLOCK_ERROR
 from rig.simulated.device.fault_injection import FaultPlan, parse_faults
 

@@ -22,7 +22,7 @@ from rig.recording.recover import recover_session
 from rig.session import Session
 from rig.simulated.device.fault_injection import FaultPlan
 from rig.simulated.device.watchdog import check_watchdogs
-from rig.simulated.driver.tasks import reset_device
+from rig.simulated.driver import reset_device
 from rig.simulated.status import DaqStatusError, ServerGone
 
 KEYBOARD = 0

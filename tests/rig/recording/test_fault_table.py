@@ -25,7 +25,7 @@ from rig.session.journal.writer import JournalWriter
 from rig.simulated.backend import SimulatedBackend
 from rig.simulated.device.fault_injection import FaultPlan, parse_faults
 from rig.simulated.device.watchdog import check_watchdogs
-from rig.simulated.driver.tasks import reset_device
+from rig.simulated.driver import reset_device
 
 COUNTED = (('mode = "pulses"', 'mode = "counted"'), ('terminal = "/cDAQ1Mod4/PFI4"', 'terminal = "/cDAQ1Mod4/PFI0"'))
 FULL_BLOCK = 20

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rig.backend import Block
-from rig.recording.feed import BlockFeed
+from rig.recording.options import BlockFeed
 
 
 def test_a_viewer_that_sleeps_loses_the_oldest_blocks_only() -> None:

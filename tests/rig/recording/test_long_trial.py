@@ -13,7 +13,7 @@ import pytest
 from rig.backend import Backend, Block, Capabilities, Timing
 from rig.configuration.profile import parse_profile
 from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
-from rig.recording.progress import Progress
+from rig.recording.options import Progress
 from rig.recording.recorder import record_session
 from rig.session import Session
 from rig.session.journal.live_reader import SessionFollower

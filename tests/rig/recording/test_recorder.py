@@ -13,7 +13,7 @@ from nidaqmx.errors import DaqError
 
 from rig.configuration.profile import parse_profile
 from rig.errors import HardwareFault, InputError, LimitExceeded, RecordingFault, RigError, SamplesLost
-from rig.recording.feed import BlockFeed
+from rig.recording.options import BlockFeed
 from rig.recording.recorder import record_session
 from rig.session import Session
 from rig.simulated.status import DaqStatusError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig.recording.rest_detector import RestDetector
+from rig.recording.trial_run import RestDetector
 
 
 def ends(force: np.ndarray, count: np.ndarray, block: int = 100) -> int | None:

@@ -10,8 +10,7 @@ import pytest
 from rig.backend import Block, Timing
 from rig.configuration.rig_file import RigConfig, load_rig
 from rig.errors import LimitExceeded
-from rig.safety.interlocks import Interlocks
-from rig.safety.limit_use import LimitUse, LimitWatch
+from rig.safety.interlocks import Interlocks, LimitUse, LimitWatch
 from rig.session import Session, TrialData
 
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig.selftest.edge import fit_edge, without_hum
-from rig.selftest.step_response import push_response, push_train
+from rig.selftest.run import fit_edge, push_response, push_train, without_hum
 
 RATE = 5000.0
 AT = 10.03

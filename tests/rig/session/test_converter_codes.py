@@ -8,8 +8,7 @@ import h5py
 import numpy as np
 
 from rig.session import ForceInfo
-from rig.session.converter_codes import NO_CODE, force_codes
-from rig.session.trial_file import read_trial, write_trial
+from rig.session.trial_file import NO_CODE, force_codes, read_trial, write_trial
 from tests.rig.session.test_trial_file import FORCE, trial
 
 STEP = 2 * 0.025 / 2**24

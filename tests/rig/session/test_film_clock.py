@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from rig.errors import InputError
-from rig.session.film_clock import frame_times
-from rig.session.film_record import FilmRecord, write_record
+from rig.session.film_record import FilmRecord, frame_times, write_record
 from rig.session.trial_data import CameraInfo
 
 CLOCK = CameraInfo(2000.0, 0.0123, 1e-4, 500, 2e-6)

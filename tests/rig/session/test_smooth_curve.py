@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from rig.session.ruler import position_of
-from rig.session.ruler_info import RulerInfo
-from rig.session.smooth_curve import fit_smooth
+from rig.session.channel_info import RulerInfo
+from rig.session.ruler import fit_smooth, position_of
 
 POINTS_M = np.linspace(0.0, 0.010, 11)
 TRUE_M = np.linspace(0.0005, 0.0095, 50)

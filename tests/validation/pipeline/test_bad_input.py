@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rig.session import Session
-from rig.session.hdf5_content import Content
+from rig.session.trial_file import Content
 from validation import compare_session
 from validation.errors import InputError
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import model
+from rig.session.channel_info import RulerInfo
 from rig.session.ruler import Position
-from rig.session.ruler_info import RulerInfo
 from validation.positions.driven import hammer_reading
 from validation.positions.identify import of_model, of_null
 from validation.positions.measured import Measured, Stroke

@@ -4,18 +4,40 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from rig.simulated import daqmx, status
+from rig.simulated import daqmx
 from rig.simulated.device.scales import scale_of
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.driver.configuration import add_channels, add_lines
-from rig.simulated.rpc.calls.counter_inputs import COUNTER_INPUT_CALLS
-from rig.simulated.rpc.calls.counter_outputs import COUNTER_OUTPUT_CALLS
-from rig.simulated.rpc.calls.temperatures import ai_thermocouple
-from rig.simulated.rpc.handlers import TaskHandler
-from rig.simulated.rpc.messages import enum
-from rig.simulated.signals.input_readings import NEWTON_IN
-from rig.simulated.status import DaqStatusError, one_of
+from rig.simulated.device.thermocouples import PER_CELSIUS, E, J, K, T, ThermocoupleScale
+from rig.simulated.driver import add_channels, add_lines
+from rig.simulated.rpc.calls.counters import COUNTER_INPUT_CALLS, COUNTER_OUTPUT_CALLS
+from rig.simulated.rpc.messages import TaskHandler, enum
+from rig.simulated.signals import NEWTON_IN
+from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice, one_of
+
+BUILT_IN, CONSTANT = 10200, 10116
+THERMOCOUPLE = 10303
+MOST_V = 0.1
+"""No thermocouple gives more."""
+
+
+def ai_thermocouple(device: DeviceState, task: SimulatedTask, request: Any) -> None:
+    """AI temperature of a thermocouple, the cold junction at a constant temperature, deg C."""
+    if request.min_val >= request.max_val:
+        raise DaqStatusError(Code.MIN_NOT_LESS_THAN_MAX, f"{request.min_val:g} to {request.max_val:g}")
+    units, kind, source = (enum(request, field) for field in ("units", "thermocouple_type", "cjc_source"))
+    one_of(units, tuple(PER_CELSIUS), "Units")
+    if source == BUILT_IN:
+        raise DaqStatusError(Code.BUILT_IN_CJC_SRC_NOT_SUPPORTED, request.physical_channel)
+    if source != CONSTANT or kind not in (J, K, T, E):
+        raise NotImplementedByDevice(f"thermocouple of type {kind} with cold junction {source}")
+    scale = ThermocoupleScale(kind, request.cjc_val, units)
+    add_channels(
+        device, task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
+        min_val=-MOST_V, max_val=MOST_V, type=THERMOCOUPLE, scale=scale, units=units,
+        thermocouple_type=kind, cjc_source=source, cjc_val=request.cjc_val,
+    )  # fmt: skip
+
 
 INTERNAL_EXCITATION = 10200
 RTD, VOLTAGE_WITH_EXCITATION = 10301, 10323
@@ -39,13 +61,13 @@ def force_bridge_two_point(device: DeviceState, task: SimulatedTask, request: An
     e0, e1 = request.first_electrical_val, request.second_electrical_val
     p0, p1 = request.first_physical_val, request.second_physical_val
     if e0 == e1 or p0 == p1:
-        raise DaqStatusError(status.INVALID_VALUE, "Two-point scaling with equal points")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, "Two-point scaling with equal points")
     scale = NEWTON_IN[units] / NEWTON_IN[physical]
     per_mv = 1e-3 if electrical == daqmx.VOLTS_PER_VOLT else 1.0
     for limit in (request.min_val, request.max_val):
         reading = (e0 + (limit * scale - p0) * (e1 - e0) / (p1 - p0)) / per_mv
         if product.bridge_range_mv_per_v and abs(reading) > product.bridge_range_mv_per_v * (1 + 1e-9):
-            raise DaqStatusError(status.INVALID_VALUE, f"Limit {limit:g} needs {reading:.4g} mV/V of the input")
+            raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Limit {limit:g} needs {reading:.4g} mV/V of the input")
     _increasing(request)
     add_channels(
         device, task, "AI", "bridge", request.physical_channel, request.name_to_assign_to_channel,
@@ -57,7 +79,7 @@ def force_bridge_two_point(device: DeviceState, task: SimulatedTask, request: An
 
 def _increasing(request: Any) -> None:
     if request.min_val >= request.max_val:
-        raise DaqStatusError(status.MIN_NOT_LESS_THAN_MAX, f"{request.min_val:g} to {request.max_val:g}")
+        raise DaqStatusError(Code.MIN_NOT_LESS_THAN_MAX, f"{request.min_val:g} to {request.max_val:g}")
 
 
 def _scaling(device: DeviceState, request: Any) -> tuple[dict[str, Any], float, float]:
@@ -66,7 +88,7 @@ def _scaling(device: DeviceState, request: Any) -> tuple[dict[str, Any], float, 
     one_of(units, (daqmx.VOLTS, daqmx.FROM_CUSTOM_SCALE), "Units")
     if units == daqmx.VOLTS:
         if request.custom_scale_name:
-            raise DaqStatusError(status.UNITS_NOT_SCALED, f"Scale: {request.custom_scale_name}")
+            raise DaqStatusError(Code.UNITS_NOT_FROM_CUSTOM_SCALE, f"Scale: {request.custom_scale_name}")
         return {}, request.min_val, request.max_val
     scale = scale_of(device.scales, request.custom_scale_name, (daqmx.VOLTS,))
     low_v, high_v = sorted(float(v) for v in scale.prescaled([request.min_val, request.max_val]))
@@ -90,7 +112,7 @@ def ai_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     for channel in task.channels[before:]:
         paired = int(channel.physical.resource.removeprefix("ai")) in owner.product.differential
         if wanted == DIFFERENTIAL and not paired:
-            raise DaqStatusError(status.INVALID_VALUE, f"{channel.physical.name} has no differential input")
+            raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"{channel.physical.name} has no differential input")
         channel.settings["terminal_config"] = (DIFFERENTIAL if paired else RSE) if wanted == DEFAULT else wanted
 
 
@@ -114,7 +136,7 @@ def ao_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     scaling, low_v, high_v = _scaling(device, request)
     reach = device.inventory.of(request.physical_channel).product.ao_range_v
     if not -reach <= low_v < high_v <= reach:
-        raise DaqStatusError(status.INVALID_VALUE, f"Output limits {low_v:g} to {high_v:g} V")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Output limits {low_v:g} to {high_v:g} V")
     add_channels(
         device, task, "AO", "voltage_out", request.physical_channel, request.name_to_assign_to_channel,
         min_val=low_v, max_val=high_v, **scaling,

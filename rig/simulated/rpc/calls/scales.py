@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 from nidaqmx.constants import UnitsPreScaled
 
-from rig.simulated import daqmx, status
+from rig.simulated import daqmx
 from rig.simulated.device.scales import LINEAR, MAP, POLYNOMIAL, TABLE, CustomScale, find_scale
 from rig.simulated.device.state import DeviceState
-from rig.simulated.rpc.handlers import DeviceHandler, Fields
-from rig.simulated.rpc.messages import CALLS, attribute_fields, attribute_value, enum, property_number
-from rig.simulated.status import DaqStatusError, one_of
+from rig.simulated.rpc.messages import DeviceHandler, Fields, Key, Properties, enum, property_number
+from rig.simulated.status import Code, DaqStatusError, one_of
 
 _FIELDS: dict[str, tuple[int, dict[str, str]]] = {
     "CreateLinScale": (LINEAR, {"slope": "LIN_SLOPE", "y_intercept": "LIN_Y_INTERCEPT"}),
@@ -35,9 +34,14 @@ _FIELDS: dict[str, tuple[int, dict[str, str]]] = {
 UNITS = tuple(unit.value for unit in UnitsPreScaled)
 """Units of what a scale can be given; a channel takes those of what it measures."""
 _NAMES = {property_number("Scale", name): name for _, fields in _FIELDS.values() for name in fields.values()}
-_TYPE, _DESCRIPTION, _UNITS, _PRESCALED_UNITS = (
-    property_number("Scale", name) for name in ("TYPE", "DESCR", "SCALED_UNITS", "PRE_SCALED_UNITS")
-)
+_TYPE, _PRESCALED_UNITS = property_number("Scale", "TYPE"), property_number("Scale", "PRE_SCALED_UNITS")
+_OWN = {
+    _TYPE: "type",
+    property_number("Scale", "DESCR"): "description",
+    property_number("Scale", "SCALED_UNITS"): "scaled_units",
+    _PRESCALED_UNITS: "prescaled_units",
+}
+"""What every scale has, by the field of :class:`CustomScale`."""
 
 
 def _create(call: str) -> DeviceHandler:
@@ -45,7 +49,7 @@ def _create(call: str) -> DeviceHandler:
 
     def create(device: DeviceState, request: Any) -> None:
         if not request.name.strip():
-            raise DaqStatusError(status.INVALID_VALUE, "a scale needs a name")
+            raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, "a scale needs a name")
         one_of(enum(request, "pre_scaled_units") or daqmx.VOLTS, UNITS, "Pre-scaled units")
         values = {name: _plain(getattr(request, field)) for field, name in fields.items()}
         scale = CustomScale(
@@ -61,31 +65,21 @@ def _plain(value: Any) -> Any:
     return float(value) if isinstance(value, (int, float)) else [float(one) for one in value]
 
 
-def _get(call: str) -> DeviceHandler:
-    def get(device: DeviceState, request: Any) -> Fields:
-        scale, number = find_scale(device.scales, request.scale_name), enum(request, "attribute")
-        own = {
-            _TYPE: scale.type, _DESCRIPTION: scale.description, _UNITS: scale.scaled_units,
-            _PRESCALED_UNITS: scale.prescaled_units,
-        }  # fmt: skip
-        value = own[number] if number in own else scale.values.get(_NAMES.get(number, ""))
-        if value is None:
-            raise DaqStatusError(status.NOT_OF_THIS_SCALE, f"Property: 0x{number:04X} of {scale.name}")
-        return attribute_fields(call, value)
-
-    return get
+def _get(device: DeviceState, request: Any, key: Key) -> Any:
+    scale, number = find_scale(device.scales, request.scale_name), key[1]
+    if number in _OWN:
+        return getattr(scale, _OWN[number])
+    if (value := scale.values.get(_NAMES.get(number, ""))) is None:
+        raise DaqStatusError(Code.PROPERTY_NOT_SUPPORTED_FOR_SCALE_TYPE, f"Property: 0x{number:04X} of {scale.name}")
+    return value
 
 
-def _set(device: DeviceState, request: Any) -> None:
-    scale, number = find_scale(device.scales, request.scale_name), enum(request, "attribute")
-    value = attribute_value(request)
-    if number == _DESCRIPTION:
-        scale.description = value
-    elif number == _UNITS:
-        scale.scaled_units = value
-    elif number == _PRESCALED_UNITS:
-        one_of(value, UNITS, "Pre-scaled units")
-        scale.prescaled_units = value
+def _put(device: DeviceState, request: Any, key: Key, value: Any) -> None:
+    scale, number = find_scale(device.scales, request.scale_name), key[1]
+    if number in _OWN and number != _TYPE:
+        if number == _PRESCALED_UNITS:
+            one_of(value, UNITS, "Pre-scaled units")
+        setattr(scale, _OWN[number], value)
     elif (name := _NAMES.get(number, "")) in scale.values:
         before = scale.values[name]
         scale.values[name] = _plain(value)
@@ -95,7 +89,7 @@ def _set(device: DeviceState, request: Any) -> None:
             scale.values[name] = before
             raise
     else:
-        raise DaqStatusError(status.NOT_OF_THIS_SCALE, f"Property: 0x{number:04X} of {scale.name}")
+        raise DaqStatusError(Code.PROPERTY_NOT_SUPPORTED_FOR_SCALE_TYPE, f"Property: 0x{number:04X} of {scale.name}")
 
 
 def _reverse(device: DeviceState, request: Any) -> Fields:
@@ -103,7 +97,7 @@ def _reverse(device: DeviceState, request: Any) -> Fields:
     n = request.num_points_to_compute
     order = len(request.forward_coeffs) - 1 if request.reverse_poly_order < 0 else request.reverse_poly_order
     if not request.forward_coeffs or n <= order or request.min_val_x >= request.max_val_x:
-        raise DaqStatusError(status.INVALID_VALUE, f"{n} points for an inverse of order {order}")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"{n} points for an inverse of order {order}")
     x = np.linspace(request.min_val_x, request.max_val_x, n)
     y = np.polynomial.polynomial.polyval(x, list(request.forward_coeffs))
     return {"reverse_coeffs": np.polynomial.polynomial.polyfit(y, x, order).tolist()}
@@ -111,7 +105,6 @@ def _reverse(device: DeviceState, request: Any) -> Fields:
 
 SCALE_CALLS: dict[str, DeviceHandler] = {
     **{call: _create(call) for call in _FIELDS},
-    **{call: _get(call) for call in CALLS if call.startswith("GetScaleAttribute")},
-    **{call: _set for call in CALLS if call.startswith("SetScaleAttribute")},
     "CalculateReversePolyCoeff": _reverse,
 }
+SCALE_PROPERTIES = Properties(_get, _put)

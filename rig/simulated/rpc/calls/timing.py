@@ -6,13 +6,12 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from rig.simulated import daqmx, status
+from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SampleClock, SimulatedTask, Timing
-from rig.simulated.driver.configuration import configure_clock
-from rig.simulated.rpc.handlers import TaskHandler
-from rig.simulated.rpc.messages import enum, property_number
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+from rig.simulated.driver import configure_clock
+from rig.simulated.rpc.messages import TaskHandler, enum, property_number
+from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice, Unsupported
 
 SHAPES = {"analog edge": "ANLG_EDGE", "analog window": "ANLG_WIN"}
 FIELDS: dict[str, dict[str, Callable[[Any], Any]]] = {
@@ -42,32 +41,32 @@ def _sample_clock(device: DeviceState, task: SimulatedTask, request: Any) -> Non
 def _implicit(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     samples, mode = int(request.samps_per_chan), enum(request, "sample_mode")
     if task.type not in ("CI", "CO") or (task.type == "CI" and "decoding_type" in task.channels[0].settings):
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: implicit timing")
+        raise Unsupported(f"Task: {task.name}: implicit timing")
     task.refuse_while_running()
     if samples < 1 or mode not in (daqmx.FINITE, daqmx.CONTINUOUS):
-        raise DaqStatusError(status.INVALID_VALUE, f"Samples per channel {samples}, sample mode {mode}")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Samples per channel {samples}, sample mode {mode}")
     if task.type == "CO":
         task.pulses.count = samples if mode == daqmx.FINITE else None
         return
     if task.measures == daqmx.EDGES:
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: edges are counted by a sample clock")
+        raise Unsupported(f"Task: {task.name}: edges are counted by a sample clock")
     task.timing = Timing(SampleClock(UNKNOWN_RATE_HZ, "", mode, samples), implicit=True)
 
 
 def _change_detection(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     if task.type != "DI" or not device.inventory.of(task.channels[0].physical.name).product.change_detection:
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: change detection")
+        raise Unsupported(f"Task: {task.name}: change detection")
     named = [text for text in (request.rising_edge_chan, request.falling_edge_chan) if text]
     lines = [line for text in named for line in device.inventory.lines(text)]
     if not lines or any(line.kind != "line" for line in lines):
-        raise DaqStatusError(status.INVALID_VALUE, "Change detection needs lines that support it")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, "Change detection needs lines that support it")
     clock = SampleClock(1.0, "", enum(request, "sample_mode"), max(int(request.samps_per_chan), 1))
     task.timing = Timing(clock, change_lines=frozenset(line.name for line in lines))
 
 
 def _start_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     if task.type == "CI":
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: counters are armed, not started")
+        raise Unsupported(f"Task: {task.name}: counters are armed, not started")
     terminal = device.inventory.terminal(request.trigger_source)
     forget_trigger(task, "start trigger")
     task.triggers.start = terminal
@@ -96,7 +95,7 @@ def _unsimulated(which: str, kind: str) -> TaskHandler:
     def configure(device: DeviceState, task: SimulatedTask, request: Any) -> None:
         task.refuse_while_running()
         if which == "reference trigger" and task.type != "AI":
-            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: reference trigger")
+            raise Unsupported(f"Task: {task.name}: reference trigger")
         if kind not in SHAPES:
             forget_trigger(task, which)
             task.unsimulated[which] = kind
@@ -120,15 +119,11 @@ def forget_trigger(task: SimulatedTask, which: str) -> None:
     task.triggers.forget(which)
 
 
-def _no_start_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    forget_trigger(task, "start trigger")
-
-
 def _reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     if task.type != "AI" or task.timing.clock is None or not task.timing.finite:
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: reference trigger")
+        raise Unsupported(f"Task: {task.name}: reference trigger")
     if not 2 <= request.pretrigger_samples < task.timing.clock.samples - 1:
-        raise DaqStatusError(status.INVALID_VALUE, f"Pretrigger samples {request.pretrigger_samples}")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Pretrigger samples {request.pretrigger_samples}")
     forget_trigger(task, "reference trigger")
     apfi = re.fullmatch(r"(/\w+/)?(APFI[01])", request.trigger_source)
     if apfi and device.inventory.of(request.trigger_source).product.apfi:
@@ -147,17 +142,6 @@ def _reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -
     _keep_pretrigger(task, request)
 
 
-def _no_reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    forget_trigger(task, "reference trigger")
-
-
-def _buffer(number: int) -> TaskHandler:
-    def configure(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-        task.properties["Buffer", "", number] = int(request.num_samps_per_chan)
-
-    return configure
-
-
 def _export(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     signal = SIGNALS.get(enum(request, "signal_id"))
     if signal is None or task.type not in ("AI", "AO", "DI", "DO"):
@@ -166,7 +150,7 @@ def _export(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     owner = device.inventory.of(task.channels[0].physical.name)
     source = device.inventory.known_as(owner, f"{str(task.type).lower()}/{signal}")
     if device.exports.get(target, source) != source or device.reservations.is_reserved(f"PFI {target}"):
-        raise DaqStatusError(status.ROUTE_IN_USE, f"Terminal: {request.output_terminal!r}")
+        raise DaqStatusError(Code.RESOURCES_IN_USE_FOR_ROUTE_ROUTING, f"Terminal: {request.output_terminal!r}")
     device.exports[target] = source
     task.exported.add(target)
 
@@ -176,9 +160,9 @@ TIMING_CALLS: dict[str, TaskHandler] = {
     "CfgImplicitTiming": _implicit,
     "CfgChangeDetectionTiming": _change_detection,
     "CfgDigEdgeStartTrig": _start_trigger,
-    "DisableStartTrig": _no_start_trigger,
+    "DisableStartTrig": lambda device, task, request: forget_trigger(task, "start trigger"),
     "CfgDigEdgeRefTrig": _reference_trigger,
-    "DisableRefTrig": _no_reference_trigger,
+    "DisableRefTrig": lambda device, task, request: forget_trigger(task, "reference trigger"),
     **{
         f"Cfg{kind}{end}": _unsimulated(which, words)
         for kind, words in (
@@ -189,7 +173,11 @@ TIMING_CALLS: dict[str, TaskHandler] = {
         )
         for end, which in (("StartTrig", "start trigger"), ("RefTrig", "reference trigger"))
     },
-    "CfgInputBuffer": _buffer(daqmx.BUF_INPUT_BUF_SIZE),
-    "CfgOutputBuffer": _buffer(daqmx.BUF_OUTPUT_BUF_SIZE),
+    "CfgInputBuffer": lambda device, task, request: task.properties.update(
+        {("Buffer", "", daqmx.BUF_INPUT_BUF_SIZE): int(request.num_samps_per_chan)}
+    ),
+    "CfgOutputBuffer": lambda device, task, request: task.properties.update(
+        {("Buffer", "", daqmx.BUF_OUTPUT_BUF_SIZE): int(request.num_samps_per_chan)}
+    ),
     "ExportSignal": _export,
 }

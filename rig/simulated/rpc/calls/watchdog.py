@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from rig.simulated import daqmx, status
-from rig.simulated.device.state import DeviceState, WatchdogTimer
+from rig.simulated import daqmx
+from rig.simulated.device.state import DeviceState
 from rig.simulated.device.watchdog import (
     control_watchdog,
     refuse_bad_timer,
@@ -13,13 +13,11 @@ from rig.simulated.device.watchdog import (
     set_expiration_volts,
     watchdog_timer,
 )
-from rig.simulated.driver.tasks import create_watchdog_task
+from rig.simulated.driver import create_watchdog_task
 from rig.simulated.product.inventory import channel_names
 from rig.simulated.rpc.calls.device import refuse_other_device
-from rig.simulated.rpc.handlers import DeviceHandler, Fields
-from rig.simulated.rpc.messages import CALLS, attribute_fields, attribute_value, enum, property_number
-from rig.simulated.rpc.task_sessions import open_session
-from rig.simulated.status import DaqStatusError
+from rig.simulated.rpc.messages import DeviceHandler, Fields, Key, Properties, enum, open_session, property_number
+from rig.simulated.status import Code, DaqStatusError, Unsupported
 
 DEFAULT_TIMEOUT_S = 10.0
 TIMEOUT = property_number("Watchdog", "TIMEOUT")
@@ -42,7 +40,7 @@ def _create(device: DeviceState, request: Any) -> Fields:
 def _states(request: Any, *arrays: Any) -> Any:
     names = channel_names(request.channel_names)
     if any(len(array) != len(names) for array in arrays):
-        raise DaqStatusError(status.INVALID_VALUE, f"Expiration states for {len(names)} channels")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Expiration states for {len(names)} channels")
     return zip(names, *arrays, strict=True)
 
 
@@ -58,78 +56,45 @@ def _digital_states(device: DeviceState, request: Any) -> None:
         set_expiration_level(device, timer, line, level)
 
 
-def _control(device: DeviceState, request: Any) -> None:
-    control_watchdog(device, watchdog_timer(device, request.task.name), enum(request, "action"))
+def _get(device: DeviceState, request: Any, key: Key) -> Any:
+    timer, number = watchdog_timer(device, request.task.name), key[1]
+    if number == TIMEOUT:
+        return timer.timeout_s
+    if number == HAS_EXPIRED:
+        if device.tasks[request.task.name].state == "unreserved":
+            code = Code.CANNOT_GET_PROPERTY_WHEN_TASK_NOT_RESERVED_COMMITTED_OR_RUNNING
+            raise DaqStatusError(code, f"Task: {request.task.name}")
+        return timer.expired
+    if number == LINE_STATE:
+        return timer.levels.get(device.inventory.channel(request.lines, "line").name)
+    return timer.settings.get(number, KEPT.get(number))
 
 
-def _property(call: str) -> DeviceHandler:
-    """Return what answers a call for a property of a watchdog task other than whether it has expired."""
-
-    def get(device: DeviceState, request: Any) -> Fields:
-        timer = watchdog_timer(device, request.task.name)
-        number = enum(request, "attribute")
-        if number == TIMEOUT:
-            return attribute_fields(call, timer.timeout_s)
-        if number == LINE_STATE:
-            return attribute_fields(call, _line_state(device, timer, request.lines))
-        if number not in KEPT:
-            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{number:04X} (Watchdog)")
-        return attribute_fields(call, timer.settings.get(number, KEPT[number]))
-
-    return get
-
-
-def _line_state(device: DeviceState, timer: WatchdogTimer, line: str) -> int:
-    name = device.inventory.channel(line, "line").name
-    if name not in timer.levels:
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Physical Channel: {line} has no expiration state")
-    return timer.levels[name]
-
-
-def _set(device: DeviceState, request: Any) -> None:
-    _put(device, request, enum(request, "attribute"), attribute_value(request))
-
-
-def _reset(device: DeviceState, request: Any) -> None:
-    number = enum(request, "attribute")
-    defaults = {**KEPT, TIMEOUT: DEFAULT_TIMEOUT_S, LINE_STATE: daqmx.NO_CHANGE}
-    _put(device, request, number, defaults.get(number))
-
-
-def _put(device: DeviceState, request: Any, number: int, value: Any) -> None:
-    timer = watchdog_timer(device, request.task.name)
+def _put(device: DeviceState, request: Any, key: Key, value: Any) -> None:
+    timer, number = watchdog_timer(device, request.task.name), key[1]
     device.tasks[request.task.name].refuse_while_running()
     if number == TIMEOUT and isinstance(value, int | float):
-        refuse_bad_timer(device.inventory.of(timer.device), timer.name, float(value))
+        refuse_bad_timer(device.inventory.of(timer.device), request.task.name, float(value))
         timer.timeout_s = float(value)
     elif number == LINE_STATE and isinstance(value, int):
         set_expiration_level(device, timer, request.lines, value)
     elif number in KEPT and type(value) is type(KEPT[number]):
         timer.settings[number] = value
     else:
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{number:04X} (Watchdog)")
+        raise Unsupported(f"Property: 0x{number:04X} (Watchdog)")
 
 
-def _expired(device: DeviceState, request: Any) -> Fields:
-    if enum(request, "attribute") != HAS_EXPIRED:
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "Property (Watchdog)")
-    timer = watchdog_timer(device, request.task.name)
-    if device.tasks[request.task.name].state == "unreserved":
-        raise DaqStatusError(status.NOT_WHILE_UNRESERVED, f"Task: {request.task.name}")
-    return {"value": timer.expired}
+def _reset(device: DeviceState, request: Any, key: Key) -> None:
+    defaults = {**KEPT, TIMEOUT: DEFAULT_TIMEOUT_S, LINE_STATE: daqmx.NO_CHANGE}
+    _put(device, request, key, defaults.get(key[1]))
 
 
 WATCHDOG_CALLS: dict[str, DeviceHandler] = {
     "CreateWatchdogTimerTaskEx": _create,
     "CfgWatchdogAOExpirStates": _analog_states,
     "CfgWatchdogDOExpirStates": _digital_states,
-    "ControlWatchdogTask": _control,
-    "GetWatchdogAttributeBool": _expired,
-    **{
-        call: _property(call)
-        for call in CALLS
-        if call.startswith("GetWatchdogAttribute") and call != "GetWatchdogAttributeBool"
-    },
-    **{call: _set for call in CALLS if call.startswith("SetWatchdogAttribute")},
-    "ResetWatchdogAttribute": _reset,
+    "ControlWatchdogTask": lambda device, request: control_watchdog(
+        device, watchdog_timer(device, request.task.name), enum(request, "action")
+    ),
 }
+WATCHDOG_PROPERTIES = Properties(_get, _put, _reset)

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from rig.simulated import daqmx, status
+from rig.simulated import daqmx
 from rig.simulated.device.scales import find_scale
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import Channel, SimulatedTask
 from rig.simulated.product.inventory import channel_names
 from rig.simulated.rpc.messages import property_number
-from rig.simulated.signals.input_samples import latch_now
-from rig.simulated.status import DaqStatusError
+from rig.simulated.signals import latch_now
+from rig.simulated.status import Code, DaqStatusError, Unsupported
 
 CHANNEL_TYPE = {"AI": 10100, "AO": 10102, "DI": 10151, "DO": 10153, "CI": 10131, "CO": 10132}
 CI_TYPE = {
@@ -127,7 +127,7 @@ def _voltage_units(device: DeviceState, task: SimulatedTask, channel: Channel) -
 def set_scale(device: DeviceState, channel: Channel, name: str) -> None:
     """Give a voltage channel another custom scale, or none for an empty name."""
     if not channel.physical.kind.startswith("voltage"):
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"custom scale of {channel.name}")
+        raise Unsupported(f"custom scale of {channel.name}")
     if name:
         channel.settings["scale"] = find_scale(device.scales, name)
     else:
@@ -241,18 +241,18 @@ def set_limit(device: DeviceState, task: SimulatedTask, channel: Channel, attrib
     wanted, limit = LIMITS[attribute]
     if limit == "range_v":
         if task.type != "AI" or channel.physical.kind != "voltage_in" or not np.isfinite(value):
-            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel.name}")
+            raise Unsupported(f"Property: 0x{attribute:04X} of {channel.name}")
         channel.settings["range_v"] = device.inventory.of(channel.physical.name).voltage_range(-abs(value), abs(value))
         return
     if task.type != wanted or channel.physical.kind not in ("voltage_in", "voltage_out"):
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel.name}")
+        raise Unsupported(f"Property: 0x{attribute:04X} of {channel.name}")
     limits = {**channel.settings, limit: float(value)}
     if not np.isfinite(value):
-        raise DaqStatusError(status.INVALID_VALUE, f"Channel: {channel.name}, limit {value:g}")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Channel: {channel.name}, limit {value:g}")
     if wanted == "AI":
         device.inventory.of(channel.physical.name).voltage_range(limits["min_val"], limits["max_val"])
     elif abs(value) > device.inventory.of(channel.physical.name).product.ao_range_v:
-        raise DaqStatusError(status.INVALID_VALUE, f"Channel: {channel.name}, limit {value:g} V")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Channel: {channel.name}, limit {value:g} V")
     channel.settings.update(limits)
 
 
@@ -268,5 +268,5 @@ def find_channels(task: SimulatedTask, name: str) -> list[Channel]:
         if wanted & {"", channel.name, *lines, *(line.rsplit("/", 1)[0] for line in lines)}:
             found.append(channel)
     if not found:
-        raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Channel: {name!r} in task {task.name}")
+        raise DaqStatusError(Code.PHYSICAL_CHAN_DOES_NOT_EXIST, f"Channel: {name!r} in task {task.name}")
     return found

@@ -8,12 +8,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from rig.simulated import daqmx, status
+from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SampleClock, SimulatedTask, Timing
-from rig.simulated.driver.configuration import configure_clock
+from rig.simulated.driver import configure_clock
 from rig.simulated.rpc.messages import property_number
-from rig.simulated.status import DaqStatusError
+from rig.simulated.status import Code, DaqStatusError, Unsupported
 
 IMPLICIT, CHANGE_DETECTION, SAMPLE_CLOCK, ON_DEMAND = 10451, 12504, 10388, 10390
 """Sample timing types."""
@@ -50,9 +50,11 @@ def get_clock(device: DeviceState, task: SimulatedTask, number: int) -> Any:
     if clock is None and task.type in _KINDS:
         clock = _planned(task)
     if clock is None or (task.timing.implicit and field in ("rate_hz", "source")):
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name} has no sample clock")
+        raise Unsupported(f"Task: {task.name} has no sample clock")
     if field == "samples" and clock.samples < FEWEST_SAMPLES and task.type in ("AI", "AO"):
-        raise DaqStatusError(status.INVALID_VALUE, f"Samples per channel {clock.samples}, at least {FEWEST_SAMPLES}")
+        raise DaqStatusError(
+            Code.INVALID_ATTRIBUTE_VALUE, f"Samples per channel {clock.samples}, at least {FEWEST_SAMPLES}"
+        )
     if field != "source":
         return getattr(clock, field)
     if clock.source:
@@ -60,7 +62,7 @@ def get_clock(device: DeviceState, task: SimulatedTask, number: int) -> Any:
     owner = device.inventory.of(task.channels[0].physical.name)
     if owner.product.chassis or task.type not in _KINDS:
         return ""  # on a chassis the driver chooses an engine only when it reserves one
-    return f"/{owner.name}/{_stem(task)}/SampleClockTimebase"
+    return f"/{owner.name}/{str(task.type).lower()}/SampleClockTimebase"
 
 
 def put_clock(device: DeviceState, task: SimulatedTask, number: int, value: Any) -> None:
@@ -79,15 +81,15 @@ def put_clock(device: DeviceState, task: SimulatedTask, number: int, value: Any)
         return
     name = FIELDS[number]
     if name == "samples" and type(value) is int and not 1 <= value < 2**63:
-        raise DaqStatusError(status.INVALID_VALUE, f"Samples per channel {value}")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Samples per channel {value}")
     if clock is None and name == "samples" and task.type in _KINDS and type(value) is int:
         task.properties["Timing", "", number] = value
         return
     if clock is None or task.timing.implicit or type(value) is not type(getattr(clock, name)):
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name} has no sample clock with {name}")
+        raise Unsupported(f"Task: {task.name} has no sample clock with {name}")
     changed = replace(clock, **{name: value})
     if changed.mode not in (daqmx.FINITE, daqmx.CONTINUOUS):
-        raise DaqStatusError(status.INVALID_VALUE, f"Sample mode {changed.mode}")
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Sample mode {changed.mode}")
     configure_clock(device, task, changed.rate_hz, changed.source, changed.mode, changed.samples)
 
 
@@ -131,9 +133,5 @@ def _timebase_hz(device: DeviceState, task: SimulatedTask) -> float:
     return device.inventory.of(task.channels[0].physical.name).product.timebase_hz
 
 
-def _stem(task: SimulatedTask) -> str:
-    return str(task.type).lower()
-
-
-def _refused(task: SimulatedTask, number: int) -> DaqStatusError:
-    return DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{number:04X} (Timing) of {task.name}")
+def _refused(task: SimulatedTask, number: int) -> Unsupported:
+    return Unsupported(f"Property: 0x{number:04X} (Timing) of {task.name}")

@@ -12,8 +12,7 @@ import pytest
 import model
 import rig
 from pianorig import workflows
-from pianorig.workflows.bench.calibration import swings
-from pianorig.workflows.bench.calibration.contact import contact_friction
+from pianorig.workflows.bench.calibration import contact_friction, swing
 from tests.command_line import run
 
 PAD = ("--load", 0.1, "--u-load", 0.0005, "--radius", 0.012, "--u-radius", 2e-5, "--swings", 2)
@@ -51,8 +50,8 @@ def measured_off(contact: str, planted: float, seed: int, **stated: float) -> fl
     radius = order.radius_m + order.u_radius_m * chance.standard_normal()
     rig_file, found = rig.load_rig("virtual"), []
     for pad in ("", f"{contact}:{load!r}:{radius!r}"):
-        address = swings.virtual(f"sim://?seed={seed}", "hammer", pad)
-        found.append(swings.swing(rig_file, address, "hammer", 2, print, how="not asked"))
+        address = f"sim://?seed={seed}&swing=hammer{f'&pad={pad}' if pad else ''}"
+        found.append(swing(rig_file, address, "hammer", 2, print, how="not asked"))
     facts = contact_friction(order, model.load_action("hirschkorn2004"), *found)
     assert facts["u_from_swings"] < facts["u_friction"] < 0.05 * facts["friction"]
     return float((facts["friction"] - planted) / facts["u_friction"])

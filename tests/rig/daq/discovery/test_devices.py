@@ -9,8 +9,7 @@ import pytest
 
 from rig.configuration.rig_file import load_rig, parse_rig
 from rig.daq.address import discover
-from rig.daq.discovery.devices import FoundDevice
-from rig.daq.discovery.proposal import propose_rig
+from rig.daq.discovery import FoundDevice, propose_rig
 from rig.errors import HardwareFault, InputError
 from rig.simulated.backend import open_backend
 from rig.simulated.rpc.tcp_server import serve

@@ -16,9 +16,8 @@ from hypothesis import strategies as st
 from rig.backend import Block
 from rig.errors import HardwareFault, InputError, RecordingFault
 from rig.session.channel_info import EncoderInfo, ForceInfo
-from rig.session.frame_clock import FrameClock
 from rig.session.journal.format import BLOCK, COMMAND, END, HEAD, block_payload, encode, parse, read_journal
-from rig.session.journal.trial_head import TrialHead
+from rig.session.journal.trial_head import FrameClock, TrialHead
 from rig.session.journal.writer import JournalWriter
 
 

@@ -10,10 +10,9 @@ import pytest
 import model
 from rig.configuration.profile import load_profile
 from rig.errors import InputError
-from rig.simulated.bench.bench_file import read_bench
 from rig.simulated.bench.plant import ActionPlant, PlantTruth, load_plant
-from rig.simulated.bench.plant_protocol import ENCODED_BODIES, Plant
-from rig.simulated.bench.swing_plant import swing_plant
+from rig.simulated.bench.plant_protocol import ENCODED_BODIES, Plant, read_bench
+from rig.simulated.bench.single_body import swing_plant
 
 BENCH = Path(__file__).parents[4] / "rig" / "simulated" / "bench.toml"
 RATE = 5000.0

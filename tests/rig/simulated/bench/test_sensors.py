@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from rig.errors import InputError
-from rig.simulated.bench.adc import DelayLine, quantise
-from rig.simulated.bench.sensors import EncoderSensor, EncoderSignals, ForceSensor, ForceSignal, load_sensors
+from rig.simulated.bench.sensors import (
+    DelayLine,
+    EncoderSensor,
+    EncoderSignals,
+    ForceSensor,
+    ForceSignal,
+    load_sensors,
+    quantise,
+)
 
 RATE = 5000.0
 CELL = {"sensitivity_mv_per_v": 2.0, "full_scale_n": 100.0, "noise_n": 0.0}

@@ -9,7 +9,7 @@ import pytest
 from nidaqmx import constants as ni
 from nidaqmx.errors import RpcError
 
-from rig.simulated.driver.tasks import clear_task
+from rig.simulated.driver import clear_task
 
 
 def test_channels_that_do_not_exist_or_cannot_measure_this(cdaq, card, bridge, refused) -> None:

@@ -10,8 +10,7 @@ from google.protobuf.descriptor import FieldDescriptor
 
 from rig.configuration.rig_file import load_rig
 from rig.simulated.rpc.event_streams import EVENTS
-from rig.simulated.rpc.grpc_status import REFUSALS, rpc_status
-from rig.simulated.rpc.messages import CALLS, request_class
+from rig.simulated.rpc.messages import CALLS, REFUSALS, request_class, rpc_status
 
 TEXTS = ("", "x", "Dev9/ai0", "Dev1/ai0:999", "a,b", "\0", ",", ":", "OnboardClock", "Dev1", "Dev1/ai0:3", "Dev1/ao1")
 TEXTS = (*TEXTS, "Dev1/ctr0", "Dev1/port0/line3", "/Dev1/PFI0", "ai/SampleClock", "ai", "co", "do")

@@ -13,8 +13,7 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc as services
 from session_pb2_grpc import SessionUtilitiesStub
 
 from rig.configuration.rig_file import load_rig
-from rig.simulated.rpc.session_utilities import SessionUtilities
-from rig.simulated.rpc.tcp_server import serve
+from rig.simulated.rpc.tcp_server import SessionUtilities, serve
 from rig.simulated.status import SessionRefused
 
 

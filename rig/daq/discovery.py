@@ -1,0 +1,165 @@
+"""What stands behind an NI-DAQmx driver or server: devices, modules, serial numbers, driver version.
+
+In: a driver of this computer or a channel to a gRPC Device Server.
+Out: plain records, for sessions, ``pianorig info --backend`` and the rig file it proposes.
+
+Devices and modules with serial numbers, as the driver lists them. Only questions are asked, nothing is reserved.
+
+A rig file proposed for the devices that were found: names theirs, everything else to be looked at.
+
+The built-in rig file of the product is the pattern. What only the lab can know (scales, signs, limits, certificates)
+stays as it is there, and the head of the file says so.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import grpc
+import nidaqmx.errors
+from nidaqmx import GrpcSessionOptions
+from nidaqmx.system import Device, System
+
+from rig.configuration.rig_file import load_rig
+from rig.daq.faults import translated
+from rig.errors import RigInputError
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class FoundDevice:
+    """A card, a chassis or a module: ``serial_number`` 0 is a simulated one; ``slot`` 0 is no module."""
+
+    name: str
+    product: str
+    serial_number: int
+    simulated: bool
+    slot: int = 0
+    modules: tuple[FoundDevice, ...] = ()
+
+    @property
+    def serial(self) -> str:
+        """Serial number as NI prints it, in hexadecimal digits; ``none (simulated)`` without one."""
+        if self.serial_number:
+            return f"{self.serial_number:08X}"
+        return "none (simulated)" if self.simulated else "none"
+
+    def __iter__(self) -> Iterator[FoundDevice]:
+        """Itself and its modules."""
+        yield self
+        yield from self.modules
+
+
+def _options(channel: grpc.Channel | None) -> GrpcSessionOptions | None:
+    return None if channel is None else GrpcSessionOptions(channel, "")
+
+
+def find_device(channel: grpc.Channel | None, name: str) -> FoundDevice:
+    """Return one device and, of a chassis, its modules; raises HardwareFault where the driver has none of that name."""
+    with translated("connect", f"device {name}"):
+        device = Device(name, grpc_options=_options(channel))
+        modules = [
+            FoundDevice(
+                m.name, str(m.product_type), int(m.serial_num), bool(m.is_simulated), int(m.compact_daq_slot_num)
+            )
+            for m in _modules(device)
+        ]
+        return FoundDevice(
+            name,
+            str(device.product_type),
+            _known(lambda: int(device.serial_num), 0),
+            bool(device.is_simulated),
+            modules=tuple(sorted(modules, key=lambda module: module.slot)),
+        )
+
+
+def _modules(device: Device) -> list[Device]:
+    with contextlib.suppress(nidaqmx.errors.DaqError):
+        return list(device.chassis_module_devices)
+    return []
+
+
+def _known(ask: Callable[[], T], otherwise: T) -> T:
+    """Return the answer, or ``otherwise`` where the device does not have the property."""
+    with contextlib.suppress(nidaqmx.errors.DaqError):
+        return ask()
+    return otherwise
+
+
+def driver_version(channel: grpc.Channel | None) -> str:
+    """Return the version of the NI-DAQmx driver, ``26.0.0``."""
+    with translated("connect", "NI-DAQmx driver"):
+        options = _options(channel)
+        version = (System.local() if options is None else System.remote(options)).driver_version
+    return ".".join(str(int(part)) for part in version)
+
+
+def find_devices(channel: grpc.Channel | None) -> list[FoundDevice]:
+    """Return every card and chassis of the driver or server, with its modules."""
+    with translated("connect", "list of devices"):
+        options = _options(channel)
+        names = (System.local() if options is None else System.remote(options)).devices.device_names
+    found = [find_device(channel, name) for name in names]
+    inside = {module.name for device in found for module in device.modules}
+    return [device for device in found if device.name not in inside]
+
+
+PATTERNS = {"cDAQ-9189": "virtual", "PCIe-6363": "pcie6363"}
+"""Built-in rig file of each product."""
+MODULES = {"Mod1": ("NI 9237", "load cell"), "Mod2": ("NI 9263", "motor"), "Mod3": ("NI 9411", "encoders"),
+           "Mod4": ("NI 9401", "drive enable and camera")}  # fmt: skip
+"""Modules of the pattern for a chassis: product, what it is for."""
+
+
+def propose_rig(found: Sequence[FoundDevice], name: str | None = None) -> str:
+    """Return the text of a rig file for one of the devices found: ``name``, or the first that can be used.
+
+    Raises
+    ------
+    RigInputError
+        When there is no such device, it is no product of this program, or a module is missing.
+    """
+    usable = [device for device in found if device.product in PATTERNS and name in (None, device.name)]
+    if not usable:
+        there = ", ".join(f"{device.name} ({device.product})" for device in found) or "none"
+        wanted = " or ".join(PATTERNS) + (f" named {name}" if name else "")
+        raise RigInputError(f"devices found: {there}; a rig file can be proposed for a {wanted}")
+    device = usable[0]
+    pattern = load_rig(PATTERNS[device.product])
+    body = pattern.text[pattern.text.index("schema = ") :]
+    body = re.sub(r'(?m)^name = "\w+"$', f'name = "{_rig_name(device)}"', body, count=1)
+    renamed = _renamed(device, pattern.config.device.name)
+    any_name = "|".join(map(re.escape, renamed))  # all at once: a found name may be another one of the pattern
+    return _head(device) + re.sub(rf"\b({any_name})\b", lambda match: renamed[match[0]], body)
+
+
+def _rig_name(device: FoundDevice) -> str:
+    return re.sub(r"\W", "_", device.name).lower()
+
+
+def _renamed(device: FoundDevice, pattern_name: str) -> dict[str, str]:
+    """Return the names of the pattern and those found, modules first."""
+    renamed = {}
+    if device.modules:
+        for slot, (product, purpose) in MODULES.items():
+            fitting = [module for module in device.modules if module.product == product]
+            if not fitting:
+                there = ", ".join(f"{module.product} in slot {module.slot}" for module in device.modules)
+                raise RigInputError(f"{device.name}: has no {product} ({purpose}); found are {there}")
+            renamed[f"{pattern_name}{slot}"] = fitting[0].name
+    return {**renamed, pattern_name: device.name}
+
+
+def _head(device: FoundDevice) -> str:
+    lines = [
+        f"# Proposed by  pianorig info --propose  for {device.name}, {device.product}, serial number {device.serial}.",
+        *(f"#   slot {m.slot}: {m.name}, {m.product}, serial number {m.serial}" for m in device.modules),
+        "# Device names are those found. Everything else is the pattern's; look at it before anything moves:",
+        "# terminals, scales, counts per revolution, signs, limits, uncertainties, certificates, the arm.",
+    ]
+    return "\n".join(lines) + "\n"

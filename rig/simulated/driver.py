@@ -1,0 +1,330 @@
+"""What the NI-DAQmx driver does for a client: creates, configures, starts and stops tasks, reads and writes samples.
+
+In: calls with checked types, from :mod:`rig.simulated.rpc`.
+Out: samples, or the driver's status code for what the product refuses.
+
+Tasks as the driver manages them: created, started, stopped, cleared; and the reset of the device.
+
+Configuring a task: its channels, looked up on the product, and its sample clock, coerced to a rate it has.
+
+Reading samples from a task, letting time pass until they have been acquired.
+
+Writing samples to an output task: into its buffer, or to the outputs at once when it has no sample clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.simulated import daqmx
+from rig.simulated.device.state import DeviceState, WatchdogTimer, commit, release, verify
+from rig.simulated.device.task import Channel, InputBuffer, SampleClock, SimulatedTask, TaskType, Timing
+from rig.simulated.device.tdms_log import LOG, OFF, TdmsLog
+from rig.simulated.device.watchdog import refuse_bad_timer, refuse_expired, start_watchdog
+from rig.simulated.product.capabilities import Kind
+from rig.simulated.product.inventory import Inventory, channel_names
+from rig.simulated.signals import latch_now, set_outputs
+from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice, Unsupported
+from rig.simulated.timing.engine import await_trigger, go_live
+from rig.simulated.timing.wait import (
+    await_something,
+    settle_on_demand,
+    wait_for_samples,
+    wait_for_timeout,
+    write_as_room_comes,
+)
+
+
+def find_task(device: DeviceState, name: str) -> SimulatedTask:
+    """Return a task by name."""
+    if name not in device.tasks:
+        raise DaqStatusError(Code.INVALID_TASK, f"Task: {name!r}")
+    return device.tasks[name]
+
+
+def create_task(device: DeviceState, name: str) -> SimulatedTask:
+    """Make an empty task; an empty name gets a free one."""
+    name = name or next(f"_unnamedTask<{i}>" for i in range(10**6) if f"_unnamedTask<{i}>" not in device.tasks)
+    if name in device.tasks:
+        raise DaqStatusError(Code.DUPLICATE_TASK, f"Task: {name}")
+    device.tasks[name] = SimulatedTask(name)
+    return device.tasks[name]
+
+
+def create_watchdog_task(device: DeviceState, name: str, timeout_s: float, of: str = "") -> SimulatedTask:
+    """Make a watchdog timer task of the device named, by default the main one."""
+    refuse_bad_timer(device.inventory.of(of), name, timeout_s)
+    task = create_task(device, name)
+    device.watchdogs[task.name] = WatchdogTimer(name, timeout_s, of)
+    return task
+
+
+def clear_task(device: DeviceState, name: str) -> None:
+    """Stop a task, release its resources and forget it."""
+    task = find_task(device, name)
+    stop_task(device, task)
+    release(device, task)
+    for terminal in task.exported:
+        device.exports.pop(terminal, None)
+    del device.tasks[name]
+    device.watchdogs.pop(name, None)
+
+
+def start_task(device: DeviceState, task: SimulatedTask) -> None:
+    """Start a task: reserve what it needs, then go live or wait for its trigger."""
+    task.refuse_while_running()
+    if task.name in device.watchdogs:
+        start_watchdog(device, task)
+        return
+    output = task.output
+    if task.type in ("AO", "DO") and output.samples is None and task.timing.clock is not None:
+        raise DaqStatusError(Code.OUTPUT_BUFFER_EMPTY, f"Task: {task.name}")
+    verify(device, task)
+    open_log(task)
+    try:
+        commit(device, task)
+    except DaqStatusError:
+        close_log(task)
+        raise
+    if output.samples is not None:
+        output.size = max(int(task.setting("Buffer", "", daqmx.BUF_OUTPUT_BUF_SIZE, 0)), output.written)
+    task.state, output.generated, task.pulses.finished = "running", 0, False
+    progress = task.progress
+    task.progress = replace(
+        progress,
+        runs=progress.runs + 1,
+        error=0,
+        samples_before_trigger=0,
+        reference_edges=None,
+        reference_end=None,
+        comparator=None,
+    )
+    if task.type in ("AI", "CI", "DI"):
+        columns = len(task.lines) if task.type == "DI" else len(task.channels)
+        if task.measures in daqmx.PULSE_PAIRS:
+            columns = 2
+        task.buffer = InputBuffer(task.input_buffer_size, columns, drops_oldest=task.triggers.referenced)
+    # a trigger that is waited for must still come; one that has passed never comes again
+    if task.triggers.awaited:
+        await_trigger(device, task)
+    else:
+        go_live(device, task)
+
+
+def open_log(task: SimulatedTask) -> None:
+    """Open the file of a task that logs, in place of the one that is open."""
+    close_log(task)
+    logging, clock = task.logging, task.timing.clock
+    if logging.mode == OFF:
+        return
+    if task.type in ("AO", "DO", "CO"):
+        raise DaqStatusError(Code.LOGGING_NOT_SUPPORT_ON_OUTPUT_TASKS, f"Task: {task.name}")
+    if clock is None:
+        raise DaqStatusError(Code.LOGGING_MODE_NOT_SUPPORTED_NON_BUFFERED, f"Task: {task.name}")
+    if task.type == "DI" or task.measures in daqmx.PULSE_PAIRS:
+        raise DaqStatusError(Code.MEASUREMENT_TYPE_NOT_SUPPORTED_FOR_LOGGING, f"Task: {task.name}")
+    interval_s = 1 / clock.rate_hz if task.timing.own_clock else 0.0
+    names = [channel.name for channel in task.channels]
+    task.log = TdmsLog(logging.path, logging.operation, logging.group or task.name, names, interval_s)
+
+
+def close_log(task: SimulatedTask) -> None:
+    """Close the file of a task that logs."""
+    if task.log is not None:
+        task.log.close()
+        task.log = None
+
+
+def stop_task(device: DeviceState, task: SimulatedTask) -> None:
+    """Stop a task; an output keeps the value it has."""
+    if task.state != "running":
+        return
+    task.progress.completed += int(task.ended)
+    task.progress.live = False
+    close_log(task)
+    if task.name in device.watchdogs:
+        device.watchdogs[task.name].running = False
+    if task.committed:
+        task.state = "committed"
+    else:
+        release(device, task)
+
+
+def reset_device(device: DeviceState, which: Inventory | None = None) -> None:
+    """Clear all tasks that use a device, and put its outputs where they are after power-up; by default the main one."""
+    inventory = device.inventory
+    reset = inventory if which is None else which
+    for name, task in list(device.tasks.items()):
+        timer = device.watchdogs.get(name)
+        if (timer is not None and inventory.of(timer.device) is reset) or (
+            task.channels and inventory.of(task.channels[0].physical.name) is reset
+        ):
+            clear_task(device, name)
+    device.output_v |= {name: 0.0 for name in device.output_v if inventory.of(name) is reset}
+    device.lines |= {name: False for name in device.lines if inventory.of(name) is reset}
+    for target in [target for target in device.exports if inventory.of(target) is reset]:
+        del device.exports[target]
+    if reset.product.expiry_locks:
+        device.locked = False
+
+
+def add_channels(
+    device: DeviceState, task: SimulatedTask, type_: TaskType, kind: Kind, physical: str, name: str, **settings: Any
+) -> None:
+    """Add comma-separated physical channels to a task; digital ones come from :func:`add_lines`."""
+    names = channel_names(physical)
+    for index, part in enumerate(names):
+        channel = device.inventory.channel(part, kind)
+        assigned = name if len(names) == 1 else f"{name}{index}"
+        task.add_channel(type_, Channel(assigned if name else channel.name, channel, dict(settings)))
+
+
+def add_lines(
+    device: DeviceState, task: SimulatedTask, type_: TaskType, lines: str, name: str, *, one_channel: bool
+) -> None:
+    """Add digital lines or whole ports to a task, as one channel or one per line."""
+    found = device.inventory.lines(lines)
+    groups = [found] if one_channel else [[line] for line in found]
+    for index, group in enumerate(groups):
+        assigned = name if len(groups) == 1 else f"{name}{index}"
+        port = group[0].name.rsplit("/", 1)[0]
+        several = port if lines.strip().lower() == port.lower() else group[0].name + "..."
+        own = several if len(group) > 1 else group[0].name
+        task.add_channel(type_, Channel(assigned if name else own, group[0], {"lines": [line.name for line in group]}))
+
+
+def configure_clock(
+    device: DeviceState, task: SimulatedTask, rate_hz: float, source: str, mode: int, samples: int
+) -> None:
+    """Set a task's sample clock after coercing its rate and checking its route."""
+    if not task.channels:
+        raise DaqStatusError(Code.CAN_NOT_PERFORM_OP_WHEN_NO_CHANS_IN_TASK, f"Task: {task.name}")
+    task.refuse_while_running()
+    if not rate_hz > 0 or samples < 1:
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Rate {rate_hz:g}, samples per channel {samples}")
+    terminal = device.inventory.terminal(source) if source and source != "OnboardClock" else ""
+    if task.type in ("CI", "CO") and not terminal:
+        raise DaqStatusError(Code.EXT_SAMP_CLK_SRC_NOT_SPECIFIED)
+    if task.type == "CO" and mode != daqmx.CONTINUOUS:
+        raise NotImplementedByDevice("finite pulses on a sample clock")
+    owner = device.inventory.of(task.channels[0].physical.name)
+    static = any(channel.physical.kind == "static_line" for channel in task.channels)
+    if static or (task.type in ("DI", "DO") and not owner.product.clocked_lines):
+        raise Unsupported(f"Task: {task.name}: these lines are static")
+    rate_hz = owner.coerced_rate(rate_hz, task.channels[0].physical.kind, len(task.channels))
+    task.timing = Timing(SampleClock(rate_hz, terminal, mode, samples))
+    if task.type == "CO":
+        task.pulses.count = None
+
+
+MAX_ON_DEMAND = 100_000
+"""Readings on demand in one call."""
+
+
+def read_samples(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> NDArray[np.float64]:
+    """Return up to n samples per channel, shape (m, channels), letting time pass until they have been acquired.
+
+    A negative n reads all available. Fewer come when the timeout ends first. Raises DaqStatusError when samples were
+    overwritten or will never come.
+    """
+    if task.timing.clock is None and task.state != "running":  # started for this read alone
+        start_task(device, task)
+        try:
+            return read_samples(device, task, n, timeout_s)
+        finally:
+            stop_task(device, task)
+    if task.state != "running":
+        start_task(device, task)
+    if task.timing.clock is None or task.buffer is None:
+        return _read_on_demand(device, task, n, timeout_s)
+    if task.logging.mode == LOG:
+        raise DaqStatusError(Code.READ_NOT_SUPPORTED_FOR_LOGGING_MODE, f"Task: {task.name}", samples_read=0)
+    if n < 0:
+        await_something(device, task)
+        n = task.read_all_samples
+    missing = n - task.buffer.available
+    if task.triggers.referenced and task.samples_remaining > 0:
+        missing = max(missing, 1)
+    if missing > task.samples_remaining and not task.retriggerable:  # cut to what there will be
+        n = task.buffer.available + int(task.samples_remaining)
+        missing = n - task.buffer.available
+        if n <= 0:
+            raise DaqStatusError(Code.SAMPLES_WILL_NEVER_BE_AVAILABLE, f"Task: {task.name}", samples_read=0)
+    if missing > 0:
+        wait_for_samples(device, task, missing, timeout_s)
+    if task.progress.error:  # e.g. the watchdog expired while the read waited
+        raise DaqStatusError(task.progress.error, f"Task: {task.name}", samples_read=0)
+    if task.triggers.referenced and task.samples_remaining > 0:
+        return np.empty((0, len(task.channels)))
+    values = task.buffer.take(min(n, task.buffer.available))
+    if task.log is not None and values.size:
+        task.log.write(values)
+    device.handed_out = max(device.handed_out, task.buffer.read)
+    return values
+
+
+def all_has_come(task: SimulatedTask) -> bool:
+    """Whether a finite acquisition has ended and all its samples have been read: a read gives no more."""
+    return task.buffer is not None and task.samples_remaining <= 0 and not task.buffer.available
+
+
+def _read_on_demand(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> NDArray[np.float64]:
+    if n > MAX_ON_DEMAND:
+        raise NotImplementedByDevice(f"{n} readings on demand at once")
+    if task.type in ("AI", "CI"):
+        settle_on_demand(device)
+    try:
+        return np.concatenate([latch_now(device, task) for _ in range(max(n, 1))])
+    except DaqStatusError as error:
+        if error.code == Code.SAMPLES_NOT_YET_AVAILABLE:
+            wait_for_timeout(device, task, timeout_s)
+        raise
+
+
+def write_volts(
+    device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool, timeout_s: float
+) -> None:
+    """Take samples for an analog output, V or in its custom scale, shape (n, channels), within the channels' limits."""
+    values = values.copy()
+    for column, channel in enumerate(task.channels):
+        if (scale := channel.settings.get("scale")) is not None:
+            values[:, column] = scale.prescaled(values[:, column])
+        low, high = channel.settings["min_val"], channel.settings["max_val"]
+        inside = (values[:, column] >= low) & (values[:, column] <= high)  # NaN is not inside
+        if not np.all(inside):
+            detail = f"Channel: {channel.name}, limits {low:g} to {high:g} V"
+            raise DaqStatusError(Code.INVALID_AO_DATA_WRITE, detail)
+    write_levels(device, task, values, auto_start, timeout_s)
+
+
+def write_levels(
+    device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool, timeout_s: float
+) -> None:
+    """Take samples for an output, shape (n, channels or lines): buffered, or put out at once without a clock."""
+    refuse_expired(device, task)
+    if task.timing.clock is None:
+        _write_on_demand(device, task, values[-1], auto_start)
+    elif task.state != "running":
+        task.output.samples = values.copy()
+        if auto_start:
+            start_task(device, task)
+    elif task.progress.error:
+        raise DaqStatusError(task.progress.error, f"Task: {task.name}")
+    elif task.regenerates or task.output.samples is None:
+        task.output.samples = values.copy()
+    else:
+        write_as_room_comes(device, task, values, timeout_s)
+
+
+def _write_on_demand(device: DeviceState, task: SimulatedTask, row: NDArray[np.float64], auto_start: bool) -> None:
+    if task.state != "running":
+        if not auto_start:
+            raise DaqStatusError(Code.CANNOT_WRITE_WHEN_AUTO_START_FALSE_AND_TASK_NOT_RUNNING, f"Task: {task.name}")
+        commit(device, task)
+        if not task.committed:
+            release(device, task)
+    set_outputs(device, task, row)
