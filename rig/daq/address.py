@@ -44,11 +44,8 @@ def discover(url: str) -> tuple[str, list[FoundDevice]]:
     parts = urlsplit(url)
     if parts.scheme == "ni" and parts.netloc in ("", "local"):
         return driver_version(None), find_devices(None)
-    channel, _ = _server(url)
-    try:
+    with _server(url)[0] as channel:
         return driver_version(channel), find_devices(channel)
-    finally:
-        channel.close()
 
 
 def reset_server(url: str) -> str:
@@ -80,10 +77,8 @@ def reset_server(url: str) -> str:
     refused
     """
     channel, target = _server(url)
-    try:
+    with channel:
         server_sessions.reset_server(channel, target)
-    finally:
-        channel.close()
     return target
 
 

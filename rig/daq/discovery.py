@@ -21,11 +21,11 @@ from typing import TypeVar
 
 import grpc
 import nidaqmx.errors
-from nidaqmx import GrpcSessionOptions
 from nidaqmx.system import Device, System
 
 from rig.configuration.rig_file import load_rig
 from rig.daq.faults import translated
+from rig.daq.tasks import session_options
 from rig.errors import RigInputError
 
 T = TypeVar("T")
@@ -55,19 +55,21 @@ class FoundDevice:
         yield from self.modules
 
 
-def _options(channel: grpc.Channel | None) -> GrpcSessionOptions | None:
-    return None if channel is None else GrpcSessionOptions(channel, "")
+def _system(channel: grpc.Channel | None) -> System:
+    options = session_options(channel)
+    return System.local() if options is None else System.remote(options)
 
 
 def find_device(channel: grpc.Channel | None, name: str) -> FoundDevice:
     """Return one device and, of a chassis, its modules; raises HardwareFault where the driver has none of that name."""
     with translated("connect", f"device {name}"):
-        device = Device(name, grpc_options=_options(channel))
+        device = Device(name, grpc_options=session_options(channel))
+        chassis: list[Device] = _known(lambda: list(device.chassis_module_devices), [])
         modules = [
             FoundDevice(
                 m.name, str(m.product_type), int(m.serial_num), bool(m.is_simulated), int(m.compact_daq_slot_num)
             )
-            for m in _modules(device)
+            for m in chassis
         ]
         return FoundDevice(
             name,
@@ -76,12 +78,6 @@ def find_device(channel: grpc.Channel | None, name: str) -> FoundDevice:
             bool(device.is_simulated),
             modules=tuple(sorted(modules, key=lambda module: module.slot)),
         )
-
-
-def _modules(device: Device) -> list[Device]:
-    with contextlib.suppress(nidaqmx.errors.DaqError):
-        return list(device.chassis_module_devices)
-    return []
 
 
 def _known(ask: Callable[[], T], otherwise: T) -> T:
@@ -94,16 +90,14 @@ def _known(ask: Callable[[], T], otherwise: T) -> T:
 def driver_version(channel: grpc.Channel | None) -> str:
     """Return the version of the NI-DAQmx driver, ``26.0.0``."""
     with translated("connect", "NI-DAQmx driver"):
-        options = _options(channel)
-        version = (System.local() if options is None else System.remote(options)).driver_version
+        version = _system(channel).driver_version
     return ".".join(str(int(part)) for part in version)
 
 
 def find_devices(channel: grpc.Channel | None) -> list[FoundDevice]:
     """Return every card and chassis of the driver or server, with its modules."""
     with translated("connect", "list of devices"):
-        options = _options(channel)
-        names = (System.local() if options is None else System.remote(options)).devices.device_names
+        names = _system(channel).devices.device_names
     found = [find_device(channel, name) for name in names]
     inside = {module.name for device in found for module in device.modules}
     return [device for device in found if device.name not in inside]
@@ -132,14 +126,11 @@ def propose_rig(found: Sequence[FoundDevice], name: str | None = None) -> str:
     device = usable[0]
     pattern = load_rig(PATTERNS[device.product])
     body = pattern.text[pattern.text.index("schema = ") :]
-    body = re.sub(r'(?m)^name = "\w+"$', f'name = "{_rig_name(device)}"', body, count=1)
+    own_name = re.sub(r"\W", "_", device.name).lower()
+    body = re.sub(r'(?m)^name = "\w+"$', f'name = "{own_name}"', body, count=1)
     renamed = _renamed(device, pattern.config.device.name)
     any_name = "|".join(map(re.escape, renamed))  # all at once: a found name may be another one of the pattern
     return _head(device) + re.sub(rf"\b({any_name})\b", lambda match: renamed[match[0]], body)
-
-
-def _rig_name(device: FoundDevice) -> str:
-    return re.sub(r"\W", "_", device.name).lower()
 
 
 def _renamed(device: FoundDevice, pattern_name: str) -> dict[str, str]:

@@ -4,14 +4,15 @@ Between trials the tasks reserve nothing; after a fault all are cleared and made
 first trial and after its watchdog has tripped. Every way out ends at 0 V. Software is the second safety layer only: the
 drive's own torque limit, hard stops and emergency stop are the first.
 
-What only a self-test needs of the hardware: the bridge's shunt step, edges on a terminal, an expiring watchdog.
-
-Each method opens and closes tasks of its own while those of the trials are idle, except
-:meth:`BenchChecks.let_watchdog_expire`, which needs a running trial.
+What only a self-test needs of the hardware is here, too: the bridge's shunt step, edges on a terminal, what an input
+wired to the motor's output reads. Each opens and closes tasks of its own while those of the trials are idle; only
+:meth:`NidaqmxBackend.let_watchdog_expire` needs a running trial.
 """
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import replace
 from importlib.metadata import version
 
@@ -29,7 +30,7 @@ from rig.configuration.rig_file import RigConfig
 from rig.daq import call_delay, tasks
 from rig.daq.discovery import FoundDevice, driver_version, find_device, find_devices
 from rig.daq.faults import translated
-from rig.daq.safe_bench import SafeBench, SafeOutputs, worst
+from rig.daq.safe_bench import SafeBench, worst
 from rig.daq.server_sessions import ServerClaim
 from rig.daq.watchdog import Watchdog
 from rig.errors import HardwareFault, RigInputError
@@ -38,109 +39,11 @@ SHUNT_S = 0.4
 READ_TIMEOUT_S = 5.0
 
 
-class BenchChecks:
-    """Mixed into the backend, whose tasks it makes."""
-
-    _watchdog: Watchdog | None
-    _outputs: SafeOutputs
-
-    def _new_task(self, name: str) -> nidaqmx.Task:
-        raise NotImplementedError
-
-    def _read_inputs(self, n_samples: int, timeout_s: float) -> Block:
-        raise NotImplementedError
-
-    def _check_task(self, name: str) -> nidaqmx.Task:
-        return self._new_task(f"check_{name}")
-
-    def shunt_step(self, config: RigConfig) -> float:
-        """Return by how much the bridge's reading changes when the module's shunt resistor is switched in, mV/V."""
-        readings = [self._mean_reading(config, shunt=shunt) for shunt in (False, True)]
-        return readings[1] - readings[0]
-
-    def _mean_reading(self, config: RigConfig, *, shunt: bool) -> float:
-        n = int(SHUNT_S * config.device.sample_rate_hz)
-        with translated("read", config.force.channel):
-            task = tasks.force_task(self._check_task, config)
-            try:
-                task.ai_channels[0].ai_bridge_shunt_cal_enable = shunt
-                task.start()
-                values = np.empty(n)
-                AnalogSingleChannelReader(task.in_stream).read_many_sample(values, n, READ_TIMEOUT_S)
-            finally:
-                task.close()
-        settled = values[n // 4 :]  # after the step response of the module's filter
-        return float(np.mean(tasks.volts_of_force(config, settled)))
-
-    def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
-        """Return the rising edges on a terminal in ``duration_s``; with ``pulses`` the camera's counter gives them."""
-        n = int(round(duration_s * config.device.sample_rate_hz))
-        made: list[nidaqmx.Task] = []
-        with translated("read", counter):
-            try:
-                edges = tasks.edge_task(self._check_task, config, counter, terminal)
-                made.append(edges)
-                if pulses and config.camera is not None:
-                    made.append(tasks.camera_task(self._check_task, config, config.camera)[0])
-                made.append(tasks.force_task(self._check_task, config))
-                for task in made:
-                    task.start()
-                counted = edges.read(n, timeout=READ_TIMEOUT_S)
-            finally:
-                for task in reversed(made):
-                    task.close()
-        return int(counted[-1]) - int(counted[0])
-
-    def loopback_read(self, config: RigConfig, channel: str, command_v: ArrayLike) -> np.ndarray:
-        """Return what a voltage input wired to the motor's output reads while the command is put out, V."""
-        command_v = as_numbers(command_v, "motor command", 1)
-        made: list[nidaqmx.Task] = []
-        values = np.empty(command_v.size)
-        with translated("read", channel):
-            try:
-                motor = tasks.motor_task(self._check_task, config)
-                made.append(motor)
-                tasks.prepare_command(motor, config, command_v.size)
-                tasks.load_command(motor, command_v)
-                loop = tasks.voltage_task(self._check_task, config, channel)
-                made.append(loop)
-                motor.start()
-                loop.start()
-                AnalogSingleChannelReader(loop.in_stream).read_many_sample(values, values.size, READ_TIMEOUT_S)
-            finally:
-                for task in made:
-                    task.close()
-                self._outputs.put_motor_at_zero(config)
-        return values
-
-    def let_watchdog_expire(self, n_samples: int, blocks: int) -> Expiry:
-        """Read without resetting the watchdog, at most ``blocks`` blocks; a chassis gives none after its expiration.
-
-        The bench is then stopped by ``safe_stop``, which resets a device whose watchdog has expired.
-        """
-        read: list[Block] = []
-        tripped: int | None = None
-        for index in range(blocks):
-            try:
-                read.append(self._read_inputs(n_samples, READ_TIMEOUT_S))
-            except HardwareFault:
-                if not self._expired():
-                    raise
-                return Expiry(read, index if tripped is None else tripped, locked=True)
-            if tripped is None and self._expired():
-                tripped = index
-        return Expiry(read, tripped)
-
-    def _expired(self) -> bool:
-        with translated("read", "watchdog"):
-            return self._watchdog is not None and self._watchdog.expired
-
-
 CLIENT_VERSION = version("nidaqmx")
 
 
-class NidaqmxBackend(SafeBench, BenchChecks, Backend):
-    """Acquisition on NI-DAQmx; what only a self-test needs is in :mod:`rig.daq.nidaqmx_backend`.
+class NidaqmxBackend(SafeBench, Backend):
+    """Acquisition on NI-DAQmx, and what a self-test asks of the hardware.
 
     Parameters
     ----------
@@ -178,26 +81,23 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         HardwareFault
             When the driver, server or device does not answer.
         """
-        name = config.device.name
-        found = find_device(self._channel, name)
+        found = find_device(self._channel, config.device.name)
         self._product, self._simulated = found.product, found.simulated
         self._description = {
             "driver": f"NI-DAQmx {driver_version(self._channel)}",
             "serial_number": found.serial,
             **{f"slot_{m.slot}": f"{m.product}, {m.name}, serial number {m.serial}" for m in found.modules},
         }
-        if self._product != config.device.product:
-            raise RigInputError(
-                f"device.product = {config.device.product!r}: device {name} is a {self._product}; correct the rig file"
-            )
+        stated: list[tuple[str, str, FoundDevice]] = [("device.product", config.device.product, found)]
         for further in config.devices:
             other = find_device(self._channel, further.name)
             self._description[f"device_{further.name}"] = f"{other.product}, serial number {other.serial}"
             self._simulated = self._simulated or other.simulated
-            if other.product != further.product:
+            stated.append(("devices: product", further.product, other))
+        for key, product, there in stated:
+            if there.product != product:
                 raise RigInputError(
-                    f"devices: product = {further.product!r}: device {further.name} is a {other.product}; correct the "
-                    "rig file"
+                    f"{key} = {product!r}: device {there.name} is a {there.product}; correct the rig file"
                 )
 
     def devices(self) -> list[FoundDevice]:
@@ -257,7 +157,7 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             if failures:
                 raise worst(failures)
         with translated("configure", f"device {config.device.name}"):
-            device = Device(config.device.name, grpc_options=self._options())
+            device = Device(config.device.name, grpc_options=tasks.session_options(self._channel))
             delay = call_delay.measure(lambda: device.is_simulated, self._now_s)
         call_delay.shortest_block_s(config, delay)
         return delay
@@ -337,6 +237,84 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
     def read_positions(self) -> dict[str, tuple[int, int]]:
         """Samples per channel that each input task has handed out and acquired since its start, by the driver."""
         return tasks.positions(self._tasks, self._ready())
+
+    @contextlib.contextmanager
+    def _check_tasks(self) -> Iterator[tasks.NewTask]:
+        """Give what makes tasks of a self-test's own, and close them, the last first."""
+        with contextlib.ExitStack() as made:
+
+            def new_task(name: str) -> nidaqmx.Task:
+                task = self._new_task(f"check_{name}")
+                made.callback(task.close)
+                return task
+
+            yield new_task
+
+    def shunt_step(self, config: RigConfig) -> float:
+        """Return by how much the bridge's reading changes when the module's shunt resistor is switched in, mV/V."""
+        n, readings = int(SHUNT_S * config.device.sample_rate_hz), []
+        for shunt in (False, True):
+            with translated("read", config.force.channel), self._check_tasks() as new_task:
+                task = tasks.force_task(new_task, config)
+                task.ai_channels[0].ai_bridge_shunt_cal_enable = shunt
+                task.start()
+                values = np.empty(n)
+                AnalogSingleChannelReader(task.in_stream).read_many_sample(values, n, READ_TIMEOUT_S)
+            settled = values[n // 4 :]  # after the step response of the module's filter
+            readings.append(float(np.mean(tasks.volts_of_force(config, settled))))
+        return readings[1] - readings[0]
+
+    def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
+        """Return the rising edges on a terminal in ``duration_s``; with ``pulses`` the camera's counter gives them."""
+        n = int(round(duration_s * config.device.sample_rate_hz))
+        with translated("read", counter), self._check_tasks() as new_task:
+            edges = tasks.edge_task(new_task, config, counter, terminal)
+            made = [edges]
+            if pulses and config.camera is not None:
+                made.append(tasks.camera_task(new_task, config, config.camera)[0])
+            made.append(tasks.force_task(new_task, config))
+            for task in made:
+                task.start()
+            counted = edges.read(n, timeout=READ_TIMEOUT_S)
+        return int(counted[-1]) - int(counted[0])
+
+    def loopback_read(self, config: RigConfig, channel: str, command_v: ArrayLike) -> np.ndarray:
+        """Return what a voltage input wired to the motor's output reads while the command is put out, V."""
+        command_v = as_numbers(command_v, "motor command", 1)
+        values = np.empty(command_v.size)
+        with translated("read", channel), contextlib.ExitStack() as then:
+            then.callback(self._outputs.put_motor_at_zero, config)
+            new_task = then.enter_context(self._check_tasks())
+            motor = tasks.motor_task(new_task, config)
+            tasks.prepare_command(motor, config, command_v.size)
+            tasks.load_command(motor, command_v)
+            loop = tasks.voltage_task(new_task, config, channel)
+            motor.start()
+            loop.start()
+            AnalogSingleChannelReader(loop.in_stream).read_many_sample(values, values.size, READ_TIMEOUT_S)
+        return values
+
+    def let_watchdog_expire(self, n_samples: int, blocks: int) -> Expiry:
+        """Read without resetting the watchdog, at most ``blocks`` blocks; a chassis gives none after its expiration.
+
+        The bench is then stopped by ``safe_stop``, which resets a device whose watchdog has expired.
+        """
+        read: list[Block] = []
+        tripped: int | None = None
+        for index in range(blocks):
+            try:
+                read.append(self._read_inputs(n_samples, READ_TIMEOUT_S))
+            except HardwareFault:
+                if not self._expired():
+                    raise
+                return Expiry(read, index if tripped is None else tripped, locked=True)
+            if tripped is None and self._expired():
+                tripped = index
+        return Expiry(read, tripped)
+
+    def _expired(self) -> bool:
+        with translated("read", "watchdog"):
+            return self._watchdog is not None and self._watchdog.expired
 
     def close(self) -> None:
         """Stop safely and close the connection."""

@@ -1,17 +1,11 @@
 """What the NI-DAQmx backend holds on the device, and how it makes that safe: outputs, tasks, watchdog, reset.
 
-A stop tries every step, logs every failure, and goes by what the watchdog says: where it has tripped the device is
-reset before the outputs are written, because a chassis refuses everything else, and all tasks are made afresh.
+A stop tries every step, whatever happens to the others, logs every failure, and goes by what the watchdog says: where
+it has tripped the device is reset before the outputs are written, because a chassis refuses everything else, and all
+tasks are made afresh.
 
-Steps towards the safe state: every one is tried whatever happens to the others, and every failure is logged.
-
-A ``grpc.Channel`` that makes each of its calls once: NI's client asks for all 451 of them anew with every task.
-
-Over a socket that takes 15 ms of processor time, several times a trial.
-
-The two outputs that decide whether the bench can move: motor at 0 V, drive enabled or not; written on demand.
-
-A stopped DAC holds its last value, so 0 V must be written; a static line keeps its state. The tasks are reused and
+Two outputs decide whether the bench can move: motor at 0 V, drive enabled or not; they are written on demand. A stopped
+DAC holds its last value, so 0 V must be written; a static line keeps its state. The tasks are reused and
 reserve nothing between writes. Where a reused task fails (a restarted server does not know it) a new one is tried
 before the failure is reported. Errors are those of ``nidaqmx``, translated by the caller.
 """
@@ -23,21 +17,19 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import partial, partialmethod
 from typing import Any
 
 import grpc
 import nidaqmx
 import nidaqmx.constants as ni
-from nidaqmx import GrpcSessionOptions
-from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.stream_writers import AnalogSingleChannelWriter, DigitalSingleChannelWriter
 
 from rig.backend import Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
 from rig.daq.faults import translated
-from rig.daq.tasks import NewTask, TaskSet
+from rig.daq.tasks import ATTACHED, NEW, NewTask, TaskSet
 from rig.daq.watchdog import Watchdog, reset_device
 from rig.errors import WatchdogTripped, is_defect
 
@@ -149,6 +141,9 @@ def worst(failures: list[BaseException]) -> BaseException:
 class RememberedCalls(grpc.Channel):
     """Another channel, whose callables are made when they are first asked for, and kept.
 
+    NI's client asks for all 451 of them anew with every task: over a socket that takes 15 ms of processor time, several
+    times a trial.
+
     Parameters
     ----------
     channel : grpc.Channel
@@ -164,21 +159,10 @@ class RememberedCalls(grpc.Channel):
             self._made[kind, method] = getattr(self._channel, kind)(method, *args, **kwargs)
         return self._made[kind, method]
 
-    def unary_unary(self, method: str, *args: Any, **kwargs: Any) -> Any:
-        """Return the callable of a call with one request and one response."""
-        return self._once("unary_unary", method, *args, **kwargs)
-
-    def unary_stream(self, method: str, *args: Any, **kwargs: Any) -> Any:
-        """Return the callable of a call with one request and a stream of responses."""
-        return self._once("unary_stream", method, *args, **kwargs)
-
-    def stream_unary(self, method: str, *args: Any, **kwargs: Any) -> Any:
-        """Return the callable of a call with a stream of requests and one response."""
-        return self._once("stream_unary", method, *args, **kwargs)
-
-    def stream_stream(self, method: str, *args: Any, **kwargs: Any) -> Any:
-        """Return the callable of a call with a stream of requests and one of responses."""
-        return self._once("stream_stream", method, *args, **kwargs)
+    unary_unary = partialmethod(_once, "unary_unary")  # type: ignore[assignment]
+    unary_stream = partialmethod(_once, "unary_stream")  # type: ignore[assignment]
+    stream_unary = partialmethod(_once, "stream_unary")  # type: ignore[assignment]
+    stream_stream = partialmethod(_once, "stream_stream")  # type: ignore[assignment]
 
     def subscribe(self, callback: Callable[..., Any], try_to_connect: bool | None = False) -> None:
         """Let a function be told of changes of the connection."""
@@ -229,24 +213,13 @@ class SafeBench:
         """When the watchdog was last reset."""
 
     def _new_task(self, name: str) -> nidaqmx.Task:
-        if self._channel is None:
-            return nidaqmx.Task(name)
-        behavior = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
-        return nidaqmx.Task(
-            name, grpc_options=GrpcSessionOptions(self._channel, name, initialization_behavior=behavior)
-        )
+        return nidaqmx.Task(name, grpc_options=tasks.session_options(self._channel, name, NEW))
 
     def _end_left(self, name: str) -> None:
         """End the server's session of a task of ours whose clearing failed; the client itself cannot try again."""
-        if self._channel is None:
-            return
-        behavior = SessionInitializationBehavior.ATTACH_TO_SERVER_SESSION
-        options = GrpcSessionOptions(self._channel, name, initialization_behavior=behavior)  # type: ignore[arg-type]
-        with contextlib.suppress(nidaqmx.errors.Error):  # there is none: it was cleared after all
-            nidaqmx.Task(name, grpc_options=options).close()
-
-    def _options(self) -> GrpcSessionOptions | None:
-        return None if self._channel is None else GrpcSessionOptions(self._channel, "")
+        if self._channel is not None:
+            with contextlib.suppress(nidaqmx.errors.Error):  # there is none: it was cleared after all
+                nidaqmx.Task(name, grpc_options=tasks.session_options(self._channel, name, ATTACHED)).close()
 
     def _now_s(self) -> float:
         """Return the time on the clock that the device's watchdog runs by, s."""

@@ -17,7 +17,6 @@ from pathlib import Path
 
 import grpc
 import nidaqmx
-from nidaqmx import GrpcSessionOptions
 from nidaqmx.grpc_session_options import SessionInitializationBehavior
 
 from rig.configuration.rig_file import RigConfig
@@ -30,20 +29,8 @@ from rig.storage.platform_calls import lock, open_raw
 RESET = "/nidevice_grpc.SessionUtilities/ResetServer"
 RESET_TIMEOUT_S = 10.0
 _TAKEN = grpc.StatusCode.ALREADY_EXISTS
-
-
-def session_names(config: RigConfig) -> list[str]:
-    """Return the names of all sessions that a recording with this rig file opens."""
-    fixed = (
-        WATCHDOG,
-        tasks.MOTOR,
-        tasks.MASTER,
-        safe_bench.ZERO,
-        safe_bench.DRIVE,
-        tasks.CAMERA,
-        tasks.EDGES,
-    )
-    return [*fixed, *map(tasks.encoder_task_name, config.encoders)]
+SESSIONS = (WATCHDOG, tasks.MOTOR, tasks.MASTER, safe_bench.ZERO, safe_bench.DRIVE, tasks.CAMERA, tasks.EDGES)
+"""Sessions that a recording opens, beside those of its encoders."""
 
 
 class ServerClaim:
@@ -67,19 +54,22 @@ class ServerClaim:
         if self._mark is not None:
             return False
         self._take_lock(config)
+
+        def session(name: str, behavior: SessionInitializationBehavior) -> nidaqmx.Task:
+            return nidaqmx.Task(name, grpc_options=tasks.session_options(self._channel, name, behavior))
+
         mark = re.sub(r"\W", "_", f"pianorig_{config.name}_on_{platform.node()}")
         with translated("connect", f"server {self._target}"):
             try:
-                self._mark = self._session(mark, SessionInitializationBehavior.INITIALIZE_SERVER_SESSION)
+                self._mark = session(mark, tasks.NEW)
                 return False
             except nidaqmx.errors.RpcError as error:
                 if error.rpc_code not in (_TAKEN, _TAKEN.value[0]):
                     raise
-            attach = SessionInitializationBehavior.ATTACH_TO_SERVER_SESSION
-            self._mark = self._session(mark, attach)
-            for name in session_names(config):
+            self._mark = session(mark, tasks.ATTACHED)
+            for name in (*SESSIONS, *map(tasks.encoder_task_name, config.encoders)):
                 with contextlib.suppress(nidaqmx.errors.Error):  # it did not get as far as opening this one
-                    self._session(name, attach).close()
+                    session(name, tasks.ATTACHED).close()
         return True
 
     def release(self) -> None:
@@ -91,10 +81,6 @@ class ServerClaim:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
-
-    def _session(self, name: str, behavior: SessionInitializationBehavior) -> nidaqmx.Task:
-        options = GrpcSessionOptions(self._channel, name, initialization_behavior=behavior)
-        return nidaqmx.Task(name, grpc_options=options)
 
     def _take_lock(self, config: RigConfig) -> None:
         key = hashlib.sha256(f"{self._target} {config.device.name}".encode()).hexdigest()[:16]

@@ -1,22 +1,16 @@
-"""The tasks that follow the analog inputs' clock: encoders, motor, camera; one function each, every argument given.
+"""The tasks of a bench: analog inputs, and what follows their clock: encoders, motor, camera; one function each.
 
 AI is the clock master. Counters and the motor output take their sample clock from ``ai/SampleClock``; counters arm on
 ``ai/StartTrigger`` and the frame pulses start on it. The motor output needs no trigger: its clock does not tick before
-AI starts. NI-DAQmx's defaults (volts of range, degrees, 24 pulses) are never relied on.
+AI starts. NI-DAQmx's defaults (pounds, 2.5 V, degrees, 24 pulses) are never relied on: every argument is given.
 
-Tasks that are made once and used for every trial: stopped and unreserved in between, cleared only at the end.
+Tasks are made once and used for every trial: stopped and unreserved in between, cleared only at the end. This follows
+the state model of NI-DAQmx (verified → committed → running and back). An unreserved task keeps its settings and
+reserves no hardware: the watchdog of a chassis can start before the others, and other tasks can have the channels.
+Errors are those of ``nidaqmx``, translated by the caller.
 
-This follows the state model of NI-DAQmx (verified → committed → running and back). An unreserved task keeps its
-settings and reserves no hardware: the watchdog of a chassis can start before the others, and other tasks can have the
-channels. Errors are those of ``nidaqmx``, translated by the caller.
-
-AI tasks: load cell and further channels, the master of clock and trigger; and one voltage input for a self-test.
-
-NI-DAQmx's defaults (pounds, 2.5 V) are never relied on: every argument is given.
-
-The next samples of every input task as one block, and the driver's own count of samples.
-
-Force comes calibrated and as measured, counts as whole numbers; a count that is not whole is a fault.
+The next samples of every input task are read as one block: force calibrated and as measured, counts as whole numbers; a
+count that is not whole is a fault.
 """
 
 from __future__ import annotations
@@ -27,19 +21,35 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
+import grpc
 import nidaqmx
 import nidaqmx.constants as ni
 import numpy as np
+from nidaqmx import GrpcSessionOptions
 from nidaqmx.constants import TaskMode
+from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
 from nidaqmx.stream_writers import AnalogSingleChannelWriter
 from numpy.typing import NDArray
 
 from rig.backend import Block
-from rig.configuration.channels import CameraConfig, ChannelConfig, EncoderConfig, OppositeHeadConfig
+from rig.configuration.channels import CameraConfig, EncoderConfig, OppositeHeadConfig
 from rig.configuration.rig_file import RigConfig
 from rig.daq.faults import translated
 from rig.errors import HardwareFault, RigInputError
+
+AUTO = SessionInitializationBehavior.AUTO
+NEW = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
+ATTACHED = SessionInitializationBehavior.ATTACH_TO_SERVER_SESSION
+
+
+def session_options(
+    channel: grpc.Channel | None,
+    name: str = "",
+    behavior: SessionInitializationBehavior = AUTO,
+) -> GrpcSessionOptions | None:
+    """Return the client's options for a session at a server; None on the driver of this computer."""
+    return None if channel is None else GrpcSessionOptions(channel, name, initialization_behavior=behavior)
 
 
 class NewTask(Protocol):
@@ -128,7 +138,12 @@ def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     """AI on the load cell and the further channels, in this order, continuous, on its own clock: the master."""
     task = force_task(new_task, config)
     for further in config.channels:
-        _add_voltage(task, further.channel, further.name, _electrical_ends(further))
+        _add_voltage(
+            task,
+            further.channel,
+            further.name,
+            _on_line(np.array([further.least, further.most]), further.physical, further.electrical),
+        )
     for device in config.devices:
         if device.clock_from is not None:
             task.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, device.clock_from)
@@ -161,7 +176,7 @@ def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     else:
         ends = volts_of_force(config, np.array([force.min_n, force.max_n]))
         _add_voltage(task, force.channel, "force", ends)
-    _own_clock(task, config)
+    _continuous(task, config)
     task.in_stream.overwrite = ni.OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES
     return task
 
@@ -177,7 +192,7 @@ def voltage_task(new_task: NewTask, config: RigConfig, channel: str) -> nidaqmx.
     """AI on one voltage input within the motor's range, continuous, on its own clock."""
     task, limit = new_task("voltage"), config.motor.voltage_limit_v
     _add_voltage(task, channel, "voltage", np.array([-limit, limit]))
-    _own_clock(task, config)
+    _continuous(task, config)
     return task
 
 
@@ -193,11 +208,12 @@ def _add_voltage(task: nidaqmx.Task, channel: str, name: str, ends_v: NDArray[np
     )
 
 
-def _own_clock(task: nidaqmx.Task, config: RigConfig) -> None:
+def _continuous(task: nidaqmx.Task, config: RigConfig, source: str = "") -> None:
+    """Give a continuous task its sample clock: its own, or the one on a terminal."""
     rate = config.device.sample_rate_hz
     task.timing.cfg_samp_clk_timing(
         rate,
-        source="",
+        source=source,
         active_edge=ni.Edge.RISING,
         sample_mode=ni.AcquisitionType.CONTINUOUS,
         samps_per_chan=buffer_samples(rate),
@@ -215,20 +231,6 @@ def _on_line(value: NDArray[np.float64], x: Points, y: Points) -> NDArray[np.flo
 def volts_of_force(config: RigConfig, force_n: NDArray[np.float64]) -> NDArray[np.float64]:
     """Electrical reading (mV/V or V) that the calibration line gives for a force."""
     return _on_line(force_n, config.force.physical_n, config.force.electrical)
-
-
-def force_of_volts(config: RigConfig, electrical: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Force that the calibration line gives for an electrical reading (mV/V or V)."""
-    return _on_line(electrical, config.force.electrical, config.force.physical_n)
-
-
-def channel_of_volts(channel: ChannelConfig, volts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Value in the channel's unit that its calibration line gives for a voltage."""
-    return _on_line(volts, channel.electrical, channel.physical)
-
-
-def _electrical_ends(channel: ChannelConfig) -> NDArray[np.float64]:
-    return _on_line(np.array([channel.least, channel.most]), channel.physical, channel.electrical)
 
 
 WRITE_TIMEOUT_S = 5.0
@@ -271,23 +273,12 @@ def opposite_head_task(new_task: NewTask, config: RigConfig, head: OppositeHeadC
     """One counter on the second reading head of the key's scale, as the key's encoder."""
     key = config.encoders[0]
     same = {"counter": head.counter, "a_terminal": head.a_terminal, "b_terminal": head.b_terminal, "sign": head.sign}
-
-    def named(name: str) -> nidaqmx.Task:
-        return new_task(OPPOSITE)
-
-    return encoder_task(named, config, key.model_copy(update=same))
+    return encoder_task(lambda name: new_task(OPPOSITE), config, key.model_copy(update=same))
 
 
 def _latched_on_ai(task: nidaqmx.Task, config: RigConfig, counter: str) -> None:
     """Give a counter the AI sample clock, and arm it on the AI start trigger where that reaches its device."""
-    rate = config.device.sample_rate_hz
-    task.timing.cfg_samp_clk_timing(
-        rate,
-        source=config.clock_of(counter),
-        active_edge=ni.Edge.RISING,
-        sample_mode=ni.AcquisitionType.CONTINUOUS,
-        samps_per_chan=buffer_samples(rate),
-    )
+    _continuous(task, config, config.clock_of(counter))
     if (start := config.start_of(counter)) is None:
         return
     trigger = task.triggers.arm_start_trigger
@@ -389,8 +380,8 @@ def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: i
     if config.force.kind == "bridge":
         force_n, raw = values[0], volts_of_force(config, values[0])
     else:
-        force_n, raw = force_of_volts(config, values[0]), values[0]
-    further = [channel_of_volts(channel, values[k]) for k, channel in enumerate(config.channels, 1)]
+        force_n, raw = _on_line(values[0], config.force.electrical, config.force.physical_n), values[0]
+    further = [_on_line(values[k], one.electrical, one.physical) for k, one in enumerate(config.channels, 1)]
     count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
     for column, encoder in enumerate(config.encoders):
         count[:, column] = _ticks(made, encoder_task_name(encoder), n_samples, timeout_s)

@@ -12,14 +12,14 @@ import atexit
 import contextlib
 import warnings
 
+import grpc
 import nidaqmx
-from nidaqmx import GrpcSessionOptions
 from nidaqmx.constants import Level, WatchdogAOExpirState
-from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.system import Device
 from nidaqmx.system.watchdog import AOExpirationState, DOExpirationState, WatchdogTask
 
 from rig.configuration.rig_file import RigConfig
+from rig.daq.tasks import NEW, session_options
 
 NAME = "watchdog"
 ANALOG_REACH = ("cDAQ-9185", "cDAQ-9189")
@@ -32,12 +32,9 @@ _LEFT_OPEN: list[WatchdogTask] = []
 class Watchdog:
     """A watchdog timer that can be started repeatedly; errors are those of ``nidaqmx``, translated by the caller."""
 
-    def __init__(self, channel: object | None, config: RigConfig) -> None:
+    def __init__(self, channel: grpc.Channel | None, config: RigConfig) -> None:
         timeout_s = config.watchdog.timeout_s if config.watchdog else 0.5
-        options = None
-        if channel is not None:
-            behavior = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
-            options = GrpcSessionOptions(channel, NAME, initialization_behavior=behavior)  # type: ignore[arg-type]
+        options = session_options(channel, NAME, NEW)
         self._task: WatchdogTask | None = WatchdogTask(
             config.device.name, NAME, timeout=timeout_s, grpc_options=options
         )
@@ -97,7 +94,6 @@ def _keep_open(task: WatchdogTask) -> None:
     _LEFT_OPEN.append(task)
 
 
-def reset_device(channel: object | None, name: str) -> None:
+def reset_device(channel: grpc.Channel | None, name: str) -> None:
     """Reset the device: all tasks on it end, outputs go to their power-up state, an expired watchdog is disarmed."""
-    options = None if channel is None else GrpcSessionOptions(channel, "")  # type: ignore[arg-type]
-    Device(name, grpc_options=options).reset_device()
+    Device(name, grpc_options=session_options(channel)).reset_device()
