@@ -15,12 +15,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.backend import Backend, Capabilities
+from rig.backend import Backend
 from rig.calibration import changed
 from rig.configuration.profile import MotorCommand, Profile, motor_command, parse_profile
 from rig.configuration.rig_file import FeltConfig, Rig, RigConfig, load_rig, parse_rig
@@ -29,14 +29,13 @@ from rig.errors import RigInputError
 from rig.felt.order import BLOCK, FeltOrder, checked, guarded
 from rig.felt.press_curve import Compliance, PressCurve, compliance, press_curve, readings
 from rig.recording.options import RecordingKeywords, RecordingOptions
-from rig.recording.sealing import discard_empty, recording_backend, software_versions
+from rig.recording.sealing import new_session
 from rig.recording.trial_plan import Entry
 from rig.recording.trial_run import record_entries
 from rig.safety.dry_run import PredictedBlow, dry_run
 from rig.safety.permission import require_permission
-from rig.session.annotation_file import utc_now
 from rig.session.folder import Session, Trial
-from rig.session.info import ActionInfo, FileInfo, PlanInfo, RoomInfo, SessionInfo
+from rig.session.info import FileInfo, PlanInfo
 from rig.storage.atomic_write import refused, write_text
 
 RAMP_S = 1.5
@@ -191,16 +190,10 @@ def record_felt(out: str | Path, order: FeltOrder, **keywords: Unpack[RecordingK
     known = options.permission.applied_to(rig.config) if options.permission is not None else rig.config
     press = _Press(order, rig, guarded(known, felt, max(order.peaks_n)), felt, options)
     press.command(ramp(max(order.peaks_n)))
-    existed = Path(out).is_dir()
-    session: Session | None = None
-    try:
-        with recording_backend(options.backend, rig.config) as backend:
-            require_permission(rig, backend.capabilities, options.permission, dry_run=True)
-            session = Session.create(out, press.info(Path(out).name, backend.capabilities), {"rig.toml": rig.text})
-            return press.block(session, backend) if order.contact == BLOCK else press.felt(session, backend)
-    finally:
-        if session is not None:
-            discard_empty(session, existed)
+    with new_session(out, options, rig) as (backend, create):
+        require_permission(rig, backend.capabilities, options.permission, dry_run=True)
+        session = create({}, **press.stated())
+        return press.block(session, backend) if order.contact == BLOCK else press.felt(session, backend)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,27 +214,15 @@ class _Press:
             else 1 + len(order.speeds_m_per_s) * len(order.peaks_n) * order.repeats
         )
 
-    def info(self, name: str, capabilities: Capabilities) -> SessionInfo:
-        options, order = self.options, self.order
-        return SessionInfo(
-            name=name,
-            kind="felt",
-            operator=options.operator,
-            created_utc=utc_now(),
-            simulated=capabilities.simulated,
-            action=options.action or ActionInfo(name=options.action_name),
-            rig=FileInfo(name=self.rig.config.name, copy_name="rig.toml", sha256=self.rig.sha256),
-            profile=FileInfo(name=f"felt {order.contact}"),
-            plan=PlanInfo(trials=self.count, rest_s=order.rest_s),
-            room=options.room or RoomInfo(),
-            backend={"name": capabilities.name, **capabilities.description},
-            software=software_versions(),
-            notes={
-                **(options.notes or {}),
-                "recording": f"the arm pressed {order.contact}, no key; scale of the {self.setup.encoder} on its shaft",
-                **(options.permission.noted() if options.permission else {}),
-            },
-        )
+    def stated(self) -> dict[str, Any]:
+        """What a session of presses states of itself."""
+        pressed = f"the arm pressed {self.order.contact}, no key; scale of the {self.setup.encoder} on its shaft"
+        return {
+            "kind": "felt",
+            "profile": FileInfo(name=f"felt {self.order.contact}"),
+            "plan": PlanInfo(trials=self.count, rest_s=self.order.rest_s),
+            "notes": {"recording": pressed, **(self.options.permission.noted() if self.options.permission else {})},
+        }
 
     def command(self, profile: Profile) -> None:
         body = [encoder.name for encoder in self.config.encoders].index(self.setup.encoder)

@@ -24,19 +24,16 @@ from rig.recording.sealing import (
     PASSIVE,
     ClockWatch,
     Cut,
-    discard_empty,
-    recording_backend,
+    new_session,
     seal_cut,
-    software_versions,
     trial_provenance,
 )
 from rig.recording.strokes import Stroke, StrokeDetector, StrokeSettings
 from rig.recording.trial_plan import MAX_TRIALS
 from rig.recording.trial_run import LATE_S, closed, reason_of, status_of
 from rig.safety.interrupts import deferred, termination_as_interrupt
-from rig.session.annotation_file import utc_now
 from rig.session.folder import Session, Trial
-from rig.session.info import ActionInfo, FileInfo, PlanInfo, RoomInfo, SessionInfo
+from rig.session.info import FileInfo, PlanInfo
 from rig.session.journal.trial_head import TrialHead
 from rig.session.journal.writer import JournalWriter
 
@@ -93,35 +90,15 @@ def record_passive(
     if duration_s is not None and not 0 < duration_s < float("inf"):
         raise RigInputError(f"duration_s = {duration_s:g}, allowed above 0")
     rig = options.rig_config if isinstance(options.rig_config, Rig) else load_rig(options.rig_config)
-    existed = Path(out).is_dir()
-    session: Session | None = None
-    try:
-        with recording_backend(options.backend, rig.config) as backend:
-            info = _session_info(Path(out).name, backend, rig, strokes, options)
-            session = Session.create(out, info, {"rig.toml": rig.text})
-            _Stream(session, backend, rig.config, options).run(strokes or MAX_TRIALS, duration_s or float("inf"))
-    finally:
-        if session is not None:
-            discard_empty(session, existed)
+    with new_session(out, options, rig) as (backend, create):
+        session = create(
+            {},
+            profile=FileInfo(name=PASSIVE),
+            plan=PlanInfo(trials=strokes or MAX_TRIALS),
+            notes={"recording": "passive: somebody played, the motor was at 0 V"},
+        )
+        _Stream(session, backend, rig.config, options).run(strokes or MAX_TRIALS, duration_s or float("inf"))
     return session
-
-
-def _session_info(name: str, backend: Backend, rig: Rig, strokes: int | None, options: RecordingOptions) -> SessionInfo:
-    capabilities = backend.capabilities
-    return SessionInfo(
-        name=name,
-        operator=options.operator,
-        created_utc=utc_now(),
-        simulated=capabilities.simulated,
-        action=options.action or ActionInfo(name=options.action_name),
-        rig=FileInfo(name=rig.config.name, copy_name="rig.toml", sha256=rig.sha256),
-        profile=FileInfo(name=PASSIVE),
-        plan=PlanInfo(trials=strokes or MAX_TRIALS),
-        room=options.room or RoomInfo(),
-        backend={"name": capabilities.name, **capabilities.description},
-        software=software_versions(),
-        notes={**(options.notes or {}), "recording": "passive: somebody played, the motor was at 0 V"},
-    )
 
 
 @dataclass(eq=False)
@@ -201,9 +178,8 @@ class _Stream:
             self._tell(block, committed, rate)
             if stroke is not None:
                 with deferred():
-                    trial = self._seal(
-                        stroke, stroke.status, "" if stroke.status == "complete" else _too_long(settings)
-                    )
+                    late = f"not at rest {settings.longest_s:g} s after it began (passive.longest_s)"
+                    trial = self._seal(stroke, stroke.status, "" if stroke.status == "complete" else late)
                     sealed += 1
                     if sealed < most:
                         self._open_journal(timing, settings)
@@ -270,7 +246,3 @@ class _Stream:
             self._seal(stroke, "interrupted", "the recording ended during this stroke")
         else:
             self._seal(stroke, status_of(error), reason_of(error))
-
-
-def _too_long(settings: StrokeSettings) -> str:
-    return f"not at rest {settings.longest_s:g} s after it began (passive.longest_s)"

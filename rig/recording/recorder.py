@@ -7,23 +7,20 @@ the caller. When not one trial was recorded, no session folder is left. A progra
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
-from rig.backend import Capabilities
 from rig.configuration.profile import Profile, load_profile, motor_command
 from rig.configuration.rig_file import Rig, load_rig
 from rig.recording.options import RecordingKeywords, RecordingOptions
-from rig.recording.sealing import discard_empty, recording_backend, software_versions
-from rig.recording.trial_plan import Plan, plain_plan
+from rig.recording.sealing import new_session
+from rig.recording.trial_plan import plain_plan
 from rig.recording.trial_run import record_entries
 from rig.safety.dry_run import dry_run
 from rig.safety.permission import require_permission
-from rig.session.annotation_file import utc_now
 from rig.session.folder import Session
-from rig.session.info import ActionInfo, FileInfo, RoomInfo, SessionInfo
+from rig.session.info import ActionInfo, FileInfo, RoomInfo
 
 
 def record(out: str | Path, options: RecordingOptions | None = None, **keywords: Unpack[RecordingKeywords]) -> Session:
@@ -92,55 +89,30 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
     """
     given = replace(options or RecordingOptions(), **keywords)
     rig = given.rig_config if isinstance(given.rig_config, Rig) else load_rig(given.rig_config)
-    plan = given.plan or plain_plan(_profile(given.profile), given.trials)
+    profile = given.profile if isinstance(given.profile, Profile) else load_profile(given.profile)
+    plan = given.plan or plain_plan(profile, given.trials)
     config = given.permission.applied_to(rig.config) if given.permission is not None else rig.config
     predicted: dict[str, float | str] = {}
     for profile in plan.profiles.values():
         motor_command(profile, config)
         found = dry_run(profile, config, given.predict) if given.predict is not None else {}
         predicted = predicted or found
-    existed = Path(out).is_dir()
-    session: Session | None = None
-    try:
-        with recording_backend(given.backend, rig.config) as backend:
-            require_permission(rig, backend.capabilities, given.permission, given.predict is not None)
-            info = _session_info(Path(out).name, backend.capabilities, rig, plan, given, predicted)
-            session = Session.create(out, info, {"rig.toml": rig.text, **plan.files()})
-            record_entries(session, backend, config, plan.entries, given)
-    finally:
-        if session is not None:
-            discard_empty(session, existed)
+    with new_session(out, given, rig) as (backend, create):
+        require_permission(rig, backend.capabilities, given.permission, given.predict is not None)
+        first = plan.entries[0]
+        session = create(
+            plan.files(),
+            action=given.action or plan.action or ActionInfo(name=given.action_name),
+            profile=FileInfo(
+                name=first.profile.name, copy_name=plan.copies[first.condition], sha256=first.profile.sha256
+            ),
+            plan=plan.info(),
+            room=given.room or plan.room or RoomInfo(),
+            notes=given.permission.noted() if given.permission else {},
+            dry_run=predicted,
+        )
+        record_entries(session, backend, config, plan.entries, given)
     return session
 
 
 record_session = record
-
-
-def _profile(profile: Profile | str | Path) -> Profile:
-    return profile if isinstance(profile, Profile) else load_profile(profile)
-
-
-def _session_info(
-    name: str,
-    capabilities: Capabilities,
-    rig: Rig,
-    plan: Plan,
-    options: RecordingOptions,
-    predicted: Mapping[str, float | str],
-) -> SessionInfo:
-    first = plan.entries[0]
-    return SessionInfo(
-        name=name,
-        operator=options.operator,
-        created_utc=utc_now(),
-        simulated=capabilities.simulated,
-        action=options.action or plan.action or ActionInfo(name=options.action_name),
-        rig=FileInfo(name=rig.config.name, copy_name="rig.toml", sha256=rig.sha256),
-        profile=FileInfo(name=first.profile.name, copy_name=plan.copies[first.condition], sha256=first.profile.sha256),
-        plan=plan.info(),
-        room=options.room or plan.room or RoomInfo(),
-        backend={"name": capabilities.name, **capabilities.description},
-        software=software_versions(),
-        notes={**(options.notes or {}), **(options.permission.noted() if options.permission else {})},
-        dry_run=dict(predicted),
-    )

@@ -121,21 +121,27 @@ def _refuse_if_in_use(file: Path, flags: int) -> None:
 
 
 def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> Recovered:
-    journal = scan_journal(file)
+    journal, fate = scan_journal(file), "stays" if keep else "was removed"
     if (sealed := _sealed(session, number)) is not None:
-        return _already_sealed(session, sealed, file, journal, keep=keep)
+        # sealed just before the program ended, unless the two differ
+        kept, at = stored_blocks(file, journal) if journal.head is not None else (), sealed.force_n
+        if not all(np.array_equal(at[b.first_sample : b.first_sample + b.force_n.size], b.force_n) for b in kept):
+            raise RigInputError(f"{file}: is not the journal of {session.trial_path(number).name}; move it elsewhere")
+        if not keep:
+            file.unlink()
+        return Recovered(number, sealed.status, sealed.n_valid, f"was sealed already; the journal {fate}")
     if journal.head is None or not journal.n_samples:
         if journal.left_over and not journal.only_begun:
             return Recovered(number, "unreadable", 0, f"{file.name} begins with damage and was left as it is")
         if not keep:
             file.unlink()
-        return Recovered(number, "empty", 0, f"no sample had been acquired; the journal {_fate(keep)}")
+        return Recovered(number, "empty", 0, f"no sample had been acquired; the journal {fate}")
     settings = journal.head.provenance.get(PASSIVE)
     stroke = None if settings is None else _stroke(file, journal, settings)
     if settings is not None and stroke is None:
         if not keep:
             file.unlink()
-        return Recovered(number, "empty", 0, f"nobody was playing; the journal {_fate(keep)}")
+        return Recovered(number, "empty", 0, f"nobody was playing; the journal {fate}")
     if journal.head.number != number:
         raise RigInputError(f"{file}: holds trial {journal.head.number}, not {number}; give it its own name again")
     damaged = journal.records_behind or (journal.ending is not None and journal.left_over > 0)
@@ -151,12 +157,12 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
         note += f"; the sealed file was damaged and is kept as {_put_aside(session.trial_path(number)).name}"
     if stroke is None:
         wanted = journal.n_samples
-        sealed = seal_journal(session, file, journal, status, reason).read()
+        made = seal_journal(session, file, journal, status, reason).read()
     else:
         wanted = stroke.end - stroke.first
-        sealed = seal_cut(session, file, Cut(stroke.first, stroke.trigger, stroke.end), status, reason).read()
-    if sealed.n_valid != wanted:
-        raise RigInputError(f"{file}: {wanted} samples, but {sealed.n_valid} were sealed; the journal is kept")
+        made = seal_cut(session, file, Cut(stroke.first, stroke.trigger, stroke.end), status, reason).read()
+    if made.n_valid != wanted:
+        raise RigInputError(f"{file}: {wanted} samples, but {made.n_valid} were sealed; the journal is kept")
     if keep:
         note += "; the journal stays"
     elif damaged:
@@ -184,23 +190,6 @@ def _sealed(session: Session, number: int) -> TrialData | None:
         return session.trial(number).read()
     except RigInputError:
         return None
-
-
-def _already_sealed(session: Session, sealed: TrialData, file: Path, journal: Journal, *, keep: bool) -> Recovered:
-    """Remove the journal of a trial that was sealed just before the program ended, unless the two differ."""
-    kept = stored_blocks(file, journal) if journal.head is not None else ()
-    at = sealed.force_n
-    if not all(np.array_equal(at[b.first_sample : b.first_sample + b.force_n.size], b.force_n) for b in kept):
-        raise RigInputError(
-            f"{file}: is not the journal of {session.trial_path(sealed.number).name}; move it elsewhere"
-        )
-    if not keep:
-        file.unlink()
-    return Recovered(sealed.number, sealed.status, sealed.n_valid, f"was sealed already; the journal {_fate(keep)}")
-
-
-def _fate(keep: bool) -> str:
-    return "stays" if keep else "was removed"
 
 
 def _put_aside(file: Path) -> Path:

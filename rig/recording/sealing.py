@@ -2,11 +2,8 @@
 
 Recorder and recovery both seal trials here, so that a recovered trial is the one that would have been sealed.
 
-A session in which nothing was recorded leaves no folder behind.
-
-The backend of a recording: opened from an address and closed at the end, or one that somebody else has opened.
-
-What every trial file says of its own origin, so that it stands alone: who, what, with which devices and programs.
+Here too: how a session is begun, and what every trial file says of its own origin, so that it stands alone: who, what,
+with which devices and programs.
 """
 
 from __future__ import annotations
@@ -15,53 +12,78 @@ import contextlib
 import functools
 import platform
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 from rig.backend import Backend, Block, Capabilities, check_contract, open_backend
 from rig.configuration.profile import Profile
-from rig.configuration.rig_file import RigConfig
+from rig.configuration.rig_file import Rig, RigConfig
 from rig.errors import HardwareFault, RigInputError
+from rig.recording.options import RecordingOptions
 from rig.recording.trial_plan import reject_warm_up
 from rig.safety.interrupts import deferred
+from rig.session.annotation_file import utc_now
 from rig.session.folder import Session, Trial
-from rig.session.info import SessionInfo
+from rig.session.info import ActionInfo, FileInfo, RoomInfo, SessionInfo
 from rig.session.journal.format import Journal, scan_journal, stored_blocks
 from rig.session.journal.trial_head import TrialHead
 from rig.session.trial_data import TrialData
 
 
-def discard_empty(session: Session, existed: bool) -> None:
-    """Remove a session that has neither trials nor journals; a folder that was there before stays, empty."""
-    with deferred():
-        if session.trials or session.journals:
-            return
-        if not existed:
-            shutil.rmtree(session.path, ignore_errors=True)
-        elif session.path.is_dir():
-            for path in session.path.iterdir():
-                path.unlink()
-
-
 @contextlib.contextmanager
-def recording_backend(given: Backend | str, config: RigConfig) -> Iterator[Backend]:
-    """Open ``given`` where it is an address, check what it offers, and close what was opened here."""
-    own = isinstance(given, str)
-    backend = open_backend(given, config) if isinstance(given, str) else given
+def new_session(
+    out: str | Path, options: RecordingOptions, rig: Rig
+) -> Iterator[tuple[Backend, Callable[..., Session]]]:
+    """Open the backend of ``options`` where it is an address, and give it with what creates the session of a rig file.
+
+    That takes the copies to keep beside ``session.toml`` and, as keywords, what this kind of session states of itself
+    (:class:`SessionInfo`). At the end what was opened here is closed; a session in which nothing was recorded leaves no
+    folder behind, one that was there before stays, empty.
+    """
+    folder, given = Path(out), options.backend
+    existed, made = folder.is_dir(), list[Session]()
+    backend = open_backend(given, rig.config) if isinstance(given, str) else given
+
+    def create(copies: Mapping[str, str], **stated: Any) -> Session:
+        common: dict[str, Any] = {
+            "name": folder.name,
+            "operator": options.operator,
+            "created_utc": utc_now(),
+            "simulated": backend.capabilities.simulated,
+            "action": options.action or ActionInfo(name=options.action_name),
+            "rig": FileInfo(name=rig.config.name, copy_name="rig.toml", sha256=rig.sha256),
+            "room": options.room or RoomInfo(),
+            "backend": {"name": backend.capabilities.name, **backend.capabilities.description},
+            "software": software_versions(),
+        }
+        notes = {**(options.notes or {}), **stated.pop("notes", {})}
+        info = SessionInfo(**{**common, **stated, "notes": notes})
+        made.append(Session.create(out, info, {"rig.toml": rig.text, **copies}))
+        return made[0]
+
     check_contract(backend)
     try:
-        yield backend
+        yield backend, create
     except BaseException:
-        if own:
+        if isinstance(given, str):
             with deferred(), contextlib.suppress(HardwareFault):
                 backend.close()  # the first fault is the one to report
         raise
     else:
-        if own:
+        if isinstance(given, str):
             backend.close()
+    finally:
+        for session in made:
+            with deferred():
+                if not session.trials and not session.journals and existed:
+                    for path in session.path.iterdir() if session.path.is_dir() else ():
+                        path.unlink()
+                elif not session.trials and not session.journals:
+                    shutil.rmtree(session.path, ignore_errors=True)
 
 
 PACKAGES = ("piano-action-rig", "numpy", "h5py", "nidaqmx", "grpcio")
@@ -79,8 +101,8 @@ def software_versions() -> dict[str, str]:
 
     Examples
     --------
-    >>> import rig
-    >>> "nidaqmx" in rig.recorder.software_versions()
+    >>> from rig.recording.sealing import software_versions
+    >>> "nidaqmx" in software_versions()
     True
     """
     return {"python": platform.python_version(), "system": platform.platform(), **_package_versions()}
@@ -176,11 +198,6 @@ def seal_journal(session: Session, file: Path, scanned: Journal, status: str, re
     )
     reject_warm_up(session, about)
     return session.add_trial_parts(about, scanned.n_samples, _joined(head, stored_blocks(file, scanned)))
-
-
-def seal_recorded(session: Session, file: Path, status: str, reason: str) -> Trial:
-    """Seal the trial that was just recorded; raises as :func:`seal_journal`."""
-    return seal_journal(session, file, scan_journal(file), status, reason)
 
 
 NOTICED_LATE_S = 0.05

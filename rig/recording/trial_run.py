@@ -32,11 +32,12 @@ from rig.configuration.profile import MotorCommand, motor_command
 from rig.configuration.rig_file import RigConfig
 from rig.errors import HardwareFault, NotPermitted, RecordingFault, RigInputError, SamplesLost
 from rig.recording.options import Progress, RecordingOptions, TimeLeft
-from rig.recording.sealing import ClockWatch, seal_recorded, trial_provenance
+from rig.recording.sealing import ClockWatch, seal_journal, trial_provenance
 from rig.recording.trial_plan import Entry
 from rig.safety.interlocks import Interlocks
 from rig.safety.interrupts import deferred, termination_as_interrupt
 from rig.session.folder import Session, Trial
+from rig.session.journal.format import scan_journal
 from rig.session.journal.trial_head import TrialHead
 from rig.session.journal.writer import JournalWriter
 
@@ -156,7 +157,12 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
                 )
 
         status = _read_until_rest(backend, config, command, timing, store)
-        _check_sample_count(backend, read)
+        for name, (handed_out, acquired) in backend.read_positions().items():
+            if handed_out != read or acquired < read:
+                raise SamplesLost(
+                    f"{name}: the driver has acquired {acquired} and handed out {handed_out} samples per channel, "
+                    f"{read} are stored; samples are missing or doubled"
+                )
         if status == "complete" or trial.number < trial.trials:
             interlocks.check_returned()  # or there is no further blow
     except BaseException as ended:
@@ -164,9 +170,10 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
     finally:
         try:
             with deferred():
-                unsafe = _made_safe(backend)
                 outputs = "outputs safe"
-                if unsafe is not None:
+                try:
+                    backend.safe_stop()
+                except BaseException as unsafe:  # nothing may keep the journal from being closed
                     outputs = f"OUTPUTS NOT CONFIRMED SAFE, cut the drive's power: {one_line(unsafe)}"
                     reason = "; ".join(filter(None, (reason, one_line(unsafe))))
                     status, error = status_of(unsafe), error or unsafe
@@ -200,15 +207,6 @@ def reason_of(error: BaseException) -> str:
     return one_line(error)
 
 
-def _made_safe(backend: Backend) -> BaseException | None:
-    """Make the bench safe; return what prevented it."""
-    try:
-        backend.safe_stop()
-    except BaseException as fault:  # nothing may keep the journal from being closed
-        return fault
-    return None
-
-
 def closed(journal: JournalWriter, status: str, reason: str) -> BaseException | None:
     """Close a journal; return what prevented it."""
     try:
@@ -216,19 +214,6 @@ def closed(journal: JournalWriter, status: str, reason: str) -> BaseException | 
     except Exception as failure:
         return failure
     return None
-
-
-def _check_sample_count(backend: Backend, stored: int) -> None:
-    """Compare the number of samples stored with the driver's own count, where the backend reports one.
-
-    Raises SamplesLost when a task has handed out more or fewer samples than are stored.
-    """
-    for name, (handed_out, acquired) in backend.read_positions().items():
-        if handed_out != stored or acquired < stored:
-            raise SamplesLost(
-                f"{name}: the driver has acquired {acquired} and handed out {handed_out} samples per channel, {stored} "
-                "are stored; samples are missing or doubled"
-            )
 
 
 @dataclass(frozen=True)
@@ -338,7 +323,9 @@ def record_entries(
             if number > first_number and rest_s:
                 backend.wait(rest_s)
             if entry.condition != prompted:
-                _prompt(entry, number, options)
+                question = f"Trial {number}, condition {entry.condition}: {entry.prompt}  Press Enter when done: "
+                if entry.prompt and (options.ask is None or options.ask(question) is None):
+                    raise _nobody(entry)
                 prompted = entry.condition
             if options.before_trial is not None:
                 options.before_trial(number)
@@ -351,7 +338,9 @@ def record_entries(
             )  # fmt: skip
             outcome = run_trial(backend, config, trial, observed)
             _store(session, trial, outcome, options)
-            _note_jump(session, number, clocks)
+            if (jump := clocks.jump()) and any(sealed.number == number for sealed in session.trials):
+                with contextlib.suppress(RigInputError):  # a note is not worth the session
+                    session.annotate(number, "note", jump, author="recorder")
             if outcome.error is not None:
                 raise outcome.error
             clock.end()
@@ -375,7 +364,7 @@ def seal(session: Session, journal: Path, status: str, reason: str) -> Trial:
     Raises RecordingFault, which says whether the journal is still there.
     """
     try:
-        return seal_recorded(session, journal, status, reason)
+        return seal_journal(session, journal, scan_journal(journal), status, reason)
     except RigInputError as failure:
         if journal.exists():
             advice = f"{failure}; its journal is kept: free some space, then run  pianorig recover {session.path}"
@@ -393,21 +382,6 @@ def check_still_there(session: Session, sealed: int) -> None:
             "unmounted while it was recorded; nothing else is kept elsewhere, record into another folder",
             phase="write",
         )
-
-
-def _note_jump(session: Session, number: int, clocks: ClockWatch) -> None:
-    """Note a wall clock that was set during the trial, or the rest before it."""
-    if (jump := clocks.jump()) and any(trial.number == number for trial in session.trials):
-        with contextlib.suppress(RigInputError):  # a note is not worth the session
-            session.annotate(number, "note", jump, author="recorder")
-
-
-def _prompt(entry: Entry, number: int, options: RecordingOptions) -> None:
-    if not entry.prompt:
-        return
-    question = f"Trial {number}, condition {entry.condition}: {entry.prompt}  Press Enter when done: "
-    if options.ask is None or options.ask(question) is None:
-        raise _nobody(entry)
 
 
 def _nobody(entry: Entry) -> NotPermitted:
