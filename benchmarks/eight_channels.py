@@ -21,7 +21,7 @@ from rig.backend import Capabilities, Timing
 from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
 from rig.daq import NidaqmxBackend
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
-from rig.simulated.bench.clock import Clock, PacedClock
+from rig.simulated.bench.bench_time import Clock, PacedClock
 from rig.simulated.bench.plant_protocol import PlantBlock
 from rig.simulated.bench.sensors import load_sensors
 from rig.simulated.rpc.tcp_server import serve

@@ -25,7 +25,7 @@ from rig.recording.recorder import record_session
 from rig.session import Session, Trial
 from rig.session.journal.writer import JournalWriter
 from rig.simulated.backend import SimulatedBackend
-from rig.simulated.bench.clock import PacedClock, VirtualClock
+from rig.simulated.bench.bench_time import PacedClock, VirtualClock
 
 IN_ONE_SESSION = 100
 LEAST_TRIAL_S = 0.95

@@ -28,7 +28,7 @@ from .errors import RigError as RigError
 from .errors import RigInputError as RigInputError
 from .errors import SamplesLost as SamplesLost
 from .errors import WatchdogTripped as WatchdogTripped
-from .felt.order import FeltOrder as FeltOrder
+from .felt.record_felt import FeltOrder as FeltOrder
 from .felt.record_felt import FeltPress as FeltPress
 from .felt.record_felt import FeltSession as FeltSession
 from .felt.record_felt import record_felt as record_felt
@@ -62,9 +62,9 @@ from .safety.dry_run import PredictedBlow as PredictedBlow
 from .safety.dry_run import dry_run as dry_run
 from .safety.permission import Permission as Permission
 from .safety.permission import permit as permit
-from .selftest.record import SelftestFinding as SelftestFinding
-from .selftest.record import SelftestRecord as SelftestRecord
-from .selftest.run import run_selftest as run_selftest
+from .selftest import SelftestFinding as SelftestFinding
+from .selftest import SelftestRecord as SelftestRecord
+from .selftest import run_selftest as run_selftest
 from .session.annotation_file import Annotation as Annotation
 from .session.folder import Session as Session
 from .session.folder import Trial as Trial

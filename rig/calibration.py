@@ -31,7 +31,7 @@ from rig.backend import Backend, Block
 from rig.configuration.channels import BODIES
 from rig.configuration.rig_file import Rig, RigConfig, parse_rig
 from rig.errors import RigInputError
-from rig.selftest.run import SelftestBackend
+from rig.selftest import SelftestBackend
 
 READ_TIMEOUT_S = 5.0
 Array = NDArray[np.float64]

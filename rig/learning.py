@@ -1,27 +1,20 @@
 """Profiles that reproduce a recorded force: from a pianist's blow to a motor command, by iterative learning control.
 
 In: a recorded force; blows on the normal record path. After thesis Section 3.2.1, where the points were set by hand.
-Out: a profile for ``record --profile``.
+Out: a profile for ``record --profile``, the best blow's, in the key points that were played.
 
-The target of learning: a recorded force on the rig's sample clock, and when its key reaches bottom.
+Time zero of the target is `LEAD_S` before the force first rises; the resting force before that is subtracted; the force
+ends at zero. Key bottom is the foot of the steepest rise (thesis Figs 3.6 to 3.8: the force rises gradually, then
+spikes at key bottom), or is given. After it the command is the sustained force without the spike, since arm and finger
+differ there.
 
-Time zero is `LEAD_S` before the force first rises; the resting force before that is subtracted; the force ends at zero.
-Key bottom is the foot of the steepest rise (thesis Figs 3.6 to 3.8: the force rises gradually, then spikes at key
-bottom), or is given. After it the command is the sustained force without the spike, since arm and finger differ there.
-
-The loop of learning: blow, compare, correct, until the measured force follows the target.
-
-``blow`` is a callable that records one trial on the normal path, with every interlock. Each command is brought within
-the rig file's limits of force, slew rate, voltage and heating before it is played. The profile of the best blow is the
-result, in the key points that were played.
-
-One step of learning: the measured force is compared with the target, and the command corrected.
-
-Iterative learning control with a first-order law, u' = Q(u + gain · e): e is target less measured force, taken where
-the command of the same instant is felt (the force channel's delay and the sample from output to input are taken
-back); Q is a zero-phase low-pass, below the resonance of arm and load cell. Nothing is learned after the earlier of
-the two key bottoms: the last correction fades there. Conventions: force in N, positive downwards; arrays on the sample
-clock from the start of the profile. Law and convergence: Bristow, Tharayil & Alleyne, IEEE Control Systems 26 (2006).
+Blow, compare, correct, until the measured force follows the target: a first-order law, u' = Q(u + gain · e). e is
+target less measured force, taken where the command of the same instant is felt (the force channel's delay and the
+sample from output to input are taken back); Q is a zero-phase low-pass, below the resonance of arm and load cell.
+Nothing is learned after the earlier of the two key bottoms: the last correction fades there. Each command is brought
+within the rig file's limits of force, slew rate, voltage and heating before it is played. Conventions: force in N,
+positive downwards; arrays on the sample clock from the start of the profile. Law and convergence: Bristow, Tharayil &
+Alleyne, IEEE Control Systems 26 (2006).
 """
 
 from __future__ import annotations

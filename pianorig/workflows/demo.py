@@ -23,8 +23,7 @@ import model
 import validation
 import vision
 from pianorig.console.failures import Interrupted, how_stopped
-from pianorig.workflows.bench.interrupted import interrupts_told
-from pianorig.workflows.bench.record import record
+from pianorig.workflows.bench.record import interrupts_told, record
 from pianorig.workflows.film.session_film import SessionFilm
 from pianorig.workflows.film.track import track_film_file
 from rig import Session

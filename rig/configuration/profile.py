@@ -1,10 +1,9 @@
-"""Motor profiles: the commanded force as key points in time, joined by lines or by a monotone cubic.
+"""Motor profiles: the commanded force as key points in time, joined by lines or by a monotone cubic; and its command.
 
 Conventions: time in s from the start of the profile, force at the key front in N, positive downwards; before the first
 and after the last point the force is zero. All values are nominal: the force the key feels depends on arm and action.
-The monotone cubic is scipy's PCHIP (Fritsch & Butland 1984): it never overshoots its points.
-
-The motor command: a profile checked against the rig's limits and turned into volts on the sample clock.
+The monotone cubic is scipy's PCHIP (Fritsch & Butland 1984): it never overshoots its points. The motor command is a
+profile checked against the rig's limits and turned into volts on the sample clock.
 """
 
 from __future__ import annotations

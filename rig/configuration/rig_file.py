@@ -1,11 +1,8 @@
 """The rig file: which device, channels, scales, signs and limits the bench has (TOML, checked, frozen).
 
 It is read before anything else; its text and SHA-256 go into every session. Conventions as in
-:mod:`rig.configuration.channels`.
-
-Table ``[felt]`` of the rig file: how the arm presses a felt, what gives way between them, and what is allowed.
-
-Further devices of a rig, ``[[devices]]``: cards or chassis beside the one whose AI clock everything follows.
+:mod:`rig.configuration.channels`. ``[[devices]]`` are cards or chassis beside the one whose AI clock everything
+follows; ``[felt]`` says how the arm presses a felt, what gives way between them, and what is allowed.
 """
 
 from __future__ import annotations

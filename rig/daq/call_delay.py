@@ -55,11 +55,6 @@ def measure(call: Callable[[], object], now_s: Callable[[], float]) -> CallDelay
     return CallDelay(float(np.median(taken)), max(taken))
 
 
-def reset_interval_s(config: RigConfig) -> float:
-    """Return how much time may pass between two resets of the watchdog while blocks are read, s."""
-    return 0.0 if config.watchdog is None else config.watchdog.timeout_s / RESETS_IN_TIMEOUT
-
-
 def calls_per_block(config: RigConfig) -> int:
     """Return the driver calls of one block: one read a task, the state of the generation, the watchdog's reset."""
     counted = config.camera is not None and config.camera.mode == "counted"

@@ -1,14 +1,9 @@
 """What stands behind an NI-DAQmx driver or server: devices, modules, serial numbers, driver version.
 
-In: a driver of this computer or a channel to a gRPC Device Server.
-Out: plain records, for sessions, ``pianorig info --backend`` and the rig file it proposes.
-
-Devices and modules with serial numbers, as the driver lists them. Only questions are asked, nothing is reserved.
-
-A rig file proposed for the devices that were found: names theirs, everything else to be looked at.
-
-The built-in rig file of the product is the pattern. What only the lab can know (scales, signs, limits, certificates)
-stays as it is there, and the head of the file says so.
+In: a driver of this computer or a channel to a gRPC Device Server. Out: plain records, for sessions, ``pianorig info
+--backend`` and the rig file it proposes. Only questions are asked, nothing is reserved. The pattern of a proposal is
+the built-in rig file of the product: names are those found; what only the lab can know (scales, signs, limits,
+certificates) stays as it is there, and the head of the file says so.
 """
 
 from __future__ import annotations

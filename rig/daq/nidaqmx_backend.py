@@ -30,9 +30,8 @@ from rig.configuration.rig_file import RigConfig
 from rig.daq import call_delay, tasks
 from rig.daq.discovery import FoundDevice, driver_version, find_device, find_devices
 from rig.daq.faults import translated
-from rig.daq.safe_bench import SafeBench, worst
+from rig.daq.safe_bench import SafeBench, Watchdog, worst
 from rig.daq.server_sessions import ServerClaim
-from rig.daq.watchdog import Watchdog
 from rig.errors import HardwareFault, RigInputError
 
 SHUNT_S = 0.4
@@ -220,7 +219,8 @@ class NidaqmxBackend(SafeBench, Backend):
         config = self._ready()
         with self._safe_on_failure():
             with translated("read", "watchdog"):
-                interval_s = call_delay.reset_interval_s(config)
+                watchdog_s = 0.0 if config.watchdog is None else config.watchdog.timeout_s
+                interval_s = watchdog_s / call_delay.RESETS_IN_TIMEOUT
                 # by the device's time, which is in the samples, and by ours, in which a block may be late
                 read_s = (self._next_sample - self._reset_at_sample) / config.device.sample_rate_hz
                 self._reset_watchdog(at_least_every_s=interval_s if read_s < interval_s else 0.0)

@@ -22,7 +22,7 @@ from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from rig.configuration.rig_file import RigConfig
 from rig.daq import safe_bench, tasks
 from rig.daq.faults import translated
-from rig.daq.watchdog import NAME as WATCHDOG
+from rig.daq.safe_bench import WATCHDOG
 from rig.errors import ResourceBusy
 from rig.storage.platform_calls import lock, open_raw
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from rig.backend import Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
+from rig.daq.safe_bench import ANALOG_REACH
 from rig.daq.tasks import MASTER
-from rig.daq.watchdog import ANALOG_REACH
 
 
 @dataclass(frozen=True)

@@ -129,11 +129,6 @@ MASTER = "force"
 """Name of the master task."""
 
 
-def buffer_samples(sample_rate_hz: float) -> int:
-    """Return the driver's buffer size in samples per channel."""
-    return int(BUFFER_S * sample_rate_hz)
-
-
 def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     """AI on the load cell and the further channels, in this order, continuous, on its own clock: the master."""
     task = force_task(new_task, config)
@@ -216,7 +211,7 @@ def _continuous(task: nidaqmx.Task, config: RigConfig, source: str = "") -> None
         source=source,
         active_edge=ni.Edge.RISING,
         sample_mode=ni.AcquisitionType.CONTINUOUS,
-        samps_per_chan=buffer_samples(rate),
+        samps_per_chan=int(BUFFER_S * rate),
     )
 
 

@@ -3,18 +3,12 @@
 Each common error is carried through the whole evaluation: with it one standard uncertainty off the curve is computed
 again, first touch included, and the difference is what the file states for each point.
 
-From a trial to the readings of a press: force without delay, hum and offset, way of the arm's tip, both phases.
-
-Force is that above the reading at rest plus the stated preload (docs/decisions/0006-bench-preload-and-offset.md).
-Encoders are not delayed, the force of a bridge module is: without its delay taken off, the loop would be wider by
-speed times delay.
-
-Where the felt is first touched: the arm rests on it with a preload, so the zero of compression lies before the rest.
-
-Fitted together are the felt's cubic (eq. 2.5), its loop as a share of the cubic, and the way from first touch to rest;
-the force at rest is the preload.
-
-The compliance of arm and cell: way of the arm over force while it presses a block that does not give way.
+Readings of a press are force without delay, hum and offset, and the way of the arm's tip. Force is that above the
+reading at rest plus the stated preload. Encoders are not delayed, the force of a bridge module is: without its delay
+taken off, the loop would be wider by speed times delay. The arm rests on the felt with a preload, so the zero of
+compression lies before the rest: fitted together are the felt's cubic (eq. 2.5), its loop as a share of the cubic, and
+the way from first touch to rest; the force at rest is the preload. The compliance of arm and cell is the way of the arm
+over force while it presses a block that does not give way.
 """
 
 from __future__ import annotations

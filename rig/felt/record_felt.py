@@ -1,9 +1,8 @@
 """Recording a felt: a slow ramp first, then each speed with each peak force, shaped from what the ramp found.
 
 Everything a blow has is there too: permission, watchdog, interlocks, journal, sealed trials; the limits of travel and
-force are the felt's. The curves go to ``derived/felt/`` of the session.
-
-Force profiles of a press: first a slow ramp that feels its way, then presses of one speed shaped from what it found.
+force are the felt's, and what is pressed how often, how fast and how hard is checked before anything moves. The curves
+go to ``derived/felt/`` of the session.
 
 A torque motor commands force, not motion: a ramp of force slows down in a felt that hardens, and a loop at a changing
 speed is no constant share of the felt's curve (eq. 2.7). From the ramp's curve of force over displacement follows the
@@ -20,13 +19,13 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.arrays import as_numbers
 from rig.backend import Backend
 from rig.calibration import changed
 from rig.configuration.profile import MotorCommand, Profile, motor_command, parse_profile
 from rig.configuration.rig_file import FeltConfig, Rig, RigConfig, load_rig, parse_rig
 from rig.configuration.toml_file import dump_toml
 from rig.errors import RigInputError
-from rig.felt.order import BLOCK, FeltOrder, checked, guarded
 from rig.felt.press_curve import Compliance, PressCurve, compliance, press_curve, readings
 from rig.recording.options import RecordingKeywords, RecordingOptions
 from rig.recording.sealing import new_session
@@ -37,6 +36,80 @@ from rig.safety.permission import require_permission
 from rig.session.folder import Session, Trial
 from rig.session.info import FileInfo, PlanInfo
 from rig.storage.atomic_write import refused, write_text
+
+BLOCK = "block"
+"""What is pressed to measure the compliance of arm and cell: a block of steel."""
+SLOWEST_M_PER_S, FASTEST_M_PER_S = 1e-4, 0.2
+
+
+@dataclass(frozen=True)
+class FeltOrder:
+    """One loading experiment.
+
+    Attributes
+    ----------
+    contact : name of the felt, for example ``contact02``, or ``block``
+    speeds_m_per_s, peaks_n : each speed is played with each peak force
+    repeats : presses of each kind
+    rest_s : between two presses, for the felt to recover
+    """
+
+    contact: str
+    speeds_m_per_s: Sequence[float] = (0.002, 0.008, 0.02)
+    peaks_n: Sequence[float] = (15.0, 30.0)
+    repeats: int = 1
+    rest_s: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Take speeds and forces as they are given."""
+        for name in ("speeds_m_per_s", "peaks_n"):
+            object.__setattr__(self, name, tuple(as_numbers(getattr(self, name), f"felt: {name}", 1).tolist()))
+
+
+def checked(order: FeltOrder, config: RigConfig, source: str) -> FeltConfig:
+    """Return the rig file's ``[felt]`` after a check of the order against it.
+
+    Raises
+    ------
+    RigInputError
+        No ``[felt]``, or a speed, force or number out of range.
+    """
+    felt = config.felt
+    if felt is None:
+        raise RigInputError(
+            f"{source}: has no table [felt]; add radius_m and compliance_m_per_n of the arm as in the built-in rig "
+            "`virtual`"
+        )
+    if not order.speeds_m_per_s or not order.peaks_n:
+        raise RigInputError("felt: allowed from one speed and one peak force on")
+    for speed in order.speeds_m_per_s:
+        if not SLOWEST_M_PER_S <= speed <= FASTEST_M_PER_S:
+            raise RigInputError(f"felt: speed {speed:g} m/s, allowed {SLOWEST_M_PER_S:g} to {FASTEST_M_PER_S:g} m/s")
+    for peak in order.peaks_n:
+        if not 1.0 <= peak <= felt.force_limit_n:
+            raise RigInputError(
+                f"felt: peak force {peak:g} N, allowed 1 to {felt.force_limit_n:g} N (felt.force_limit_n)"
+            )
+    if not 1 <= order.repeats <= 100 or not 0 <= order.rest_s <= 3600:
+        raise RigInputError(f"felt: {order.repeats} repeats, rest {order.rest_s:g} s; allowed 1 to 100, 0 to 3600 s")
+    return felt
+
+
+def guarded(config: RigConfig, felt: FeltConfig, peak_n: float) -> RigConfig:
+    """Return the settings of a press: no camera, the limits of force and travel those of a felt."""
+    limits, body = config.limits, [encoder.name for encoder in config.encoders].index(felt.encoder)
+    travel, speed = list(limits.travel_rad), list(limits.speed_rad_per_s)
+    travel[body] = (felt.depth_limit_m + felt.compliance_m_per_n * felt.force_limit_n) / felt.radius_m
+    speed[body] = 5 * FASTEST_M_PER_S / felt.radius_m
+    narrowed = limits.model_copy(
+        update={
+            "force_max_n": min(limits.force_max_n, 1.2 * peak_n + 1.0, 1.1 * felt.force_limit_n),
+            "travel_rad": tuple(travel),
+            "speed_rad_per_s": tuple(speed),
+        }
+    )
+    return config.model_copy(update={"camera": None, "limits": narrowed})
+
 
 RAMP_S = 1.5
 """Of the first press, each way."""

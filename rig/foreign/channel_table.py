@@ -1,11 +1,8 @@
-"""Channels as another program wrote them, and how their sample times are known.
+"""Channels as another program wrote them, their units, and how their sample times are known.
 
 Conventions: values and units as in the file, nothing converted. A file may have more channels than are used, also at
-other rates; those that are used must be finite and complete, and channels used together must share one clock.
-
-Units as recordings write them, compared with those a mapping states.
-
-A unit that is not known here contradicts any other: kgf is not N, although both are forces.
+other rates; those that are used must be finite and complete, and channels used together must share one clock. A unit
+that is not known here contradicts any other: kgf is not N, although both are forces.
 """
 
 from __future__ import annotations

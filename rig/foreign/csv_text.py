@@ -5,10 +5,8 @@ brackets after a name, ``Force (N)``; the name keeps it. A column of clock times
 time) becomes seconds after its first row, whose date tells when the recording began. A row that is too short or long is
 refused with its number (from 1 below the names), a column with a cell that is not a number when that column is used.
 
-Text as other programs write it: UTF-8, UTF-16 with or without its mark, or the western Latin-1 of Windows.
-
-Numbers are ASCII in all of them; an encoding guessed wrongly could only garble a name or a unit, which the mapping
-would then not find.
+Text is UTF-8, UTF-16 with or without its mark, or the western Latin-1 of Windows. Numbers are ASCII in all of them; an
+encoding guessed wrongly could only garble a name or a unit, which the mapping would then not find.
 """
 
 from __future__ import annotations

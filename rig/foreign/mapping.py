@@ -1,9 +1,7 @@
 """The mapping file of an import: which channel of a foreign recording is what, in which unit, with which scale (TOML).
 
 Nothing is guessed: units, senses and counts per revolution are stated here, and a unit the recording itself states
-must agree.
-
-Tables of a mapping file for position sensors: their calibration, and how a long recording is cut into strokes.
+must agree. Of position sensors it holds the calibration, and how a long recording is cut into strokes.
 """
 
 from __future__ import annotations

@@ -1,12 +1,8 @@
 """Trials of a recording of positions: one long table cut into strokes, without force and encoders.
 
 The readings are kept as they were, after offset and gain; the displacement follows from the ruler points in every
-trial file. A saturated sensor is refused; a stroke that is not whole becomes a trial with the status ``incomplete``.
-
-Where the strokes of a long recording of positions begin and end.
-
-In: displacements of all sensors on one clock. Out: `Cut`, sample ranges in order; a stroke that the recording begins or
-ends with is marked as cut off. Levels of rest are those before each stroke: optical sensors drift.
+trial file. A saturated sensor is refused; a stroke that is not whole, because the recording begins or ends with it,
+becomes a trial with the status ``incomplete``. Levels of rest are those before each stroke: optical sensors drift.
 """
 
 from __future__ import annotations

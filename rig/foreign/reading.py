@@ -3,13 +3,11 @@
 Segments are joined only where the file's own times continue from one to the next, or where it states none.
 
 HDF5: a sealed trial of a session, or any file with one-dimensional datasets of numbers (``name``, ``group/name``).
-
 A trial gives ``force_n`` (less its mean before the blow), ``motor_command_v`` and the angles in rad; its seal is
 checked first. Other files carry no checksum: what the HDF5 library cannot read is refused. A dataset's attribute
 ``units`` is its unit.
 
 TDMS of LabVIEW and NI-DAQmx, by npTDMS (extra ``tdms``): every numeric channel, as ``channel`` or ``group/channel``.
-
 Clocks are the waveform properties ``wf_increment``, ``wf_start_offset`` and ``wf_start_time``; a channel of time stamps
 becomes seconds after its first. Scales of DAQmx and LabVIEW are applied by npTDMS. TDMS has no checksum: a file that
 is cut off or whose sizes do not fit the file is refused, changed numbers cannot be noticed.

@@ -2,9 +2,8 @@
 
 The force keeps its recorded values (``force_raw``) beside newtons. Angles become counts of the stated resolution; a
 motor command that was not recorded is NaN. Where the mapping does not say when the blow starts, it is detected in the
-force, and the session notes that.
-
-Interval between the samples of a recording: by its times, its own statement, or the mapping, which must agree.
+force, and the session notes that. The interval between samples is that of the recording's times, its own statement or
+the mapping, which must agree.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The options of a recording: one frozen record, made once, handed down unchanged to the single trial.
 
-Progress of a recording: what an observer is told after each block, and the time left.
-
-A bounded feed of recorded blocks for live viewers: it drops the oldest and never blocks the recorder.
+With them what an observer gets: the progress after each block with the time left, and a bounded feed of blocks for live
+viewers, which drops the oldest and never blocks the recorder.
 """
 
 from __future__ import annotations

@@ -1,19 +1,13 @@
-"""One trial on a backend: quiet, blow, rest; whatever happens the bench is made safe and the data acquired are stored.
+"""The trials of a session, each quiet, blow, rest; whatever happens the bench is made safe and the data are stored.
 
-The result is a journal, the trial's status, and the exception that ended it, if any. A block is in the journal before
-any observer receives it; no sample is kept in memory.
+The result of one is a journal, the trial's status, and the exception that ended it, if any. A block is in the journal
+before any observer receives it; no sample is kept in memory. The action is at rest again when each encoder stays within
+±``counts`` of one value for a whole window, and the force's mean over the window is within a band about its mean over
+the quiet time before the blow. A body that rests slightly off its first position (friction) is at rest all the same.
 
-When is the action at rest again: encoders still, force back where it was before the blow.
-
-Encoders are still when each stays within ±``counts`` of one value for the whole window; the force is back when its
-mean over the window is within a band about its mean over the quiet time before the blow. A body that rests slightly
-off its first position (friction) is at rest all the same.
-
-The entries of a plan recorded one after the other into a session that exists.
-
-Recorder and resume use it. Before a condition with a prompt the operator is asked; between blows the bench rests as
-long as the plan says; a warm-up blow is recorded and rejected. What ends a trial early ends the session: earlier trials
-and the marked one stay, the exception goes on.
+Recorder and resume record the entries of a plan one after the other. Before a condition with a prompt the operator is
+asked; between blows the bench rests as long as the plan says; a warm-up blow is recorded and rejected. What ends a
+trial early ends the session: earlier trials and the marked one stay, the exception goes on.
 """
 
 from __future__ import annotations

@@ -10,10 +10,8 @@ This is the second layer only. It acts one block, the force's delay and a round 
 longer than a blow takes. The first layer is hardware: torque limit and stop chain of the drive, hard stops,
 emergency stop.
 
-How much of its limits a trial has used: the largest force, rate, travel and speed beside what the rig file allows.
-
-For lamps and records; it stops nothing. What ends a trial is :mod:`rig.safety.interlocks`, which computes the same
-values from the same samples.
+:class:`LimitWatch` tells how much of its limits a trial has used, for lamps and records, by the same values from the
+same samples; it stops nothing.
 """
 
 from __future__ import annotations

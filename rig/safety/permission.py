@@ -15,7 +15,7 @@ from pathlib import Path
 from rig.backend import Capabilities
 from rig.configuration.rig_file import Rig, RigConfig
 from rig.errors import NotPermitted
-from rig.selftest.record import SelftestRecord, valid_record
+from rig.selftest import SelftestRecord, valid_record
 
 
 @dataclass(frozen=True)

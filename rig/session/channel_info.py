@@ -1,12 +1,9 @@
-"""What is needed to interpret the channels of a trial: encoders, the force, further channels.
+"""What is needed to interpret the channels of a trial: encoders, the force, further channels, position sensors.
 
 Calibrations, delays and standard uncertainties as they were when the trial was recorded. In: tables of the rig file.
-Out: frozen records that travel in the file of the trial.
-
-What is known of a position sensor's calibration: which point of which body, where the sensor looks, ruler points.
-
-The place at which the sensor looks and the point that was calibrated are two things: a sensor at the back of a key may
-be calibrated by a ruler at its front. The displacement is always that of the calibrated point.
+Out: frozen records that travel in the file of the trial. The place at which a position sensor looks and the point that
+was calibrated are two things: a sensor at the back of a key may be calibrated by a ruler at its front. The displacement
+is always that of the calibrated point.
 """
 
 from __future__ import annotations

@@ -1,12 +1,8 @@
-"""``trial_NNNN.film.toml``: the origin of a film that came from another computer, checked when it was attached.
+"""``trial_NNNN.film.toml``: the origin of a film that came from another computer, and the times of its frames.
 
-``pianorig attach`` copies the film beside its trial and writes this; tracking reads the number of the film's first
-frame from it, counted by the trial's frame clock.
-
-The times of a film's frames: from the pulses of the frame clock that its trial counted.
-
-In: a sealed trial and what the film file says of itself; out: middle of each exposure on the trial's clock, whose zero
-is the AI start trigger, and the standard uncertainty all of them share.
+``pianorig attach`` checks and copies the film beside its trial and writes this; tracking reads the number of the film's
+first frame from it, counted by the trial's frame clock. From the pulses of that clock follow the middle of each
+exposure on the trial's clock, whose zero is the AI start trigger, and the standard uncertainty all of them share.
 """
 
 from __future__ import annotations

@@ -1,12 +1,9 @@
 """The session folder: ``session.toml``, trials, films, annotations and derived results.
 
 Created by the recorder or an importer. The listing is read from disk at every access; trials are never rewritten.
-Failures are :class:`rig.errors.RigInputError`, one line each.
-
-``derived/<step>/trial_NNNN.h5``: tables that can be made again, with the hashes of what they were made from.
-
-One dataset per column of the table in group ``/table``, dimension ``row``; netCDF-4 tools open it. Attributes are
-stored as JSON.
+Failures are :class:`rig.errors.RigInputError`, one line each. ``derived/<step>/trial_NNNN.h5`` holds tables that can be
+made again, with the hashes of what they were made from: one dataset per column in group ``/table``, dimension ``row``;
+netCDF-4 tools open it. Attributes are stored as JSON.
 """
 
 from __future__ import annotations

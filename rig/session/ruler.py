@@ -1,19 +1,14 @@
 """Displacement from a position sensor that is not linear: a monotone curve through points read on a ruler.
 
 In: readings of a sensor and the calibration's points (`RulerInfo`). Out: the displacement of the calibrated point, m,
-with its uncertainty and a flag for every sample (`Position`). The curve is smooth and monotone and passes near the
-points (`rig.session.ruler`); readings that go back by no more than their own uncertainty are pooled with their
-neighbours first. It is judged by leaving out each inner point in turn: what the others say of it tells how well the
-ruler was read.
+with its uncertainty and a flag for every sample (`Position`). Readings that go back by no more than their own
+uncertainty are pooled with their neighbours first.
 
-A smooth rising curve through points whose heights were read with errors, as smooth as the points themselves ask.
-
-In: places on an axis, rising, and heights. Out: `SmoothCurve`. The curve is a cubic smoothing spline (Reinsch) over a
-stretched axis; how far the axis is stretched and how smooth the spline is are those with the least error of the inner
-points when each is left out. First and last point are kept: what lies beyond them is not known.
-
-A curve through all points keeps their errors, and neighbours off by opposite amounts bend its slope by a fifth: a
-speed read through it goes up and down at the same places in every stroke.
+The curve is a cubic smoothing spline (Reinsch) over a stretched axis; how far the axis is stretched and how smooth the
+spline is are those with the least error of the inner points when each is left out, which also tells how well the ruler
+was read. First and last point are kept: what lies beyond them is not known. A curve through all points would keep their
+errors, and neighbours off by opposite amounts bend its slope by a fifth: a speed read through it goes up and down at
+the same places in every stroke.
 """
 
 from __future__ import annotations

@@ -1,18 +1,14 @@
 """One trial as an HDF5 file that netCDF-4 tools open: ``/daq`` on the sample clock, ``/camera`` on the frame clock.
 
 Written once and sealed when a trial ends. Every dataset carries its unit and the SHA-256 of its bytes; the root carries
-the SHA-256 of all content, which identifies the trial in derived results. A truncated or altered file is refused.
+the SHA-256 of all content, which identifies the trial in derived results. HDF5's own bookkeeping, such as the
+attributes of dimension scales, is not in it: it covers only what is written through :class:`Content`, in the order of
+names, whatever the order of writing. A truncated or altered file is refused.
 
-Codes of the analog-to-digital converter behind a force channel, from its reading and the driver's own scaling.
-
-The driver scales a code by a polynomial that it states. Where its readings give whole codes again they are the
-converter's, to the last bit: a stuck bit, a missing code or the end of the range shows in them. Where they do not, the
-driver has done more than it states (a nulled bridge, a filter), and the sample has no code.
-
-Arrays and attributes written to an HDF5 file, and the digest over all of them that identifies a trial.
-
-Derived results carry the digest. HDF5's own bookkeeping, such as the attributes of dimension scales, is not in it: it
-covers only what is written through :class:`Content`, in the order of names, whatever the order of writing.
+Codes of the analog-to-digital converter behind a force channel are stored where its readings give whole codes again by
+the polynomial with which the driver says that it scales them: then they are the converter's, to the last bit, and a
+stuck bit, a missing code or the end of the range shows in them. Where they do not, the driver has done more than it
+states (a nulled bridge, a filter), and the sample has no code.
 """
 
 from __future__ import annotations
@@ -194,7 +190,17 @@ def write_trial_parts(path: Path, about: TrialData, n_samples: int, parts: Itera
     _check_shapes(path, about)
     content = Content()
     with write_sealed(path) as file:
-        _write_root(content, file, about)
+        content.describe(
+            file,
+            schema=SCHEMA,
+            Conventions="SI units; time zero is the AI start trigger",
+            trial=about.number,
+            started_utc=about.started_utc,
+            simulated=int(about.simulated),
+            blow_start_s=about.blow_start_s,
+            condition=about.condition,
+            plan_entry=about.plan_entry,
+        )
         _write_daq(content, file.create_group("daq", track_order=True), about, n_samples, parts)
         if about.provenance:
             content.describe(file.create_group("provenance", track_order=True), **about.provenance)
@@ -242,20 +248,6 @@ def _check_shapes(path: Path, data: TrialData) -> None:
         raise RigInputError(f"{path}: status {data.status!r}, allowed {', '.join(STATUSES)}")
 
 
-def _write_root(content: Content, file: h5py.File, data: TrialData) -> None:
-    content.describe(
-        file,
-        schema=SCHEMA,
-        Conventions="SI units; time zero is the AI start trigger",
-        trial=data.number,
-        started_utc=data.started_utc,
-        simulated=int(data.simulated),
-        blow_start_s=data.blow_start_s,
-        condition=data.condition,
-        plan_entry=data.plan_entry,
-    )
-
-
 def _write_daq(
     content: Content, group: h5py.Group, about: TrialData, n_samples: int, parts: Iterable[TrialData]
 ) -> None:
@@ -286,7 +278,10 @@ def _write_daq(
         sign=np.array([e.sign for e in about.encoders], dtype=np.int64),
     )
     further = _further_channels(content, group, about, n_samples)
-    codes = _force_codes(content, group, about, n_samples)
+    codes = []
+    if info.device_scaling:  # else the driver's scaling is not known
+        meaning = "code of the converter behind the force, by the driver's scaling device_scaling"
+        codes = [content.growing(group, "force_code", n_samples, "<i4", "1", meaning, no_code=NO_CODE)]
     for part in parts:
         time.add(part.time_s)
         for column, values in zip(forces, (part.force_n, part.force_raw), strict=False):
@@ -317,14 +312,6 @@ def _force(content: Content, group: h5py.Group, about: TrialData, n_samples: int
         force,
         content.growing(group, "force_raw", n_samples, "<f8", info.electrical_unit, meaning, channel=info.channel),
     ]
-
-
-def _force_codes(content: Content, group: h5py.Group, about: TrialData, n_samples: int) -> list[Growing]:
-    """Make the dataset of the converter's codes; nothing where the driver's scaling is not known."""
-    if not about.force_info.device_scaling:
-        return []
-    meaning = "code of the converter behind the force, by the driver's scaling device_scaling"
-    return [content.growing(group, "force_code", n_samples, "<i4", "1", meaning, no_code=NO_CODE)]
 
 
 def _further_channels(content: Content, group: h5py.Group, about: TrialData, n_samples: int) -> list[Growing]:
@@ -367,21 +354,17 @@ def _plain(value: Any) -> Any:
 UNITS = {"time": "s", "force": "N", "motor_command": "V", "encoder_count": "1"}
 
 
-def _check_units(file: h5py.File) -> None:
+def _read(file: h5py.File, sha256: str) -> TrialData:
+    daq = file["daq"]
     for name, expected in UNITS.items():
-        if name == "force" and name not in file["daq"]:
+        if name == "force" and name not in daq:
             continue  # a trial of positions alone
-        found = file["daq"][name].attrs.get("units")
-        if found != expected:
+        units = daq[name].attrs.get("units")
+        if units != expected:
             raise RigInputError(
-                f"{file.filename}: daq/{name}: units {'missing' if found is None else repr(str(found))}, expected "
+                f"{file.filename}: daq/{name}: units {'missing' if units is None else repr(str(units))}, expected "
                 f"{expected!r}; write the trial again in SI units"
             )
-
-
-def _read(file: h5py.File, sha256: str) -> TrialData:
-    _check_units(file)
-    daq = file["daq"]
     info = NO_FORCE
     missing = np.full(daq["time"].shape, np.nan)
     if "force" in daq:

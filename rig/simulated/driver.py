@@ -1,15 +1,9 @@
 """What the NI-DAQmx driver does for a client: creates, configures, starts and stops tasks, reads and writes samples.
 
-In: calls with checked types, from :mod:`rig.simulated.rpc`.
-Out: samples, or the driver's status code for what the product refuses.
-
-Tasks as the driver manages them: created, started, stopped, cleared; and the reset of the device.
-
-Configuring a task: its channels, looked up on the product, and its sample clock, coerced to a rate it has.
-
-Reading samples from a task, letting time pass until they have been acquired.
-
-Writing samples to an output task: into its buffer, or to the outputs at once when it has no sample clock.
+In: calls with checked types, from :mod:`rig.simulated.rpc`. Out: samples, or the driver's status code for what the
+product refuses. Channels are looked up on the product, a sample clock is coerced to a rate it has. A read lets time
+pass until its samples have been acquired; a write goes into the task's buffer, or to the outputs at once when the task
+has no sample clock.
 """
 
 from __future__ import annotations
@@ -29,9 +23,10 @@ from rig.simulated.product.capabilities import Kind
 from rig.simulated.product.inventory import Inventory, channel_names
 from rig.simulated.signals import latch_now, set_outputs
 from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice, Unsupported
-from rig.simulated.timing.engine import await_trigger, go_live
-from rig.simulated.timing.wait import (
+from rig.simulated.timing import (
     await_something,
+    await_trigger,
+    go_live,
     settle_on_demand,
     wait_for_samples,
     wait_for_timeout,

@@ -22,7 +22,7 @@ from rig.simulated.backend import open_backend
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.rpc.tcp_server import Tls, serve
-from rig.simulated.timing.wait import go_on
+from rig.simulated.timing import go_on
 
 CHECK_EVERY_S = 0.01
 BEHIND_S = 0.05

@@ -3,23 +3,10 @@
 In: the device's state and what the bench's sensors give at edges of the sample clock.
 Out: samples, as an input task would acquire them, and the levels its outputs are at.
 
-Pulses and edges on the terminals of the device: what counters generate, and how many edges a terminal has seen.
-
 Counter outputs, the A signals of the encoders and the camera's exposure signal drive terminals; a terminal where
-nothing is connected has no edges. Terminals are named relative to the device.
-
-What a counter measures of the pulses on its terminal: frequency, period, width, or high and low parts.
-
-Asked at each tick of the counter's clock. Without pulses there is nothing to measure, and the driver times out.
-
-What an analog input or an encoder channel reads from the bench; an open input reads nothing but itself.
-
-The scaling is the one the client set up in its task, so that a wrong calibration, swapped terminals or a
-wrong number of pulses show up in the data as they would in the lab.
-
-The samples an input task acquires: what is on its terminals, latched at edges of the bench or on demand.
-
-What the outputs of a task are at: volts of analog outputs, levels of digital lines and their changes.
+nothing is connected has no edges, and a counter that is to measure its pulses times out. Terminals are named relative
+to the device. An open input reads nothing but itself. Scaling is the one the client set up in its task, so that a wrong
+calibration, swapped terminals or a wrong number of pulses show up in the data as they would in the lab.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import pytest
 import rig
 from pianorig import workflows
 from pianorig.console.failures import Interrupted
-from pianorig.workflows.bench import interrupted
+from pianorig.workflows.bench.record import interrupts_told
 from rig.safety.interrupts import Terminated
 from rig.simulated import SimulatedBackend
 from tests.command_line import run
@@ -25,7 +25,7 @@ def interrupting(at_trial: int, after_s: float = 0.3, what: type[BaseException] 
 
 
 def record(folder: Path, **keywords: Any) -> str:
-    with pytest.raises(Interrupted) as caught, interrupted.interrupts_told(folder):
+    with pytest.raises(Interrupted) as caught, interrupts_told(folder):
         workflows.record(folder, trials=3, **keywords)
     assert caught.value.exit_code == 130
     return str(caught.value)

@@ -24,7 +24,7 @@ from rig.recording.recorder import record_session
 from rig.session.journal.writer import JournalWriter
 from rig.session.trial_file import Growing
 from rig.simulated.backend import SimulatedBackend, build_device
-from rig.simulated.bench.clock import PacedClock
+from rig.simulated.bench.bench_time import PacedClock
 from rig.storage import platform_calls
 
 TRIALS = 3

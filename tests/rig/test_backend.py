@@ -13,7 +13,7 @@ from rig.configuration.profile import load_profile
 from rig.errors import InputError, RigInputError
 from rig.recording.recorder import record
 from rig.recording.resume import resume
-from rig.selftest.run import SelftestBackend
+from rig.selftest import SelftestBackend
 
 
 @pytest.mark.parametrize("url", ["", "sim", "tcp://x", "//", "unknown://local"])

@@ -13,7 +13,7 @@ import pytest
 
 import model
 import validation
-from pianorig.workflows.bench import render_film
+from pianorig.workflows.bench import record as bench_record
 from pianorig.workflows.demo import Demo, run_demo
 from rig.simulated import FilmTruth, film_trial
 from rig.simulated.bench.plant import PlantTruth, load_plant
@@ -57,7 +57,7 @@ def closed(shared: Callable[..., Closed]) -> Closed:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(validation, "validate_session", partial(validation.validate_session, suspect=False))
             leave_out_figures(patch)
-            patch.setattr(render_film, "film_trial", film_blow)
+            patch.setattr(bench_record, "film_trial", film_blow)
             demo = run_demo(folder / "session")
         return Closed(demo, {t.number: replay(BENCH, t.number, t.read().motor_command_v) for t in demo.session.trials})
 

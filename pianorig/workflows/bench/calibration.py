@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 import model
 from model.calibration import with_calibrated
 from pianorig.errors import CommandInputError
-from pianorig.workflows.bench.interrupted import interrupts_told
+from pianorig.workflows.bench.record import interrupts_told
 from rig import Rig, load_rig, open_backend
 from rig.calibration import (
     STANDARD_GRAVITY,

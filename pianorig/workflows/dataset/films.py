@@ -15,7 +15,7 @@ import numpy as np
 
 import vision
 from pianorig.errors import CommandInputError
-from pianorig.workflows.bench.render_film import action_geometry
+from pianorig.workflows.bench.record import action_geometry
 from pianorig.workflows.dataset.play import FILM_HZ, Played
 from rig.simulated import CameraSettings, film_bodies, film_trial
 from vision.film.open import open_film

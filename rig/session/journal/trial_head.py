@@ -1,9 +1,8 @@
 """What is known of a trial before its first sample, and how head and blocks become a trial.
 
 The head opens the journal. Recorder and recovery both assemble trials here, so that a recovered trial is the one that
-would have been sealed.
-
-The frame clock of a trial: from the camera's pulses, or from its counted exposures, to the times of the frames.
+would have been sealed. The frame clock leads from the camera's pulses, or from its counted exposures, to the times of
+the frames.
 """
 
 from __future__ import annotations

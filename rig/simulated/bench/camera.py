@@ -1,19 +1,14 @@
 """The virtual bench's high-speed camera: films whippen, jack and repetition lever into a Photron MRAW file.
 
 It takes the true angles of the action as a function of time, and the frame times; the film goes to disk frame by frame,
-in the format of a real one. What the camera sees is defined in `camera_view`.
+in the format of a real one. The tracker gets the outlines of `film_bodies`. Geometry is in metres, x right, y up,
+angles counter-clockwise in rad (whippen from ground, jack and repetition lever from the whippen). The picture is fixed
+to the ground; the place of its corner is in the ground frame. The jack lies in front of the repetition lever, both in
+front of the whippen. Pivots and rest angles are those of Hirschkorn 2004, as the thesis uses them; the outlines are
+drawn for this bench.
 
-Angles are counter-clockwise in rad (whippen from ground, jack and repetition lever from the whippen); `frame_time_s` is
-the middle of each exposure. Flicker is a sinusoidal ripple of the light, averaged over the exposure. No half-written
-file is left behind by an error.
-
-What the virtual camera sees: the filmed bodies' geometry, outlines and textures, and its settings.
-
-`camera` renders the scene built here; the tracker gets the outlines of `film_bodies`. Geometry is in metres, x right, y
-up, angles counter-clockwise in rad. The picture is fixed to the ground; the place of its corner is in the ground frame.
-The jack lies in front of the repetition lever, both in front of the whippen.
-
-Pivots and rest angles are those of Hirschkorn 2004, as the thesis uses them; the outlines are drawn for this bench.
+`frame_time_s` is the middle of each exposure. Flicker is a sinusoidal ripple of the light, averaged over the exposure.
+No half-written file is left behind by an error.
 """
 
 from __future__ import annotations

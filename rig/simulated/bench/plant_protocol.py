@@ -1,12 +1,10 @@
-"""What the virtual device needs of a plant: the interface between electronics and mechanics of the virtual bench.
+"""What the virtual device needs of a plant: the interface between electronics and mechanics; and the bench file.
 
 The device passes in the volts its analog output is at and gets back the state at each edge of the sample clock; sensors
 turn that state into millivolts per volt and counts. Time zero is the AI start trigger. The output is a zero-order hold:
 sample k is generated at edge k and stays until edge k+1; the command of edge k has not yet acted on the state at edge
 k. Force on the key is positive downwards; angles are absolute, in rad, counter-clockwise; encoder order is key,
-whippen, hammer.
-
-The bench file: TOML tables with the true values of the virtual bench (specimen, motor, sensors, wiring, scatter).
+whippen, hammer. The bench file's TOML tables hold the true values (specimen, motor, sensors, wiring, scatter).
 """
 
 from __future__ import annotations

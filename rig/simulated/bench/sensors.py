@@ -4,8 +4,6 @@ What is set here is the truth of the bench; the rig file states what the lab bel
 counts rise with counter-clockwise rotation when the sign is +1; everything that scatters from trial to trial is drawn
 from (bench seed, trial).
 
-Analog-to-digital conversion of the virtual device: input delay, range, quantisation.
-
 The 9237's decimation filter is modelled by its group delay only (linear interpolation between sample edges); before a
 trial starts the force has its value at the first edge. Noise and hum are added after the delay, so that they are read
 in their stated size.

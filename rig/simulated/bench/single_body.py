@@ -1,9 +1,8 @@
-"""A body of the specimen held at reference angles one after the other, as in ``pianorig calibrate-encoder``.
+"""One body of the specimen on its joint alone: held at reference angles one after the other, or swinging freely.
 
-A body of the specimen that swings freely about its joint: held up, let go, until friction holds it.
-
-As in ``pianorig calibrate-joint``; the law of the joint is the specimen's, dry friction with its smoothed sign. With a
-pad, as in ``calibrate-contact``, a pair of a contact's materials rubs on a drum about the axis, by eq. 2.10.
+Held as in ``pianorig calibrate-encoder``; held up, let go, until friction holds it, as in ``calibrate-joint``: the law
+of the joint is the specimen's, dry friction with its smoothed sign. With a pad, as in ``calibrate-contact``, a pair of
+a contact's materials rubs on a drum about the axis, by eq. 2.10.
 """
 
 from __future__ import annotations

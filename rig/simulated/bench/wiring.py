@@ -85,16 +85,12 @@ def usual_wiring(config: RigConfig) -> Wiring:
             changed["encoders"] = tuple((f"/{name}/{a}", f"/{name}/{b}") for a, b in card.encoders)
             changed |= {"motor": f"/{name}/{card.motor}", "exposure": f"/{name}/{card.exposure}"}
     wires = {
-        str(further.clock_to): own_terminal(str(further.clock_from), config.device.name)
+        # a terminal of the main device by the name it has there: /cDAQ1Mod4/PFI5 is Mod4/PFI5
+        str(further.clock_to): str(further.clock_from).removeprefix(f"/{config.device.name}").removeprefix("/")
         for further in config.devices
         if further.clock_to is not None
     }
     return replace(wiring, wires=wires, **changed)
-
-
-def own_terminal(terminal: str, device: str) -> str:
-    """Return a terminal of the main device by the name it has there: /cDAQ1Mod4/PFI5 is Mod4/PFI5."""
-    return terminal.removeprefix("/").removeprefix(device).removeprefix("/")
 
 
 def planted_wiring(table: Mapping[str, Any], wiring: Wiring, where: str) -> Wiring:

@@ -1,9 +1,8 @@
 """The state of the virtual device: tasks, reservations, outputs, faults, watchdogs, and the bench it is wired to.
 
 Everything else in the device is a function that takes this state: :mod:`rig.simulated.signals` (what is on which
-terminal), :mod:`rig.simulated.timing` (how time passes) and :mod:`rig.simulated.driver` (what a client may ask).
-
-Which task has reserved which hardware: counters, converters, timing engines, pins; no other task gets it then.
+terminal), :mod:`rig.simulated.timing` (how time passes) and :mod:`rig.simulated.driver` (what a client may ask). What a
+task has reserved (counters, converters, timing engines, pins) no other task gets.
 """
 
 from __future__ import annotations
@@ -33,10 +32,16 @@ class Reservations:
         self._directions: dict[str, dict[str, bool]] = {}
 
     def needed(self, task: SimulatedTask) -> list[str]:
-        """Return the hardware a task needs for itself; refuses a task whose required terminals are not set."""
+        """Return the hardware a task needs for itself; refuses terminals not set, or of no linked device."""
         digital = task.type in ("DI", "DO")
         owner = self._inventory.of(task.channels[0].physical.name) if task.channels else self._inventory
-        self._check_routes(task, owner)
+        source = task.timing.clock.source if task.timing.clock is not None else ""
+        triggers = (task.triggers.start, task.triggers.arm_start, task.triggers.reference, task.triggers.pause)
+        for route in filter(None, (source, *triggers)):
+            origin = self._inventory.of(route) if route.startswith("/") else self._inventory
+            if not self._inventory.linked(origin, owner):  # no cable carries it here
+                detail = f"Task: {task.name}: {route} of {origin.name} to {owner.name}"
+                raise DaqStatusError(Code.TRIG_LINE_NOT_FOUND_ROUTING, detail)
         needed = [] if digital else [channel.physical.resource for channel in task.channels]
         if task.type == "DO":  # inputs may share a line, outputs may not
             needed = [self._inventory.line(line).resource for line in task.lines]
@@ -63,18 +68,6 @@ class Reservations:
                 # on the 9401 a terminal and a line of the same number are one pin
                 needed.append("pin4." + relative[-1] if relative.startswith("Mod4") else "PFI " + relative)
         return needed if owner is self._inventory else [f"{owner.name}: {resource}" for resource in needed]
-
-    def _check_routes(self, task: SimulatedTask, owner: Inventory) -> None:
-        """Refuse a clock or trigger of another device that no cable carries to this one."""
-        source = task.timing.clock.source if task.timing.clock is not None else ""
-        for terminal in filter(
-            None, (source, task.triggers.start, task.triggers.arm_start, task.triggers.reference, task.triggers.pause)
-        ):
-            origin = self._inventory.of(terminal) if terminal.startswith("/") else self._inventory
-            if not self._inventory.linked(origin, owner):
-                raise DaqStatusError(
-                    Code.TRIG_LINE_NOT_FOUND_ROUTING, f"Task: {task.name}: {terminal} of {origin.name} to {owner.name}"
-                )
 
     def directions(self, task: SimulatedTask) -> dict[str, bool]:
         """Return whether the task drives each group of lines it uses, where all lines of a group have one direction.

@@ -1,19 +1,10 @@
 """A task of the virtual device: its channels, timing, triggers, state and buffers. It has no time of its own.
 
 States follow the driver's model: unreserved → committed (resources taken) → running; a stop leads back to where the
-task was before its start. A running task is *live* once its trigger has come.
-
-The triggers of a task of the virtual device: which it has, and from where; the timing knows when they come.
-
-Sample buffers of a task, as the driver keeps them: one that fills with acquired samples, one that holds written
-ones.
-
-A buffer counts samples per channel since the start of its task (acquired and read, or generated), so that overwriting
-is found by counting.
-
-The analog comparator of a card: it finds the sample at which an input crosses a level, or enters or leaves a window.
-
-Hardware compares between the samples, the virtual device at them: a trigger comes up to one sample later.
+task was before its start. A running task is *live* once its trigger has come. A buffer counts samples per channel since
+the start of its task (acquired and read, or generated), so that overwriting is found by counting. An analog trigger
+finds the sample at which an input crosses a level, or enters or leaves a window: hardware compares between the samples,
+the virtual device at them, so that it comes up to one sample later.
 """
 
 from __future__ import annotations

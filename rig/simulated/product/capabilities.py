@@ -4,13 +4,10 @@ Sources: NI data sheets and manuals of PCIe-6363 (X Series), cDAQ-9189, NI 9237,
 input delay of the 9237 is (40 + 5/512)/fs + 4.5 µs (NI knowledge base kA00Z0000004A0YSAU). Modules sit in
 fixed slots: 9237, 9263, 9411, 9401 in 1 to 4.
 
-The cards of the thesis's bench, and an analog output card in place of its motion controller.
-
-Sources: user manuals of the NI 6034E/6035E and of the SCXI-1520, specifications of NI 660x and NI 6731/6733. The
-SCXI-1520 is read through the card; its filter is a four-pole Butterworth, here at 10 kHz (delay 2.61 / (2 pi f)), its
-gain that of a range of 5 mV/V. None of them has a watchdog timer.
-
-The products of the virtual device by name.
+The cards of the thesis's bench, and an analog output card in place of its motion controller: user manuals of the NI
+6034E/6035E and of the SCXI-1520, specifications of NI 660x and NI 6731/6733. The SCXI-1520 is read through the card;
+its filter is a four-pole Butterworth, here at 10 kHz (delay 2.61 / (2 pi f)), its gain that of a range of 5 mV/V. None
+of them has a watchdog timer.
 """
 
 from __future__ import annotations

@@ -19,8 +19,7 @@ from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.driver import find_task
 from rig.simulated.rpc.messages import enum, response
 from rig.simulated.status import EVENT_REGISTERED, Code, DaqStatusError, NotImplementedByDevice
-from rig.simulated.timing.engine import engine_of
-from rig.simulated.timing.wait import advance, edges_in, go_on
+from rig.simulated.timing import advance, edges_in, engine_of, go_on
 
 ACQUIRED, TRANSFERRED = 1, 2
 SAMPLE_CLOCK, CHANGE_DETECTION, SAMPLE_COMPLETE = 12487, 12511, 12530

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import grpc
 import session_pb2
+from google.protobuf.message_factory import GetMessageClass
 from nidaqmx._stubs import nidaqmx_pb2
 
 from rig.simulated.device.state import DeviceState
@@ -29,26 +30,17 @@ CALLS: frozenset[str] = frozenset(_METHODS)
 UTILITIES = "nidevice_grpc.SessionUtilities"
 _UTILITY_METHODS = session_pb2.DESCRIPTOR.services_by_name["SessionUtilities"].methods_by_name
 UTILITY_CALLS: frozenset[str] = frozenset(_UTILITY_METHODS)
+_EVERY = {**_METHODS, **_UTILITY_METHODS}
 
 
 def request_class(call: str) -> Any:
     """Return the message class of a call's request."""
-    return getattr(nidaqmx_pb2, _METHODS[call].input_type.name)
-
-
-def utility_request_class(call: str) -> Any:
-    """Return the message class of the request of a session utility."""
-    return getattr(session_pb2, _UTILITY_METHODS[call].input_type.name)
-
-
-def utility_response(call: str, **fields: Any) -> Any:
-    """Return a response of a session utility with the given fields."""
-    return getattr(session_pb2, _UTILITY_METHODS[call].output_type.name)(**fields)
+    return GetMessageClass(_EVERY[call].input_type)
 
 
 def response(call: str, **fields: Any) -> Any:
     """Return a response of a call with the given fields."""
-    return getattr(nidaqmx_pb2, _METHODS[call].output_type.name)(**fields)
+    return GetMessageClass(_EVERY[call].output_type)(**fields)
 
 
 _KINDS: dict[str, type | tuple[type, ...]] = {

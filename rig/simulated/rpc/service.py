@@ -40,7 +40,7 @@ from rig.simulated.rpc.messages import (
 )
 from rig.simulated.rpc.properties.task import TASK_PROPERTIES, settle_triggers
 from rig.simulated.status import Code, NotImplementedByDevice, SessionRefused, Unsupported
-from rig.simulated.timing.wait import go_on, let_pass, question_asked
+from rig.simulated.timing import go_on, let_pass, question_asked
 
 _ATTRIBUTE_CALL = re.compile(r"(Get|Set|Reset)(\w+?)Attribute\w*")
 _QUESTION = re.compile(r"IsTaskDone|Get(Read|Write)Attribute\w+|Get(Chan|Task)Attribute(Bool|UInt32)")

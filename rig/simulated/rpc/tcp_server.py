@@ -1,12 +1,9 @@
 """The virtual device over TCP, as a client of the NI gRPC Device Server sees it; on the loopback by default.
 
-Event streams of all clients of a server, sent from one thread, so that no stream occupies a worker.
-
-NI's session utilities: the devices a server has, reservations by which its clients take turns, and its reset.
-
-A TCP client that enumerates devices, or shares them with others, calls this service beside the DAQmx one. A reservation
-is a name the clients agree on; it reserves nothing on the device. Answers and refusals are those of NI's own server
-(``session_repository.cpp`` of ni/grpc-device).
+Event streams of all clients are sent from one thread, so that no stream occupies a worker. A client that enumerates
+devices, or shares them with others, calls NI's session utilities beside the DAQmx service: the devices a server has,
+reservations by which its clients take turns, and its reset. A reservation is a name the clients agree on; it reserves
+nothing on the device. Answers and refusals are those of NI's own server (``session_repository.cpp`` of ni/grpc-device).
 """
 
 from __future__ import annotations
@@ -34,9 +31,8 @@ from rig.simulated.rpc.messages import (
     UTILITY_CALLS,
     Fields,
     request_class,
+    response,
     rpc_status,
-    utility_request_class,
-    utility_response,
 )
 from rig.simulated.rpc.service import Service
 from rig.simulated.status import NotImplementedByDevice, SessionRefused
@@ -130,10 +126,10 @@ class SessionUtilities:
             Any other call.
         """
         if call == "Reserve":
-            return utility_response(call, **self._reserve(request, is_waiting))
+            return response(call, **self._reserve(request, is_waiting))
         if call not in self._handlers:
             raise NotImplementedByDevice(call)
-        return utility_response(call, **self._handlers[call](request))
+        return response(call, **self._handlers[call](request))
 
     def _devices(self, request: Any) -> Fields:
         devices = self._service.device.inventory.devices()
@@ -226,14 +222,13 @@ class _Handler(grpc.GenericRpcHandler):
 
     def service(self, handler_call_details: Any) -> grpc.RpcMethodHandler | None:
         prefix, _, call = handler_call_details.method.lstrip("/").partition("/")
-        if prefix == UTILITIES and call in UTILITY_CALLS:
-            return self._utility(call)
-        if prefix != SERVICE or call not in CALLS:
+        if call not in {SERVICE: CALLS, UTILITIES: UTILITY_CALLS}.get(prefix, ()):
             return None  # gRPC itself answers UNIMPLEMENTED
+        handle = self._service.handle if prefix == SERVICE else self._utilities.handle
 
         def answer(request: Any, context: grpc.ServicerContext) -> Any:
             with _aborting(context):
-                return self._service.handle(call, request, context.is_active)
+                return handle(call, request, context.is_active)
 
         def events(request: Any, context: grpc.ServicerContext, send_response_callback: Callable[[Any], None]) -> None:
             with _aborting(context):
@@ -250,15 +245,6 @@ class _Handler(grpc.GenericRpcHandler):
             events if call in EVENTS else answer,
             request_deserializer=request_class(call).FromString,
             response_serializer=_serialised,
-        )
-
-    def _utility(self, call: str) -> grpc.RpcMethodHandler:
-        def answer(request: Any, context: grpc.ServicerContext) -> Any:
-            with _aborting(context):
-                return self._utilities.handle(call, request, context.is_active)
-
-        return grpc.unary_unary_rpc_method_handler(
-            answer, request_deserializer=utility_request_class(call).FromString, response_serializer=_serialised
         )
 
 

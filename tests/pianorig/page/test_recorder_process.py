@@ -20,7 +20,7 @@ from pianorig.page.control.order import Bench, Order
 from pianorig.page.control.plan_control import PlanControl
 from pianorig.page.control.recorder_process import Told, stop_main_thread
 from rig.configuration.rig_file import load_rig
-from rig.selftest.record import SelftestFinding, SelftestRecord
+from rig.selftest import SelftestFinding, SelftestRecord
 from rig.session import Session
 
 DEADLINE_S = 120.0

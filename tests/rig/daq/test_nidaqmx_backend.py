@@ -14,7 +14,7 @@ from rig.errors import DeviceNotFound, HardwareFault, InputError, NotSupported, 
 from rig.simulated.rpc.tcp_server import serve
 from rig.simulated.signals import pulse_train
 from rig.simulated.status import NotImplementedByDevice
-from rig.simulated.timing.wait import advance
+from rig.simulated.timing import advance
 
 RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from rig.foreign.csv_text import parse_csv
 from rig.foreign.lvm_text import parse_lvm
-from tests.rig.foreign.test_variants import file_of, segment
+from tests.rig.foreign.test_readers import file_of, segment
 from tests.rig.fuzz.damage import Case, text
 
 

@@ -15,7 +15,7 @@ from rig.configuration.toml_file import check, dump_toml, parse_toml
 from rig.errors import InputError
 from rig.foreign.mapping import parse_mapping
 from rig.recording.trial_plan import parse_plan
-from rig.selftest.record import SelftestRecord
+from rig.selftest import SelftestRecord
 from rig.session.film_record import FilmRecord
 from tests.rig.foreign.test_session_import import MAPPING
 from tests.rig.fuzz.damage import Case, same_values, text

@@ -1,17 +1,41 @@
-"""The recorder on the whole virtual bench: what is read agrees with the truth within what the bench file declares."""
+"""The recorder on the whole virtual bench: what is read agrees with the truth within what the bench file declares.
+
+A camera that runs by itself: its exposures are counted on the AI clock and tell when each frame was taken.
+
+Further voltage inputs: each reads its own terminal in its own unit, through journal, recovery and sealed file.
+
+A session over several cards: one clock, told apart from two; a missing cable or wire is named.
+"""
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+from typing import Any
+
+import h5py
 import numpy as np
 import pytest
 
+import rig
+from pianorig.workflows.bench.record import rehearse
 from rig.backend import open_backend
 from rig.configuration.profile import load_profile
-from rig.configuration.rig_file import load_rig
+from rig.configuration.rig_file import load_rig, parse_rig
+from rig.daq.task_plan import recording_plan
+from rig.errors import HardwareFault, InputError, RecordingFault
 from rig.recording.recorder import record_session
+from rig.recording.recover import recover_session
 from rig.session import Session
-from rig.simulated.backend import DEFAULT_BENCH
+from rig.session.journal.format import block_payload, read_journal
+from rig.session.journal.live_reader import SessionFollower
+from rig.session.journal.trial_head import FrameClock
+from rig.session.journal.writer import JournalWriter
+from rig.session.trial_file import read_trial, write_trial
+from rig.simulated.backend import CAMERA_CLOCK_ERROR, DEFAULT_BENCH
 from rig.simulated.bench.sensors import load_sensors
+from rig.simulated.device.fault_injection import FaultPlan, parse_faults
+from tests.rig.lab_channels import READBACK
 
 
 @pytest.fixture(scope="module")
@@ -87,3 +111,280 @@ def test_the_motor_was_told_what_the_profile_says(forte) -> None:
     wanted = load_profile("forte").sample(5000) / 12
     np.testing.assert_array_equal(data.motor_command_v[start : start + wanted.size], wanted)
     assert not data.motor_command_v[:start].any() and not data.motor_command_v[start + wanted.size :].any()
+
+
+COUNTED = (('mode = "pulses"', 'mode = "counted"'), ('terminal = "/cDAQ1Mod4/PFI4"', 'terminal = "/cDAQ1Mod4/PFI0"'))
+
+
+def record(make_backend, rig, profile, folder, faults: str = "", **changes) -> Session:
+    backend = make_backend(rig.config, noise_n=0.02)
+    backend.device.faults = FaultPlan(parse_faults(faults))
+    record_session(folder, profile=profile, rig_config=rig, backend=backend, trials=2, **changes)
+    return backend
+
+
+def test_counted_exposures_give_the_frame_times_within_their_uncertainty(
+    edited_rig, make_backend, step_profile, tmp_path
+) -> None:
+    rig = edited_rig(*COUNTED)
+    truths = []
+    backend = make_backend(rig.config, noise_n=0.02)
+    session = record_session(
+        tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=2,
+        after_trial=lambda trial: truths.append(backend.device.bench.exposures),
+    )  # fmt: skip
+    for trial, true in zip(session.trials, truths, strict=True):
+        data = trial.read()
+        assert true.rate_hz == pytest.approx(2000 * (1 + CAMERA_CLOCK_ERROR), rel=1e-12)
+        assert data.camera.n_frames == true.passed(data.time_s[-1:])[0]
+        real = true.first_s + np.arange(data.camera.n_frames) / true.rate_hz + data.camera.exposure_s / 2
+        error = data.camera.frame_time_s - real
+        assert data.camera.u_time_s < 4e-5 and np.abs(error).max() < np.sqrt(3) * data.camera.u_time_s
+    assert truths[0].first_s != truths[1].first_s
+
+
+def test_what_was_counted_survives_in_the_journal(
+    edited_rig, make_backend, step_profile, tmp_path, monkeypatch
+) -> None:
+    rig = edited_rig(*COUNTED)
+
+    def full(*trial):
+        raise InputError("full")
+
+    with monkeypatch.context() as context, pytest.raises(RecordingFault):
+        context.setattr("rig.session.folder.write_trial_parts", full)
+        record(make_backend, rig, step_profile, tmp_path / "s")
+    journal = read_journal(tmp_path / "s" / "trial_0001.journal")
+    assert all(len(block_payload(b)) == 48 * b.force_n.size for b in journal.blocks)
+    recover_session(tmp_path / "s")
+    whole = record_session(
+        tmp_path / "t", profile=step_profile, rig_config=rig, backend=make_backend(rig.config, noise_n=0.02), trials=1
+    )
+    assert Session.open(tmp_path / "s").trial(1).read().camera == whole.trial(1).read().camera
+
+
+def test_too_few_exposures_are_no_frame_clock_and_a_line_is_fitted_exactly() -> None:
+    clock = FrameClock(1000.0, 0.0, 2e-4, 0.0, counted=True)
+    time_s = np.arange(1000) / 5000
+    assert clock.frames_counted(time_s, np.zeros(1000, dtype=np.int64)) is None
+    # an exposure at 0.37 of every third sample interval, from sample 4 on
+    count = np.maximum((np.arange(1000) - 4) // 3 + 1, 0)
+    found = clock.frames_counted(time_s, count)
+    assert found.frame_rate_hz == pytest.approx(5000 / 3, rel=1e-6)
+    assert found.first_frame_time_s == pytest.approx(3.5 / 5000 + 1e-4, abs=1e-7)
+    assert found.u_time_s == pytest.approx(1e-4 / np.sqrt(3), rel=0.01)  # the phase within a sample stays unknown
+    jumps = count + (np.arange(1000) > 500) * (count > 0)
+    assert clock.frames_counted(time_s, jumps) is None  # a frame that was counted twice fits no line
+    assert found.n_frames == count[-1]
+
+
+def test_a_camera_without_a_free_counter_is_refused(edited_rig, tmp_path) -> None:
+    with pytest.raises(InputError, match="one task per counter"):
+        edited_rig(*COUNTED, ("Mod4/ctr3", "Mod4/ctr2"))
+    fifth = edited_rig(*COUNTED, ("Mod4/ctr3", "Mod4/ctr4"))  # a chassis has four
+    (tmp_path / "rig.toml").write_text(fifth.text)
+    with pytest.raises(HardwareFault, match="ctr4: no such channel"):
+        rehearse("forte", str(tmp_path / "rig.toml"), "sim://")
+    with pytest.raises(InputError, match="allowed at most 2500 Hz"):
+        edited_rig(*COUNTED, ("frame_rate_hz = 2000.0", "frame_rate_hz = 4000.0"))
+    counted = edited_rig(*COUNTED)
+    (tmp_path / "rig.toml").write_text(counted.text)
+    tasks = rehearse("forte", str(tmp_path / "rig.toml"), "sim://")["tasks"]
+    (row,) = [row for row in tasks if row["task"] == "exposures"]
+    assert row["channel"] == "cDAQ1Mod4/ctr3" and row["routes"] == ("/cDAQ1Mod4/PFI0 -> counter source",)
+    assert row["clock"].startswith("/cDAQ1/ai/SampleClock")
+
+
+OPEN = READBACK.replace("motor_readback", "drive_current").replace("ai1", "ai2").replace('unit = "N"', 'unit = "A"')
+OPEN = OPEN.replace("[3.0, 27.0]", "[-1.5, 4.5]").replace("60.0", "20.0")
+
+
+def rig_with(*tables: str, change: tuple[str, str] = ("", "")) -> Any:
+    return parse_rig(load_rig("pcie6363").text.replace(*change) + "".join(tables), "lab.toml")
+
+
+@pytest.fixture
+def wired() -> Any:
+    return rig_with(OPEN, READBACK)
+
+
+def test_each_channel_reads_its_own_terminal_in_its_unit(wired, make_backend, step_profile, tmp_path) -> None:
+    backend = make_backend(wired.config)
+    session = record_session(tmp_path / "s", profile=step_profile, rig_config=wired, backend=backend, trials=1)
+    data = session.trials[0].read()
+    assert [c.name for c in data.channels] == ["drive_current", "motor_readback"]
+    current, readback = data.channel_values.T
+    np.testing.assert_array_equal(current, np.full(data.n_valid, -1.5))  # nothing is wired there: 0 V
+    held = np.concatenate(([0.0], data.motor_command_v[:-1]))
+    np.testing.assert_allclose(readback, 3.0 + 12.0 * held, atol=12 * 10 / 2**15)
+    assert np.ptp(readback) > 5.9
+    table = data.to_table()
+    np.testing.assert_array_equal(table["motor_readback"], readback)
+    np.testing.assert_array_equal(table["drive_current"], current)
+    with h5py.File(session.trials[0].path) as file:
+        found = file["daq/motor_readback"]
+        assert found.attrs["units"] == "N" and found.attrs["sensor"] == "wire from ao0"
+        assert found.dims[0][0].name == "/daq/time"
+
+
+def test_force_and_counts_are_the_same_with_and_without_them(wired, make_backend, step_profile, tmp_path) -> None:
+    trials = []
+    for name, used in (("with", wired), ("without", load_rig("pcie6363"))):
+        session = record_session(
+            tmp_path / name, profile=step_profile, rig_config=used, backend=make_backend(used.config), trials=1
+        )
+        trials.append(session.trials[0].read())
+    for name in ("force_n", "force_raw", "encoder_count", "motor_command_v"):
+        np.testing.assert_array_equal(getattr(trials[0], name), getattr(trials[1], name))
+    assert trials[1].channels == () and trials[1].channel_values is None
+
+
+def test_a_recording_cut_off_is_recovered_with_them(wired, make_backend, step_profile, tmp_path) -> None:
+    seen: list[Any] = []
+
+    class Keeping(JournalWriter):
+        def remove(self) -> None:
+            seen.append(read_journal(self.path))
+
+    counted = rig_with(OPEN, READBACK, change=('mode = "pulses"', 'mode = "counted"'))
+    counted = parse_rig(counted.text.replace('terminal = "/Dev1/PFI15"', 'terminal = "/Dev1/PFI12"'), "lab.toml")
+    for name, used in (("pulses", wired), ("counted", counted)):
+        folder = tmp_path / name
+        session = record_session(
+            folder, profile=step_profile, rig_config=used, backend=make_backend(used.config), trials=1,
+            open_journal=Keeping,
+        )  # fmt: skip
+        sealed = session.trials[0].read()
+        followed = SessionFollower(folder).poll()
+        assert followed is not None and followed.force_n.size == sealed.n_valid
+        session.trials[0].path.unlink()
+        recover_session(folder)
+        again = Session.open(folder).trials[0].read()
+        np.testing.assert_array_equal(again.channel_values, sealed.channel_values)
+        np.testing.assert_array_equal(again.encoder_count, sealed.encoder_count)
+        assert again.channels == sealed.channels and np.ptp(again.channel_values[:, 1]) > 5.9
+        assert (seen[-1].blocks[0].exposure_count is not None) == (name == "counted")
+
+
+def test_a_trial_whose_values_do_not_fit_its_channels_is_not_written(
+    wired, make_backend, step_profile, tmp_path
+) -> None:
+    from dataclasses import replace
+
+    session = record_session(
+        tmp_path / "s", profile=step_profile, rig_config=wired, backend=make_backend(wired.config), trials=1
+    )
+    data = session.trials[0].read()
+    for wrong in (data.channel_values[:-1], data.channel_values[:, :1], None):
+        with pytest.raises(InputError, match="channel_values has shape"):
+            write_trial(tmp_path / "trial_0002.h5", replace(data, number=2, channel_values=wrong))
+    write_trial(tmp_path / "trial_0003.h5", replace(data, number=3, channels=(), channel_values=None))
+    assert read_trial(tmp_path / "trial_0003.h5").channels == ()
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        (READBACK.replace("motor_readback", "force"), "channel name 'force' is taken"),
+        (READBACK.replace("motor_readback", "hammer_rad"), "channel name 'hammer_rad' is taken"),
+        (READBACK.replace("motor_readback", "Motor"), "name"),
+        (READBACK.replace("Dev1/ai1", "dev1/AI0"), "inputs of force and channels .* repeat"),
+        (READBACK + READBACK.replace("ai1", "ai5"), "names of force and channels .* repeat"),
+        (READBACK.replace("[3.0, 27.0]", "[3.0, 3.0]"), "must differ"),
+        (READBACK.replace("least = -60.0", "least = 60.0"), "allowed below most"),
+        (READBACK.replace('unit = "N"', 'unit = ""'), "unit"),
+    ],
+)
+def test_a_bad_table_is_refused_in_one_line(table, said) -> None:
+    with pytest.raises(InputError, match=said) as refused:
+        rig_with(table)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_bridge_module_has_no_voltage_inputs() -> None:
+    with pytest.raises(InputError, match="force.kind = 'bridge'"):
+        parse_rig(load_rig("virtual").text + READBACK.replace("Dev1/ai1", "cDAQ1Mod1/ai1"), "lab.toml")
+
+
+def test_the_example_in_the_rig_file_is_valid_and_the_dry_run_names_its_channels(make_backend, command) -> None:
+    text = load_rig("pcie6363").text
+    begin = text.index("# [[channels]]")
+    end = text.index("[motor]", begin)
+    example = re.sub(r"(?m)^# ?", "", text[begin:end])
+    config = parse_rig(text[:begin] + example + text[end:], "lab.toml").config
+    assert [c.name for c in config.channels] == ["drive_current", "key_acceleration"]
+    backend = make_backend(config)
+    rows = recording_plan(config, backend.configure(config, command), command.size)
+    assert [(row.task, row.channel) for row in rows if "AI" in row.purpose] == [
+        ("force", "Dev1/ai0"),
+        ("force", "Dev1/ai2"),
+        ("force", "Dev1/ai3"),
+    ]
+    reserved = [c.physical.name for c in backend.device.tasks["force"].channels]
+    assert reserved == ["Dev1/ai0", "Dev1/ai2", "Dev1/ai3"]
+
+
+STEP = Path(__file__).parents[1] / "step.toml"
+
+
+def planted(folder: Path, wiring: str) -> str:
+    bench = folder / "bench.toml"
+    bench.write_text(f"{DEFAULT_BENCH.read_text('utf-8')}\n[wiring]\n{wiring}\n", encoding="utf-8")
+    return f"sim://?bench={bench.as_posix()}"
+
+
+@pytest.mark.parametrize("name", ["thesis", "chassis_and_card"])
+def test_a_session_over_several_cards_is_that_of_one(tmp_path: Path, name: str) -> None:
+    alone = rig.record(tmp_path / "one", profile="forte", trials=1).trial(1).read()
+    trial = rig.record(tmp_path / "several", profile="forte", trials=1, rig_config=name).trial(1)
+    several = trial.read()
+    assert trial.status == "complete" and several.sample_rate_hz == alone.sample_rate_hz
+    n = min(alone.n_valid, several.n_valid) - 60
+    np.testing.assert_allclose(several.encoder_count[:n], alone.encoder_count[:n], atol=2)
+    felt = []
+    for data in (alone, several):  # each at the time it was felt, 8 ms and 0.04 ms before its sample
+        at = data.time_s[:n] + data.force_info.group_delay_s
+        felt.append(np.interp(at, data.time_s, data.force_n))
+    noise = 8 * 0.02 + 0.06  # of both cells, the hum between them, the converter's step
+    assert np.abs(felt[0] - felt[1])[200:].max() < noise + 0.02 * alone.force_n.max()
+
+
+def test_a_cable_that_is_not_registered_is_named_and_nothing_is_left(tmp_path: Path) -> None:
+    with pytest.raises(rig.HardwareFault, match=r"no RTSI cable joins the devices.* -89125"):
+        rig.record(tmp_path / "s", profile=STEP, rig_config="thesis", backend=planted(tmp_path, "rtsi = false"))
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_wire_that_is_missing_is_found_by_the_encoder_that_gives_no_samples(tmp_path: Path) -> None:
+    address = planted(tmp_path, "wires = false")
+    with pytest.raises(rig.ReadTimeout, match="encoder_key"):
+        rig.record(tmp_path / "s", profile=STEP, rig_config="chassis_and_card", backend=address)
+
+
+def test_another_card_in_the_slot_is_refused_by_name(tmp_path: Path) -> None:
+    thesis = rig.load_rig("thesis")
+    other = rig.parse_rig(thesis.text.replace('product = "PCI-6602"', 'product = "PCIe-6363"'))
+    bench = rig.open_backend("sim://", thesis.config)
+    with pytest.raises(rig.RigInputError, match=r"product = 'PCIe-6363': device Dev2 is a PCI-6602"):
+        bench.identify(other.config)  # type: ignore[attr-defined]
+    bench.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "said"),
+    [
+        ("thesis", 'link = "RTSI"', 'link = "own"', "devices[0].link = 'own'"),
+        ("thesis", 'name = "Dev3"', 'name = "Dev2"', "each needs a name of its own"),
+        ("thesis", 'link = "RTSI"', 'link = "lines"', "needs clock_from and clock_to, the ends of the wire"),
+        ("thesis", 'channel = "SC1Mod1/ai0"', 'channel = "Dev3/ai0"', "force and further channels give the clock"),
+        ("thesis", 'counter = "Dev1/ctr0"', 'counter = "Dev2/ctr4"', "run on its own timebase"),
+        ("chassis_and_card", 'clock_to = "/Dev1/PFI5"', 'clock_to = "/Dev2/PFI5"', "allowed a terminal of Dev1"),
+        ("chassis_and_card", 'clock_from = "/cDAQ1Mod4/PFI5"', 'clock_from = "/Dev1/PFI6"', "a terminal of cDAQ1"),
+        ("chassis_and_card", 'line = "cDAQ1Mod4/port0/line7"', 'line = "Dev1/port0/line0"', "whose watchdog it is"),
+    ],
+)
+def test_a_rig_file_whose_devices_cannot_work_together_is_refused(name: str, old: str, new: str, said: str) -> None:
+    text = rig.load_rig(name).text
+    assert old in text
+    with pytest.raises(rig.RigInputError, match=re.escape(said)):
+        rig.parse_rig(text.replace(old, new))

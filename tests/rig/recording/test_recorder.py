@@ -1,4 +1,7 @@
-"""The recorder: quiet, blow, rest; what was recorded is kept and marked; bad input leaves nothing behind."""
+"""The recorder: quiet, blow, rest; what was recorded is kept and marked; bad input leaves nothing behind.
+
+The feed drops the oldest and counts what it dropped.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ import numpy as np
 import pytest
 from nidaqmx.errors import DaqError
 
+from rig.backend import Block
 from rig.configuration.profile import parse_profile
 from rig.errors import HardwareFault, InputError, LimitExceeded, RecordingFault, RigError, SamplesLost
 from rig.recording.options import BlockFeed
@@ -354,3 +358,12 @@ def test_a_clock_that_is_set_during_a_recording_is_noted(step_s, words, record) 
     call(trials=3, now_s=now_s, wall_s=lambda: 1.7e9 + shown["s"] + 1.0 + set_by["s"], progress=progress)
     notes = [(note.trial, note.reason) for note in Session.open(folder).annotations]
     assert [number for number, _ in notes] == [2] and words in notes[0][1]
+
+
+def test_a_viewer_that_sleeps_loses_the_oldest_blocks_only() -> None:
+    feed = BlockFeed(capacity=3)
+    for k in range(5):
+        feed.publish(Block(k, np.zeros(1), np.zeros(1), np.zeros((1, 3), dtype=np.int64)))
+    assert feed.dropped == 2
+    assert [block.first_sample for block in feed.take()] == [2, 3, 4]
+    assert feed.take() == []

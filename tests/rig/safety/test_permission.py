@@ -14,7 +14,7 @@ from rig.errors import InputError, LimitExceeded, NotPermitted
 from rig.recording.recorder import record_session
 from rig.safety.dry_run import PredictedBlow
 from rig.safety.permission import Permission, confirm, permit, require_permission
-from rig.selftest.record import SelftestFinding, SelftestRecord, read_record, valid_record
+from rig.selftest import SelftestFinding, SelftestRecord, read_record, valid_record
 from rig.session import Session
 
 NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)

@@ -1,4 +1,9 @@
-"""Trial files: what is written is read back, sealed, and open to netCDF tools."""
+"""Trial files: what is written is read back, sealed, and open to netCDF tools.
+
+Codes of the converter: exactly what was converted, or nothing.
+
+The digest kept while a trial is written is that of everything the file then holds.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +12,7 @@ import subprocess
 import sys
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -16,10 +22,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from rig.configuration.rig_file import load_rig, parse_rig
 from rig.errors import InputError
+from rig.recording.recorder import record_session
 from rig.session import CameraInfo, EncoderInfo, ForceInfo, TrialData
 from rig.session.sealed_hdf5 import MARK
-from rig.session.trial_file import read_status, read_trial, write_trial
+from rig.session.trial_file import NO_CODE, force_codes, read_status, read_trial, write_trial
+from tests.rig.lab_channels import READBACK
 
 ENCODERS = (
     EncoderInfo("key", 327680, 1, "ctr0", 1e-4),
@@ -182,3 +191,104 @@ def test_reading_a_session_loads_neither_the_ni_client_nor_numba_nor_pandas() ->
     root = Path(__file__).parents[3]
     found = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
+
+
+STEP = 2 * 0.025 / 2**24
+CUBIC = (3.1e-4, 3.05e-4, -2.0e-14, 4.0e-20)
+"""Like those of an X Series card: 16 bits, some parts in a thousand off the straight line at the ends."""
+
+
+def force_info(scaling: tuple[float, ...], unit: str) -> ForceInfo:
+    return replace(FORCE, device_scaling=scaling, electrical_unit=unit)
+
+
+def test_every_code_of_a_bridge_survives_the_way_through_the_force() -> None:
+    info = force_info((0.0, STEP), "mV/V")
+    code = np.unique(np.concatenate([np.arange(-(2**23), 2**23, 4099), [-(2**23), -1, 0, 1, 2**23 - 1]]))
+    reading = code * STEP * 1e3
+    through_force = (reading * 55.6) / 55.6 + 0.0
+    np.testing.assert_array_equal(force_codes(through_force, info), code)
+
+
+def test_a_cubic_scaling_is_inverted_over_the_whole_range() -> None:
+    info = force_info(CUBIC, "V")
+    code = np.arange(-(2**15), 2**15)
+    np.testing.assert_array_equal(force_codes(np.polynomial.Polynomial(CUBIC)(code), info), code)
+
+
+def test_what_is_no_whole_code_has_none() -> None:
+    info = force_info((0.0, STEP), "mV/V")
+    reading = np.array([10.5, 11.0, np.nan, np.inf, 12.1, 1e30]) * STEP * 1e3
+    np.testing.assert_array_equal(force_codes(reading, info), [NO_CODE, 11, NO_CODE, NO_CODE, NO_CODE, NO_CODE])
+    for useless in ((), (1.0,), (0.0, 0.0)):
+        assert (force_codes(reading, force_info(useless, "V")) == NO_CODE).all()
+
+
+def test_the_file_holds_the_codes_and_a_trial_without_scaling_has_none(tmp_path) -> None:
+    code = np.arange(-100, 100)
+    info = force_info((0.0, STEP), "mV/V")
+    write_trial(tmp_path / "a.h5", trial(200, force_raw=code * STEP * 1e3, force_info=info))
+    with h5py.File(tmp_path / "a.h5") as file:
+        np.testing.assert_array_equal(file["daq/force_code"][()], code)
+        assert file["daq/force_code"].attrs["no_code"] == NO_CODE
+    assert read_trial(tmp_path / "a.h5").force_info.device_scaling == (0.0, STEP)
+    write_trial(tmp_path / "b.h5", trial(200))
+    with h5py.File(tmp_path / "b.h5") as file:
+        assert "force_code" not in file["daq"]
+    assert read_trial(tmp_path / "b.h5").force_info.device_scaling == ()
+
+
+def test_provenance_comes_back_and_is_sealed(tmp_path) -> None:
+    said = {"operator": "Ana Müller", "serial_number": "01AB23CD"}
+    write_trial(tmp_path / "a.h5", trial(5, provenance=said))
+    write_trial(tmp_path / "b.h5", trial(5, provenance={**said, "operator": "Bea"}))
+    a, b = (read_trial(tmp_path / f"{name}.h5") for name in "ab")
+    assert a.provenance == said and a.sha256 != b.sha256
+
+
+SHIPPED = Path(__file__).parents[3] / "sessions" / "example_forte"
+
+
+def bytes_sha256(value: Any) -> str:
+    array = np.asarray(value)
+    if array.dtype.kind in "OUS":
+        items = [item.decode() if isinstance(item, bytes) else str(item) for item in array.ravel()]
+        return hashlib.sha256("\n".join(items).encode()).hexdigest()
+    return hashlib.sha256(np.ascontiguousarray(array.astype(array.dtype.newbyteorder("<"))).tobytes()).hexdigest()
+
+
+def read_back(file: h5py.File) -> str:
+    """Digest over all groups and datasets as HDF5 gives them back, by name; not over its own bookkeeping."""
+    nodes = {"/": file}
+    file.visititems(lambda name, node: nodes.__setitem__(name, node))
+    digest = hashlib.sha256()
+    for name in sorted(nodes):
+        digest.update(name.encode() + b"\0")
+        for key in sorted(nodes[name].attrs):
+            if not (key.isupper() or key.startswith("_") or (name, key) == ("/", "sha256")):
+                digest.update(f"{key}={bytes_sha256(nodes[name].attrs[key])}\0".encode())
+        if isinstance(nodes[name], h5py.Dataset):
+            digest.update(bytes_sha256(nodes[name][()]).encode())
+    return digest.hexdigest()
+
+
+def assert_digest(path: Path) -> None:
+    with h5py.File(path) as file:
+        assert file.attrs["sha256"] == read_back(file)
+
+
+@pytest.mark.parametrize("name", ["virtual", "pcie6363"])
+def test_the_digest_is_that_of_what_is_read_back(name, make_backend, step_profile, tmp_path) -> None:
+    further = READBACK.replace("wire", "Drähtchen") if name == "pcie6363" else ""
+    rig = parse_rig(load_rig(name).text + further, "lab.toml")
+    session = record_session(
+        tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config, noise_n=0.02), trials=1
+    )
+    assert_digest(session.trials[0].path)
+    with h5py.File(session.trials[0].path) as file:
+        assert ("motor_readback" in file["daq"]) == (name == "pcie6363") and "camera" in file
+
+
+def test_a_trial_written_by_an_earlier_version_has_the_same_kind_of_digest() -> None:
+    for path in sorted(SHIPPED.glob("trial_*.h5")):
+        assert_digest(path)

@@ -20,8 +20,8 @@ from nidaqmx import constants as ni
 from nidaqmx.errors import DaqError
 
 from rig.configuration.rig_file import load_rig
-from rig.selftest.record import SelftestFinding, SelftestRecord
-from rig.simulated.timing.wait import advance
+from rig.selftest import SelftestFinding, SelftestRecord
+from rig.simulated.timing import advance
 
 DEADLINE_S = 60.0
 

@@ -7,7 +7,7 @@ import pytest
 
 from rig.backend import open_backend
 from rig.errors import InputError
-from rig.simulated.bench.clock import PacedClock, VirtualClock
+from rig.simulated.bench.bench_time import PacedClock, VirtualClock
 from rig.simulated.rpc import service
 from rig.simulated.rpc.messages import CALLS
 

@@ -20,7 +20,7 @@ from rig.errors import DeviceNotFound
 from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.safety.permission import Permission
-from rig.selftest.record import read_record
+from rig.selftest import read_record
 from rig.session import Session
 from rig.session.journal.format import read_journal
 

@@ -14,7 +14,7 @@ from rig.configuration.rig_file import load_rig
 from rig.errors import NotPermitted
 from rig.recording.recorder import record_session
 from rig.safety.permission import Permission
-from rig.selftest.record import read_record
+from rig.selftest import read_record
 from rig.simulated.bench.plant import TOLERANCE
 
 STIFFNESS_N_PER_RAD = 3e4

@@ -18,6 +18,7 @@ from nidaqmx.system import Device, System
 
 from rig.backend import open_backend
 from rig.configuration.rig_file import load_rig
+from rig.daq.tasks import session_options
 from rig.simulated.backend import CLOCK_ERRORS, DEFAULT_BENCH, SimulatedBackend
 
 RATE_HZ = 5000.0
@@ -42,7 +43,7 @@ def system() -> Iterator[Any]:
 
         @property
         def options(self) -> Any:
-            return self.backend._options()
+            return session_options(self.backend._channel)
 
         def task(self, name: str) -> nidaqmx.Task:
             made.append(nidaqmx.Task(name, grpc_options=GrpcSessionOptions(self.backend._channel, name)))

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from rig.simulated import daqmx
-from rig.simulated.device.scales import scale_of
+from rig.simulated.device.scales import PER_CELSIUS, E, J, K, T, ThermocoupleScale, scale_of
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.device.thermocouples import PER_CELSIUS, E, J, K, T, ThermocoupleScale
 from rig.simulated.driver import add_channels, add_lines
 from rig.simulated.rpc.calls.counters import COUNTER_INPUT_CALLS, COUNTER_OUTPUT_CALLS
 from rig.simulated.rpc.messages import TaskHandler, enum

@@ -1,11 +1,8 @@
 """Calls of a DAQmx client about the system, its devices and their physical channels: new tasks, properties, reset.
 
-A simulated device keeps no calibration: the driver answers with zeros and the recommended interval, and takes a
-self-calibration without effect. Nothing is saved on the virtual system, so every name of a saved thing is unknown.
-
-Properties of the served devices (the card, or the chassis and its modules), by the driver's names.
-
-They come from the product's table; what is not in it is refused, never answered with an invented value.
+Properties of devices (the card, or the chassis and its modules) come from the product's table. A simulated device keeps
+no calibration: the driver answers with zeros and the recommended interval, and takes a self-calibration without effect.
+Nothing is saved on the virtual system, so every name of a saved thing is unknown.
 """
 
 from __future__ import annotations
@@ -16,7 +13,7 @@ from typing import Any
 
 from rig.simulated.device.state import DeviceState
 from rig.simulated.driver import create_task, reset_device
-from rig.simulated.product.capabilities import Kind, Product
+from rig.simulated.product.capabilities import Kind
 from rig.simulated.product.inventory import DIGITAL_RATE_HZ, Inventory, PhysicalChannel
 from rig.simulated.rpc.messages import DeviceHandler, Key, Properties, open_session, property_number
 from rig.simulated.status import TEXTS, Code, DaqStatusError, Unsupported
@@ -47,10 +44,6 @@ def _channels(*kinds: Kind) -> Property:
         return ", ".join(names)
 
     return get
-
-
-def _bus(product: Product) -> int:
-    return TCPIP if product.chassis else PCI if product.name in CATEGORIES else PCIE
 
 
 def _ports(device: Named, name: str) -> str:
@@ -92,7 +85,9 @@ _GETTERS: dict[str, Property] = {
     "IS_SIMULATED": lambda device, name: True,  # it does not pretend to be hardware
     "SERIAL_NUM": lambda device, name: 0,  # a simulated device has no serial number
     "PRODUCT_CATEGORY": _category,
-    "BUS_TYPE": lambda device, name: _bus(device.inventory.product),
+    "BUS_TYPE": lambda device, name: (
+        TCPIP if device.inventory.product.chassis else PCI if device.inventory.product.name in CATEGORIES else PCIE
+    ),
     "AI_PHYSICAL_CHANS": _channels("bridge", "voltage_in"),
     "AO_PHYSICAL_CHANS": _channels("voltage_out"),
     "DI_LINES": _channels("line", "static_line"),
@@ -198,10 +193,6 @@ DEVICE_CALLS: dict[str, DeviceHandler] = {
 }
 
 
-def _system_property(device: DeviceState, request: Any, key: Key) -> str | int | None:
-    return ", ".join(device.inventory.devices()) if key[1] == _DEV_NAMES else _SYSTEM.get(key[1])
-
-
 def _calibration_property(device: DeviceState, request: Any, key: Key) -> float | int | None:
     _of_card(device, request)
     return _CALIBRATION.get(key[1])
@@ -236,7 +227,11 @@ def _saved(code: int, field: str) -> Properties:
 
 
 DEVICE_PROPERTIES = {
-    "SystemInfo": Properties(_system_property),
+    "SystemInfo": Properties(
+        lambda device, request, key: (
+            ", ".join(device.inventory.devices()) if key[1] == _DEV_NAMES else _SYSTEM.get(key[1])
+        )
+    ),
     "Device": Properties(lambda device, request, key: device_property(device, request.device_name, key[1])),
     "CalInfo": Properties(_calibration_property),
     "PhysicalChan": Properties(_physical_channel_property),

@@ -14,7 +14,7 @@ from rig.simulated.driver import clear_task, open_log, start_task, stop_task
 from rig.simulated.rpc.messages import Fields, TaskHandler, enum, property_number
 from rig.simulated.rpc.properties.task import STORED
 from rig.simulated.status import Code, DaqStatusError, one_of
-from rig.simulated.timing.wait import wait_until_done
+from rig.simulated.timing import wait_until_done
 
 START, STOP, VERIFY, COMMIT, RESERVE, UNRESERVE, ABORT = range(7)
 

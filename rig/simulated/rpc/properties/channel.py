@@ -146,10 +146,6 @@ def _coefficients(device: DeviceState, task: SimulatedTask, channel: Channel) ->
     return None if step is None else [0.0, step]
 
 
-def _measurement(device: DeviceState, task: SimulatedTask, channel: Channel) -> int:
-    return CI_TYPE.get(channel.settings.get("measures", ""), channel.settings.get("type", ANGULAR_ENCODER))
-
-
 def _count(device: DeviceState, task: SimulatedTask, channel: Channel) -> int | None:
     if task.measures not in (None, daqmx.EDGES):
         return None
@@ -164,10 +160,6 @@ def _high_time(device: DeviceState, task: SimulatedTask, channel: Channel) -> fl
 def _low_time(device: DeviceState, task: SimulatedTask, channel: Channel) -> float:
     period = 1 / task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ, 1.0)
     return float(period - _high_time(device, task, channel))
-
-
-def _delay(device: DeviceState, task: SimulatedTask, channel: Channel) -> Any:
-    return task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ_INITIAL_DELAY, None)
 
 
 _GETTERS: dict[str, Property] = {
@@ -197,12 +189,16 @@ _GETTERS: dict[str, Property] = {
     "AO_DAC_RNG_LOW": lambda device, task, channel: -device.inventory.of(channel.physical.name).product.ao_range_v,
     "DI_NUM_LINES": lambda device, task, channel: len(channel.settings["lines"]),
     "DO_NUM_LINES": lambda device, task, channel: len(channel.settings["lines"]),
-    "CI_MEAS_TYPE": _measurement,
+    "CI_MEAS_TYPE": lambda device, task, channel: CI_TYPE.get(
+        channel.settings.get("measures", ""), channel.settings.get("type", ANGULAR_ENCODER)
+    ),
     "CI_CUSTOM_SCALE_NAME": _scale_name,
     "CI_COUNT": _count,
     "CO_PULSE_HIGH_TIME": _high_time,
     "CO_PULSE_LOW_TIME": _low_time,
-    "CO_PULSE_TIME_INITIAL_DELAY": _delay,
+    "CO_PULSE_TIME_INITIAL_DELAY": lambda device, task, channel: task.setting(
+        "Chan", channel.name, daqmx.CO_PULSE_FREQ_INITIAL_DELAY, None
+    ),
     "CO_PULSE_DONE": lambda device, task, channel: task.done,
 }
 _NAME_OF_NUMBER = {property_number("Chan", name): name for name in (*_GETTERS, *SETTINGS, *UNITS_OF)}

@@ -31,7 +31,7 @@ from rig.simulated.rpc.properties.channel import (
 )
 from rig.simulated.rpc.properties.clock import NUMBERS, get_clock, put_clock, reset_clock
 from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice, Unsupported
-from rig.simulated.timing.wait import await_something
+from rig.simulated.timing import await_something
 
 CURRENT_READ_POSITION, CURRENT_WRITE_POSITION, LOGGING_OFF, POLL, CREATE = 10425, 10430, 10231, 12524, 15848
 PULSE, BITS = 10265, 10109

@@ -1,11 +1,20 @@
-"""The journal: what is read is the beginning of what was written; a slow or full disk is noticed, not waited for."""
+"""The journal: what is read is the beginning of what was written; a slow or full disk is noticed, not waited for.
+
+A second reader of a journal that grows: it sees whole blocks only, at any moment, and leaves the file alone.
+
+A recording in real time with ``pianorig watch`` in a second process: the data grow there, none are lost here.
+"""
 
 from __future__ import annotations
 
 import errno
 import json
 import os
+import subprocess
+import sys
 import threading
+import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,12 +22,18 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.journal_delay import Timed
 from rig.backend import Block
 from rig.errors import HardwareFault, InputError, RecordingFault
+from rig.recording.recorder import record_session
+from rig.session import Session
 from rig.session.channel_info import EncoderInfo, ForceInfo
 from rig.session.journal.format import BLOCK, COMMAND, END, HEAD, block_payload, encode, parse, read_journal
+from rig.session.journal.live_reader import JournalFollower, SessionFollower
 from rig.session.journal.trial_head import FrameClock, TrialHead
 from rig.session.journal.writer import JournalWriter
+from rig.simulated.bench.bench_time import PacedClock
+from rig.storage.platform_calls import remove
 
 
 def head(number: int = 3) -> TrialHead:
@@ -263,3 +278,135 @@ def test_no_room_for_the_trial_is_found_before_anything_moves(tmp_path, monkeypa
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match="cannot be created"):
         JournalWriter(tmp_path / "missing" / "j", head())
+
+
+def test_a_journal_cut_anywhere_shows_its_whole_blocks_and_goes_on(tmp_path, make_backend, rig, step_profile) -> None:
+    snapshot = tmp_path / "snapshot"
+
+    def copy(at) -> None:
+        if at.time_s > 0.5 and not snapshot.exists():
+            snapshot.write_bytes((tmp_path / "s" / "trial_0001.journal").read_bytes())
+
+    session = record_session(
+        tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config), trials=1, progress=copy
+    )
+    data = session.trials[0].read()
+    whole, live = snapshot.read_bytes(), tmp_path / "live"
+    follower = JournalFollower(live)
+    assert not follower.poll()
+    sizes = []
+    for end in sorted({*np.random.default_rng(1).integers(0, len(whole), 60).tolist(), len(whole)}):
+        live.write_bytes(whole[:end])
+        assert follower.poll()
+        sizes.append(sum(block.force_n.size for block in follower.blocks))
+    assert sizes == sorted(sizes) and sizes[0] == 0 and sizes[-1] >= 2500 and len(set(sizes)) > 5
+    force = np.concatenate([block.force_n for block in follower.blocks])
+    np.testing.assert_array_equal(force, data.force_n[: force.size])
+
+
+def test_a_session_is_seen_while_it_is_recorded(tmp_path, make_backend, rig, step_profile) -> None:
+    views = []
+    follower: list[SessionFollower] = []
+
+    def view(at) -> None:
+        follower[:] = follower or [SessionFollower(tmp_path / "s")]
+        before = os.stat(tmp_path / "s" / f"trial_{at.trial:04d}.journal")
+        view = follower[0].poll()
+        after = os.stat(tmp_path / "s" / f"trial_{at.trial:04d}.journal")
+        assert before.st_size == after.st_size
+        assert view.trial == at.trial and view.time_s.size == round(at.committed_s * 5000)
+        views.append(view)
+
+    session = record_session(
+        tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config), trials=2, progress=view
+    )
+    assert {view.state for view in views} == {"recording"} and not any(view.finished for view in views)
+    end = follower[0].poll()
+    data = session.trials[1].read()
+    assert end.finished and end.state == "complete" and (end.trial, end.sealed) == (2, 2)
+    np.testing.assert_array_equal(end.force_n, data.force_n)
+    np.testing.assert_array_equal(views[-1].angle_rad, data.angle_rad()[: views[-1].time_s.size])
+
+
+def test_a_file_that_a_reader_holds_open_is_deleted_later_or_left() -> None:
+    class Held:
+        def __init__(self, times: int) -> None:
+            self.times = times
+
+        def unlink(self, missing_ok: bool) -> None:
+            assert missing_ok
+            self.times -= 1
+            if self.times >= 0:
+                raise PermissionError(32, "in use")
+
+    waited: list[float] = []
+    held = Held(3)
+    remove(held, wait=waited.append)  # type: ignore[arg-type]
+    assert held.times == -1 and waited == [0.01] * 3
+    for_ever = Held(1000)
+    remove(for_ever, wait=waited.append)  # type: ignore[arg-type]
+    assert for_ever.times == 980 and sum(waited) == pytest.approx(0.22)
+
+
+TRIALS = 2
+# loaded before the recording begins, then waiting for its folder
+WATCH = """
+import pathlib, sys, time
+import pianorig.workflows.bench.watch, rig.session.journal.live_reader
+from pianorig.cli import main
+print("{}", flush=True)
+while not (pathlib.Path(sys.argv[2]) / "session.toml").exists():
+    time.sleep(0.01)
+main(sys.argv[1:])
+"""
+ROOT = Path(__file__).parents[3]
+
+
+def record(folder: Path, backend: Any, rig: Any, profile: Any) -> tuple[Session, float]:
+    """Record in real time; the session and the 99th percentile of sample to journal, s."""
+    Timed.log = []
+    session = record_session(
+        folder, profile=profile, rig_config=rig, backend=backend, trials=TRIALS, open_journal=Timed
+    )
+    return session, float(np.percentile(Timed.ages_s(), 99))
+
+
+@pytest.mark.slow
+def test_a_second_process_sees_the_data_grow_and_disturbs_nothing(tmp_path, make_backend, rig, step_profile) -> None:
+    def bench() -> Any:
+        return make_backend(rig.config, clock=PacedClock(1.0), noise_n=0.02)
+
+    alone, quiet_s = record(tmp_path / "alone", bench(), rig, step_profile)
+    seen = tmp_path / "seen.jsonl"
+    with seen.open("wb") as out:
+        watcher = subprocess.Popen(
+            [sys.executable, "-c", WATCH, "watch", str(tmp_path / "watched"), "--json", "--every", "0.05"],
+            stdout=out,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            cwd=tmp_path,
+        )
+        try:
+            while not seen.stat().st_size:
+                assert watcher.poll() is None, seen.read_text()
+                time.sleep(0.05)
+            watched, watched_s = record(tmp_path / "watched", bench(), rig, step_profile)
+            assert watcher.wait(30) == 0, seen.read_text()
+        finally:
+            watcher.kill()
+            watcher.wait()
+    views = [json.loads(line) for line in seen.read_text().splitlines()[1:]]
+    for trial in range(1, TRIALS + 1):
+        sizes = [view["samples"] for view in views if view["trial"] == trial and view["state"] == "recording"]
+        assert sizes == sorted(sizes)
+        assert len(set(sizes)) >= 3, (trial, sizes)
+    assert views[-1]["state"] == "complete" and views[-1]["trial"] == TRIALS
+    # the bench's noise has a seed: what was recorded under watch is what is recorded alone, sample for sample
+    for one, other in zip(alone.trials, watched.trials, strict=True):
+        a, b = one.read(), other.read()
+        n = min(a.n_valid, b.n_valid)
+        np.testing.assert_array_equal(b.time_s, np.arange(b.n_valid) / 5000.0)
+        np.testing.assert_array_equal(a.force_n[:n], b.force_n[:n])
+        np.testing.assert_array_equal(a.encoder_count[:n], b.encoder_count[:n])
+        assert b.status == "complete" and abs(a.n_valid - b.n_valid) <= 200
+    assert watched_s <= max(0.05, 2 * quiet_s), (watched_s, quiet_s)

@@ -1,14 +1,101 @@
-"""Analog start and reference triggers, and digital pause triggers, by a ramp that an output makes."""
+"""The device's time goes on by itself: what a client sees that does not read.
+
+Analog start and reference triggers, and digital pause triggers, by a ramp that an output makes.
+
+Start, reference and repeated triggers of the virtual device, by pulses on its terminals; times by a ramp.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from nidaqmx import constants as ni
+from nidaqmx.constants import AcquisitionType
 from nidaqmx.errors import DaqError, DaqReadError
+
+from rig.configuration.rig_file import load_rig
+from rig.simulated.bench.bench_time import PacedClock
+
+
+@pytest.fixture
+def paced(make_backend):
+    """A card whose clock follows a wall clock that the test moves."""
+    from tests.rig.simulated.conftest import Bench
+
+    wall = [0.0]
+
+    def wait(duration_s: float) -> None:
+        wall[0] += duration_s
+
+    bench = Bench(make_backend(load_rig("pcie6363").config, clock=PacedClock(1.0, wall_s=lambda: wall[0], wait=wait)))
+    yield bench, wait
+    bench.close()
+
+
+def test_what_is_written_on_demand_is_read_on_demand_at_once(card) -> None:
+    out, read, several = card.task(), card.task(), card.task()
+    out.ao_channels.add_ao_voltage_chan("Dev1/ao0")
+    read.ai_channels.add_ai_voltage_chan("Dev1/ai1")
+    several.ai_channels.add_ai_voltage_chan("Dev1/ai1:2")
+    for volts in (2.5, -1.25, 0.0):
+        out.write(volts)
+        assert read.read() == pytest.approx(volts, abs=1e-3)
+        assert several.read() == pytest.approx([volts, 0.0], abs=1e-3)
+        assert read.read(3) == pytest.approx([volts] * 3, abs=1e-3)
+
+
+def test_an_input_on_demand_follows_the_bench_behind_an_output_on_demand(cdaq, bridge) -> None:
+    out, cell = cdaq.task(), cdaq.task()
+    bridge(cell)
+    cdaq.device.lines["cDAQ1Mod4/port0/line7"] = True
+    out.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0")
+    for volts in (1.0, 0.25):
+        out.write(volts)
+        assert cell.read() == pytest.approx(0.05 + 12.0 * volts, abs=1e-3)
+
+
+def test_counts_move_while_nobody_reads(paced) -> None:
+    bench, wait = paced
+    task = bench.task()
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+    task.timing.cfg_samp_clk_timing(1000.0, sample_mode=AcquisitionType.FINITE, samps_per_chan=500)
+    task.start()
+    for passed_s, acquired in ((0.1, 100), (0.3, 400), (0.3, 500)):
+        wait(passed_s)
+        assert task.in_stream.total_samp_per_chan_acquired == pytest.approx(acquired, abs=2)
+    assert task.is_task_done()
+    assert len(task.read(500, timeout=0)) == 500
+
+
+def test_a_reader_that_is_late_has_lost_samples(paced, refused) -> None:
+    bench, wait = paced
+    task = bench.task()
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+    task.timing.cfg_samp_clk_timing(1000.0, sample_mode=AcquisitionType.CONTINUOUS)
+    task.start()
+    for _ in range(26):  # 10 kS are kept; calls about anything find the device where it is
+        wait(0.4)
+        assert task.timing.samp_clk_rate == 1000.0
+    with refused(-200279):
+        task.read(10)
+
+
+def test_polling_comes_to_an_end_on_the_virtual_clock(card) -> None:
+    task = card.task()
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+    task.timing.cfg_samp_clk_timing(1000.0, sample_mode=AcquisitionType.FINITE, samps_per_chan=100)
+    task.start()
+    end = time.monotonic() + 30
+    while task.in_stream.total_samp_per_chan_acquired < 100:
+        assert time.monotonic() < end
+    while not task.is_task_done():
+        assert time.monotonic() < end
+    assert len(task.read(100, timeout=0)) == 100
+
 
 ENTERING, LEAVING = ni.WindowTriggerCondition1.ENTERING_WINDOW, ni.WindowTriggerCondition1.LEAVING_WINDOW
 CONTINUOUS = ni.AcquisitionType.CONTINUOUS
@@ -172,3 +259,63 @@ def test_the_trigger_configured_last_is_the_one_that_counts(card: Any) -> None:
     start.cfg_anlg_edge_start_trig("Dev1/ai1", ni.Slope.RISING, 0.3)
     assert start.trig_type == ni.TriggerType.ANALOG_EDGE
     assert len(task.read(10, timeout=2.0)) == 10
+
+
+def pulses(card, rate_hz: float, initial_delay: float = 0.0, counter: str = "Dev1/ctr0", count: int | None = None):
+    """A train on /Dev1/PFI12 (of ctr0)."""
+    train = card.task()
+    train.co_channels.add_co_pulse_chan_freq(counter, freq=rate_hz, initial_delay=initial_delay)
+    if count is None:
+        train.timing.cfg_implicit_timing(sample_mode=CONTINUOUS)
+    else:
+        train.timing.cfg_implicit_timing(samps_per_chan=count)
+    return train
+
+
+def ramp_into(card, rate_hz: float):
+    """A ramp of 1 mV a sample on ao0, which ai1 is wired to, and an input on ai1 with a clock of its own."""
+    ramp, inputs = card.task(), card.task()
+    ramp.ao_channels.add_ao_voltage_chan("Dev1/ao0")
+    ramp.timing.cfg_samp_clk_timing(rate_hz, sample_mode=CONTINUOUS, samps_per_chan=5000)
+    ramp.write(np.arange(5000) * 1e-3)
+    inputs.ai_channels.add_ai_voltage_chan("Dev1/ai1", min_val=-5.0, max_val=5.0)
+    return ramp, inputs
+
+
+def test_a_pulse_on_a_terminal_starts_an_acquisition(card) -> None:
+    ramp, inputs = ramp_into(card, 1000.0)
+    inputs.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=10)
+    inputs.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI12")
+    inputs.start()
+    ramp.start()
+    pulses(card, 1.0, initial_delay=0.2).start()
+    read = np.array(inputs.read(10))
+    np.testing.assert_allclose(read, 0.200 + 1e-3 * np.arange(-1, 9), atol=2e-4)
+
+
+def test_a_reference_trigger_keeps_what_came_before_it(card) -> None:
+    ramp, inputs = ramp_into(card, 1000.0)
+    inputs.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=100)
+    inputs.triggers.reference_trigger.cfg_dig_edge_ref_trig("/Dev1/PFI12", pretrigger_samples=30)
+    ramp.start()
+    inputs.start()
+    train = pulses(card, 1.0, initial_delay=0.5)
+    train.start()
+    with pytest.raises(DaqReadError, match="-200284"):
+        inputs.read(100, timeout=0.3)
+    read = np.array(inputs.read(ni.READ_ALL_AVAILABLE))
+    assert inputs.is_task_done() and inputs.in_stream.avail_samp_per_chan == 0
+    np.testing.assert_allclose(read, 0.500 + 1e-3 * np.arange(-31, 69), atol=2e-4)
+
+
+def test_a_retriggered_acquisition_comes_with_every_pulse(card) -> None:
+    ramp, inputs = ramp_into(card, 1000.0)
+    inputs.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=4)
+    inputs.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/Ctr0InternalOutput")
+    inputs.triggers.start_trigger.retriggerable = True
+    ramp.start()
+    inputs.start()
+    pulses(card, 50.0, initial_delay=0.1).start()
+    read = np.array(inputs.read(12)).reshape(3, 4)
+    np.testing.assert_allclose(read, 0.099 + 0.02 * np.arange(3)[:, None] + 1e-3 * np.arange(4), atol=2e-4)
+    assert not inputs.is_task_done()
