@@ -19,6 +19,7 @@ from model.inside.observe_motion import observe
 from model.parameters.action import Action
 from model.parameters.effects import STRING_EFFECT, column
 from model.scene.build import Scene, build_scene
+from model.scene.selection import SceneChoice
 from model.scene.string_terms import with_modes
 from model.simulation.giving_motion import giving_motion
 from model.simulation.loads_and_losses import Inside
@@ -129,22 +130,22 @@ def simulate(
     options = ForceDrivenOptions(**keywords)
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(options.output_time_s, times)
-    scene, fewer = strung_scenes(options.choice.on(action), options)
+    action, choice = options.of(action)
+    scene, fewer = strung_scenes(action, choice, options)
     if isinstance(initial, State):
         state = initial.copy()
     else:
         angle = solve_rest(scene) if initial is None else initial.angle_rad
         state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(scene.size))
     run = ForceDrivenRun(
-        scene, times, forces, outputs, options.tolerance, options.method, options.choice.outputs,
+        scene, times, forces, outputs, options.tolerance, options.method, choice.outputs,
         options.estimate_error, fewer,
     )  # fmt: skip
     return run.from_state(state)
 
 
-def strung_scenes(action: Action, options: ForceDrivenOptions) -> tuple[Scene, Scene | None]:
+def strung_scenes(action: Action, choice: SceneChoice, options: ForceDrivenOptions) -> tuple[Scene, Scene | None]:
     """The scene, its string with as many modes as the tolerance asks, and the one to judge it by where it was so."""
-    choice = options.choice
     if STRING_EFFECT not in choice.effects or action["string.modes"] != 0.0:
         return build_scene(action, choice), None
     scene = build_scene(with_modes(action, options.tolerance), choice)

@@ -25,6 +25,7 @@ from model.files.force_table import check_force_table
 from model.force_driven import ForceDrivenRun, check_output_times, strung_scenes
 from model.parameters.action import Action
 from model.scene.build import Scene
+from model.scene.selection import SceneChoice
 from model.simulation.options import ForceDrivenOptions
 from model.simulation.run import State
 from model.simulation.solution import Solution
@@ -173,13 +174,12 @@ def make_jobs(
     ('forte', 'printed')
     """
     tables = list(_tables(trials, options.output_time_s))
-    choice = options.choice
     jobs = []
     for label, overrides in parameter_sets.items():
-        scene, fewer, start, failure = None, None, None, None
+        scene, fewer, start, failure, choice = None, None, None, None, SceneChoice()
         try:
-            changed = choice.on(action.with_values(overrides) if overrides else action)
-            scene, fewer = strung_scenes(changed, options)
+            changed, choice = options.of(action.with_values(overrides) if overrides else action)
+            scene, fewer = strung_scenes(changed, choice, options)
             start = solve_rest(scene) if initial is None else np.array(initial.angle_rad, dtype=float)
         except ModelError as problem:
             failure = problem

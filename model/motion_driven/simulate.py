@@ -181,8 +181,9 @@ def simulate_motion(
     True
     """
     options = MotionDrivenOptions(**keywords)
-    check_prescribed_key(options.choice)  # before the rest angle, for which the scene's kernels may have to be compiled
-    rest = rest_angle(action, options.choice)
+    action, choice = options.of(action)
+    check_prescribed_key(choice)  # before the rest angle, for which the scene's kernels may have to be compiled
+    rest = rest_angle(action, choice)
     if options.from_rest:
         key_rad = as_numbers(key_rad, "key motion") + rest
     fit = fit_key_motion(time_s, key_rad, resolution_rad=options.resolution_rad, jitter_rad=options.jitter_rad)
@@ -192,7 +193,7 @@ def simulate_motion(
 
     def run(motion: KeyMotion) -> PrescribedRun:
         return run_prescribed(
-            action, motion, outputs, tolerance=options.tolerance, choice=options.choice, method=options.method
+            action, motion, outputs, tolerance=options.tolerance, choice=choice, method=options.method
         )
 
     motion = fit.motion()

@@ -26,6 +26,9 @@ from model.parameters.quantity import Quantity, check_value, quantity_tables, re
 
 ACTIONS = Path(__file__).parents[1] / "actions"
 TEMPLATE = "hirschkorn2004"
+SCENE = "scene"
+"""Table of an action file that says what takes part (`model.scene.selection`)."""
+SCENE_LISTS = ("bodies", "without", "effects")
 IDENTIFICATION = "identification"
 """Table of an action file that says how its values were identified; it holds no value of the action."""
 BODIES = ("key", "whippen", "jack", "repetition", "hammer")
@@ -81,6 +84,8 @@ class Action:
     origin : file the set was read from
     changed : path -> value of each parameter set after reading
     effects : path -> `Quantity` of the effects a scene may add (`model.parameters.effects`) or felt with memory
+    scene : what takes part wherever the action goes, names by list (``effects``, ``without``, ``bodies``); empty for
+        the whole action without effects (`model.scene.selection`)
     identification : table of the file that says how its values were identified, as read; the model does not use it
     """
 
@@ -91,6 +96,7 @@ class Action:
     origin: str
     changed: Mapping[str, float] = field(default_factory=dict)
     effects: Mapping[str, Quantity] = field(default_factory=added_defaults)
+    scene: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     identification: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def __getitem__(self, path: str) -> float:
@@ -144,7 +150,8 @@ class Action:
         own = {path: q for path, q in self.effects.items() if path not in usual or q.value != usual[path].value}
         lines = [f"{path}={q.value!r}" for path, q in sorted({**self.quantities, **own}.items())]
         laws = {contact: self.law(contact) for contact in CONTACTS}
-        return "\n".join([*lines, *(f"{c}.{LAW}={LAWS[law].stamp}" for c, law in laws.items() if law != USUAL)])
+        lines += (f"{c}.{LAW}={LAWS[law].stamp}" for c, law in laws.items() if law != USUAL)
+        return "\n".join([*lines, *(f"{SCENE}.{key}={','.join(names)}" for key, names in sorted(self.scene.items()))])
 
 
 _OFF_SWITCHES = {"friction": ("A",), "joint_friction": ("A",)}
@@ -236,6 +243,18 @@ def find_action(name_or_path: str | Path) -> Path:
     raise InputError(f"action {text!r}: not found; {hint}built in: {', '.join(names)}; or name a .toml file")
 
 
+def _scene_lists(table: Any, where: str) -> dict[str, tuple[str, ...]]:
+    """Lists of the table ``scene`` of a file; which names they may hold is for the scene to say."""
+    if not isinstance(table, dict):
+        raise InputError(f"{where}: {SCENE}: found {table!r}, allowed a table with {', '.join(SCENE_LISTS)}")
+    for key, names in table.items():
+        if key not in SCENE_LISTS:
+            raise InputError(f"{where}: {SCENE}.{key}: unknown key; allowed {', '.join(SCENE_LISTS)}")
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise InputError(f"{where}: {SCENE}.{key}: found {names!r}, allowed a list of names")
+    return {key: tuple(names) for key, names in table.items() if names}
+
+
 def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, float] | None = None) -> Action:
     """Read and check a parameter set.
 
@@ -262,6 +281,7 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
     path = find_action(name_or_path)
     table = dict(_read_toml(path))
     found = copy.deepcopy(table.pop(IDENTIFICATION, {}))  # how the values were found: for people and for validation
+    scene = _scene_lists(table.pop(SCENE, {}), str(path))
     units, structure = _template()
     where = str(path)
     quantities: dict[str, Quantity] = {}
@@ -295,6 +315,7 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
         structure=found_structure,
         origin=where,
         effects=effects,
+        scene=scene,
         identification=found if isinstance(found, dict) else {},
     )
     return action.with_values(overrides) if overrides else action

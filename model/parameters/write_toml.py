@@ -7,7 +7,7 @@ from pathlib import Path
 
 from model.errors import InputError
 from model.files.atomic_write import whole_file
-from model.parameters.action import Action, added_defaults
+from model.parameters.action import SCENE, Action, added_defaults
 
 
 def _text(value: str) -> str:
@@ -36,6 +36,9 @@ def action_text(action: Action, comment: Sequence[str] = ()) -> str:
             f"{rest} = {{ value = {_number(q.value)}, unit = {_text(q.unit)}, u = {_number(q.u)}, "
             f"basis = {_text(q.basis)}, source = {_text(q.source)} }}"
         )
+    if action.scene:
+        lists = (f"{key} = [{', '.join(map(_text, names))}]" for key, names in action.scene.items())
+        tables[SCENE] = [*lists]
     for table, rows in tables.items():
         lines += ["", f"[{table}]", *rows]
     return "\n".join(lines) + "\n"

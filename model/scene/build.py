@@ -41,7 +41,7 @@ from model.scene import pressing
 from model.scene.contacts import chain_of, law_of_contact, reach_of, read_contact
 from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.key_motion import KeyMotion
-from model.scene.selection import SceneChoice, check_prescribed_key
+from model.scene.selection import SceneChoice, check_prescribed_key, choice_of
 from model.scene.string_terms import string_numbers
 
 # rest angles of the printed action, to two digits: the solver needs a start on the right side of each contact
@@ -247,7 +247,7 @@ def keeps_latest(build: Callable[..., S]) -> Callable[..., S]:
 
     @wraps(build)
     def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> S:
-        choice = SceneChoice() if choice is None else choice
+        choice = choice_of(action) if choice is None else choice
         if key_motion is not None:
             return build(action, choice, key_motion)
         laws = tuple(law.number for law in LAWS.values())  # a law that was added again is another
@@ -274,7 +274,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     Parameters
     ----------
     action : parameter set
-    choice : bodies, contacts and effects that take part; by default the whole action without effects
+    choice : bodies, contacts and effects that take part; by default those that the action says
     key_motion : prescribed motion of the key, in place of a force
 
     Returns
@@ -292,7 +292,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     >>> model.build_scene(model.load_action(), model.load_scene("key-whippen")).bodies
     ('key', 'whippen')
     """
-    choice = SceneChoice() if choice is None else choice
+    choice = choice_of(action) if choice is None else choice
     choice.check(action)
     bodies = _coordinates(choice, key_motion)
     parent = [_parent(action, bodies, b) for b in bodies]

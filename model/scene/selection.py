@@ -20,12 +20,22 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from model.errors import InputError
-from model.parameters.action import BODIES, CONTACTS, LAW, STRING, Action, added_defaults, check_law, law_of
+from model.parameters.action import (
+    BODIES,
+    CONTACTS,
+    LAW,
+    SCENE_LISTS,
+    STRING,
+    Action,
+    added_defaults,
+    check_law,
+    law_of,
+)
 from model.parameters.effects import EFFECTS, FINGER, PINS, RAIL, effect_of
 from model.parameters.quantity import check_value
 
@@ -77,10 +87,14 @@ class SceneChoice:
         return next((column for effect, column in columns.items() if effect in self.effects), "force_n")
 
     def on(self, action: Action) -> Action:
-        """The action with this scene's values; values that the user set by path take precedence."""
+        """The action with this scene and its values; values that the user set by path take precedence."""
         chosen = action.with_laws(dict(self.laws)) if self.laws else action
         values = {path: value for path, value in self.values if path not in action.changed}
-        return chosen.with_effects(values) if values else chosen
+        chosen = chosen.with_effects(values) if values else chosen
+        bodies = () if self.bodies == BODIES else self.bodies
+        lists = zip(SCENE_LISTS, (bodies, self.without, self.effects), strict=True)
+        scene = {key: names for key, names in lists if names}
+        return chosen if chosen.scene == scene else replace(chosen, scene=scene)
 
     def check(self, action: Action) -> None:
         """Refuse a value set for an effect that the scene does not have: it would change nothing."""
@@ -122,6 +136,22 @@ SCENES = {
     "giving-hammer": SceneChoice(effects=("hammer_pin",)),
     "giving-joints": SceneChoice(effects=("balance_rail", *PINS)),
 }
+
+
+def choice_of(action: Action, scene: str | Path | SceneChoice | None = None) -> SceneChoice:
+    """What takes part: of a scene by name, file or choice; by default what the action itself says.
+
+    Raises
+    ------
+    InputError : there is no such scene, or the action's file names what does not exist
+    """
+    if scene is not None:
+        return load_scene(scene)
+    try:
+        bodies, without, effects = (tuple(action.scene.get(key, ())) for key in SCENE_LISTS)
+        return SceneChoice(bodies or BODIES, without, effects=effects)
+    except InputError as problem:
+        raise InputError(f"{action.origin}: {problem}") from None
 
 
 def load_scene(name_or_path: str | Path | SceneChoice) -> SceneChoice:

@@ -28,7 +28,7 @@ from model.integrators.methods import DEFAULT_METHOD
 from model.kernels.lanes import lanes_pay
 from model.parameters.action import Action
 from model.scene.build import build_scene
-from model.scene.selection import SceneChoice
+from model.scene.selection import choice_of
 from model.screening.blow_marks import MARKS, blow_marks
 from model.screening.estimate import Estimate
 from model.sensitivity.parameter_names import Parameter, changed_by
@@ -53,7 +53,6 @@ class Variants(ArrayRecord):
     parameters : that vary, in the order of a member's values
     rest_input : input under which the action rests before the blow
     tolerance : requested largest error of any angle, rad
-    choice : the scene
     """
 
     action: Action
@@ -62,12 +61,11 @@ class Variants(ArrayRecord):
     parameters: tuple[Parameter, ...]
     rest_input: float = 0.0
     tolerance: float = 1e-5
-    choice: SceneChoice = SceneChoice()
 
     def sha256(self, values: ArrayLike) -> str:
         """Hash of all that the marks of members with these values (m, P) depend on."""
         digest = hashlib.sha256(code_sha256().encode())
-        about = (self.action.content(), repr(self.choice), repr(self.rest_input), repr(self.tolerance), MARKS)
+        about = (self.action.content(), repr(self.rest_input), repr(self.tolerance), MARKS)
         digest.update(repr(about).encode())
         digest.update(repr([(p.name, p.value, p.paths) for p in self.parameters]).encode())
         for array in (self.time_s, self.force_n, self._of_members(values)):
@@ -77,16 +75,16 @@ class Variants(ArrayRecord):
 
     def marks(self, values: ArrayLike) -> Array:
         """Marks (m, len(MARKS)) of members with values (m, P); a row of NaN where one cannot rest or be simulated."""
-        action, values = self.choice.on(self.action), self._of_members(values)
+        action, values, choice = self.action, self._of_members(values), choice_of(self.action)
         out = np.full((len(values), len(MARKS)), np.nan)
         times = output_times(float(self.time_s[0]), float(self.time_s[-1]), RATE_HZ)
-        start = solve_rest(build_scene(action, self.choice), self.rest_input)
+        start = solve_rest(build_scene(action, choice), self.rest_input)
         jobs: list[Job] = []
         rows: list[tuple[int, Action]] = []
         for i, row in enumerate(values):
             variant = changed_by(action, self.parameters, row - np.array([p.value for p in self.parameters]))
             try:
-                scene = build_scene(variant, self.choice)
+                scene = build_scene(variant, choice)
                 rest = solve_rest(scene, self.rest_input, start)
             except ModelError:
                 continue

@@ -89,8 +89,7 @@ def sensitivities(
 def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], options: SensitivityOptions) -> Sensitivities:
     times, forces = check_force_table(*blow)
     outputs = check_output_times(options.output_time_s, times)
-    choice = options.choice
-    action = choice.on(action)
+    action, choice = options.of(action)
     slopes = directions(action, choice, find_parameters(action, parameters))
     scene = slopes.scene
     start = rest_state(action, options.rest_input, scene)

@@ -71,9 +71,8 @@ def motion_sensitivities(
     """
     options = SensitivityOptions(events=False) if options is None else options
     _check(options)
-    choice = options.choice
+    action, choice = options.of(load_action(action) if isinstance(action, str) else action)
     check_prescribed_key(choice)
-    action = choice.on(load_action(action) if isinstance(action, str) else action)
     named = find_parameters(action, parameters)
     free = build_scene(action, choice)
     free.refuse_memory("sensitivities under a motion of the key")

@@ -54,7 +54,14 @@ class _Read(Action):
 def paths_read(action: Action, quantity: Callable[[Action], object]) -> set[str]:
     """Paths of the values that a function of an action asks for."""
     noting = _Read(
-        action.name, action.description, action.quantities, action.structure, action.origin, {}, action.effects
+        action.name,
+        action.description,
+        action.quantities,
+        action.structure,
+        action.origin,
+        {},
+        action.effects,
+        action.scene,
     )
     noting.__dict__["read"] = set()
     quantity(noting)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 from numpy.typing import ArrayLike
 
 from model.errors import InputError
-from model.scene.selection import SceneChoice, load_scene
+from model.parameters.action import Action
+from model.scene.selection import SceneChoice, choice_of
 
 SMALLEST, LARGEST = 1e-9, 1e-2
 
@@ -23,7 +23,7 @@ class SensitivityOptions:
     tolerance : requested largest error of any angle of the motion itself, rad
     relative_tolerance : local error of a derivative allowed in a step, of the largest value it has had
     output_time_s : (m,) increasing, within the force table; by default the table's own times
-    scene : what takes part, by name or file (`model.scene.selection`)
+    scene : what takes part, by name or file (`model.scene.selection`); by default what the action says
     method : integration method of the motion (`model.integrators.methods`)
     rest_input : constant input under which the action rests before the blow: N on the key (the motor arm's preload), or
         the motor's torque, N m
@@ -37,7 +37,7 @@ class SensitivityOptions:
     tolerance: float = 2e-9
     relative_tolerance: float = 3e-6
     output_time_s: ArrayLike | None = None
-    scene: SceneChoice | str | Path = "whole"
+    scene: SceneChoice | str | Path | None = None
     method: str = "rodas5p"
     rest_input: float = 0.0
     contact_forces: bool = False
@@ -52,7 +52,7 @@ class SensitivityOptions:
                 f"relative tolerance: found {self.relative_tolerance:g}, allowed {SMALLEST:g} to {LARGEST:g}"
             )
 
-    @cached_property
-    def choice(self) -> SceneChoice:
-        """The scene's choice; a scene file is read once, here."""
-        return load_scene(self.scene)
+    def of(self, action: Action) -> tuple[Action, SceneChoice]:
+        """The action as its scene has it, and what takes part."""
+        choice = choice_of(action, self.scene)
+        return choice.on(action), choice

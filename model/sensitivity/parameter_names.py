@@ -22,7 +22,7 @@ from model.parameters.scaling import named_paths
 from model.scene.build import Scene, build_scene
 from model.scene.key_motion import KeyMotion
 from model.scene.pressing import Command, command_of
-from model.scene.selection import SceneChoice
+from model.scene.selection import SceneChoice, choice_of
 
 Array = NDArray[np.float64]
 
@@ -167,7 +167,14 @@ def changed_by(action: Action, parameters: Sequence[Parameter], by: Iterable[flo
         for path, weight in parameter.paths.items():
             values[path] += float(change) * weight
     out = _Changed(
-        action.name, action.description, action.quantities, action.structure, action.origin, {}, action.effects
+        action.name,
+        action.description,
+        action.quantities,
+        action.structure,
+        action.origin,
+        {},
+        action.effects,
+        action.scene,
     )
     object.__setattr__(out, "shifted", values)
     return out
@@ -279,7 +286,7 @@ def effective_paths(action: Action, choice: SceneChoice | None = None) -> list[s
     Parameters
     ----------
     action : parameter set
-    choice : the scene; by default the whole action without effects
+    choice : the scene; by default what the action says
 
     Returns
     -------
@@ -293,7 +300,7 @@ def effective_paths(action: Action, choice: SceneChoice | None = None) -> list[s
     >>> "key.mass" in paths, "hammer.mass" in paths
     (True, False)
     """
-    choice = SceneChoice() if choice is None else choice
+    choice = choice_of(action) if choice is None else choice
     out = []
     for path in (*action.quantities, *action.effects):
         try:

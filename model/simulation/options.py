@@ -8,14 +8,14 @@ A function with more keywords extends both classes.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import TypedDict
 
 from numpy.typing import ArrayLike
 
 from model.integrators.methods import DEFAULT_METHOD
-from model.scene.selection import SceneChoice, load_scene
+from model.parameters.action import Action
+from model.scene.selection import SceneChoice, choice_of
 
 
 class SimulationKeywords(TypedDict, total=False):
@@ -23,7 +23,7 @@ class SimulationKeywords(TypedDict, total=False):
 
     tolerance: float
     output_time_s: ArrayLike | None
-    scene: SceneChoice | str | Path
+    scene: SceneChoice | str | Path | None
     method: str
 
 
@@ -35,19 +35,20 @@ class SimulationOptions:
     ----------
     tolerance : requested largest error of any angle, rad
     output_time_s : (m,) increasing, within the input table; by default the table's own times
-    scene : what takes part and what to give out, by name or file (`model.scene.selection`)
+    scene : what takes part and what to give out, by name or file (`model.scene.selection`); by default what the action
+        says
     method : integration method by name (`model.integrators.methods`)
     """
 
     tolerance: float = 1e-5
     output_time_s: ArrayLike | None = None
-    scene: SceneChoice | str | Path = "whole"
+    scene: SceneChoice | str | Path | None = None
     method: str = DEFAULT_METHOD
 
-    @cached_property
-    def choice(self) -> SceneChoice:
-        """The scene's choice; a scene file is read once, here."""
-        return load_scene(self.scene)
+    def of(self, action: Action) -> tuple[Action, SceneChoice]:
+        """The action as its scene has it, and what takes part."""
+        choice = choice_of(action, self.scene)
+        return choice.on(action), choice
 
 
 class ForceDrivenKeywords(SimulationKeywords, total=False):
@@ -82,12 +83,11 @@ class ForceDrivenOptions(SimulationOptions):
     inside: bool = False
     estimate_error: bool = False
 
-    @cached_property
-    def choice(self) -> SceneChoice:
-        """The scene's choice; its outputs are those of the scene and those wanted by keyword."""
-        choice = load_scene(self.scene)
+    def of(self, action: Action) -> tuple[Action, SceneChoice]:
+        """The action as its scene has it, and what takes part; outputs are those of the scene and those wanted."""
+        action, choice = super().of(action)
         wanted = {name for name in ("contact_forces", "energy", "inside") if getattr(self, name)}
-        return replace(choice, outputs=tuple(sorted({*choice.outputs, *wanted})))
+        return action, replace(choice, outputs=tuple(sorted({*choice.outputs, *wanted})))
 
 
 @dataclass(frozen=True)
