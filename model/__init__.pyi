@@ -46,6 +46,7 @@ from .scene.build import build_scene as build_scene
 from .scene.key_motion import KeyMotion as KeyMotion
 from .scene.selection import SCENES as SCENES
 from .scene.selection import SceneChoice as SceneChoice
+from .scene.selection import choice_of as choice_of
 from .scene.selection import load_scene as load_scene
 from .scene.selection import scene_of as scene_of
 from .sensitivity.differentiate import sensitivities as sensitivities

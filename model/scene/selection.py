@@ -141,9 +141,25 @@ SCENES = {
 def choice_of(action: Action, scene: str | Path | SceneChoice | None = None) -> SceneChoice:
     """What takes part: of a scene by name, file or choice; by default what the action itself says.
 
+    Parameters
+    ----------
+    action : parameter set
+    scene : as for `load_scene`, or None
+
+    Returns
+    -------
+    SceneChoice
+
     Raises
     ------
     InputError : there is no such scene, or the action's file names what does not exist
+
+    Examples
+    --------
+    >>> import model
+    >>> strung = model.load_scene("string").on(model.load_action())
+    >>> model.choice_of(strung).effects, model.choice_of(strung, "whole").effects
+    (('string',), ())
     """
     if scene is not None:
         return load_scene(scene)

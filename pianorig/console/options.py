@@ -7,7 +7,7 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-from pianorig.console.built_in_names import complete_file
+from pianorig.console.built_in_names import complete_file, complete_scene
 
 DEFAULT_ACTION = "hirschkorn2004"
 BUILT_IN_ACTION = "Built-in action or a TOML file."
@@ -17,6 +17,14 @@ SELFTESTS = Path("selftests")
 AsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Action: TypeAlias = Annotated[
     str, typer.Option("--action", help=BUILT_IN_ACTION, autocompletion=complete_file("model/actions"))
+]
+Scene: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--scene",
+        help="What takes part: a built-in scene or a TOML file; default: what the action says.",
+        autocompletion=complete_scene,
+    ),
 ]
 Settings: TypeAlias = Annotated[
     list[str] | None, typer.Option("--set", help="Parameter to change, path=value; may be repeated.")

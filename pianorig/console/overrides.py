@@ -1,4 +1,4 @@
-"""Reading changes of parameters from the command line: ``--set``, ``--scale`` and whole variants.
+"""Reading changes of an action from the command line: ``--scene``, ``--set``, ``--scale`` and whole variants.
 
 A variant is one text, ``name: --set path=value --scale name=factor``, in double quotes in every shell; paths and
 numbers hold no blanks, so blanks separate and nothing inside needs a quote.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import model
 from model.parameters.action import LAW
@@ -57,11 +58,24 @@ def split_laws(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     return laws, others
 
 
-def load_changed(action: str, set_: Sequence[str] | None, scale: Sequence[str] | None = None) -> model.Action:
-    """The action with what ``--set`` gives, laws of felt first, then with what ``--scale`` multiplies."""
+def load_changed(
+    action: str, set_: Sequence[str] | None, scale: Sequence[str] | None = None, scene: str | None = None
+) -> model.Action:
+    """The action in a scene, by default its own, with what ``--set`` gives, then with what ``--scale`` multiplies."""
     laws, others = split_laws(set_ or [])
-    values, factors = read_settings(others), read_settings(scale or [], "--scale")
-    return model.scaled(model.load_action(action).with_laws(laws).with_values(values), factors)
+    return _changed(action, laws, read_settings(others), read_settings(scale or [], "--scale"), scene)
+
+
+def _changed(
+    action: str, laws: dict[str, str], values: dict[str, float], factors: dict[str, float], scene: str | None
+) -> model.Action:
+    """Values that are set go before those of the scene; a value without its effect or law is refused at once."""
+    loaded = model.load_action(action)
+    if scene is not None:
+        loaded = model.load_scene(scene).on(loaded)
+    changed = loaded.with_laws(laws).with_values(values)
+    model.choice_of(changed).check(changed)
+    return model.scaled(changed, factors)
 
 
 def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, float], dict[str, float]]:
@@ -76,6 +90,8 @@ def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, f
     if not colon or not name:
         raise CommandInputError(f"{called} {text!r}: has no name; {example}")
     given = _options_of(name, rest, called, example)
+    if given["--scene"]:
+        raise CommandInputError(f"{called} {name}: found --scene, allowed --set and --scale; {example}")
     laws, others = split_laws(given["--set"])
     if laws:
         raise CommandInputError(
@@ -86,7 +102,7 @@ def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, f
 
 
 def _options_of(name: str, rest: str, called: str, example: str) -> dict[str, list[str]]:
-    given: dict[str, list[str]] = {"--set": [], "--scale": []}
+    given: dict[str, list[str]] = {"--scene": [], "--set": [], "--scale": []}
     words = iter(rest.split())
     for word in words:
         option, equals, value = word.partition("=")
@@ -98,8 +114,8 @@ def _options_of(name: str, rest: str, called: str, example: str) -> dict[str, li
     return given
 
 
-def load_model(text: str, settings: Sequence[str] = ()) -> model.Action:
-    """The model of ``validate --action``: an action, or ``action: --set path=value --scale name=factor``.
+def load_model(text: str, settings: Sequence[str] = (), scene: str | None = None) -> model.Action:
+    """The model of ``validate --action``: an action, or ``action: --scene name --set path=value --scale name=factor``.
 
     Parameters
     ----------
@@ -108,23 +124,28 @@ def load_model(text: str, settings: Sequence[str] = ()) -> model.Action:
         set as ``contact12.law=stulov``.
     settings : sequence of str
         ``--set`` beside it, for every model; those of the text go before them.
+    scene : str or None
+        ``--scene`` beside it, likewise.
 
     Raises
     ------
-    CommandInputError : something else than --set and --scale follows the colon, or a value given twice
+    CommandInputError : something else than --scene, --set and --scale follows the colon, or a value given twice
     """
     name, rest = split_model(text)
     laws, others = split_laws(settings)
     changes = read_settings(others)
     if not rest:
-        return model.load_action(text).with_laws(laws).with_values(changes)
-    example = 'allowed "action: --set path=value --scale name=factor"'
+        return _changed(text, laws, changes, {}, scene)
+    example = 'allowed "action: --scene name --set path=value --scale name=factor"'
     given = _options_of(name, rest, "--action", example)
     own, numbers = split_laws(given["--set"])
     values, factors = read_settings(numbers), read_settings(given["--scale"], "--scale")
-    started = model.load_action(name).with_laws({**laws, **own}).with_values({**changes, **values})
-    action = model.scaled(started, factors)
-    said = [f"{contact}.{LAW}={law}" for contact, law in own.items()]
+    if len(given["--scene"]) > 1:
+        raise CommandInputError(f"--action {name}: --scene found {len(given['--scene'])} times, allowed once")
+    scene = given["--scene"][0] if given["--scene"] else scene
+    action = _changed(name, {**laws, **own}, {**changes, **values}, factors, scene)
+    said = [f"scene {Path(text).stem}" for text in given["--scene"]]
+    said += [f"{contact}.{LAW}={law}" for contact, law in own.items()]
     said += [f"{path}={value:g}" for path, value in values.items()]
     said += [f"{path} × {factor:g}" for path, factor in factors.items()]
     return replace(action, name=f"{action.name} ({', '.join(said)})")

@@ -157,8 +157,8 @@ def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution
     """
     draw, rng = drawn.draw, drawn.draw.rng(m.number, "readings")
     turn = np.full((time_s.size, len(BODIES)), np.nan)
-    rest = np.asarray(drawn.rest.angle_rad, dtype=float)
-    turn[_inside(m, draw, time_s)] = np.asarray(solution.angle_rad, dtype=float) - rest
+    moved = np.asarray(solution.angle_rad, dtype=float) - np.asarray(drawn.rest.angle_rad, dtype=float)
+    turn[_inside(m, draw, time_s)] = moved[:, : len(BODIES)]
     out = np.full((time_s.size, len(CHANNELS)), np.nan)
     for i, name in enumerate(CHANNELS):
         angle = turn[:, BODIES.index(name)]

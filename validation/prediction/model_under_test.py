@@ -78,6 +78,15 @@ class ModelUnderTest:
     store: ResultStore = field(default_factory=ResultStore)
     _loads: dict[float, Load] = field(default_factory=dict, init=False, repr=False)
 
+    def __post_init__(self) -> None:
+        """Refuse a scene that the measured force cannot drive, or in which a measured body is missing."""
+        scene = model.choice_of(self.action)
+        if scene.input_column != "force_n" or set(scene.bodies) < set(model.BODIES):
+            raise ValidationInputError(
+                f"{self.action.name}: found a scene of {', '.join(scene.bodies)} driven by {scene.input_column}, "
+                "allowed one with all bodies driven by force_n; choose another (--scene)"
+            )
+
     @cached_property
     def simulate(self) -> Callable[..., model.Solution]:
         """``model.simulate`` or its stand-in."""

@@ -93,7 +93,7 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
         The result has the wrong shape.
     """
     load = tested.load(m.force.preload_n)
-    rest = np.asarray(load.rest.angle_rad, dtype=float)
+    rest = np.asarray(load.rest.angle_rad, dtype=float)[: len(BODIES)]
     force_s, force_n = (m.time_s, m.raw_force_n) if variant == "raw_force" else (m.force.time_s, m.force.force_n)
     inputs = (tested.action_hash, float(tested.tolerance), variant, force_s, force_n, m.time_s, rest)
     key = result_key("predictions", tested.version, inputs)
@@ -116,10 +116,10 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
         **estimate,
     )
     angle, speed = np.full((m.time_s.size, 5), np.nan), np.full((m.time_s.size, 5), np.nan)
-    got = np.asarray(solution.angle_rad, dtype=float)
+    got = np.asarray(solution.angle_rad, dtype=float)[:, : len(BODIES)]  # a scene's own coordinates follow
     if got.shape != (int(inside.sum()), 5):
         raise PredictionError(f"trial {m.number}: prediction has shape {got.shape}, expected {(int(inside.sum()), 5)}")
-    angle[inside], speed[inside] = got, np.asarray(solution.speed_rad_per_s, dtype=float)
+    angle[inside], speed[inside] = got, np.asarray(solution.speed_rad_per_s, dtype=float)[:, : len(BODIES)]
     counters = {name: float(value) for name, value in dict(getattr(solution, "counters", {})).items()}
     columns = {"time_s": m.time_s} | dict(zip([*COLUMNS[0], *COLUMNS[1]], [*angle.T, *speed.T], strict=True))
     error = getattr(solution, "error_rad", None)

@@ -12,7 +12,7 @@ import typer
 
 import validation
 from pianorig import workflows
-from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Settings
+from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scene, Settings
 from pianorig.console.output import print_json
 from pianorig.console.overrides import load_model, read_settings
 from pianorig.console.progress import say
@@ -36,6 +36,7 @@ def command(
     out: Annotated[Path, typer.Option("--out", help="Action file to write.")] = Path("identified.toml"),
     action: Action = DEFAULT_ACTION,
     set_: Settings = None,
+    scene: Scene = None,
     fix: Annotated[
         str, typer.Option("--fix", help='Held at the action\'s values; names separated by commas, "*" for all others.')
     ] = "",
@@ -108,7 +109,7 @@ def command(
         workflows.check_tables(sessions)
     if posterior is not None:
         check_target(posterior, ".nc")
-    start = load_model(action, set_ or [])
+    start = load_model(action, set_ or [], scene)
     with nullcontext() if cluster is None else workflows.cluster_executor(cluster) as executor:
         found = validation.identify(
             sessions,

@@ -9,7 +9,7 @@ import typer
 
 import validation
 from pianorig.console.built_in_names import complete_file
-from pianorig.console.options import DEFAULT_ACTION, AsJson, Settings, Tolerance
+from pianorig.console.options import DEFAULT_ACTION, AsJson, Scene, Settings, Tolerance
 from pianorig.console.output import print_json, print_verdict
 from pianorig.console.overrides import load_model, split_model
 from pianorig.console.progress import say
@@ -23,12 +23,13 @@ def command(
         list[str] | None,
         typer.Option(
             "--action",
-            help='Built-in action or a TOML file, changed as in "hirschkorn2004: --set contact04.friction.A=0.3 '
-            f'--scale damping=0.5"; may be repeated.  [default: {DEFAULT_ACTION}]',
+            help='Built-in action or a TOML file, changed as in "hirschkorn2004: --scene string --set '
+            f'contact04.friction.A=0.3 --scale damping=0.5"; may be repeated.  [default: {DEFAULT_ACTION}]',
             autocompletion=complete_file("model/actions"),
         ),
     ] = None,
     set_: Settings = None,
+    scene: Scene = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the report; default: that of the only session.")
     ] = None,
@@ -68,6 +69,7 @@ def command(
     Example:  pianorig validate sessions/kawai_kg3c --by-motion --out real
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action hirschkorn2004-regulated --out compared
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action "hirschkorn2004: --set hammer.mass=0.01"
+    Example:  pianorig validate sessions/try --action hirschkorn2004 --action "hirschkorn2004: --scene string"
     """
     if by_motion and len(sessions) == 1 and validation.has_positions_only(sessions[0]):
         _by_motion_alone(sessions[0], action or [], out, identified, as_json)
@@ -77,8 +79,12 @@ def command(
     folder = report_folder(sessions, out)
     actions = action or [DEFAULT_ACTION]
     options = {"set": set_ or [], "tolerance": tolerance, "by_motion": by_motion, "condition": condition}
-    # a changed action depends on its file, too
-    read = list(dict.fromkeys([*actions, *(split_model(text)[0] for text in actions)]))
+    if scene is not None:
+        options["scene"] = scene
+    # a changed action depends on its file and on that of its scene, too
+    files_of = [word for text in actions for word in (split_model(text)[0], *split_model(text)[1].split())]
+    named = [word for word in (*files_of, scene or "") if word.endswith(".toml")]
+    read = list(dict.fromkeys([*actions, *(split_model(text)[0] for text in actions), *named]))
     inputs = inputs_sha256(sessions, read, options)
     stored = None if again else stored_report(folder, inputs)
     refused: tuple[str, ...] = ()
@@ -87,7 +93,7 @@ def command(
     else:
         side = validation.validate_sessions(
             sessions,
-            [load_model(name, set_ or []) for name in actions],
+            [load_model(name, set_ or [], scene) for name in actions],
             folder,
             progress=None if as_json else say,
             tolerance=tolerance,

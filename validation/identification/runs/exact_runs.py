@@ -127,7 +127,7 @@ def acting(action: model.Action, parameter: Parameter) -> bool:
         return False
     try:
         found = model.sensitivity.find_parameters(action, [parameter.name])
-        directions(action, model.load_scene("whole"), found)
+        directions(action, model.choice_of(action), found)
     except InputError:
         return False
     return True
