@@ -5,7 +5,8 @@ Options of the address, e.g. ``sim://?bench=PATH&seed=3&clock=real``:
 - ``bench``: bench file (default: the built-in one); ``seed`` overrides its seed;
 - ``clock``: ``virtual`` (default), ``real``, or a speed such as ``10``;
 - ``fault``: faults to inject (:mod:`rig.simulated.device.fault_injection`);
-- ``effects=balance_rail,shank``: the specimen's key can lift and its shank bend (`model.parameters.effects`);
+- ``scene=string``: the specimen's scene, a built-in one or a TOML file (`model.scene.selection`);
+- ``effects=balance_rail,shank``: the specimen's key can lift and its shank bend, beside what its scene says;
 - ``delay_ms=20``: every driver call takes so long, as over a slow network;
 - ``felt=contact02``: not the action but the specimen's felt of that contact, or a ``block`` of steel, is under the
   motor arm, as ``pianorig record --felt`` has it;
@@ -45,7 +46,7 @@ from rig.simulated.rpc.service import Service
 from rig.storage.atomic_write import sha256_of_file
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
-OPTIONS = ("bench", "seed", "clock", "fault", "effects", "felt", "swing", "pad", "pose", "hand", "delay_ms")
+OPTIONS = ("bench", "seed", "clock", "fault", "scene", "effects", "felt", "swing", "pad", "pose", "hand", "delay_ms")
 CLOCK_ERRORS = (0.0, 3.5e-5, -2.2e-5)
 """Relative errors of the timebases of the rig's devices; NI specifies 50 ppm for these cards."""
 CAMERA_CLOCK_ERROR = 4e-5
@@ -169,7 +170,7 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     faults = parse_faults(options.get("fault", ""))
     sensors = load_sensors(bench, seed=seed)
     effects = [name for name in options.get("effects", "").split(",") if name]
-    mechanics = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
+    mechanics = load_plant(bench, seed, config.device.sample_rate_hz, effects, options.get("scene"))
     plant: Plant = mechanics
     if options.get("felt"):
         plant = felt_plant(mechanics, options["felt"], config)
@@ -191,6 +192,7 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
             "bench_sha256": sha256_of_file(bench),
             "seed": str(sensors.seed),
             **({"felt": options["felt"]} if options.get("felt") else {}),
+            **({"specimen_scene": options["scene"]} if options.get("scene") else {}),
             **({"specimen_effects": ", ".join(effects)} if effects else {}),
         },
     )

@@ -9,7 +9,7 @@ trial number give the same trial.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -165,7 +165,21 @@ class ActionPlant:
         return PlantTruth(time, angles, speeds, force, self._specimen, self._gain, self._names)
 
 
-def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effects: Collection[str] = ()) -> ActionPlant:
+def _joined(scene: model.SceneChoice, bench: model.SceneChoice) -> model.SceneChoice:
+    """The specimen's scene, whose values go before, with what the bench adds."""
+    if missing := set(model.BODIES) - set(scene.bodies):
+        raise RigInputError(f"scene: found one without {', '.join(sorted(missing))}, allowed one with all bodies")
+    effects = tuple(dict.fromkeys((*scene.effects, *bench.effects)))
+    return replace(scene, effects=effects, values=(*bench.values, *scene.values))
+
+
+def load_plant(
+    bench_path: Path,
+    seed: int | None,
+    sample_rate_hz: float,
+    effects: Collection[str] = (),
+    scene: str | None = None,
+) -> ActionPlant:
     """Build the plant a bench file describes.
 
     Parameters
@@ -177,6 +191,8 @@ def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effect
     sample_rate_hz : float
     effects : collection of str
         Effects (`model.parameters.effects`) that the specimen has beside those with a table in the file.
+    scene : str or None
+        Scene of the specimen by name or file, to which these effects come; by default that of the specimen's action.
 
     Returns
     -------
@@ -199,7 +215,8 @@ def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effect
     specimen = bench_table(bench, "specimen", path)
     bench_table(bench, "motor_arm", path)
     tables = {effect: bench[effect] for effect in EFFECTS if effect in bench}
-    choice = model.scene_of({"effects": [*effects], **tables}, str(path))
+    given = model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {}))
+    choice = _joined(model.choice_of(given, scene), model.scene_of({"effects": [*effects], **tables}, str(path)))
     scatter = bench_table(bench, "scatter", path)
     for key, value in scatter.items():
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 0.3:
@@ -212,7 +229,7 @@ def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effect
     torque = 1.0 if driven else bench_table(bench, "motor", path).get("torque_per_volt_nm")
     if isinstance(torque, bool) or not isinstance(torque, (int, float)) or not 0 < torque <= 100:
         raise RigInputError(f"{path}: motor.torque_per_volt_nm: found {torque!r}, allowed above 0 to 100 N m/V")
-    action = choice.on(model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {})))
+    action = choice.on(given)
     if driven:
         torque = model.drive.static_torque_nm(action, choice, 1.0)
     for key in scatter:

@@ -415,6 +415,13 @@ def test_the_default_specimen_has_no_effects() -> None:
     assert plant.advance(np.zeros(3)).key_lift_m is None
 
 
+def test_a_specimen_in_a_scene_has_what_the_bench_adds() -> None:
+    plant = open_backend("sim://?scene=compliant-tip&effects=shank", load_rig("virtual").config).plant
+    assert isinstance(plant, ActionPlant) and plant.choice.effects == ("motor_arm", "shank")
+    assert plant.action["motor_arm.contact_c"] == 4.0e3  # of the scene; the bench has a stiffer one
+    assert plant.action.scene == {"effects": ("motor_arm", "shank")}
+
+
 @pytest.mark.slow  # compiles its own structure
 def test_a_specimen_on_joints_that_give_shows_it_to_the_encoder() -> None:
     plant = load_plant(BENCH, 1, RATE, ("key_pin", "hammer_pin"))
@@ -428,7 +435,10 @@ def test_a_specimen_on_joints_that_give_shows_it_to_the_encoder() -> None:
     ("url", "words"),
     [
         ("sim://?effects=rail", "effects: found 'rail', allowed balance_rail, shank, motor_arm"),
-        ("sim://?effect=shank", "with the options bench, seed, clock, fault, effects"),
+        ("sim://?effect=shank", "with the options bench, seed, clock, fault, scene, effects"),
+        ("sim://?scene=strung", "scene 'strung': not found; did you mean string?"),
+        ("sim://?scene=finger", "found finger and motor_arm, allowed one of them on the key"),
+        ("sim://?scene=key-whippen", "scene: found one without hammer, jack, repetition, allowed one with all bodies"),
     ],
 )
 def test_bad_addresses_are_refused(url: str, words: str) -> None:
