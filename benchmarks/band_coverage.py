@@ -17,7 +17,7 @@ import time
 import numpy as np
 from scipy import stats
 
-from validation.statistics.simultaneous_band import simultaneous_band
+from validation.statistics.bands import repeatability_band
 
 SEED = 18571
 ALLOWED = (0.925, 0.97)
@@ -67,7 +67,7 @@ def coverage(kind: str, n: int, sessions: int) -> tuple[float, float, float, flo
     rng = np.random.default_rng([SEED, n, list(KINDS).index(kind)])
     held, factors = 0, []
     for _ in range(sessions):
-        band = simultaneous_band(KINDS[kind](rng, n), u_sample=U_SAMPLE.get(kind, 0.0))
+        band = repeatability_band(KINDS[kind](rng, n), u_sample=U_SAMPLE.get(kind, 0.0))
         held += band.covers(np.zeros(band.mean.size))
         factors.append(band.factor)
     interval = stats.binomtest(held, sessions).proportion_ci(0.95, "exact")

@@ -28,7 +28,7 @@ from benchmarks.bench_strokes import AFTER_S, BEFORE_S, BENCH, KINDS
 from rig.configuration.rig_file import load_rig
 from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.conventions import ENCODER_CHANNELS, Array
-from validation.statistics.simultaneous_band import FEWEST_FOR_BAND, simultaneous_band
+from validation.statistics.bands import FEWEST_FOR_BAND, repeatability_band
 
 RATE_HZ = 5000.0
 LEAD_S = 0.02
@@ -95,7 +95,7 @@ def coverage(kind: str, options: argparse.Namespace) -> bool:
         extent = np.ptp(others, axis=0)
         for n in TRIALS:
             for c in range(3) if n >= FEWEST_FOR_BAND else ():
-                band = simultaneous_band(curves[:, c, :n], u_sample=float(u[c]))
+                band = repeatability_band(curves[:, c, :n], u_sample=float(u[c]))
                 s = np.maximum(curves[:, c, :n].std(axis=1, ddof=1), u[c])
                 held[n][k, c] = band.covers(others[:, c])
                 by_value[n][k, c] = np.all(np.abs(others[:, c] - band.mean) <= band.factor * s / np.sqrt(n))

@@ -23,10 +23,8 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 import model
-from validation.dataset.files import Array, DataTrial
-from validation.dataset.load import read_index, trials_of
+from validation.dataset.files import Array, DataTrial, check_truth, read_index, trials_of
 from validation.dataset.score import SCORED, score_curves, scored_trials
-from validation.dataset.seal import check_truth
 
 COLUMNS = [model.BODIES.index(name.removesuffix("_angle")) for name in SCORED]
 FREE = {

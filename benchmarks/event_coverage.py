@@ -27,8 +27,7 @@ import model
 from benchmarks.bench_strokes import BEFORE_S, FINE, KINDS, MISREGULATED, Stroke, play
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import find_events
-from validation.measurement.geometry import geometry_of
-from validation.measurement.stroke import motion_of
+from validation.measurement.geometry import geometry_of, motion_of
 from validation.measurement.trial import U_REST_LEVEL_M, measure
 
 PRELOAD_N = 0.05

@@ -40,19 +40,20 @@ from benchmarks.identification_coverage import (
 )
 from rig.session import CameraInfo, TrialData
 from validation.conventions import ENCODER_BODIES, FILM_CHANNELS, JACK, REPETITION
-from validation.identification.channels.key_driven import (
+from validation.identification.estimates import estimate_all
+from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
+from validation.identification.minima import search
+from validation.identification.motion_runs import response_to
+from validation.identification.observations import (
+    ObservedTrial,
+    observe,
     observe_driven,
     sharing_the_key,
     with_errors_of_what_drives,
 )
-from validation.identification.estimates import estimate_all
-from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
-from validation.identification.minima import search
-from validation.identification.observations import ObservedTrial, observe
 from validation.identification.problem import Problem
-from validation.identification.runs.responses import response_to
 from validation.identification.scatter import lacking
-from validation.identification.unknowns.priors import Unknowns, unknowns
+from validation.identification.unknowns import Unknowns, unknowns
 from validation.measurement.trial import MeasuredTrial, measure
 from validation.prediction.model_under_test import ModelUnderTest
 

@@ -38,17 +38,15 @@ from rig.errors import RigError
 from rig.session import EncoderInfo, ForceInfo, TrialData
 from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.errors import ValidationError
-from validation.identification.each_trial import refine
-from validation.identification.estimates import estimate_all
+from validation.identification.estimates import IDENTIFIED, estimate_all
 from validation.identification.fit import fit
+from validation.identification.force_runs import ForceRuns
 from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
-from validation.identification.minima import search
+from validation.identification.minima import refine, search
 from validation.identification.observations import ObservedTrial, observe
-from validation.identification.outcome.result import IDENTIFIED
 from validation.identification.problem import Problem
-from validation.identification.runs.exact_runs import ExactRuns
 from validation.identification.scatter import lacking
-from validation.identification.unknowns.priors import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, Unknowns, unknowns
+from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, Unknowns, unknowns
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -150,7 +148,7 @@ def acting_laws(kinds: str) -> tuple[str, ...]:
     for i, kind in enumerate(kinds.split(",")):
         data = played(start, kind, 1, sensors, rng)
         trials = observe(kind, i, [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data])
-        (jacobian,) = ExactRuns(start, free.moved, trials).jacobian(np.zeros(found.size), range(found.size))
+        (jacobian,) = ForceRuns(start, free.moved, trials).jacobian(np.zeros(found.size), range(found.size))
         found = np.maximum(found, np.abs(jacobian).max(axis=(0, 1)))
     return tuple(p.name for p, size in zip(free.asked, found, strict=False) if size > LEAST_EFFECT_RAD)
 
@@ -199,7 +197,7 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
                 data = played(specimen, kind, options.trials, sensors, rng)
             measured = [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data]
             trials += observe(kind, i, measured)
-        response = ExactRuns(start, (*free.moved, *free.held), trials, RUNS)
+        response = ForceRuns(start, (*free.moved, *free.held), trials, RUNS)
         problem = Problem(start, free, tuple(trials), response, held_columns(response, free))
         fits = (
             [refine(problem, fit(problem, truth_z(problem, truth, sensors)))]

@@ -35,13 +35,12 @@ from validation.conventions import Array
 from validation.identification import fit as fitting
 from validation.identification import minima
 from validation.identification.estimates import estimate_all
+from validation.identification.force_runs import ForceRuns, Own
 from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
 from validation.identification.minima import search
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.problem import Problem
-from validation.identification.runs.exact_runs import ExactRuns
-from validation.identification.runs.own import Own
-from validation.identification.unknowns.priors import unknowns
+from validation.identification.unknowns import unknowns
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -75,7 +74,7 @@ class Clock:
 class Timed:
     """The model's response, its processor time counted."""
 
-    def __init__(self, runs: ExactRuns, clock: Clock) -> None:
+    def __init__(self, runs: ForceRuns, clock: Clock) -> None:
         self.runs, self.clock = runs, clock
 
     def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
@@ -104,7 +103,7 @@ def acting_beside(kinds: str) -> tuple[str, ...]:
     for i, kind in enumerate(kinds.split(",")):
         data = played(start, kind, 1, sensors, rng)
         trials = observe(kind, i, [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data])
-        (jacobian,) = ExactRuns(start, free.asked, trials).jacobian(np.zeros(found.size), range(found.size))
+        (jacobian,) = ForceRuns(start, free.asked, trials).jacobian(np.zeros(found.size), range(found.size))
         found = np.maximum(found, np.abs(jacobian).max(axis=(0, 1)))
     return tuple(name for name, size in zip(names, found, strict=True) if size > LEAST_EFFECT_RAD)
 
@@ -130,7 +129,7 @@ def one(free_laws: int, n: int, options: argparse.Namespace) -> dict[str, Any]:
     for name in ("learn", "likeliest"):
         setattr(fitting, name, counted(getattr(fitting, name), clock))
     began = time.process_time()
-    runs = Timed(ExactRuns(start, (*free.moved, *free.held), trials, RUNS), clock)
+    runs = Timed(ForceRuns(start, (*free.moved, *free.held), trials, RUNS), clock)
     held = held_columns(runs, free)
     before_fit = time.process_time() - began
     clock.spent["derivatives"] -= before_fit

@@ -21,11 +21,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import model
 from benchmarks.planted_positions import SHIPPED, Specimen, compare, identified_specimen
 from rig.session import Session
-from validation.positions.events import find
-from validation.positions.identify import of_model
-from validation.positions.measured import Stroke, measure_stroke
-from validation.positions.parameters import ACTION, NAMES
-from validation.positions.record import read_identified
+from validation.events.strikes import find
+from validation.identification.positions import read_identified
+from validation.measurement.positions import Stroke, measure_stroke
+from validation.prediction.positions import ACTION, NAMES, of_model
 
 KINDS = ("medium", "fast", "fortissimo")
 MOVED: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {

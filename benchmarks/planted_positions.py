@@ -28,10 +28,9 @@ from rig.foreign.mapping import ImportMapping
 from rig.session.channel_info import RulerInfo
 from rig.session.ruler import ruler_curve
 from validation.conventions import HAMMER
-from validation.positions.compare import PositionComparison, compare_positions
-from validation.positions.driven import bowed, hammer_reading
-from validation.positions.parameters import NAMES, Nominal, Sensing, action_of, sensing_of
-from validation.positions.record import read_identified
+from validation.identification.positions import read_identified
+from validation.pipeline.compare_positions import PositionComparison, compare_positions
+from validation.prediction.positions import NAMES, Nominal, Sensing, action_of, bowed, hammer_reading, sensing_of
 
 Array = NDArray[np.float64]
 

@@ -29,8 +29,8 @@ from benchmarks.bench_strokes import BENCH
 from pianorig.workflows.model.next_strokes import next_strokes
 from rig.configuration.rig_file import load_rig
 from rig.simulated.bench.plant import load_plant
-from validation.identification.further.plan_file import write_plan
-from validation.identification.unknowns.priors import unknowns
+from validation.identification.further import write_plan
+from validation.identification.unknowns import unknowns
 
 NEAR = 0.2
 

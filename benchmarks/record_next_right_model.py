@@ -24,14 +24,13 @@ import model
 from benchmarks.identification_coverage import Sensors, drawn_truth, played
 from rig.session import TrialData
 from validation.identification.fit import Fitted, fit
-from validation.identification.further.shelf import Candidate
-from validation.identification.further.shrink import prospects
+from validation.identification.force_runs import ForceRuns
+from validation.identification.further import Candidate, prospects
 from validation.identification.identify import action_at
 from validation.identification.noise import Marginal
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.problem import Problem
-from validation.identification.runs.exact_runs import ExactRuns
-from validation.identification.unknowns.priors import Unknowns, unknowns
+from validation.identification.unknowns import Unknowns, unknowns
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -47,7 +46,7 @@ def observed(start: model.Action, kind: str, session: int, data: list[TrialData]
 
 def fitted(start: model.Action, free: Unknowns, trials: list[ObservedTrial]) -> tuple[Problem, Fitted]:
     """The fit of some trials."""
-    problem = Problem(start, free, tuple(trials), ExactRuns(start, free.moved, trials))
+    problem = Problem(start, free, tuple(trials), ForceRuns(start, free.moved, trials))
     return problem, fit(problem)
 
 

@@ -12,7 +12,7 @@ after over u before is compared with what was predicted. A sensor known twice as
 
 There is no fit: what it shows is how well sizes of noise are known, not where a fit ends. ``told``: parameters whose u
 is to shrink by more than a tenth; all others are easily right. ``linear``: these by the Fisher information alone,
-without the rehearsal (`validation.identification.further.rehearsal`); ``clear``: those of ``told`` where after the
+without the rehearsal (`validation.identification.further`); ``clear``: those of ``told`` where after the
 first trials the model is not said to lack anything. A line per experiment is kept in ``--results``.
 """
 
@@ -48,15 +48,14 @@ from validation.errors import ValidationError
 from validation.identification.blocks import INSTRUMENT, Block
 from validation.identification.estimates import LACKING
 from validation.identification.fit import Fitted
-from validation.identification.further.shelf import Candidate
-from validation.identification.further.shrink import HALF_KNOWN, SENSORS, Prospect, further, prospects
+from validation.identification.force_runs import ForceRuns
+from validation.identification.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
 from validation.identification.identify import held_columns
 from validation.identification.noise import Sizes, likeliest
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.problem import Columns, Problem, linear_residuals
-from validation.identification.runs.exact_runs import ExactRuns
 from validation.identification.scatter import factors
-from validation.identification.unknowns.priors import Unknowns
+from validation.identification.unknowns import Unknowns
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -95,7 +94,7 @@ class Experiment:
 
     def problem(self, trials: Sequence[ObservedTrial]) -> Problem:
         """Of some trials."""
-        response = ExactRuns(self.start, (*self.free.moved, *self.free.held), trials, RUNS)
+        response = ForceRuns(self.start, (*self.free.moved, *self.free.held), trials, RUNS)
         return Problem(self.start, self.free, tuple(trials), response, held_columns(response, self.free))
 
     def part(self, kind: str, session: int, n: int) -> Part:

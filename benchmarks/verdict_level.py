@@ -37,11 +37,9 @@ from validation.events.session import find_session_events
 from validation.measurement.trial import MeasuredTrial, measure
 from validation.prediction.input_sampling import parameter_draws
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import PredictedSession, PredictedTrial
-from validation.prediction.trial_prediction import predict_trial
+from validation.prediction.session import PredictedSession, PredictedTrial, predict_trial
 from validation.scores.traces import SessionTraces, trace_table
-from validation.statistics.difference_draws import DifferenceDraws, difference_draws
-from validation.statistics.simultaneous_test import simultaneous_test
+from validation.statistics.paired_difference import DifferenceDraws, difference_draws, simultaneous_test
 
 RATE_HZ, AFTER_S, DELAY_S, TOLERANCE = 5000.0, 0.4, 0.0024, 3e-5
 SHIFTS = (1, 2, 3, 4, 5, 6)

@@ -35,7 +35,7 @@ from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo
 from rig.simulated.bench.plant import load_plant
 from validation.identification.difference.explain import Explained, explain_difference
-from validation.identification.unknowns.naming import single_names
+from validation.identification.unknowns import single_names
 from validation.measurement.session import measure_session
 from validation.prediction.model_under_test import ModelUnderTest
 

@@ -16,8 +16,7 @@ import tempfile
 from pathlib import Path
 
 import rig
-from validation.positions.identify_session import identify_session
-from validation.positions.record import FILE, write_identified
+from validation.identification.positions import FILE, identify_session, write_identified
 
 HOME = Path(__file__).parent / "kawai_kg3c"
 FIT_TO = "2,3,5"

@@ -154,7 +154,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Any]:
 
 def leave_out_figures(patch: pytest.MonkeyPatch) -> None:
     """Pages without their figures, which cost most of a page."""
-    patch.setattr("validation.report.sections.all_figures", lambda view: {"repeatability": [], "comparison": []})
+    patch.setattr("validation.report.page.all_figures", lambda view: {"repeatability": [], "comparison": []})
 
 
 @pytest.fixture

@@ -14,12 +14,11 @@ import numpy as np
 import pandas as pd
 
 from validation.conventions import BODIES, FILM_CHANNELS, Array
-from validation.curves.file import curves_netcdf, write_curves
 from validation.curves.html import result_html
 from validation.curves.marks import Mark, trial_marks
-from validation.curves.table import curve_table
+from validation.curves.table import curve_table, curves_netcdf, write_curves
 from validation.errors import ValidationInputError
-from validation.events.evaluation_window import Window
+from validation.events.session import Window
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -93,7 +92,7 @@ class SessionTables:
         Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad, key_marked,
         <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force),
         <channel>_rad_per_s and <channel>_u_rad_per_s (measured speed, split at contacts, see
-        `validation.events.angular_speed`).
+        `validation.scores.traces`).
     film_traces : dict
         Trial → DataFrame of time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad.
     motion_driven : DataFrame

@@ -16,7 +16,66 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from validation.conventions import Array
-from validation.curves.thinning import COLUMNS, decimate
+
+COLUMNS = 560
+
+
+def decimate(time: Array, values: Array, *, columns: int = COLUMNS, keep: str = "both") -> tuple[Array, Array]:
+    """Thin a curve to the smallest and largest value of each pixel column, so that no spike is lost.
+
+    Parameters
+    ----------
+    time, values : (n,) arrays
+        NaN breaks the line and is kept as a break.
+    columns : int
+    keep : {"both", "min", "max"}
+        One value per column for the edge of a band.
+    """
+    t, v = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
+    per = 2 if keep == "both" else 1
+    if t.size <= per * columns:
+        return t, v
+    size = int(np.ceil(t.size / columns))
+    pad = (-t.size) % size
+    blocks = np.concatenate([v, np.full(pad, v[-1])]).reshape(-1, size)
+    starts = np.arange(blocks.shape[0]) * size
+    gap = np.isnan(blocks).any(axis=1)
+    low = starts + np.where(np.isnan(blocks), np.inf, blocks).argmin(axis=1)
+    high = starts + np.where(np.isnan(blocks), -np.inf, blocks).argmax(axis=1)
+    if keep != "both":
+        index = np.minimum(low if keep == "min" else high, t.size - 1)
+        out = v[index].copy()
+        out[gap] = np.nan
+        return t[np.minimum(starts + size // 2, t.size - 1)], out
+    pair = np.sort(np.stack([low, high], axis=1), axis=1)
+    index = np.minimum(pair.reshape(-1), t.size - 1)
+    out = v[index].copy()
+    out[np.repeat(gap, 2)] = np.nan
+    return t[index], out
+
+
+def uneven_samples(time: Array, curves: Array, n: int) -> np.ndarray:
+    """Indices of at most ``n`` samples, close together where a curve bends, for drawing all curves at the same times.
+
+    Parameters
+    ----------
+    time : (n_samples,)
+    curves : (n_samples, n_curves)
+        NaN counts as straight.
+    n : int
+    """
+    if time.size <= n:
+        return np.arange(time.size)
+    density = np.full(time.size, 0.25)
+    for curve in np.nan_to_num(np.asarray(curves, dtype=float)).T:
+        reach = float(np.ptp(curve))
+        if reach > 0:
+            bend = np.sqrt(np.abs(np.gradient(np.gradient(curve / reach))))
+            density += bend / max(float(bend.mean()), 1e-12)
+    width = max(1, time.size // (4 * n))
+    along = np.concatenate([[0.0], np.cumsum(np.convolve(density, np.ones(2 * width + 1), "same"))[1:]])
+    return np.unique(np.searchsorted(along, np.linspace(0.0, along[-1], n)).clip(0, time.size - 1))
+
 
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
     "#000000",

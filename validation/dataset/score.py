@@ -14,9 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.dataset.files import Array, DataTrial
-from validation.dataset.load import read_index, trials_of
-from validation.dataset.seal import check_truth
+from validation.dataset.files import Array, DataTrial, check_truth, read_index, trials_of
 from validation.errors import ValidationInputError
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import numpy as np
 
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.measurement.trial import MeasuredTrial
-from validation.prediction.trial_prediction import PredictedAngles
+from validation.prediction.session import PredictedAngles
 
 BETTER_WIRED = 0.25  # the other wiring must leave a quarter of the error
 WRONG_WIRED = 0.3  # of the predicted motion: below this error the wiring is right
@@ -25,17 +25,6 @@ class Rewired:
 
     place: int
     source: int
-    reversed: bool
-    error: float
-    error_rewired: float
-
-
-@dataclass(frozen=True)
-class Miswiring:
-    """A channel that moves as another one should; errors as shares of the predicted motion, as declared and rewired."""
-
-    channel: str
-    recorded_as: str
     reversed: bool
     error: float
     error_rewired: float
@@ -75,13 +64,9 @@ def best_wiring(measured: Array, expected: Array) -> list[Rewired]:
     return sorted(found, key=lambda r: r.place)
 
 
-def miswired_channels(m: MeasuredTrial, predicted: PredictedAngles) -> list[Miswiring]:
-    """Encoders of a trial that are wired wrong; none where nothing can be predicted to move."""
-    expected = np.column_stack([predicted.change_rad(name) for name in ENCODER_CHANNELS])
-    return [
-        Miswiring(ENCODER_CHANNELS[r.place], ENCODER_CHANNELS[r.source], r.reversed, r.error, r.error_rewired)
-        for r in best_wiring(m.change_rad, expected)
-    ]
+def miswired_channels(m: MeasuredTrial, predicted: PredictedAngles) -> list[Rewired]:
+    """Encoders of a trial, by their place in `ENCODER_CHANNELS`, that are wired wrong."""
+    return best_wiring(m.change_rad, np.column_stack([predicted.change_rad(name) for name in ENCODER_CHANNELS]))
 
 
 def _cycles(order: tuple[int, ...]) -> list[list[int]]:

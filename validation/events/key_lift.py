@@ -9,6 +9,9 @@ Source: thesis Sections 3.2.2 and 4.1, where film showed it. Three things tell a
 - the capstan is loaded: part of the time the whippen is accelerated upwards of its free fall, so something carries it,
   or the model's capstan is pressed in while its balance rail would have to pull the key down;
 - that pull of the model's rail is stated with each interval, and its absence too.
+
+A sample inside a lift stays in the traces and figures and is left out of every score. A trial without an impact is
+judged with the widest allowance for timing.
 """
 
 from __future__ import annotations

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+import pandas as pd
+
+from validation.conventions import ENCODER_CHANNELS, Array
+from validation.events.definitions import EVENTS, Event
+from validation.measurement.trial import MeasuredTrial
+from validation.statistics.repeatability import curve_repeatability, on_common_base
 
 # the channel is no measurement of what it is named after
 WIRING = ("sign flip", "swapped channels", "dead channel", "encoder scale")
@@ -72,3 +79,69 @@ def summary_line(findings: Sequence[SessionFinding]) -> str:
         where = f"trial{'' if len(trials) == 1 else 's'} {', '.join(map(str, trials))}" if trials else "session"
         parts.append(f"{kind} ({where})")
     return f"Faults found: {', '.join(parts)}; read the warnings before the scores."
+
+
+T = TypeVar("T")
+LeftOut = Collection[tuple[int, str]]
+
+
+def left_out(findings: Iterable[SessionFinding]) -> frozenset[tuple[int, str]]:
+    """Trials and channels that are no measurement of what they are named after.
+
+    Conventions: a pair is (trial, channel). A channel that is reversed, swapped or dead measures something else, and a
+    mean or scatter with it means nothing: the trial's own scores and curves are shown, pooled figures are without it,
+    with the reason and "n of N". A trial that only stands out stays in; the scatter without it is stated beside. A
+    channel of which no trial is left has no pooled figures.
+    """
+    return frozenset((int(f.trial), f.channel) for f in findings if f.kind in WIRING)
+
+
+def pooled(trials: Mapping[int, T], channel: str, without: LeftOut) -> dict[int, T]:
+    """The trials that count for a channel."""
+    return {number: x for number, x in trials.items() if (number, channel) not in without}
+
+
+def counting_events(events: Mapping[int, dict[str, Event]], without: LeftOut) -> dict[int, dict[str, Event]]:
+    """The events of each trial that count: those of which every encoder they are read from is sound."""
+    return {
+        number: {
+            name: event
+            for name, event in found.items()
+            if not any((number, body) in without for body in EVENTS[name].bodies)
+        }
+        for number, found in events.items()
+    }
+
+
+def state_of(numbers: Collection[int], channel: str, without: LeftOut) -> str:
+    """How many trials of a channel count and which do not; empty when all do."""
+    missing = sorted(number for number in numbers if (number, channel) in without)
+    if not missing:
+        return ""
+    which = f"trial{'' if len(missing) == 1 else 's'} {', '.join(map(str, missing))}"
+    return f"{len(numbers) - len(missing)} of {len(numbers)}: {which} left out, wired wrong"
+
+
+def sound_trials(trials: Sequence[MeasuredTrial], findings: Iterable[SessionFinding]) -> list[MeasuredTrial]:
+    """Trials without a fault that spoils the comparison of one trial with the model."""
+    broken = {f.trial for f in findings if f.kind in (*WIRING, *DISTORTING, *FORCE)}
+    return [m for m in trials if m.number not in broken]
+
+
+def with_and_without(
+    base: Array, traces: dict[int, pd.DataFrame], findings: Iterable[SessionFinding], without: LeftOut
+) -> list[str]:
+    """What the scatter of each encoder would be without the trials that stand out, which stay in."""
+    odd = sorted({int(f.trial) for f in findings if f.kind == "outlying trial"})
+    parts = []
+    for channel in ENCODER_CHANNELS if odd else ():
+        frames = pooled(traces, channel, without)
+        few = {number: frame for number, frame in frames.items() if number not in odd}
+        if len(few) < 2 or len(few) == len(frames):
+            continue
+        every, usual = (
+            curve_repeatability(on_common_base(base, some, f"{channel}_measured_rad")).pooled for some in (frames, few)
+        )
+        parts.append(f"{channel} {np.degrees(usual):.2g}° instead of {np.degrees(every):.2g}°")
+    which = f"trial {odd[0]}, which stands" if len(odd) == 1 else f"trials {', '.join(map(str, odd))}, which stand"
+    return [f"without {which} out (kept), sᵣ would be: {', '.join(parts)}"] if parts else []

@@ -10,26 +10,32 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from validation.events.session import SessionEvents
-from validation.findings.between_trials.changed_condition import changed_condition
-from validation.findings.between_trials.duplicates import duplicates
-from validation.findings.between_trials.force_reach import force_reach
-from validation.findings.between_trials.mixed_strokes import mixed_strokes, two_kinds
-from validation.findings.between_trials.outlying_residuals import outlying_residuals
-from validation.findings.between_trials.residuals import residuals_of
-from validation.findings.camera_clock import camera_clock
-from validation.findings.film_wiring import film_wiring
-from validation.findings.finding import FORCE, WIRING, SessionFinding
-from validation.findings.outlier_trials import outlying
-from validation.findings.pooling import left_out, sound_trials, with_and_without
+from validation.findings.between_trials import (
+    changed_condition,
+    duplicates,
+    force_reach,
+    mixed_strokes,
+    outlying,
+    outlying_residuals,
+    residuals_of,
+    two_kinds,
+)
+from validation.findings.encoders import (
+    dead,
+    encoder_return,
+    encoder_travel,
+    hum,
+    lifts,
+    rates,
+    short_records,
+    stuck_bits,
+    travel_of,
+    wiring,
+)
+from validation.findings.film import camera_clock, film_wiring
+from validation.findings.finding import FORCE, WIRING, SessionFinding, left_out, sound_trials, with_and_without
+from validation.findings.force import force_delay, force_drift, force_lag, force_saturation, force_sign_and_unit
 from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
-from validation.findings.session_checks import dead, hum, lifts, rates, short_records, wiring
-from validation.findings.signals.encoder_return import encoder_return
-from validation.findings.signals.encoder_travel import encoder_travel, travel_of
-from validation.findings.signals.force_delay import force_delay, force_lag
-from validation.findings.signals.force_drift import force_drift
-from validation.findings.signals.force_saturation import force_saturation
-from validation.findings.signals.force_sign_and_unit import force_sign_and_unit
-from validation.findings.signals.stuck_bits import stuck_bits
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import PredictedSession

@@ -2,24 +2,211 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from validation.conventions import Array
 from validation.identification.fit import Fitted
+from validation.identification.force_runs import Own
 from validation.identification.identifiability import HALF
-from validation.identification.outcome.result import (
-    AT_BOUND,
-    DOUBTFUL,
-    IDENTIFIED,
-    NOT_IDENTIFIABLE,
-    NOT_SETTLED,
-    TOO_FEW,
-    Estimate,
+from validation.identification.noise import OwnModes
+from validation.identification.problem import Problem, curves_at, residuals_there
+from validation.identification.scatter import (
+    LEAST_TRIALS,
+    factors,
+    jackknife,
+    jackknife_over_strokes,
+    of_lacking,
+    widened,
 )
-from validation.identification.problem import Problem
-from validation.identification.profiles import Profile, profile
-from validation.identification.scatter import LEAST_TRIALS, factors, jackknife, of_lacking, widened
+
+IDENTIFIED = "identified"
+DOUBTFUL = "not identified: the model lacks more than the parameter does"
+NOT_SETTLED = "not identified: the fit did not settle"
+TOO_FEW = "not identified: fewer than three trials say nothing of their scatter"
+NOT_IDENTIFIABLE = "not identifiable from these strokes"
+AT_BOUND = "at the end of what was allowed"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter that was asked for.
+
+    Conventions: ``value`` is SI, or a factor of the printed stiffness where a, b and c move together; ``u`` is the
+    standard uncertainty of the value; intervals are 95 %. ``z`` and its uncertainty are in prior standard
+    uncertainties.
+
+    Attributes
+    ----------
+    name : as in `naming`
+    unit : of the value
+    prior, prior_u : value and relative or SI standard uncertainty before
+    basis : where the prior's u comes from
+    z, z_u : most probable value and standard uncertainty, in prior standard uncertainties
+    value, u : the same in SI or as a factor
+    low, high : 95 % interval of the value; by profile where one was made
+    profiled : whether the interval is from a profile
+    interval : ``two-sided``, ``open above``, ``open below`` or ``open``: what the strokes alone, without the prior, say
+    u_jackknife : of z, from leaving out one trial after the other; NaN with fewer than 3
+    u_form : part of ``z_u`` that comes from what the model lacks
+    verdict : `IDENTIFIED`, or why not: `NOT_IDENTIFIABLE`, `AT_BOUND`, `DOUBTFUL`,
+        `NOT_SETTLED`, `TOO_FEW`
+    u_strokes : of z, from leaving out one session, which is one kind of stroke, after the other; NaN with one
+    """
+
+    name: str
+    unit: str
+    prior: float
+    prior_u: float
+    basis: str
+    z: float
+    z_u: float
+    value: float
+    u: float
+    low: float
+    high: float
+    profiled: bool
+    interval: str
+    u_jackknife: float
+    u_form: float
+    verdict: str
+    u_strokes: float = math.nan
+
+
+CORRECTIONS = 6
+GAINED = 0.05  # of the objective: less ends the corrections
+REACH = (-4.0, -2.5, -1.25, 1.25, 2.5, 4.0)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One profile.
+
+    Attributes
+    ----------
+    name : of the parameter
+    z : (k,) held values, in increasing order, the most probable one among them
+    rise : (k,) of the objective
+    low, high : 95 % interval of z
+    interval : ``two-sided``, ``open above``, ``open below`` or ``open``, without the parameter's own prior
+    """
+
+    name: str
+    z: Array
+    rise: Array
+    low: float
+    high: float
+    interval: str
+
+
+def profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Profile:
+    """Profile of the moved parameter ``j``; ``factor`` is the Student factor of a 95 % interval.
+
+    Conventions: the objective is twice the negative log posterior; at each held value the others go where the linear
+    model says, and are corrected by runs of the model itself until that gains nothing. The 95 % interval is where it
+    has risen by the square of the Student factor. The same without the parameter's own prior says what the strokes
+    alone allow: open where it does not rise enough within `priors.BOX`.
+    """
+    low, high = problem.box()
+    cov = fitted.covariance
+    width = float(np.sqrt(cov[j, j]))
+    at = fitted.z[j] + width * factor / 2.0 * np.array(REACH)
+    held = [float(v) for v in np.unique(np.clip(at, low[j], high[j])) if abs(v - fitted.z[j]) > 1e-9]
+    points = [_conditional(problem, fitted, j, v) for v in held]
+    z, rise = [float(fitted.z[j])], [0.0]
+    for v, first in zip(held, points, strict=True):
+        z.append(v)
+        rise.append(_least(problem, fitted, j, first) - fitted.objective)
+    order = np.argsort(z)
+    at, up = np.array(z)[order], np.array(rise)[order]
+    finite = np.isfinite(up)
+    at, up = at[finite], up[finite]
+    edges = _crossings(at, up, float(fitted.z[j]), factor**2, width)
+    alone = up - (at**2 - fitted.z[j] ** 2)
+    return Profile(
+        problem.unknowns.moved[j].name,
+        at,
+        up,
+        max(edges[0], float(low[j])),
+        min(edges[1], float(high[j])),
+        _open(at, alone, float(fitted.z[j]), factor**2),
+    )
+
+
+def _conditional(problem: Problem, fitted: Fitted, j: int, value: float) -> Array:
+    """Most probable others of the linear model where parameter j has a value."""
+    low, high = problem.box()
+    cov = fitted.covariance
+    z = fitted.z + cov[:, j] / cov[j, j] * (value - fitted.z[j])
+    z = np.clip(z, low, high)
+    z[j] = value
+    return z
+
+
+def _least(problem: Problem, fitted: Fitted, j: int, z: Array) -> float:
+    """Least objective with parameter j held, from z on."""
+    best, linear = _look(problem, fitted, z, fitted.own_at(z))
+    for _ in range(CORRECTIONS):
+        if linear is None:
+            break
+        z = _corrected(problem, fitted, j, z, linear)
+        own = None if fitted.own is None else OwnModes(fitted.marginal, linear, z).most
+        new, linear = _look(problem, fitted, z, own)
+        if new > best - GAINED:
+            return min(new, best)
+        best = new
+    return best
+
+
+def _corrected(problem: Problem, fitted: Fitted, j: int, z: Array, linear: list[Array]) -> Array:
+    """One Gauss–Newton step of the others from runs of the model, with the columns of the fit."""
+    low, high = problem.box()
+    cov = fitted.covariance
+    mean = fitted.marginal.mean(linear)[: fitted.marginal.p]
+    new = np.clip(mean + cov[:, j] / cov[j, j] * (z[j] - mean[j]), low, high)
+    new[j] = z[j]
+    return np.asarray(new)
+
+
+def _look(problem: Problem, fitted: Fitted, z: Array, own: Sequence[Own] | None) -> tuple[float, list[Array] | None]:
+    """Objective at z, and residuals that the linear model of the fit would have at z = 0; infinite where none runs."""
+    curves, blocks = curves_at(problem, z, own), fitted.marginal.blocks
+    if curves is None:
+        return float("inf"), None
+    here = residuals_there(problem, blocks, curves, own)
+    return fitted.marginal.objective(here, z), [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
+
+
+def _crossings(z: Array, rise: Array, best: float, level: float, width: float) -> tuple[float, float]:
+    """Where the root of the rise, signed, crosses the root of the level on each side; beyond the last point, linear."""
+    root = np.sqrt(np.maximum(rise, 0.0))
+    want = float(np.sqrt(level))
+    edges = []
+    for sign in (-1.0, 1.0):
+        side = sign * (z - best) >= 0
+        x, y = sign * (z[side] - best), np.maximum.accumulate(root[side][:: int(sign)])[:: int(sign)]
+        order = np.argsort(x)
+        x, y = x[order], y[order]
+        if y[-1] > want:
+            i = int(np.argmax(y > want))
+            edge = x[i - 1] + (want - y[i - 1]) / (y[i] - y[i - 1]) * (x[i] - x[i - 1])
+        else:
+            edge = x[-1] * want / y[-1] if y[-1] > 0.0 else want * width
+        edges.append(best + sign * max(float(edge), 0.0))
+    return edges[0], edges[1]
+
+
+def _open(z: Array, alone: Array, best: float, level: float) -> str:
+    """On which sides the strokes alone do not end the interval."""
+    below = not bool(np.any(alone[z < best] > level)) if np.any(z < best) else True
+    above = not bool(np.any(alone[z > best] > level)) if np.any(z > best) else True
+    if below and above:
+        return "open"
+    return "open below" if below else "open above" if above else "two-sided"
+
 
 NEAR_BOUND = 0.02
 NORMAL = 1.96
@@ -45,6 +232,7 @@ def estimate_all(
     keep : called with each profile
     """
     factor, jack, lack = factors(fitted), jackknife(fitted), of_lacking(fitted)
+    strokes = jackknife_over_strokes(fitted)
     width = widened(np.sqrt(np.diag(fitted.covariance)), jack, len(problem.trials))
     out = []
     for j, parameter in enumerate(problem.unknowns.asked):
@@ -54,9 +242,8 @@ def estimate_all(
             made = profile(problem, fitted, j, float(factor[j]))
             if keep is not None:
                 keep(made)
-        out.append(
-            _estimate(problem, fitted, j, (float(factor[j]), float(width[j]), float(jack[j]), float(lack[j])), made)
-        )
+        spread = float(factor[j]), float(width[j]), float(jack[j]), float(lack[j])
+        out.append(replace(_estimate(problem, fitted, j, spread, made), u_strokes=float(strokes[j])))
     return out
 
 

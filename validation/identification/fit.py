@@ -16,6 +16,7 @@ from model.errors import ModelError
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.blocks import bend, residuals
+from validation.identification.force_runs import Own
 from validation.identification.noise import (
     FLOOR,
     LEAST_DAMPING,
@@ -29,7 +30,6 @@ from validation.identification.noise import (
     likeliest,
 )
 from validation.identification.problem import Columns, Problem, curves_at, linear_residuals
-from validation.identification.runs.own import Own
 
 MOST_STEPS = 30
 MOST_TIGHT = 12

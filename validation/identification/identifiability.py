@@ -10,14 +10,34 @@ undetermined space, pivots by QR), and keeps only as many others as it needs to 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import qr
 
 from validation.conventions import Array
-from validation.identification.outcome.result import Combination
-from validation.prediction.principal_axes import largest_first, principal_axes
+from validation.prediction.posterior import largest_first, principal_axes
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A direction among the asked parameters: names with weights (largest 1), and the share of the prior left."""
+
+    weights: Mapping[str, float]
+    left: float
+
+    @property
+    def words(self) -> str:
+        """``a + 0.6 × b − 0.03 × c``."""
+        text = ""
+        for i, (name, w) in enumerate(self.weights.items()):
+            sign = ("−" if w < 0 else "") if i == 0 else (" − " if w < 0 else " + ")
+            digits = ".1f" if abs(w) >= 0.095 else ".1g"
+            size = "" if abs(abs(w) - 1.0) < 0.05 else f"{abs(w):{digits}} × "
+            text += f"{sign}{size}{name}"
+        return text
+
 
 HALF = 0.5
 CANNOT_TELL = "these strokes cannot tell the size of"

@@ -14,27 +14,20 @@ from rig.session import Session
 from validation.cache.content_hash import code_sha256
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.identification.channels.key_driven import with_errors_of_what_drives
-from validation.identification.estimates import LACKING, estimate_all
+from validation.identification.estimates import AT_BOUND, LACKING, Profile, estimate_all
 from validation.identification.fit import Fitted
+from validation.identification.force_runs import Response
 from validation.identification.identifiability import EXPECTED, directions, warnings_before, warnings_of
 from validation.identification.minima import search
+from validation.identification.motion_runs import response_to
 from validation.identification.noise import Marginal, Sizes
-from validation.identification.observations import CHANNEL_NAMES
-from validation.identification.options import IdentifyKeywords, IdentifyOptions
-from validation.identification.outcome.details import Details
-from validation.identification.outcome.held_out import score_events
-from validation.identification.outcome.joint import joint_posterior
-from validation.identification.outcome.result import AT_BOUND, FITTED, Identification
-from validation.identification.outcome.strokes_left_out import beside
+from validation.identification.observations import CHANNEL_NAMES, with_errors_of_what_drives
 from validation.identification.problem import Columns, Problem
-from validation.identification.profiles import Profile
-from validation.identification.runs.model_runs import Response
-from validation.identification.runs.responses import response_to
+from validation.identification.result import FITTED, Details, Identification, joint_posterior
 from validation.identification.scatter import lacking
-from validation.identification.scores import score
-from validation.identification.sources import Sources, collect
-from validation.identification.unknowns.priors import Unknowns, unknowns
+from validation.identification.scores import score, score_events
+from validation.identification.sources import IdentifyKeywords, IdentifyOptions, Sources, collect
+from validation.identification.unknowns import Unknowns, unknowns
 from validation.prediction.model_under_test import action_sha256
 from validation.prediction.posterior import EARLIER, TRIALS, posterior_of
 
@@ -65,7 +58,7 @@ def identify(
     action : model.Action, name or path
         Values to start from; their uncertainties are the prior.
     **keywords
-        See `validation.identification.options.IdentifyOptions`.
+        See `validation.identification.sources.IdentifyOptions`.
 
     Returns
     -------
@@ -109,7 +102,7 @@ def identify(
     best = fits[0]
     found = action_at(start, asked, best.z)
     profiles: list[Profile] = []
-    estimates = beside(estimate_all(problem, best, options.profiles, options.say, profiles.append), best)
+    estimates = estimate_all(problem, best, options.profiles, options.say, profiles.append)
     covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
     names = [p.name for p in asked.asked]
     undetermined, determined = directions(names, covariance)

@@ -12,12 +12,86 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from model.motion_driven.spline_fit import KeyFit
+from model.errors import ModelError
+from model.motion_driven.spline_fit import KeyFit, fit_key_motion
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import ValidationInputError
-from validation.identification.film_channels import FilmSeen, film_seen
-from validation.measurement.trial import MeasuredTrial
+from validation.identification.unknowns import FORCE, KEY, Parameter, Unknowns
+from validation.measurement.trial import FilmAngles, MeasuredTrial
+
+NEAR = 0.75  # of the time between two frames: how far a frame may be from its phase
+OUTSIDE_S = 1e-3  # a frame may be beyond the first and last phase by this
+
+
+@dataclass(frozen=True)
+class FilmSeen:
+    """What a film says at m phases.
+
+    Attributes
+    ----------
+    time_s : (m,) of the frames; of the phase itself where there is none
+    change_rad, u_white_rad : (m, 2) since rest, and from frame to frame; NaN where lost
+    u_zero_rad, u_scale : (2,) of the reference, rad; of what grows with the angle, relative
+    u_time_s : of the film's clock
+    """
+
+    time_s: Array
+    change_rad: Array
+    u_white_rad: Array
+    u_zero_rad: Array
+    u_scale: Array
+    u_time_s: float
+
+
+def film_seen(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
+    """What a trial's film says at times (m,); all lost without a film.
+
+    Conventions: relative to the whippen and to rest, rad; a phase without a frame of its own is lost (NaN): frames may
+    be further apart than phases, and one frame counts once. Noise differs from frame to frame; the reference, an
+    average of the frames at rest, errs alike in all frames of a film; what camera, shutter and codec add is taken to
+    grow with the angle.
+    """
+    n, size = len(FILM_CHANNELS), phase_s.size
+    lost = np.full((size, n), np.nan)
+    if m.film is None or m.film.time_s.size < 2:
+        return FilmSeen(phase_s, lost, lost, np.zeros(n), np.zeros(n), 0.0)
+    film = m.film
+    frame, there = _own_frames(film.time_s, phase_s)
+    change, white = lost.copy(), lost.copy()
+    zero, scale = np.zeros(n), np.zeros(n)
+    still = max(int(np.sum(film.time_s < m.quiet.end_s)), 1)
+    for c, name in enumerate(FILM_CHANNELS):
+        noise = film.u_noise_rad.get(name, film.u_rad[name])
+        change[there, c], white[there, c] = film.change_rad[name][frame[there]], noise[frame[there]]
+        known = np.isfinite(film.change_rad[name]) & np.isfinite(noise) & np.isfinite(film.u_rad[name])
+        if known.any():
+            zero[c] = float(np.median(noise[known])) / np.sqrt(still)
+            scale[c] = _grows(film, name, noise, known)
+    change[~np.isfinite(white)] = np.nan
+    return FilmSeen(np.where(there, film.time_s[frame], phase_s), change, white, zero, scale, film.u_time_s)
+
+
+def _own_frames(frame_s: Array, phase_s: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Index of the frame nearest to each phase (m,), and whether the phase has it for itself."""
+    frame = np.clip(np.round(np.interp(phase_s, frame_s, np.arange(frame_s.size))), 0, frame_s.size - 1).astype(int)
+    away = np.abs(frame_s[frame] - phase_s)
+    there = away <= NEAR * float(np.median(np.diff(frame_s)))
+    there &= (frame_s[frame] >= phase_s[0] - OUTSIDE_S) & (frame_s[frame] <= phase_s[-1] + OUTSIDE_S)
+    for k in np.unique(frame):
+        same = np.flatnonzero(frame == k)
+        there[np.delete(same, int(np.argmin(away[same])))] = False
+    return frame, there
+
+
+def _grows(film: FilmAngles, name: str, noise: Array, known: NDArray[np.bool_]) -> float:
+    """Relative standard uncertainty of what the total has beside noise, where the body has turned most."""
+    beside = np.sqrt(np.maximum(film.u_rad[name][known] ** 2 - noise[known] ** 2, 0.0))
+    turned = np.abs(film.change_rad[name][known])
+    far = turned > 0.5 * turned.max()
+    return float(np.median(beside[far] / turned[far])) if far.any() and turned.max() > 0.0 else 0.0
+
 
 PHASES = 60
 LEAD_S = 0.02  # rest kept before the force acts
@@ -233,3 +307,96 @@ def _observed(name: str, session: int, m: MeasuredTrial, span: Span, phases: Arr
         u_delay_s=f.channel.u_group_delay_s,
         noise_n=float(f.noise_n),
     )
+
+
+MOVES, DOWN = 0.01, 0.5  # of the key's largest turn: from where on it moves; below it for good, it goes up
+AFTER_S = 2e-3
+WITHOUT_KEY = (1, 2)
+
+
+def observe_driven(
+    name: str, session: int, trials: Sequence[MeasuredTrial], phases: int = PHASES, film: bool = False
+) -> list[ObservedTrial]:
+    """Thin the trials of one session to common phases, each driven by its own key; as `observations.observe`.
+
+    Conventions: whippen and hammer (and a film's bodies) are compared, at phases as in `observations`, from just before
+    the key moves until it goes up again. The key's motion is a differentiable curve fitted to its encoder, since rest;
+    the model adds its own rest angle under the arm's preload. Errors of the key's encoder are errors of what drives:
+    they move like parameters, in the trials that a force drives, too.
+
+    Raises
+    ------
+    ValidationInputError
+        The trials have no span in common, or a key's angles are no motion.
+    """
+    spans = [_driven_span(m) for m in trials]
+    at = common_phases(name, trials, spans, phases)
+    seen = [_observed_driven(name, session, m, s, at) for m, s in zip(trials, spans, strict=True)]
+    return [with_film(t, m) for t, m in zip(seen, trials, strict=True)] if film else seen
+
+
+def _driven_span(m: MeasuredTrial) -> Span:
+    key, hammer = (np.abs(m.change_rad[:, c]) for c in (0, 2))
+    moves = int(np.argmax(key > MOVES * key.max()))
+    top = float(m.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))])
+    down = np.flatnonzero(key > DOWN * key.max())
+    return Span(max(float(m.time_s[moves]) - 2e-3, float(m.time_s[0]) + LEAD_S), top, float(m.time_s[down[-1]]))
+
+
+def _observed_driven(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
+    index = sampled(m, span, phases)
+    time = m.time_s[index]
+    inside = (m.time_s > span.start_s - LEAD_S) & (m.time_s <= time[-1] + AFTER_S)
+    try:
+        key = fit_key_motion(m.time_s[inside], m.change_rad[inside, 0], resolution_rad=float(m.resolution_rad[0]))
+    except ModelError as error:
+        raise ValidationInputError(f"{name}, trial {m.number}: {error}") from None
+    white, steady = encoder_noise(m)
+    measured = list(WITHOUT_KEY)
+    scale = np.asarray(m.scale_relative_u, dtype=float)
+    force = m.force.channel
+    return ObservedTrial(
+        label=f"{name}, trial {m.number}",
+        session=session,
+        number=m.number,
+        force_time_s=np.empty(0),
+        force_n=np.empty(0),
+        time_s=time,
+        change_rad=m.change_rad[index][:, measured],
+        u_white_rad=np.hypot(white, white)[measured],
+        u_steady_rad=steady[measured],
+        u_scale=scale[measured],
+        preload_n=force.preload_n,
+        u_preload_n=force.u_preload_n,
+        u_offset_n=0.0,
+        u_gain=0.0,
+        u_delay_s=0.0,
+        noise_n=0.0,
+        channels=WITHOUT_KEY,
+        key=key,
+        u_key_rad=float(steady[0]),
+        u_key_scale=float(scale[0]),
+        key_moves=True,
+    )
+
+
+def sharing_the_key(trials: Sequence[ObservedTrial]) -> list[ObservedTrial]:
+    """All trials, with errors of the key's encoder that move where they move in any of them."""
+    if all(t.key is None for t in trials):
+        return list(trials)
+    return [
+        t
+        if t.key is not None
+        else replace(t, key_moves=True, u_key_rad=float(t.u_steady_rad[0]), u_key_scale=float(t.u_scale[0]))
+        for t in trials
+    ]
+
+
+def with_errors_of_what_drives(asked: Unknowns, trials: Sequence[ObservedTrial]) -> Unknowns:
+    """The unknowns with errors of the force, of the key's encoder, or of both, as the trials are driven."""
+    errors: tuple[Parameter, ...] = ()
+    if any(t.key is None for t in trials):
+        errors += FORCE
+    if any(t.key is not None for t in trials):
+        errors += KEY
+    return replace(asked, force=errors)

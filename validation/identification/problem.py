@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 import model
 from validation.conventions import Array
 from validation.identification.blocks import Block, make_blocks, residuals
-from validation.identification.noise.sizes import family_of
+from validation.identification.force_runs import Own, Response, without_own
+from validation.identification.noise import family_of
 from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
-from validation.identification.runs.model_runs import Response
-from validation.identification.runs.own import Own, without_own
-from validation.identification.unknowns.priors import Unknowns
+from validation.identification.unknowns import Unknowns
 
 AFAR = 1.0  # how far z may move before columns of force noise are found again
 

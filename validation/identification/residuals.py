@@ -18,13 +18,12 @@ from rig.session import Session
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.blocks import residuals, rows
-from validation.identification.channels.key_driven import with_errors_of_what_drives
+from validation.identification.motion_runs import response_to
 from validation.identification.noise import Marginal, Sizes, learn
-from validation.identification.options import IdentifyKeywords, IdentifyOptions
+from validation.identification.observations import with_errors_of_what_drives
 from validation.identification.problem import Columns, Problem, linear_residuals
-from validation.identification.runs.responses import response_to
-from validation.identification.sources import collect
-from validation.identification.unknowns.priors import unknowns
+from validation.identification.sources import IdentifyKeywords, IdentifyOptions, collect
+from validation.identification.unknowns import unknowns
 
 ROUNDS = 20
 

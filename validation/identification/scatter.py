@@ -1,4 +1,4 @@
-"""How far the result hangs on single trials: jackknife, and the Student factor of few trials.
+"""How far the result hangs on single trials and kinds of stroke: jackknife; and the Student factor of few trials.
 
 The sizes of noise are learnt from few trials, so that intervals need more than 1.96 standard uncertainties. The
 variance of a value is a sum of shares of all sizes; the information on the sizes says how well each share is known, and
@@ -8,14 +8,16 @@ Source: JCGM 100, G.4; Kackar and Harville (1984).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 from scipy.stats import t as student
 
 from validation.conventions import Array
 from validation.identification.fit import Fitted
-from validation.identification.noise import Marginal
-from validation.identification.noise.learning import scores
+from validation.identification.noise import Marginal, scores
 
 LEAST_TRIALS = 3
 LEAST_FREEDOM = 2.0
@@ -26,19 +28,38 @@ def jackknife(fitted: Fitted) -> Array:
     """Standard uncertainty (p,) of z from leaving out one trial after the other; NaN with fewer than three."""
     blocks = fitted.marginal.blocks
     n = len(blocks)
-    if n < LEAST_TRIALS:
+    # the only trial of its session is not left out: that is another experiment
+    alone = {k for k in range(n) if not any(blocks[i].session == blocks[k].session for i in range(n) if i != k)}
+    return _without_one(fitted, [[i for i in range(n) if i != k] for k in range(n) if k not in alone], LEAST_TRIALS)
+
+
+def jackknife_over_strokes(fitted: Fitted) -> Array:
+    """The same from leaving out one session after the other, which are of one kind of stroke each; NaN with one.
+
+    It stands beside the interval and does not widen it: a kind of stroke that alone tells of a parameter moves it to
+    its prior when it is left out, which is no error.
+    """
+    blocks = fitted.marginal.blocks
+    return _without_one(
+        fitted, [[i for i, b in enumerate(blocks) if b.session != s] for s in sorted({b.session for b in blocks})], 2
+    )
+
+
+def _without_one(fitted: Fitted, parts: Sequence[Sequence[int]], fewest: int) -> Array:
+    """Jackknife over the fits of the linear model, its sizes kept, to each of some parts of the trials."""
+    if len(parts) < fewest:
         return np.full(fitted.z.size, np.nan)
     found = []
-    for k in range(n):
-        kept = [i for i in range(n) if i != k]
-        if not any(blocks[i].session == blocks[k].session for i in kept):
-            continue  # the only trial of its session: leaving it out is another experiment
-        part = Marginal([blocks[i] for i in kept], fitted.marginal.sizes)
+    for kept in parts:
+        part = Marginal([fitted.marginal.blocks[i] for i in kept], fitted.marginal.sizes)
         found.append(part.mean([fitted.linear[i] for i in kept])[: part.p])
-    if len(found) < LEAST_TRIALS:
-        return np.full(fitted.z.size, np.nan)
-    m = len(found)
-    return np.asarray(np.sqrt((m - 1) / m * ((np.array(found) - np.mean(found, axis=0)) ** 2).sum(axis=0)))
+    return jackknife_u(found)
+
+
+def jackknife_u(found: Sequence[ArrayLike]) -> Array:
+    """Standard uncertainty (p,) of values from those found with one piece left out at a time, (n, p)."""
+    n, table = len(found), np.array(found)
+    return np.asarray(np.sqrt((n - 1) / n * ((table - table.mean(axis=0)) ** 2).sum(axis=0)))
 
 
 def widened(width: Array, jack: Array, trials: int) -> Array:

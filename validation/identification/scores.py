@@ -6,16 +6,23 @@ one session about their mean at the same phase: a model driven by each trial's o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 import model
 from model.errors import ModelError
-from validation.conventions import BODIES, Array
+from validation.conventions import BODIES, ENCODER_BODIES, Array
+from validation.errors import PredictionError, ValidationInputError
+from validation.events.definitions import EVENTS
+from validation.events.detect import find_events
+from validation.identification.motion_runs import response_to
 from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
-from validation.identification.runs.responses import response_to
+from validation.measurement.geometry import motion_of
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.model_under_test import ModelUnderTest
 
 
 def score(
@@ -80,3 +87,107 @@ def _null(action: model.Action, trial: ObservedTrial, tolerance: float) -> Array
     except ModelError:
         return None
     return trial.seen(np.asarray(found.angle_rad[:, : len(BODIES)] - rest.angle_rad[: len(BODIES)]))
+
+
+NULL = "null model"
+CEILING = "scatter of trials"
+SHOWN = ("string_impact", "hammer_speed", "check_height", "key_release")
+
+
+@dataclass(frozen=True)
+class EventScore:
+    """How one event is met.
+
+    Attributes
+    ----------
+    difference : mean of model minus trial, in the unit of the event; NaN where it never happens in both
+    rms : root mean square of the same
+    both, trials : in how many trials it happens in both, in how many in the trial
+    """
+
+    difference: float
+    rms: float
+    both: int
+    trials: int
+
+
+def score_events(
+    trials: Sequence[MeasuredTrial], actions: Mapping[str, model.Action], tolerance: float
+) -> dict[str, dict[str, EventScore]]:
+    """Score the events of some trials.
+
+    Conventions: difference model minus trial, mean over the trials in which the event happens in both; ``ceiling`` is
+    the standard deviation of the trials' own values: each trial's force drives the model, so that one can come closer
+    than it, but no closer than the sensors read. Curves are scored by `validation.identification.scores`.
+
+    Parameters
+    ----------
+    trials : sequence of MeasuredTrial
+    actions : name -> action
+    tolerance : largest error of any angle of a run, rad
+
+    Returns
+    -------
+    dict
+        Name of an action, `NULL` or `CEILING` -> event -> EventScore, in the order of `SHOWN`.
+    """
+    runs: dict[str, tuple[ModelUnderTest, Callable[..., model.Solution]]] = {
+        name: (ModelUnderTest(action, tolerance), model.simulate) for name, action in actions.items()
+    }
+    own, _ = next(iter(runs.values()))
+    runs[NULL] = (own, model.null_model.simulate)
+    measured = [_events(own, m, m.time_s, m.change_rad, m.u_rad) for m in trials]
+    out: dict[str, dict[str, EventScore]] = {}
+    for name, (tested, simulate) in runs.items():
+        predicted = [_predicted(tested, m, simulate) for m in trials]
+        out[name] = {event: _score(event, predicted, measured) for event in SHOWN}
+    values = {event: np.array([one[event] for one in measured]) for event in SHOWN}
+    out[CEILING] = {event: _scatter(values[event]) for event in SHOWN}
+    return out
+
+
+def _predicted(tested: ModelUnderTest, m: MeasuredTrial, simulate: Callable[..., model.Solution]) -> dict[str, float]:
+    time = m.time_s[(m.time_s >= m.force.time_s[0]) & (m.time_s <= m.force.time_s[-1])]
+    nothing = dict.fromkeys(SHOWN, float("nan"))
+    try:
+        rest = tested.load(m.force.preload_n).rest
+        found = simulate(
+            tested.action,
+            m.force.time_s,
+            m.force.force_n,
+            tolerance=tested.tolerance,
+            output_time_s=time,
+            initial=rest,
+        )
+        change = (np.asarray(found.angle_rad) - np.asarray(rest.angle_rad))[:, ENCODER_BODIES]
+        return _events(tested, m, time, change, np.full(3, tested.tolerance))
+    except (ModelError, PredictionError, ValidationInputError):
+        return nothing
+
+
+def _events(tested: ModelUnderTest, m: MeasuredTrial, time: Array, change: Array, u: Array) -> dict[str, float]:
+    motion = motion_of(tested.geometry_at(m.force.preload_n), time, change, u)
+    found = find_events(motion, m.quiet.stop)
+    return {name: found[name].value for name in SHOWN}
+
+
+def _score(event: str, predicted: Sequence[dict[str, float]], measured: Sequence[dict[str, float]]) -> EventScore:
+    trial = np.array([one[event] for one in measured])
+    apart = np.array([one[event] for one in predicted]) - trial
+    known = apart[np.isfinite(apart)]
+    happened = int(np.isfinite(trial).sum())
+    if not known.size:
+        return EventScore(float("nan"), float("nan"), 0, happened)
+    return EventScore(float(known.mean()), float(np.sqrt(np.mean(known**2))), int(known.size), happened)
+
+
+def _scatter(values: Array) -> EventScore:
+    known = values[np.isfinite(values)]
+    spread = float(np.std(known, ddof=1)) if known.size > 1 else float("nan")
+    return EventScore(0.0 if known.size > 1 else float("nan"), spread, int(known.size), int(known.size))
+
+
+def event_words(event: str) -> tuple[str, float, str]:
+    """How an event is called and shown: title, factor, unit."""
+    kind = EVENTS[event]
+    return kind.title, kind.display_factor, kind.display_unit

@@ -6,22 +6,88 @@ key's measured motion; a trial with neither is named and left out. Sessions of d
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from pathlib import Path
+from typing import TypedDict
 
 import model
 from rig.session import Session
 from validation.cache.content_hash import sha256_of
 from validation.errors import ValidationInputError
-from validation.identification.channels.key_driven import observe_driven, sharing_the_key
-from validation.identification.observations import ObservedTrial, observe
-from validation.identification.options import IdentifyOptions
-from validation.identification.petab.read import is_petab, read_petab
+from validation.identification.force_runs import TOLERANCE
+from validation.identification.observations import PHASES, ObservedTrial, observe, observe_driven, sharing_the_key
+from validation.identification.petab import is_petab, read_petab
 from validation.measurement.session import MeasuredSession, measure_session, open_session
 from validation.measurement.trial import U_REST_LEVEL_M, MeasuredTrial
+from validation.options import utc_now
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import UNKNOWN_STROKE, posterior_of
+
+
+class IdentifyKeywords(TypedDict, total=False):
+    """Keywords of `validation.identify`, see `IdentifyOptions`."""
+
+    fixed: tuple[str, ...]
+    priors: Mapping[str, float]
+    hold_out: tuple[str | Path, ...]
+    hold_out_trials: tuple[int, ...]
+    starts: int
+    profiles: tuple[str, ...] | None
+    phases: int
+    tolerance: float
+    condition: str | None
+    motion_driven: bool
+    film: bool
+    executor: Executor | None
+    progress: Callable[[str], None] | None
+    now: Callable[[], datetime]
+
+
+@dataclass(frozen=True)
+class IdentifyOptions:
+    """How to identify.
+
+    Attributes
+    ----------
+    fixed : names held at the action's values, see `validation.identification.unknowns`
+    priors : name -> standard uncertainty before the strokes; relative for laws of friction, felt and springs, SI else
+    hold_out : sessions that are not fitted and only predicted
+    hold_out_trials : numbers of trials that are not fitted, in every session
+    starts : how many points the fit starts from; the first is the action's own values
+    profiles : names to make a profile of; by default all that were asked for
+    phases : how many times of each trial are compared
+    tolerance : largest error of any angle of a run, rad
+    condition : condition of the trial plan to use
+    motion_driven : the key's measured motion drives the model in all trials, not only in those without a force
+    film : compare jack and repetition lever as tracked on films, too
+    executor : where the model runs; by default threads of this process
+    progress : called with a line of text
+    now : the clock of the date in the provenance
+    """
+
+    fixed: tuple[str, ...] = ()
+    priors: Mapping[str, float] = field(default_factory=dict)
+    hold_out: tuple[str | Path, ...] = ()
+    hold_out_trials: tuple[int, ...] = ()
+    starts: int = 1
+    profiles: tuple[str, ...] | None = None
+    phases: int = PHASES
+    tolerance: float = TOLERANCE
+    condition: str | None = None
+    motion_driven: bool = False
+    film: bool = False
+    executor: Executor | None = None
+    progress: Callable[[str], None] | None = None
+    now: Callable[[], datetime] = utc_now
+
+    def say(self, text: str) -> None:
+        """Report progress."""
+        if self.progress is not None:
+            self.progress(text)
+
 
 UNKNOWN = "unknown"
 

@@ -5,20 +5,21 @@ Rejected, damaged and incomplete trials are named and left out; the rest goes on
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from rig.errors import RigError
-from rig.session import Session
+from rig.session import Session, Trial, TrialData
 from validation.conventions import Array
 from validation.errors import TrialError, ValidationInputError
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial, measure
-from validation.measurement.without_force import measure_without_force
 
+T = TypeVar("T")
 USABLE_STATUS = ("complete", "not at rest")
 
 
@@ -47,6 +48,34 @@ def open_session(session: Session | str | Path) -> Session:
     return opened
 
 
+def usable_trials(
+    session: Session, read: Callable[[Trial, TrialData], T], statuses: Sequence[str] = ("complete",)
+) -> tuple[list[T], dict[int, str]]:
+    """What is read of every usable trial, with force or positions, and by number the reason for every other.
+
+    Parameters
+    ----------
+    session : Session
+    read : callable
+        Given a trial and its data; raises `TrialError` where it cannot be used.
+    statuses : sequence of str
+        Of a recording that can be used.
+    """
+    found, refused = [], {}
+    for trial in session.trials:
+        if trial.rejected is not None:
+            refused[trial.number] = f"rejected: {trial.rejected}"
+            continue
+        try:
+            data = trial.read()
+            if data.status not in statuses:
+                raise TrialError(f"recorded with status {data.status!r}: {data.reason or 'no reason given'}")
+            found.append(read(trial, data))
+        except (RigError, TrialError) as error:
+            refused[trial.number] = str(error)
+    return found, refused
+
+
 def measure_session(
     session: Session,
     geometry: Callable[[float], ActionGeometry],
@@ -73,36 +102,28 @@ def measure_session(
     ValidationInputError
         The usable trials are of several conditions and none was chosen, or the chosen one was not recorded.
     """
-    measured: list[MeasuredTrial] = []
-    refused = {}
     conditions: dict[str, int] = {}
-    for trial in session.trials:
-        if trial.rejected is not None:
-            refused[trial.number] = f"rejected: {trial.rejected}"
-            continue
-        try:
-            data = trial.read()
-            if data.status not in USABLE_STATUS:
-                raise TrialError(f"recorded with status {data.status!r}: {data.reason or 'no reason given'}")
-            if not data.has_force and not without_force:
-                raise TrialError("no force was recorded; a session of positions is compared by motion (--by-motion)")
-            if not data.has_force and data.absent:
-                raise TrialError(
-                    "neither force nor measured key motion to drive the model: no encoder of "
-                    f"{', '.join(data.absent)}; a session of positions is compared by motion (validate --by-motion)"
-                )
-            conditions[data.condition] = conditions.get(data.condition, 0) + 1
-            if condition is not None and data.condition != condition:
-                refused[trial.number] = f"recorded under the condition {data.condition!r}, not {condition!r}"
-                continue
-            derived = session.read_derived("angles", trial.number)
-            film = None if derived is None else derived[0]
-            action_geometry = geometry(data.force_info.preload_n)
-            reader = measure if data.has_force else measure_without_force
-            one = reader(data, film, action_geometry, u_rest_level_m=u_rest_level_m, seal=trial.sha256)
-            measured.append(_sharing_times(one, measured[-1]) if measured else one)
-        except (RigError, TrialError) as error:
-            refused[trial.number] = str(error)
+
+    def read(trial: Trial, data: TrialData) -> MeasuredTrial:
+        if not data.has_force and not without_force:
+            raise TrialError("no force was recorded; a session of positions is compared by motion (--by-motion)")
+        if not data.has_force and data.absent:
+            raise TrialError(
+                "neither force nor measured key motion to drive the model: no encoder of "
+                f"{', '.join(data.absent)}; a session of positions is compared by motion (validate --by-motion)"
+            )
+        conditions[data.condition] = conditions.get(data.condition, 0) + 1
+        if condition is not None and data.condition != condition:
+            raise TrialError(f"recorded under the condition {data.condition!r}, not {condition!r}")
+        derived = session.read_derived("angles", trial.number)
+        film = None if derived is None else derived[0]
+        action_geometry = geometry(data.force_info.preload_n)
+        return measure(data, film, action_geometry, u_rest_level_m=u_rest_level_m, seal=trial.sha256)
+
+    every, refused = usable_trials(session, read, USABLE_STATUS)
+    measured: list[MeasuredTrial] = []
+    for one in every:
+        measured.append(_sharing_times(one, measured[-1]) if measured else one)
     found = ", ".join(f"{name!r} ({n} trials)" for name, n in sorted(conditions.items()))
     if condition is None and len(conditions) > 1:
         raise ValidationInputError(

@@ -2,10 +2,13 @@
 
 Conventions: angles are changes since rest in rad, counter-clockwise; everything on the DAQ clock; encoder
 order key, whippen, hammer whatever the order in the file; jack and repetition lever relative to the whippen.
+
+Conventions: as in `validation.measurement.trial`; all of the force is NaN, the preload none.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -15,16 +18,96 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rig.session import TrialData
+from rig.session.channel_info import KEY_OPPOSITE
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import TrialError
-from validation.measurement.force_correction import CorrectedForce, Quiet, correct_force, encoder_change, find_quiet
-from validation.measurement.geometry import ActionGeometry
-from validation.measurement.key_heads import KeyHeads, two_heads
-from validation.measurement.mains_hum import TOO_SHORT
-from validation.measurement.stroke import Motion, motion_of
+from validation.measurement.force_correction import (
+    FIRST_BASELINE_S,
+    MARGIN_S,
+    MINIMUM_QUIET_S,
+    MOVED_COUNTS,
+    MOVED_SIGMA,
+    ONSET_SAMPLES,
+    TOO_SHORT,
+    CorrectedForce,
+    ForceChannel,
+    HumFit,
+    Quiet,
+    correct_force,
+    encoder_change,
+    find_quiet,
+    first_run,
+)
+from validation.measurement.geometry import ActionGeometry, Motion, motion_of
+
+
+@dataclass(frozen=True)
+class KeyHeads:
+    """What both heads say of the key.
+
+    Attributes
+    ----------
+    rotation_rad : (n,) rotation since the first sample
+    lift_m : (n,) height of the pivot above that of the first sample
+    u_lift_m : standard uncertainty of one value of the lift, without that of the radius
+    u_radius_relative : of the lift, from the scale's radius
+    resolution_rad, u_change_rad, u_turn_relative : of the rotation, as of a single encoder
+    """
+
+    rotation_rad: Array
+    lift_m: Array
+    u_lift_m: float
+    u_radius_relative: float
+    resolution_rad: float
+    u_change_rad: float
+    u_turn_relative: float
+
+    def note(self, quiet: Quiet) -> str:
+        """What to say of the lift, in one line."""
+        rest = float(np.mean(self.lift_m[: max(quiet.stop, 1)]))
+        largest = float(np.max(self.lift_m) - rest)
+        u = float(np.hypot(self.u_lift_m, largest * self.u_radius_relative))
+        said = f"lifts by up to {1e3 * largest:.3f} mm (u {1e3 * u:.3f} mm)" if largest > 3 * u else "does not lift"
+        return f"key read by two heads: rotation without lift and eccentricity; its pivot {said}"
+
+
+def two_heads(data: TrialData, key_rad: Array) -> KeyHeads | None:
+    """Join both heads of a trial; None where it has one.
+
+    Head one reads the rotation plus lift over radius, head two minus; the error of a scale off its centre changes its
+    sign as well. The shift of the pivot in its bushing moves the centre, too, and goes with the lift.
+
+    Parameters
+    ----------
+    key_rad : (n,) angle of the first head since the first sample
+    """
+    names = [channel.name for channel in data.channels]
+    if KEY_OPPOSITE not in names or data.channel_values is None:
+        return None
+    channel = data.channels[names.index(KEY_OPPOSITE)]
+    other = np.asarray(data.channel_values[:, names.index(KEY_OPPOSITE)], dtype=float)
+    key = next(encoder for encoder in data.encoders if encoder.name == "key")
+    radius, u_radius = (float(found) for found in re.findall(r"([\d.eE+-]+) m\b", channel.sensor)[:2])
+    first, second = key_rad - key_rad[0], other - other[0]
+    step = abs(key.rad_per_count) / np.sqrt(12.0)
+    head = np.hypot(step, np.sqrt(2.0) * key.u_interpolation_rad)
+    return KeyHeads(
+        rotation_rad=0.5 * (first + second),
+        lift_m=0.5 * (first - second) * radius,
+        # the shift of the pivot is no lift of the key, but cannot be told from one; nor can the scale's centre
+        u_lift_m=float(radius * np.sqrt(0.5 * head**2 + key.u_pivot_shift_rad**2)),
+        u_radius_relative=u_radius / radius,
+        resolution_rad=abs(key.rad_per_count) / np.sqrt(2.0),
+        u_change_rad=float(key.u_interpolation_rad),
+        u_turn_relative=key.u_scale_relative,
+    )
+
 
 # hammer height and key dip at rest are set with gauges to about 0.1 mm (rectangular, half width)
 U_REST_LEVEL_M = 0.1e-3 / np.sqrt(3)
+
+
+NONE = "no force was recorded"
 
 
 @dataclass(frozen=True)
@@ -86,6 +169,8 @@ def measure(
 ) -> MeasuredTrial:
     """Correct the force, zero the angles and state the uncertainties of one trial.
 
+    Without a force all of it is NaN, the preload none: the measured key then drives.
+
     Parameters
     ----------
     data : rig.session.TrialData
@@ -101,109 +186,14 @@ def measure(
     Raises
     ------
     TrialError
-        When a channel is missing or the trial has no usable baseline.
-    """
-    read = read_encoders(data)
-    counts, heads = read.count, read.heads
-    info = data.force_info
-    time = np.asarray(data.time_s, dtype=float)
-    quiet = find_quiet(time, data.force_n, counts, mains_hz=info.mains_frequency_hz, group_delay_s=info.group_delay_s)
-    force = correct_force(
-        time,
-        data.force_n,
-        quiet,
-        group_delay_s=info.group_delay_s,
-        preload_n=info.preload_n,
-        u_preload_n=info.u_preload_n,
-        u_group_delay_s=info.u_group_delay_s,
-        gain_relative_u=info.u_gain_relative,
-        mains_hz=info.mains_frequency_hz,
-    )
-    angles = read.change(quiet)
-    film, notes = film_angles(film_table, data, quiet)
-    if heads is not None:
-        notes.append(heads.note(quiet))
-    if force.hum.reason.startswith(TOO_SHORT):
-        notes.append(f"hum not subtracted: {force.hum.reason}")
-    return MeasuredTrial(
-        data.number,
-        time,
-        np.asarray(data.force_n, dtype=float),
-        force,
-        quiet,
-        angles.change_rad,
-        angles.u_rad,
-        read.resolution_rad,
-        read.scale_relative_u,
-        read.motion_reader(angles, geometry, u_rest_level_m),
-        film,
-        seal,
-        tuple(notes),
-    )
-
-
-@dataclass(frozen=True)
-class EncoderChange:
-    """Angles since rest (n, 3), their uncertainty from sample to sample and of the zero, (3,) each, rad."""
-
-    change_rad: Array
-    u_sample_rad: Array
-    u_zero_rad: Array
-
-    @property
-    def u_rad(self) -> Array:
-        """Both together."""
-        return np.asarray(np.hypot(self.u_sample_rad, self.u_zero_rad))
-
-
-@dataclass(frozen=True)
-class EncoderReading:
-    """Counts (n, 3) and angles (n, 3), rad, of key, whippen and hammer; what is known of their errors, (3,) each.
-
-    ``heads`` : the two heads of the key, where it has two
-    """
-
-    count: NDArray[np.int64]
-    angle_rad: Array
-    resolution_rad: Array
-    u_change_rad: Array
-    scale_relative_u: Array
-    heads: KeyHeads | None
-
-    def change(self, quiet: Quiet) -> EncoderChange:
-        """Change since the quiet baseline."""
-        change, u_sample, u_zero = encoder_change(self.angle_rad, quiet, self.resolution_rad)
-        return EncoderChange(change, np.hypot(u_sample, self.u_change_rad), u_zero)
-
-    def motion_reader(
-        self, angles: EncoderChange, geometry: ActionGeometry, u_rest_level_m: float
-    ) -> Callable[..., Motion]:
-        """What reads motions of key and hammer from times and changed angles, with these encoders' uncertainties."""
-        return partial(
-            motion_of,
-            geometry,
-            u_sample_rad=angles.u_sample_rad,
-            u_zero_rad=angles.u_zero_rad,
-            u_height_zero_m=u_rest_level_m,
-            u_dip_zero_m=u_rest_level_m,
-            u_scale_relative=self.scale_relative_u,
-        )
-
-
-def read_encoders(data: TrialData) -> EncoderReading:
-    """The encoders of key, whippen and hammer, in this order whatever the order in the file.
-
-    Raises
-    ------
-    TrialError
-        One is missing.
+        When a channel is missing, the trial has no usable baseline, or without a force does not rest before the blow.
     """
     names = [encoder.name for encoder in data.encoders]
     missing = [name for name in ENCODER_CHANNELS if name not in names]
     if missing:
         raise TrialError(f"encoder {missing[0]!r} is missing; found {names}; key, whippen and hammer are needed")
     order = [names.index(name) for name in ENCODER_CHANNELS]
-    angle = np.asarray(data.angle_rad(), dtype=float)[:, order]
+    angle, counts = np.asarray(data.angle_rad(), dtype=float)[:, order], np.asarray(data.encoder_count)[:, order]
     resolution = np.array([abs(data.encoders[i].rad_per_count) for i in order])
     u_change = np.array([data.encoders[i].u_change_rad for i in order])
     scale = np.array([data.encoders[i].u_turn_relative for i in order])
@@ -211,7 +201,60 @@ def read_encoders(data: TrialData) -> EncoderReading:
     if heads is not None:
         angle[:, 0], resolution[0] = heads.rotation_rad, heads.resolution_rad
         u_change[0], scale[0] = heads.u_change_rad, heads.u_turn_relative
-    return EncoderReading(np.asarray(data.encoder_count)[:, order], angle, resolution, u_change, scale, heads)
+    time = np.asarray(data.time_s, dtype=float)
+    notes: list[str] = []
+    if data.has_force:
+        info = data.force_info
+        quiet = find_quiet(
+            time, data.force_n, counts, mains_hz=info.mains_frequency_hz, group_delay_s=info.group_delay_s
+        )
+        force = correct_force(
+            time,
+            data.force_n,
+            quiet,
+            group_delay_s=info.group_delay_s,
+            preload_n=info.preload_n,
+            u_preload_n=info.u_preload_n,
+            u_group_delay_s=info.u_group_delay_s,
+            gain_relative_u=info.u_gain_relative,
+            mains_hz=info.mains_frequency_hz,
+        )
+        raw = np.asarray(data.force_n, dtype=float)
+        notes += [heads.note(quiet)] if heads is not None else []
+        if force.hum.reason.startswith(TOO_SHORT):
+            notes.append(f"hum not subtracted: {force.hum.reason}")
+    else:
+        quiet, raw = quiet_of_motion(time, counts), np.full(time.size, np.nan)
+        hum = HumFit(0.0, 0.0, 0.0, False, (), (), 0.0, 0.0, False, NONE, np.zeros((0, 0)))
+        force = CorrectedForce(time, raw, raw, hum, float("nan"), ForceChannel())
+        notes.append(NONE)
+    change, u_sample, u_zero = encoder_change(angle, quiet, resolution)
+    u_sample = np.hypot(u_sample, u_change)
+    film, of_film = film_angles(film_table, data, quiet)
+    read_motion = partial(
+        motion_of,
+        geometry,
+        u_sample_rad=u_sample,
+        u_zero_rad=u_zero,
+        u_height_zero_m=u_rest_level_m,
+        u_dip_zero_m=u_rest_level_m,
+        u_scale_relative=scale,
+    )
+    return MeasuredTrial(
+        number=data.number,
+        time_s=time,
+        raw_force_n=raw,
+        force=force,
+        quiet=quiet,
+        change_rad=change,
+        u_rad=np.asarray(np.hypot(u_sample, u_zero)),
+        resolution_rad=resolution,
+        scale_relative_u=scale,
+        read_motion=read_motion,
+        film=film,
+        seal=seal,
+        notes=(*of_film, *notes),
+    )
 
 
 def film_angles(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
@@ -257,3 +300,27 @@ def _u_column(table: pd.DataFrame, name: str) -> str:
     """
     total = f"{name}_relative_u_total_rad"
     return total if total in table else f"{name}_relative_u_rad"
+
+
+def quiet_of_motion(time_s: Array, encoder_count: NDArray[np.int64]) -> Quiet:
+    """The baseline before any encoder moves.
+
+    Raises
+    ------
+    TrialError
+        None moves, or one does too early.
+    """
+    step = float(np.median(np.diff(time_s)))
+    first = max(round(FIRST_BASELINE_S / step), 8)
+    start = encoder_count[:first]
+    away = np.abs(encoder_count - np.median(start, axis=0)) > np.maximum(MOVED_COUNTS, MOVED_SIGMA * start.std(axis=0))
+    moved = first_run(away.any(axis=1), ONSET_SAMPLES)
+    if moved is None:
+        raise TrialError("no encoder moves by more than three counts; was the blow played?")
+    stop = moved - round(MARGIN_S / step)
+    if stop < round(MINIMUM_QUIET_S / step):
+        raise TrialError(
+            f"encoders rest for {1e3 * max(stop, 0) * step:.0f} ms only; at least {1e3 * MINIMUM_QUIET_S:.0f} ms are "
+            "needed before the blow; record a longer rest"
+        )
+    return Quiet(stop, float(time_s[0]), float(time_s[stop - 1]), float(time_s[moved]))

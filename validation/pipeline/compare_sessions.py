@@ -6,6 +6,7 @@ in one line in ``refused`` and the rest goes on.
 
 from __future__ import annotations
 
+import copy
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,14 +17,84 @@ import model
 from model.errors import ModelError
 from rig.errors import RigError
 from rig.session import Session
+from validation.cache.report_cache import report_folder
 from validation.errors import ValidationError, ValidationInputError
 from validation.measurement.session import open_session
 from validation.options import CompareOptions, ComparisonOptions
 from validation.pipeline.compare_session import compare_by, load_model
-from validation.pipeline.distinct_names import by_condition, distinct_models, same_recordings
+from validation.prediction.model_under_test import action_sha256
+from validation.report.files import check_folder
+from validation.report.write import write_side_by_side
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
 from validation.statistics.model_comparison import paired_models
+
+
+def by_condition(opened: Sequence[Session], condition: str | None) -> list[tuple[Session, str | None]]:
+    """Each session with the condition to compare, one of several conditions once for each; under distinct names."""
+    parts: list[tuple[Session, str | None]] = []
+    names = []
+    for session in opened:
+        found = [c.name for c in session.info.plan.conditions]
+        own = session.info.name or session.path.name
+        if len(found) < 2:
+            parts.append((copy.copy(session), condition))
+            names.append(own)
+        else:
+            chosen = found if condition is None else [condition]
+            parts += [(copy.copy(session), name) for name in chosen]
+            names += [f"{own}, {name}" for name in chosen]
+    folders = [s.path for s, _ in parts]
+    for (session, _), name in zip(parts, distinct(names, [f.name for f in folders], folders), strict=True):
+        session.info = session.info.model_copy(update={"name": name})
+    return parts
+
+
+def distinct_models(actions: Sequence[model.Action]) -> list[model.Action]:
+    """Models with distinct names; two with the same values are the same model and refused."""
+    seen: dict[str, str] = {}
+    for action in actions if len(actions) > 1 else ():
+        digest = action_sha256(action)
+        if digest in seen:
+            raise ValidationInputError(
+                f"{action.origin}: model {action.name!r} has the same values as {seen[digest]}; name each model once"
+            )
+        seen[digest] = action.origin
+    files = [Path(action.origin) for action in actions]
+    names = [action.name for action in actions]
+    changes = [", ".join(f"{path}={v:g}" for path, v in a.changed.items()) for a in actions]
+    numbers = [f"model {i}" for i in range(1, len(actions) + 1)]
+    called = distinct(names, [f.name for f in files], files, [text or "unchanged" for text in changes], numbers)
+    return [
+        action if name == new else replace(action, name=new)
+        for action, name, new in zip(actions, names, called, strict=True)
+    ]
+
+
+def distinct(names: Sequence[str], *details: Sequence[object]) -> list[str]:
+    """Names, followed where they are not alone by the first detail that tells them apart."""
+    out = list(names)
+    for detail in details:
+        count = Counter(out)
+        out = [
+            f"{name} ({more})" if count[now] > 1 else now for name, now, more in zip(names, out, detail, strict=True)
+        ]
+    return out
+
+
+def same_recordings(results: Sequence[ValidationResult]) -> list[str]:
+    """Sessions that hold the same recordings under other names, in words: they are not independent."""
+    seals: dict[str, set[str]] = {}
+    for result in results:
+        seals.setdefault(result.session_name, set()).update(result.provenance.get("trials_sha256", {}).values())
+    names = list(seals)
+    return [
+        f"{a} and {b} share {len(seals[a] & seals[b])} recorded trials (same SHA-256): they are not independent."
+        for i, a in enumerate(names)
+        for b in names[i + 1 :]
+        if seals[a] & seals[b]
+    ]
+
 
 USER_ERRORS = (RigError, ValidationError, ModelError)
 """What a session that cannot be read or predicted raises; a defect is not among them."""
@@ -106,3 +177,86 @@ def open_all(sessions: Sequence[Session | str | Path]) -> tuple[list[Session], l
         except USER_ERRORS as error:
             refused.append((str(error), error))
     return opened, refused
+
+
+def validate_sessions(
+    sessions: Sequence[Session | str | Path],
+    actions: Sequence[model.Action | str | Path] = ("hirschkorn2004",),
+    out: str | Path | None = None,
+    **options: Unpack[CompareOptions],
+) -> SideBySide:
+    """Compare every session with every model and write one report.
+
+    Parameters
+    ----------
+    sessions : sequence of Session or path
+    actions : sequence of name, path or model.Action
+    out : path, optional
+        Folder for ``report.html``, ``results.json`` and ``tables/*.csv``; by default that of the session, if it is one.
+    **options
+        Those of `validation.compare`.
+
+    Returns
+    -------
+    SideBySide
+        With ``files`` naming what was written.
+
+    Raises
+    ------
+    ValidationInputError
+        No session can be compared, a session or model is given twice, or the folder cannot be written.
+    TypeError
+        A keyword that is not known.
+
+    Examples
+    --------
+    >>> import validation
+    >>> side = validation.validate_sessions(["sessions/example_forte"], out="report", budget=False, suspect=False)
+    >>> side.files["report.html"].name
+    'report.html'
+    """
+    chosen = ComparisonOptions.of(options)
+    folder = report_folder([s.path if isinstance(s, Session) else s for s in sessions], out)
+    check_folder(folder)  # before any work is done
+    side = compare_many(sessions, actions, **options)
+    chosen.say("writing the report")
+    return write_side_by_side(side, folder)
+
+
+def validate_session(
+    session: Session | str | Path,
+    action: model.Action | str | Path = "hirschkorn2004",
+    out: str | Path | None = None,
+    **options: Unpack[CompareOptions],
+) -> ValidationResult:
+    """Compare one session with one model and write the report: `validate_sessions` for one of each.
+
+    Parameters
+    ----------
+    session : Session or path
+    action : name, path or model.Action
+    out : path, optional
+        Folder for the report; by default that of the session.
+    **options
+        Those of `validation.compare`.
+
+    Returns
+    -------
+    ValidationResult
+        With ``files`` naming what was written.
+
+    Raises
+    ------
+    ValidationInputError
+        The session cannot be compared, or the folder cannot be written.
+    TypeError
+        A keyword that is not known.
+
+    Examples
+    --------
+    >>> import validation
+    >>> result = validation.validate_session("sessions/example_forte", out="one", budget=False, suspect=False)
+    >>> "report.html" in result.files
+    True
+    """
+    return validate_sessions([session], [action], out, **options).results[0]

@@ -14,11 +14,60 @@ from typing import Any
 
 import pandas as pd
 
+import model
 from validation.curves.signs import SIGN
 from validation.events.definitions import EVENTS
 from validation.findings.finding import SessionFinding, are_faulty, distorted_trials, summary_line
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.posterior import UNKNOWN_STROKE, altered, posterior_of
 from validation.result import AGREES, ERROR_SHOWN, NOT_JUDGED
 from validation.statistics.paired_difference import SHOWN
+
+
+def fitted_trials(action: model.Action, trials: Sequence[MeasuredTrial]) -> list[int]:
+    """Numbers of the trials that the action's values were fitted to; empty for an action that was not identified."""
+    posterior = posterior_of(action)
+    known = set() if posterior is None else set(posterior.trials.values())
+    return [m.number for m in trials if m.seal in known]
+
+
+def prediction_lines(action: model.Action, trials: Sequence[MeasuredTrial]) -> list[str]:
+    """What the verdict says of an identified model: prediction or not; nothing of any other model."""
+    posterior = posterior_of(action)
+    if posterior is None:
+        return []
+    fitted = fitted_trials(action, trials)
+    n = len(posterior.trials)
+    doubts = altered(action)
+    if not fitted:
+        if any(seal.startswith(UNKNOWN_STROKE) for seal in posterior.trials.values()):
+            doubts.append("they were fitted to tables that do not say which recorded strokes they hold")
+        none = f"none of these trials is among the {n} that the values of {action.name} were fitted to (by hash)"
+        if doubts:
+            return [f"Whether this is a prediction is not known: {none}, but {'; '.join(doubts)}."]
+        return [f"A prediction: {none}."]
+    aside = [m.number for m in trials if m.number not in fitted]
+    which = _trials(fitted) if aside else "all of these trials"
+    if aside and doubts:  # what the file says of the others may be wrong
+        return [f"Not a prediction: the values of {action.name} were fitted to {which} (by hash); {'; '.join(doubts)}."]
+    kept = f"; {_trials(aside)} {'was' if len(aside) == 1 else 'were'} not fitted" if aside else ""
+    return [
+        f"Not a prediction: the values of {action.name} were fitted to {which} (by hash){kept}; how well fitted trials "
+        "are met says nothing of other strokes."
+    ]
+
+
+def _trials(numbers: Sequence[int]) -> str:
+    return f"trial{'' if len(numbers) == 1 else 's'} {', '.join(map(str, numbers))}"
+
+
+def identified_warnings(action: model.Action) -> list[str]:
+    """Warnings of the identification that an action's values come from."""
+    if posterior_of(action) is None:
+        return []
+    said = [f"{action.name} was identified: {line}" for line in action.identification.get("warnings", [])]
+    changed = "; the band still holds its joint uncertainty, about the values now"
+    return said + [f"{action.name}: {line}{changed}" for line in altered(action)]
 
 
 @dataclass(frozen=True)
@@ -29,7 +78,7 @@ class Standing:
     ----------
     judgement : `validation.result.SessionTables.judgement`
     budget : the uncertainty budget of the events
-    null_closer : what is to be said where the null model is closer, see `validation.statistics.null_comparison`
+    null_closer : what is to be said where the null model is closer, see `validation.statistics.model_comparison`
     phases : the judged difference by channel and phase
     """
 

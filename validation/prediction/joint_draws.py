@@ -10,9 +10,9 @@ Source: JCGM 101; u of the parameters as in `validation.prediction.input_samplin
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,8 @@ import model
 from model.errors import ModelError
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.measurement.trial import MeasuredTrial
-from validation.prediction.coarse_force import coarse_force
 from validation.prediction.input_sampling import parameter_draws
-from validation.prediction.many_runs import Run
+from validation.prediction.many_runs import Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
 CHANNELS = (*ENCODER_CHANNELS, *FILM_CHANNELS)
@@ -31,6 +30,7 @@ MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow w
 SEED = 65
 USES = ("force", "readings")
 MOST_TRIALS = 5
+T = TypeVar("T")
 DRAWN_TOLERANCE = 3e-5
 
 
@@ -119,19 +119,42 @@ def drawn_action(tested: ModelUnderTest, m: MeasuredTrial, draw: JointDraw) -> D
         return None
 
 
-def drawn_actions(
-    tested: ModelUnderTest, trials: Sequence[MeasuredTrial], draws: Sequence[JointDraw]
-) -> list[list[DrawnAction | None]]:
-    """`drawn_action` of each draw for each trial; trials under the same declared preload share them."""
+def each_draw(
+    tested: ModelUnderTest,
+    trials: Sequence[tuple[MeasuredTrial, Array]],
+    draws: Sequence[JointDraw],
+    use: Callable[[int, Array], T],
+) -> list[list[T | None]]:
+    """What is made of the readings of every trial in every draw; None where the draw cannot be run.
+
+    Parameters
+    ----------
+    trials : sequence of (trial, times)
+        Times (n,) s; trials under the same declared preload share the actions drawn.
+    draws : sequence of JointDraw
+    use : callable
+        Given the place of the trial and its readings as of `drawn_readings`, on a thread; what it returns is kept.
+    """
     known: dict[tuple[float, float, float], list[DrawnAction | None]] = {}
-    out = []
-    for m in trials:
+    places: list[tuple[int, DrawnAction | None]] = []
+    for i, (m, _) in enumerate(trials):
         c = m.force.channel
         key = c.preload_n, c.gain_relative_u, c.u_preload_n
         if key not in known:
             known[key] = [drawn_action(tested, m, draw) for draw in draws]
-        out.append(known[key])
-    return out
+        places += [(i, drawn) for drawn in known[key]]
+    runs = [
+        drawn_run(tested, trials[i][0], drawn, trials[i][1]) if drawn is not None and trials[i][1].size else None
+        for i, drawn in places
+    ]
+
+    def read(k: int, solution: model.Solution) -> T:
+        i, drawn = places[k]
+        assert drawn is not None
+        return use(i, drawn_readings(trials[i][0], drawn, trials[i][1], solution))
+
+    found = run_many(tested, runs, read)
+    return [found[k : k + len(draws)] for k in range(0, len(found), len(draws))]
 
 
 def drawn_tolerance(tested: ModelUnderTest) -> float:

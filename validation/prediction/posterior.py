@@ -1,6 +1,6 @@
 """What an identification knows of an action's parameters together: their covariance, and the trials it comes from.
 
-Conventions: everything in prior standard uncertainties, as in `validation.identification.unknowns.priors`: a law moves
+Conventions: everything in prior standard uncertainties, as in `validation.identification.unknowns`: a law moves
 by a factor exp(u z), all else by u z in SI. The covariance of z is the identity but for a few directions in which the
 strokes said something; those are kept, each with the share of the prior's variance that is left in it. An action file
 holds them in its table ``[identification.posterior]`` (docs/explanation/identification.md).
@@ -8,17 +8,39 @@ holds them in its table ``[identification.posterior]`` (docs/explanation/identif
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import model
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.prediction.principal_axes import principal_axes
+
+EQUAL = 1e-6
+"""Components of a unit vector closer than this are equal: rounding leaves 1e-12 of a well conditioned covariance."""
+
+
+def largest_first(vector: Array) -> NDArray[np.int64]:
+    """Indices of components (n,) by size, the largest first, equal ones in their own order."""
+    return np.argsort(-np.round(np.abs(vector) / EQUAL), kind="stable")
+
+
+def principal_axes(covariance: Array) -> tuple[Array, Array]:
+    """Variances (n,), rising, and axes (n, n) in columns, the largest component of each positive.
+
+    Components that differ by rounding alone count as equal, so that names in order of size come in the same order on
+    every processor.
+    """
+    values, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    lead = np.array([largest_first(axis)[0] for axis in axes.T], dtype=np.int64)
+    return values, axes * np.sign(axes[lead, np.arange(lead.size)])
+
 
 TABLE = "posterior"
 TRIALS, EARLIER = "trials_sha256", "earlier_sha256"
@@ -139,3 +161,49 @@ def posterior_of(action: model.Action) -> Posterior | None:
         if path not in action.quantities:
             raise ValidationInputError(f"{where}: parameter {path} is unknown; {advice}")
     return Posterior(names, paths, u, factor, directions, left, trials)
+
+
+VALUES_SHA256, ORIGIN_SHA256 = "values_sha256", "origin_sha256"
+
+
+def digests(action: model.Action, provenance: Mapping[str, Any], posterior: Mapping[str, Any]) -> dict[str, str]:
+    """What the file holds beside values, trials and joint uncertainty.
+
+    Parameters
+    ----------
+    action : with the values that are written
+    provenance, posterior : tables of ``[identification]``
+    """
+    origin = json.dumps([provenance.get(TRIALS), provenance.get(EARLIER, []), posterior], sort_keys=True)
+    structure = sorted((path, text) for path, text in action.structure.items() if path != "name")
+    return {
+        VALUES_SHA256: _sha256(f"{action.content()}\n{structure}"),
+        ORIGIN_SHA256: _sha256(origin),
+    }
+
+
+def altered(action: model.Action) -> list[str]:
+    """What was changed since the identification, in words: in the file, or by hand for this run.
+
+    They find out edits, not fraud: a hash can be written anew. A file without them is taken as it is.
+    """
+    table = action.identification
+    if VALUES_SHA256 not in table or ORIGIN_SHA256 not in table:
+        return [] if not action.changed else [_by_hand(action)]
+    now = digests(action, table.get("provenance", {}), table.get(TABLE, {}))
+    said = []
+    if table[ORIGIN_SHA256] != now[ORIGIN_SHA256]:
+        said.append(f"what {action.origin} says of its trials or uncertainty was edited after it was written")
+    if action.changed:
+        said.append(_by_hand(action))
+    elif table[VALUES_SHA256] != now[VALUES_SHA256]:
+        said.append(f"values in {action.origin} were edited after it was written")
+    return said
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
+def _by_hand(action: model.Action) -> str:
+    return f"{', '.join(sorted(action.changed))} set by hand since"

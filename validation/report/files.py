@@ -10,7 +10,7 @@ import contextlib
 import os
 from pathlib import Path
 
-from validation.errors import InputError
+from validation.errors import InputError, ValidationInputError
 
 
 def check_folder(folder: Path) -> None:
@@ -86,3 +86,16 @@ def _make(folder: Path, made: list[Path]) -> None:
         _make(folder.parent, made)
     folder.mkdir()
     made.append(folder)
+
+
+def check_target(path: str | Path, ending: str = ".toml") -> Path:
+    """The path, if it can be one of an action file or a plan, or of a file with another ending."""
+    target = Path(path)
+    if target.suffix != ending:
+        raise ValidationInputError(f"{target}: ending found {target.suffix!r}, allowed {ending}")
+    if not target.parent.is_dir():
+        raise ValidationInputError(f"{target}: there is no folder {target.parent}; make it or choose another")
+    if target.is_dir():
+        raise ValidationInputError(f"{target}: is a folder; name a file")
+    check_writable(target.parent)
+    return target

@@ -1,15 +1,153 @@
-"""Writing the report of a comparison into a folder, and the whole job: compare, then write."""
+"""Writing the report of a comparison into a folder: the page, the results for programs, every table and the curves."""
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from validation.report.curve_files import curve_files
+import numpy as np
+import pandas as pd
+
+from validation.conventions import BODIES, Array
+from validation.curves.table import force_on_base, trial_curves
+from validation.events.definitions import EVENTS
 from validation.report.files import check_folder, write_files
-from validation.report.render import ANIMATION, render_html
-from validation.report.results import results_json, table_csv
+from validation.report.page import ANIMATION, render_html
+from validation.report.view import SessionView, netcdf_names, shown_trials
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide, alone
+
+SCHEMA = "piano-action-rig results"
+SCHEMA_VERSION = 5
+
+
+def results_json(side: SideBySide) -> str:
+    """The results as JSON text.
+
+    Conventions: SI units and radians. One of ``results`` for each session and model; ``tables`` hold the rows of all,
+    led by ``session`` and ``model``. Every field, its meaning and unit: ``results.schema.json`` beside this file (JSON
+    Schema 2020-12), as a page ``docs/results.md``. NaN and infinities become null, so that every JSON reader accepts
+    it.
+    """
+    content = {
+        "schema": SCHEMA,
+        "schema_version": SCHEMA_VERSION,
+        "verdict_lines": side.verdict_lines,
+        "refused": list(side.refused),
+        "results": [
+            {
+                "session": r.session_name,
+                "model": r.action_name,
+                "outcome": r.outcome,
+                "sentence": r.sentence,
+                "verdict_lines": r.verdict_lines,
+                "warnings": r.warnings,
+                "provenance": _plain(r.provenance),
+            }
+            for r in side.results
+        ],
+        "tables": {name: records(table) for name, table in side.tables.items()},
+        "event_definitions": {
+            name: {"title": kind.title, "unit": kind.unit, "definition": kind.definition}
+            for name, kind in EVENTS.items()
+        },
+    }
+    return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Rows of a table as plain values, null for what does not exist."""
+    names = [str(name) for name in table.columns]
+    return [
+        {name: _plain(value) for name, value in zip(names, row, strict=True)}
+        for row in table.itertuples(index=False, name=None)
+    ]
+
+
+def table_csv(table: pd.DataFrame) -> str:
+    """A table as CSV with a header; empty cells for what does not exist."""
+    return table.to_csv(index=False, lineterminator="\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if value is pd.NA or value is pd.NaT:
+        return None
+    return value
+
+
+MOST_TRIALS = 8
+DIGITS = 9  # after the point, in rad and N: far below a count
+SPREAD = ("mean_rad", "s_r_rad", "band95_rad", "difference_rad", "difference_u95_rad", "difference_band95_rad")
+
+
+def curve_name(prefix: str, channel: str) -> str:
+    """Name of a channel's curves without its ending."""
+    return f"curves/{prefix}{channel}"
+
+
+def curve_files(side: SideBySide) -> Iterator[tuple[str, str | bytes]]:
+    """Name and content of every file of curves.
+
+    Conventions: SI and rad on the one time base; CSV and JSON hold at most `MOST_TRIALS` trials, netCDF all of them.
+    """
+    for name, result in zip(netcdf_names(side), side.results, strict=True):
+        yield name, result.curves_netcdf()
+    several = len(side.sessions) > 1
+    for i, results in enumerate(side.sessions.values(), start=1):
+        view = SessionView(tuple(results), f"s{i}-" if several else "")
+        for channel, columns in view_curves(view).items():
+            texts = {name: [_text(x) for x in np.round(values, DIGITS).tolist()] for name, values in columns.items()}
+            rows = "\n".join(map(",".join, zip(*texts.values(), strict=True)))
+            name = curve_name(view.prefix, channel)
+            yield f"{name}.csv", f"{','.join(texts)}\n{rows}\n"
+            lists = ",\n".join(
+                f'"{key}": [{",".join(text or "null" for text in column)}]' for key, column in texts.items()
+            )
+            yield f"{name}.json", f"{{\n{lists}\n}}\n"
+
+
+def view_curves(view: SessionView) -> dict[str, dict[str, Array]]:
+    """Columns of every channel that has a curve; a second model's columns end in its number."""
+    first = view.first
+    base = first.base_s
+    out: dict[str, dict[str, Array]] = {channel: {"time_s": base} for channel in ("force", *BODIES)}
+    for trial in shown_trials(view, MOST_TRIALS):
+        out["force"][f"trial{trial}_n"] = force_on_base(base, first.traces[trial])
+        for j, result in enumerate(view.results, start=1):
+            if trial not in result.traces:
+                continue
+            ending = "" if j == 1 else f"_m{j}"
+            curves = trial_curves(base, result.traces[trial], result.film_traces.get(trial))
+            for channel, values in curves.items():
+                if not np.isfinite(values["measured_rad"]).any():
+                    continue
+                if j == 1:
+                    out[channel][f"trial{trial}_measured_rad"] = values["measured_rad"]
+                out[channel][f"trial{trial}_predicted_rad{ending}"] = values["predicted_rad"]
+    for channel in BODIES:
+        for j, result in enumerate(view.results, start=1):
+            for name in SPREAD:
+                column = f"{channel}_{name}"
+                if column in result.spread and len(result.spread) == base.size:
+                    values = result.spread[column].to_numpy(dtype=float)
+                    if np.isfinite(values).any():
+                        out[channel][name if j == 1 else f"{name}_m{j}"] = values
+    return {channel: columns for channel, columns in out.items() if len(columns) > 1}
+
+
+def _text(value: float) -> str:
+    return repr(value) if math.isfinite(value) else ""
 
 
 def write_report(result: ValidationResult | SideBySide, folder: str | Path) -> ValidationResult | SideBySide:

@@ -2,19 +2,113 @@
 
 Conventions: SI and rad; difference = second − first; nothing is aligned. Samples that are left out (NaN in either) are
 cut out of both curves; the ISO-style score then sees what is left as one curve. A score that cannot be stated is NaN.
-Source: `validation.scores.metrics` and `validation.scores.iso18571`.
+Source: plain definitions; Sprague and Geers (2003) for magnitude, phase and combined error;
+`validation.scores.iso18571`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from validation.conventions import Array
 from validation.scores.iso18571 import FEWEST_SAMPLES, iso_score
-from validation.scores.metrics import score_curve, sprague_geers
+
+MOST_PAIRS = 200
+PAIR_SEED = 20260101
+
+
+def score_curve(time_s: Array, trial: Array, model: Array) -> dict[str, float]:
+    """Score a prediction against a measurement on the same time base; nothing is aligned or scaled first.
+
+    Parameters
+    ----------
+    time_s, trial, model : (n,) arrays
+        The evaluation window only, rad; NaN where lost.
+
+    Returns
+    -------
+    dict
+        ``rmse_rad``, ``bias_rad``, ``scatter_rad`` (standard deviation of the difference about its bias, divisor n, so
+        that rmse² = bias² + scatter²), ``largest_rad`` (magnitude) ``largest_at_s``, ``rmse_over_range`` (of the
+        trial within the window), ``n`` and ``n_lost`` samples. No common sample gives NaN scores and n = 0.
+    """
+    both = np.isfinite(trial) & np.isfinite(model)
+    n = int(both.sum())
+    lost = {"n": n, "n_lost": int(both.size) - n}
+    if n == 0:
+        names = ("rmse_rad", "bias_rad", "scatter_rad", "largest_rad", "largest_at_s", "rmse_over_range")
+        return dict.fromkeys(names, float("nan")) | lost
+    difference = model[both] - trial[both]
+    worst = int(np.argmax(np.abs(difference)))
+    rmse, extent = float(np.sqrt(np.mean(difference**2))), float(np.ptp(trial[both]))
+    return {
+        "rmse_rad": rmse,
+        "bias_rad": float(difference.mean()),
+        "scatter_rad": float(difference.std()),
+        "largest_rad": float(np.abs(difference[worst])),
+        "largest_at_s": float(time_s[both][worst]),
+        "rmse_over_range": rmse / extent if extent > 0 else float("nan"),
+        **lost,
+    }
+
+
+def trial_pairs(
+    n: int, most: int = MOST_PAIRS, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None
+) -> list[tuple[int, int]]:
+    """Pairs of n trials of one kind of stroke, all of them or a seeded sample of `most`."""
+    pairs = [(i, j) for i, j in combinations(range(n), 2) if kinds is None or kinds[i] == kinds[j]]
+    if len(pairs) <= most:
+        return pairs
+    chosen = np.random.default_rng(seed).choice(len(pairs), most, replace=False)
+    return [pairs[i] for i in sorted(chosen)]
+
+
+def pair_rmse(
+    curves: Array, *, most_pairs: int = MOST_PAIRS, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None
+) -> tuple[float, int]:
+    """Repeatability ceiling of the RMSE: root mean square difference of one trial against another.
+
+    Parameters
+    ----------
+    curves : (n_samples, n_trials) array
+    most_pairs : int
+        With more pairs than this a seeded sample of them is used.
+    kinds : sequence of int, optional
+        Number of the kind of stroke of each trial; trials of different kinds are no pair.
+
+    Returns
+    -------
+    rmse : float
+        NaN with fewer than two trials.
+    pairs : int
+        Number of pairs used.
+    """
+    pairs = np.array(trial_pairs(curves.shape[1], most_pairs, seed, kinds), dtype=int).reshape(-1, 2)
+    difference = curves[:, pairs[:, 0]] - curves[:, pairs[:, 1]]
+    if not np.isfinite(difference).any():
+        return float("nan"), 0
+    return float(np.sqrt(np.nanmean(difference**2))), len(pairs)
+
+
+def sprague_geers(measured: Array, computed: Array) -> tuple[float, float, float]:
+    """Sprague–Geers errors of magnitude and phase, and both combined, on a uniform time base (dimensionless).
+
+    M = √(I_cc/I_mm) − 1, P = acos(I_mc/√(I_mm I_cc))/π, C = √(M² + P²). NaN when either curve is zero throughout.
+    """
+    m, c = np.asarray(measured, dtype=float), np.asarray(computed, dtype=float)
+    mm, cc, mc = float(m @ m), float(c @ c), float(m @ c)
+    if mm == 0 or cc == 0:
+        return float("nan"), float("nan"), float("nan")
+    magnitude = float(np.sqrt(cc / mm) - 1)
+    # rounding can push the cosine past one for equal curves
+    phase = float(np.arccos(np.clip(mc / np.sqrt(mm * cc), -1.0, 1.0)) / np.pi)
+    return magnitude, phase, float(np.hypot(magnitude, phase))
+
 
 # film frames are lost one by one; a curve with more holes than this is not one curve any more
 MOST_CUT_FOR_ISO = 0.1
@@ -61,15 +155,14 @@ def all_scores(
     nan = float("nan")
     out = dict.fromkeys(SCORES, nan) | {"iso_shift_s": nan}
     whole = score_curve(time, trial, model)
-    out["rmse_rad"], out["rmse_over_range"] = whole.rmse, whole.rmse_over_range
+    out |= {name: whole[name] for name in ("rmse_rad", "rmse_over_range")}
     if early is not None:
-        out["before_impact_rmse_rad"] = score_curve(time[early], trial[early], model[early]).rmse
+        out["before_impact_rmse_rad"] = score_curve(time[early], trial[early], model[early])["rmse_rad"]
     both = np.isfinite(trial) & np.isfinite(model)
     if not both.any():
         return out
     t, m = trial[both], model[both]
-    sg = sprague_geers(t, m)
-    out |= {"sg_magnitude": sg.magnitude, "sg_phase": sg.phase, "sg_combined": sg.combined}
+    out["sg_magnitude"], out["sg_phase"], out["sg_combined"] = sprague_geers(t, m)
     if iso and both.mean() >= 1 - MOST_CUT_FOR_ISO:
         out |= _iso(t, m, float(np.median(np.diff(time))))
     return out

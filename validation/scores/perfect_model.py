@@ -15,21 +15,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-import model
 from validation.conventions import CHANNEL_GROUPS, Array
 from validation.measurement.trial import MeasuredTrial
-from validation.prediction.joint_draws import (
-    CHANNELS,
-    DrawnAction,
-    JointDraw,
-    chosen_trials,
-    drawn_actions,
-    drawn_readings,
-    drawn_run,
-    joint_draws,
-    session_seed,
-)
-from validation.prediction.many_runs import Run, run_many
+from validation.prediction.joint_draws import CHANNELS, JointDraw, chosen_trials, each_draw, joint_draws, session_seed
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.scores.curve_scores import SCORES, all_scores, pooled_score
 from validation.scores.traces import SessionTraces, scored
@@ -133,22 +121,12 @@ def _scores(
     paired: bool,
 ) -> list[list[dict[str, dict[str, float]]]]:
     """Scores of each trial in each draw by channel; no channel where the draw cannot be run."""
-    places: list[tuple[MeasuredTrial, DrawnAction | None, Sequence[_Curve], Array]] = []
-    runs: list[Run | None] = []
-    actions = drawn_actions(tested, [m for m, _ in trials], draws)
-    for (m, curves), of_trial in zip(trials, actions, strict=True):
-        times = np.unique(np.concatenate([c.time_s for c in curves])) if curves else np.empty(0)
-        for drawn in of_trial:
-            places.append((m, drawn, curves, times))
-            runs.append(drawn_run(tested, m, drawn, times) if drawn is not None and times.size else None)
+    times = [np.unique(np.concatenate([c.time_s for c in curves])) if curves else np.empty(0) for _, curves in trials]
 
-    def scores(i: int, solution: model.Solution) -> dict[str, dict[str, float]]:
-        m, drawn, curves, times = places[i]
-        assert drawn is not None
-        read = drawn_readings(m, drawn, times, solution)
+    def scores(i: int, read: Array) -> dict[str, dict[str, float]]:
         out = {}
-        for c in curves:
-            trial = np.where(c.lost, np.nan, read[np.searchsorted(times, c.time_s), c.channel])
+        for c in trials[i][1]:
+            trial = np.where(c.lost, np.nan, read[np.searchsorted(times[i], c.time_s), c.channel])
             reached = all_scores(c.time_s, trial, c.predicted, c.early)
             values = {name: float(reached[name]) for name in SCORES}
             if paired:
@@ -157,8 +135,8 @@ def _scores(
             out[CHANNELS[c.channel]] = values
         return out
 
-    found = [one or {} for one in run_many(tested, runs, scores)]
-    return [found[k : k + len(draws)] for k in range(0, len(found), len(draws))]
+    found = each_draw(tested, [(m, time) for (m, _), time in zip(trials, times, strict=True)], draws, scores)
+    return [[one or {} for one in of_trial] for of_trial in found]
 
 
 def _curves(m: MeasuredTrial, traces: SessionTraces, without: Collection[tuple[int, str]]) -> list[_Curve]:

@@ -15,13 +15,19 @@ from numpy.typing import NDArray
 
 from validation.cache.result_store import ResultStore
 from validation.conventions import CHANNEL_GROUPS, WORKERS, Array
-from validation.events.angular_speed import speed_table, store_speeds
 from validation.events.session import SessionEvents
 from validation.prediction.session import PredictedSession
-from validation.scores.curve_scores import SCORES, all_scores
-from validation.scores.iso18571_guards import guard_notes
-from validation.scores.metrics import score_curve
-from validation.scores.traces import INFIX, SessionTraces, film_trace_table, scored, trace_table
+from validation.scores.curve_scores import SCORES, all_scores, score_curve
+from validation.scores.iso18571 import guard_notes
+from validation.scores.traces import (
+    INFIX,
+    SessionTraces,
+    film_trace_table,
+    scored,
+    speed_table,
+    store_speeds,
+    trace_table,
+)
 
 
 @dataclass(frozen=True)
@@ -85,16 +91,9 @@ def _scores(
 ) -> dict[str, object]:
     whole = score_curve(time, trial, model)
     scores = all_scores(time, trial, model, early)
-    out: dict[str, object] = dict(scores)
-    out |= {
-        "bias_rad": whole.bias,
-        "scatter_rad": whole.scatter,
-        "largest_rad": whole.largest,
-        "largest_at_s": whole.largest_at_s,
-        "n": whole.n,
-        "n_lost": whole.n_lost,
-        "iso_guards": "; ".join(guard_notes(time, trial, model, scores)),
-    }
+    beside = ("bias_rad", "scatter_rad", "largest_rad", "largest_at_s", "n", "n_lost")
+    out: dict[str, object] = {**scores, **{name: whole[name] for name in beside}}
+    out["iso_guards"] = "; ".join(guard_notes(time, trial, model, scores))
     for label in INFIX:
         rival = all_scores(time, trial, rivals[label], early) if label in rivals else {}
         out |= {f"{label}_{score}": rival.get(score, np.nan) for score in SCORES}

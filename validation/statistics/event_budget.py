@@ -26,8 +26,7 @@ from validation.conventions import ENCODER_BODIES, WORKERS, Array
 from validation.errors import PredictionError, ValidationInputError
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import find_events
-from validation.measurement.geometry import ActionGeometry
-from validation.measurement.stroke import motion_of
+from validation.measurement.geometry import ActionGeometry, motion_of
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.input_sampling import IDENTIFIED, Case, cases
 from validation.prediction.many_runs import Run, run_many

@@ -1,20 +1,22 @@
-"""All tables of a session: the sixth stage of a comparison."""
+"""All tables of a session: the sixth stage of a comparison; SI and rad."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from model.errors import ModelError
-from validation.events.key_lift import lifted_samples
+from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
+from validation.events.key_lift import KeyLift, lifted_samples
 from validation.events.session import SessionEvents
-from validation.findings.finding import are_faulty, distorted_trials
-from validation.findings.pooling import counting_events, sound_trials
+from validation.findings.finding import are_faulty, counting_events, distorted_trials, sound_trials
 from validation.findings.session import SessionFindings
 from validation.measurement.session import representative
+from validation.measurement.trial import MeasuredTrial
 from validation.options import ComparisonOptions
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.motion_driven import COLUMNS as MOTION_COLUMNS
@@ -23,31 +25,107 @@ from validation.prediction.session import PredictedSession
 from validation.result import SessionTables
 from validation.scores.perfect_model import perfect_scores
 from validation.scores.session import ScoredSession
-from validation.statistics.difference_draws import difference_draws
 from validation.statistics.event_budget import COLUMNS as BUDGET_COLUMNS
 from validation.statistics.event_budget import event_budget
-from validation.statistics.paired_difference import Judgement, judge
+from validation.statistics.paired_difference import Judgement, difference_draws, judge
 from validation.statistics.repeatability import event_repeatability, few_trials_warning
-from validation.tables.channels import channel_tables
+from validation.tables.channels import (
+    NO_CEILING,
+    channel_tables,
+    phase_table,
+    scorecard,
+    with_repeatability,
+    with_scores,
+)
 from validation.tables.events import event_summary, event_table
-from validation.tables.phases import phase_table
-from validation.tables.scorecard import NO_CEILING, scorecard, with_repeatability, with_scores
-from validation.tables.trials import lift_table, trial_table, uncertainty_table
+
+LIFT_COLUMNS = ["trial", "channel", "start_s", "end_s", "largest_at_s", "gap_m", "lift_m", "rail_pull_n", "reason"]
+
+
+def lift_table(lifts: Mapping[int, Sequence[KeyLift]]) -> pd.DataFrame:
+    """Every interval left out of the scores."""
+    rows = [{"trial": number, "channel": "key", **asdict(lift)} for number, found in lifts.items() for lift in found]
+    return pd.DataFrame(rows, columns=LIFT_COLUMNS)
+
+
+def uncertainty_table(measurements: Sequence[MeasuredTrial], film: dict[int, pd.DataFrame]) -> pd.DataFrame:
+    """Stated standard uncertainty of one sample of every channel; for film the median over frames."""
+    rows: list[dict[str, object]] = []
+    for m in measurements:
+        for i, name in enumerate(ENCODER_CHANNELS):
+            quantisation = float(m.resolution_rad[i] / np.sqrt(12))
+            rows.append(
+                {
+                    "trial": m.number,
+                    "channel": name,
+                    "source": "encoder",
+                    "quantisation_rad": quantisation,
+                    "u_rad": float(m.u_rad[i]),
+                    "scale_relative_u": float(m.scale_relative_u[i]),
+                }
+            )
+        if m.number in film:
+            for name in FILM_CHANNELS:
+                u = film[m.number][f"{name}_u_rad"].to_numpy()
+                u = u[np.isfinite(u)]
+                median = float(np.median(u)) if u.size else float("nan")
+                rows.append(
+                    {
+                        "trial": m.number,
+                        "channel": name,
+                        "source": "film",
+                        "quantisation_rad": np.nan,
+                        "u_rad": median,
+                        "scale_relative_u": np.nan,
+                    }
+                )
+    return pd.DataFrame(rows)
+
+
+def trial_table(predicted: PredictedSession) -> pd.DataFrame:
+    """Every trial of the session, used or not."""
+    measured = {m.number: m for m in predicted.trials}
+    rows = []
+    for number in sorted({*measured, *predicted.refused}):
+        if number in measured:
+            rows.append(_used(measured[number], predicted.predictions[number].model.reused))
+        else:
+            rows.append({"trial": number, "used": False, "reason": predicted.refused[number]})
+    return pd.DataFrame(rows)
+
+
+def _used(m: MeasuredTrial, reused: bool) -> dict[str, object]:
+    hum = m.force.hum
+    row: dict[str, object] = {
+        "trial": m.number,
+        "used": True,
+        "reason": "",
+        "quiet_s": m.quiet.length_s,
+        "onset_s": m.quiet.onset_s,
+        "offset_n": hum.offset_n,
+        "u_offset_n": hum.u_offset_n,
+        "hum_hz": hum.frequency_hz,
+        "hum_searched": hum.frequency_searched,
+        "hum_accepted": hum.accepted,
+        "hum_reason": hum.reason,
+    }
+    row |= {f"hum_{k}_n": a for k, a in enumerate(hum.amplitude_n, start=1)}
+    row |= {f"hum_{k}_phase_rad": a for k, a in enumerate(hum.phase_rad, start=1)}
+    return row | {
+        "noise_n": m.force.noise_n,
+        "preload_n": m.force.preload_n,
+        "u_preload_n": m.force.channel.u_preload_n,
+        "group_delay_s": m.force.channel.group_delay_s,
+        "peak_force_n": float(m.force.force_n.max()),
+        "filmed": m.film is not None,
+        "reused": reused,
+        "seal": m.seal,
+        "notes": "; ".join(m.notes),
+    }
+
 
 FINDING_COLUMNS = ["kind", "trial", "channel", "value", "limit", "text"]
 CHANGE_COLUMNS = ["set", "changes", "cause", "change", "u", "unit", "log_odds", "left"]
-
-
-@dataclass(frozen=True)
-class MotionComparison:
-    """Force predicted from the key's motion: the table's row, the trace over time, and why there is none."""
-
-    table: pd.DataFrame
-    trace: pd.DataFrame | None = None
-    notes: tuple[str, ...] = ()
-
-
-NO_MOTION = MotionComparison(pd.DataFrame(columns=MOTION_COLUMNS))
 
 
 def make_tables(
@@ -75,12 +153,12 @@ def make_tables(
     card = scorecard(scored.scores, traces, ceiling, without)
     counting = counting_events(events.trial, without)
     summary = event_summary(counting, events.model)
-    motion = _by_motion(predicted, events, findings, tested) if options.by_motion else NO_MOTION
+    rows, trace, notes = _by_motion(predicted, events, findings, tested) if options.by_motion else ([], None, [])
     budget = pd.DataFrame(columns=BUDGET_COLUMNS)
     if options.budget:
         options.say("uncertainty budget of the events")
         budget = event_budget(tested, representative(predicted.trials), summary)
-    warnings = [*_warnings(predicted, findings), *scored.notes, *motion.notes, *tested.store.save()]
+    warnings = [*_warnings(predicted, findings), *scored.notes, *notes, *tested.store.save()]
     return SessionTables(
         warnings=warnings,
         window=events.window,
@@ -100,8 +178,8 @@ def make_tables(
         spread=spread,
         traces=traces.encoder,
         film_traces=traces.film,
-        motion_driven=motion.table,
-        motion_trace=motion.trace,
+        motion_driven=pd.DataFrame(rows, columns=MOTION_COLUMNS),
+        motion_trace=trace,
         judgement=judgement.facts(),
         nuisance=ceiling.nuisance,
     )
@@ -128,16 +206,15 @@ def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterato
 
 def _by_motion(
     predicted: PredictedSession, events: SessionEvents, findings: SessionFindings, tested: ModelUnderTest
-) -> MotionComparison:
-    """Motion-driven comparison of the sound trial of median peak force."""
+) -> tuple[list[dict[str, Any]], pd.DataFrame | None, list[str]]:
+    """Motion-driven comparison of the sound trial of median peak force: its row, the trace, and why there is none."""
     sound = sound_trials(predicted.trials, findings.faults)
     if not sound:
-        return NO_MOTION
+        return [], None, []
     m = representative(sound)
     at = m.time_s[events.window.mask(m.time_s)]
     try:
         trace = motion_driven(tested, m, at, lifted_samples(at, events.lifts[m.number]))
     except ModelError as error:
-        return replace(NO_MOTION, notes=(f"trial {m.number}: not driven by its motion: {error}",))
-    row = motion_row(m.number, trace, m.force.channel.gain_relative_u)
-    return MotionComparison(pd.DataFrame([row], columns=MOTION_COLUMNS), trace)
+        return [], None, [f"trial {m.number}: not driven by its motion: {error}"]
+    return [motion_row(m.number, trace, m.force.channel.gain_relative_u)], trace, []

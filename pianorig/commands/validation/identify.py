@@ -16,8 +16,7 @@ from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scene, Sett
 from pianorig.console.output import print_json
 from pianorig.console.overrides import load_model, read_settings
 from pianorig.console.progress import say
-from validation.identification.outcome.target_file import check_target
-from validation.report.files import check_folder
+from validation.report.files import check_folder, check_target
 
 
 def command(

@@ -21,8 +21,7 @@ from validation.conventions import BODIES, ENCODER_BODIES
 from validation.curves.signs import TITLE, degrees
 from validation.events.definitions import EVENTS
 from validation.events.detect import find_events
-from validation.measurement.geometry import geometry_of
-from validation.measurement.stroke import motion_of
+from validation.measurement.geometry import geometry_of, motion_of
 from vision.output.colours import colour_of
 
 RATE_HZ = 5000.0

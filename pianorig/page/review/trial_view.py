@@ -29,7 +29,7 @@ from validation.events.detect import find_events
 from validation.events.session import predicted_motion
 from validation.measurement.trial import MeasuredTrial, measure
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.trial_prediction import PredictedAngles, predict_trial
+from validation.prediction.session import PredictedAngles, predict_trial
 from vision.output.colours import colour_of
 
 TOLERANCE_RAD = 1e-5

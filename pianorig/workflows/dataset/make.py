@@ -19,9 +19,7 @@ from pianorig.workflows.dataset.films import LEVELS, write_film
 from pianorig.workflows.dataset.play import FAULTS, FILM_HZ, SpecimenBench
 from pianorig.workflows.dataset.specimens import draw_specimen
 from rig.storage.atomic_write import write_text
-from validation.dataset.files import write_netcdf
-from validation.dataset.load import INDEX, SCHEMA
-from validation.dataset.seal import salted_sha256, truth_text
+from validation.dataset.files import INDEX, SCHEMA, salted_sha256, truth_text, write_netcdf
 
 SEED = 20041
 EACH = 3

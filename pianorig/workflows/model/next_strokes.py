@@ -10,11 +10,9 @@ from pianorig.workflows.model.predict_blow import predictor
 from rig import Rig, RigError, Session, session_rig
 from validation import Identification
 from validation.identification.estimates import LACKING
-from validation.identification.further.plan_file import best_stroke, write_plan
-from validation.identification.further.shelf import shelf
-from validation.identification.further.shrink import TRIALS, Prospect, prospects
-from validation.identification.page.sentences import plain_sentences, prospect_words, together
-from validation.identification.petab.read import is_petab
+from validation.identification.further import TRIALS, Prospect, best_stroke, prospects, shelf, write_plan
+from validation.identification.page import plain_sentences, prospect_words, together
+from validation.identification.petab import is_petab
 from validation.identification.scatter import lacking
 
 NO_SESSION = (

@@ -7,7 +7,7 @@ import pytest
 import model
 from pianorig.console.overrides import load_changed, load_model, read_variant, split_model
 from pianorig.errors import CommandInputError
-from validation.pipeline.distinct_names import distinct_models
+from validation.pipeline.compare_sessions import distinct_models
 
 
 def test_a_model_takes_its_own_changes_beside_those_of_all():

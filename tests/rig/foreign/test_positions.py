@@ -18,7 +18,7 @@ from rig.session import Session
 from rig.session.channel_info import ChannelInfo, RulerInfo
 from rig.session.ruler import ABOVE, BELOW, position_of, ruler_curve
 from tests.command_line import run
-from validation.positions.measured import measure_positions
+from validation.measurement.positions import measure_positions
 
 RATE = 2000.0
 RULER_M = np.linspace(0.0, 0.010, 11)
@@ -232,10 +232,10 @@ def test_a_recording_with_a_short_rest_is_compared_as_far_as_its_rest_can_be_see
     time_s = np.arange(int(2.5 * RATE)) / RATE
     x = strokes(time_s, (start_s, 1.2))
     session = import_text(tmp_path, mapping(), write(tmp_path / "soon.csv", x, 0.9 * x, time_s))
-    found = measure_positions(session)
-    assert [stroke.number for stroke in found.strokes] == ([1, 2] if start_s > 0.03 else [2])
-    assert all("\n" not in why and "at rest" in why for why in found.refused.values())
-    for stroke in found.strokes:
+    seen, refused = measure_positions(session)
+    assert [stroke.number for stroke in seen] == ([1, 2] if start_s > 0.03 else [2])
+    assert all("\n" not in why and "at rest" in why for why in refused.values())
+    for stroke in seen:
         first = round(float(session.trial(stroke.number).read().provenance["source_start_s"]) * RATE)
         true = x[first : first + stroke.time_s.size]
         assert np.abs(stroke.key.value_m - true).max() < 2e-4

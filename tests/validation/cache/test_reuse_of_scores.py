@@ -35,7 +35,7 @@ def predict(monkeypatch):
     counting = Heavy()
     monkeypatch.setattr(model, "simulate", counting)
     # it does not move as the trials do: each would be run under other signs and units of the force
-    monkeypatch.setattr("validation.findings.signals.force_sign_and_unit.FACTORS", {})
+    monkeypatch.setattr("validation.findings.force.FACTORS", {})
     # how often is counted here, not what comes out
     monkeypatch.setattr("validation.scores.perfect_model.DRAWS", 5)
     return counting
@@ -47,7 +47,7 @@ def compared_once(make, tmp_path_factory):
     session, truth = make.session(tmp_path_factory.mktemp("reuse") / "forte", n_trials=3, filmed=(2,))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(model, "simulate", Heavy())
-        patch.setattr("validation.findings.signals.force_sign_and_unit.FACTORS", {})
+        patch.setattr("validation.findings.force.FACTORS", {})
         compare_session(session, truth.action, **SIMPLE)
     return session.path, truth.action
 

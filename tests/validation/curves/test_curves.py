@@ -10,8 +10,8 @@ import pytest
 
 import validation
 from validation.curves.marks import trial_marks
-from validation.curves.thinning import uneven_samples
-from validation.report.figures.quantiles import quantiles
+from validation.curves.style import uneven_samples
+from validation.report.figures.layout import quantiles
 
 
 def test_the_table_is_tidy_and_holds_the_traces_on_one_base(compared):
@@ -159,9 +159,9 @@ def test_quantiles_are_numpys_and_leave_lost_values_out():
     curves = rng.normal(size=(50, 23))
     curves[7, 3:] = np.nan
     curves[8] = np.nan
-    found = quantiles(np.arange(50.0), curves)
-    assert found.time_s.size == 50
+    time_s, values = quantiles(np.arange(50.0), curves)
+    assert time_s.size == 50
     expected = np.quantile(curves[0], [0.05, 0.25, 0.5, 0.75, 0.95])
-    np.testing.assert_allclose(found.values[0], expected)
-    np.testing.assert_allclose(found.values[7], np.quantile(curves[7, :3], [0.05, 0.25, 0.5, 0.75, 0.95]))
-    assert np.isnan(found.values[8]).all()
+    np.testing.assert_allclose(values[0], expected)
+    np.testing.assert_allclose(values[7], np.quantile(curves[7, :3], [0.05, 0.25, 0.5, 0.75, 0.95]))
+    assert np.isnan(values[8]).all()

@@ -8,9 +8,9 @@ import pytest
 from benchmarks.bench_strokes import FINE, play
 from benchmarks.event_coverage import nominal
 from validation.conventions import ENCODER_CHANNELS
-from validation.events.angular_speed import contact_times, speed_table, split_speed
 from validation.events.detect import find_events
 from validation.measurement.trial import measure
+from validation.scores.traces import contact_times, speed_table, split_speed
 
 RATE_HZ = 5000.0
 COUNT_RAD = 2 * np.pi / 163_840

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.events.check_and_rest import check, find_hold, key_bottom, key_release, rest
 from validation.events.definitions import EVENTS
-from validation.events.detect import find_events
-from validation.measurement.stroke import Motion
+from validation.events.detect import check, find_events, find_hold, key_bottom, key_release, rest
+from validation.measurement.geometry import Motion
 
 RATE_HZ = 5000.0
 REST_M = 0.0481
@@ -161,8 +160,7 @@ def reference_action():
 
 
 def events_of(model, action, time, force):
-    from validation.measurement.geometry import geometry_of
-    from validation.measurement.stroke import motion_of
+    from validation.measurement.geometry import geometry_of, motion_of
 
     rest_state = model.rest_state(action)
     solution = model.simulate(action, time, force, initial=rest_state)

@@ -13,8 +13,7 @@ from benchmarks.event_coverage import pairs
 from benchmarks.shank_speed import speeds
 from validation.events.definitions import EVENTS
 from validation.events.detect import find_events
-from validation.measurement.geometry import geometry_of
-from validation.measurement.stroke import motion_of
+from validation.measurement.geometry import geometry_of, motion_of
 from validation.measurement.trial import measure
 
 TRIALS = 24

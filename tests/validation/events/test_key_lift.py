@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from validation.events.detect import find_events
-from validation.events.excluded_samples import rail_pulls, with_doubtful_events
-from validation.events.key_lift import SCALE_RADIUS_M, capstan_of, find_lifts, lifted_samples
-from validation.measurement.geometry import geometry_of
-from validation.measurement.stroke import motion_of
+from validation.events.key_lift import (
+    SCALE_RADIUS_M,
+    capstan_of,
+    find_lifts,
+    lifted_samples,
+)
+from validation.events.session import rail_pulls, with_doubtful_events
+from validation.measurement.geometry import geometry_of, motion_of
 from validation.scores.traces import scored
 
 model = pytest.importorskip("model")

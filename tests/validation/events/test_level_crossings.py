@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.events.level_crossings import (
+from validation.events.detect import (
     bend_uncertainty_s,
     down_crossings,
     first_after,

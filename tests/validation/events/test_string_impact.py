@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from validation.events.free_flight import flight
-from validation.events.string_impact import find_strikes
-from validation.measurement.stroke import Motion
+from validation.events.detect import find_strikes, flight
+from validation.measurement.geometry import Motion
 
 RATE_HZ = 5000.0
 IMPACT_S = 0.1003

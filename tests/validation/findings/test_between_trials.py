@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from validation.events.key_lift import KeyLift
-from validation.findings.between_trials.changed_condition import changed_condition
-from validation.findings.between_trials.duplicates import duplicates
-from validation.findings.between_trials.mixed_strokes import mixed_strokes, two_kinds
-from validation.findings.between_trials.outlying_residuals import outlying_residuals
-from validation.findings.between_trials.residuals import residuals_of
-from validation.findings.camera_clock import camera_clock
-from validation.findings.film_wiring import film_wiring
+from validation.findings.between_trials import (
+    changed_condition,
+    duplicates,
+    mixed_strokes,
+    outlying_residuals,
+    residuals_of,
+    two_kinds,
+)
+from validation.findings.encoders import lifts
+from validation.findings.film import camera_clock, film_wiring
 from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
-from validation.findings.session_checks import lifts
 
 
 def scaled_force(m, by):

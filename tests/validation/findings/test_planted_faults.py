@@ -10,7 +10,7 @@ import pytest
 
 from sessions.make_planted import CAMERA_LATE_S, HUM_N, LIFT_AT_S, LIFT_S, PLANTED, make_session
 from validation import compare_session
-from validation.findings.camera_clock import clock_offset
+from validation.findings.film import clock_offset
 
 SHIPPED = Path(__file__).parents[3] / "sessions" / "planted_faults"
 QUICK = {"keep_predictions": False, "rivals": (), "budget": False}

@@ -8,20 +8,18 @@ import numpy as np
 import pytest
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
-from validation.findings.signals.encoder_return import encoder_return
-from validation.findings.signals.encoder_travel import Travel, encoder_travel, travel_of
-from validation.findings.signals.force_delay import (
+from validation.findings.encoders import Travel, encoder_return, encoder_travel, stuck_bits, travel_of
+from validation.findings.force import (
     BAND_HZ,
     SMOOTH_S,
     band_passed,
     force_delay,
+    force_drift,
     force_lag,
+    force_saturation,
+    force_sign_and_unit,
     second_derivative,
 )
-from validation.findings.signals.force_drift import force_drift
-from validation.findings.signals.force_saturation import force_saturation
-from validation.findings.signals.force_sign_and_unit import force_sign_and_unit
-from validation.findings.signals.stuck_bits import stuck_bits
 
 
 def kinds(found):

@@ -17,16 +17,14 @@ from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.fit import fit
+from validation.identification.force_runs import Own
 from validation.identification.identify import bounds_not_run, identify, look_before
-from validation.identification.options import IdentifyOptions
-from validation.identification.outcome.target_file import check_target
 from validation.identification.problem import Problem
-from validation.identification.runs.own import Own
-from validation.identification.sources import _names, _refuse_other_actions, collect
-from validation.identification.unknowns.naming import expand
-from validation.identification.unknowns.priors import unknowns
+from validation.identification.sources import IdentifyOptions, _names, _refuse_other_actions, collect
+from validation.identification.unknowns import expand, unknowns
 from validation.pipeline.compare_session import compare_session
-from validation.positions.identify import of_null
+from validation.prediction.positions import of_null
+from validation.report.files import check_target
 
 SESSIONS = Path(__file__).parents[3] / "sessions"
 ACTION = model.load_action()

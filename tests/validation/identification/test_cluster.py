@@ -16,14 +16,12 @@ import pytest
 
 import model
 from validation.errors import ValidationInputError
+from validation.identification.force_runs import ForceRuns, spread
 from validation.identification.identify import identify
+from validation.identification.motion_runs import response_to
 from validation.identification.observations import ObservedTrial
-from validation.identification.options import IdentifyOptions
-from validation.identification.runs.model_runs import ModelRuns
-from validation.identification.runs.responses import response_to
-from validation.identification.sources import collect
-from validation.identification.unknowns.priors import unknowns
-from validation.prediction.elsewhere import spread
+from validation.identification.sources import IdentifyOptions, collect
+from validation.identification.unknowns import unknowns
 
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
 ASKED = ["hammer.joint_friction", "contact07.friction"]
@@ -45,7 +43,7 @@ def trials() -> list[ObservedTrial]:
 
 
 def test_a_lost_run_is_no_model_that_cannot_run(trials: list[ObservedTrial]) -> None:
-    runs = ModelRuns(model.load_action(), (), trials, executor=Gone())
+    runs = ForceRuns(model.load_action(), (), trials, executor=Gone())
     with pytest.raises(ValidationInputError, match="a run was lost where it was computed .BrokenProcessPool"):
         runs.curves([np.zeros(0)])
     free = unknowns(model.load_action(), ASKED, ["*"])

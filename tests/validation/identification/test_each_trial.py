@@ -10,12 +10,12 @@ import pytest
 
 from tests.validation.identification import toy
 from validation.conventions import Array
-from validation.identification.each_trial import bends, refine
+from validation.identification.estimates import profile
 from validation.identification.fit import fit
+from validation.identification.force_runs import Own
+from validation.identification.minima import bends, refine
 from validation.identification.problem import Problem, curves_at, residuals_there
-from validation.identification.profiles import profile
-from validation.identification.runs.own import Own
-from validation.identification.sampling.sample import _density
+from validation.identification.sampling import _density
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 

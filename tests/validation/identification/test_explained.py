@@ -11,9 +11,9 @@ import pytest
 
 import model
 from tests.validation.identification import toy
+from validation.identification import result as explained
 from validation.identification.difference.explain import ABOUT, Explained
-from validation.identification.outcome import explained
-from validation.identification.outcome.explained import BY_MOTION, explained_lines
+from validation.identification.result import BY_MOTION, explained_lines
 from validation.identification.sources import Sources
 
 ACTION = model.load_action()

@@ -9,8 +9,7 @@ import pytest
 
 from tests.validation.identification import toy
 from validation.identification.blocks import INSTRUMENT, LOST_RAD, make_blocks, residuals
-from validation.identification.film_channels import film_seen
-from validation.identification.observations import ENCODERS, FILM, with_film
+from validation.identification.observations import ENCODERS, FILM, film_seen, with_film
 from validation.measurement.trial import FilmAngles
 
 FRAME_S = np.arange(0.0, 0.2, 4e-3)

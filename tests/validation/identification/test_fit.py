@@ -12,13 +12,11 @@ from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.blocks import residuals
-from validation.identification.estimates import estimate_all
+from validation.identification.estimates import IDENTIFIED, NOT_IDENTIFIABLE, estimate_all, profile
 from validation.identification.fit import fit
 from validation.identification.identifiability import directions, warnings_of
 from validation.identification.identify import look_before
 from validation.identification.minima import starts
-from validation.identification.outcome.result import IDENTIFIED, NOT_IDENTIFIABLE
-from validation.identification.profiles import profile
 from validation.identification.scatter import factors, jackknife, lacking, widened
 
 TRUTH = np.array([0.8, -0.5, 0.3])

@@ -14,13 +14,19 @@ from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.fit import Fitted, fit
-from validation.identification.further.plan_file import write_plan
-from validation.identification.further.shelf import Candidate, at_level
-from validation.identification.further.shrink import Prospect, block_of, further, of_sizes, prospects
+from validation.identification.force_runs import Own
+from validation.identification.further import (
+    Candidate,
+    Prospect,
+    at_level,
+    block_of,
+    further,
+    of_sizes,
+    prospects,
+    write_plan,
+)
 from validation.identification.observations import ObservedTrial
 from validation.identification.problem import Problem
-from validation.identification.runs.own import Own
-from validation.identification.runs.placed import with_own
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 AGAIN = 6
@@ -45,7 +51,7 @@ class Mixed(toy.Toy):
         """As in `Response`."""
         return [
             [self.of(t).curve(at) for t, at in zip(self.trials, self.places(z, o), strict=True)]
-            for z, o in with_own(points, own)
+            for z, o in zip(points, len(points) * [None] if own is None else own, strict=True)
         ]
 
     def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:

@@ -13,18 +13,14 @@ import model
 from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.identification.blocks import residuals, rows
-from validation.identification.channels.key_driven import observe_driven
 from validation.identification.fit import fit
+from validation.identification.force_runs import Case, ForceRuns, noise_knots, slow_noise_n
 from validation.identification.minima import search
 from validation.identification.noise import Marginal, Sizes, box_step, learn
-from validation.identification.observations import ObservedTrial
-from validation.identification.options import IdentifyOptions
+from validation.identification.observations import ObservedTrial, observe_driven
 from validation.identification.problem import Problem
-from validation.identification.runs.exact_runs import ExactRuns
-from validation.identification.runs.force_noise import noise_knots, slow_noise_n
-from validation.identification.runs.model_runs import Case, ModelRuns
-from validation.identification.sources import collect
-from validation.identification.unknowns.priors import unknowns
+from validation.identification.sources import IdentifyOptions, collect
+from validation.identification.unknowns import unknowns
 
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
 
@@ -79,11 +75,11 @@ def test_force_noise_of_a_double_stroke_is_told_from_what_the_action_does() -> N
         toy.trial(1, np.zeros((when.size, 3))), force_time_s=when, force_n=force, time_s=when, noise_n=0.02,
         u_offset_n=0.0, u_white_rad=np.full(3, 1e-5),
     )  # fmt: skip
-    (true,) = ModelRuns(start, (), [blank], 1e-8).curves([np.zeros(0)])[0] or []
+    (true,) = ForceRuns(start, (), [blank], 1e-8).curves([np.zeros(0)])[0] or []
     passed = np.cumsum(np.abs(np.diff(true, axis=0, prepend=0.0)) @ (1.0 / np.ptp(true, axis=0)))
     at = np.unique(np.searchsorted(passed, np.linspace(0.01, 0.99, 60) * passed[-1]))
     trial = replace(blank, force_n=measured, time_s=when[at], change_rad=true[at])
-    runs = ModelRuns(start, (), [trial])
+    runs = ForceRuns(start, (), [trial])
     left = residuals([trial], runs.curves([np.zeros(0)])[0] or [])[0]
     noise = rows(runs.force_columns(np.zeros(0))[0])
     assert np.sqrt(np.mean(left**2)) > 5e-5
@@ -106,10 +102,10 @@ def test_planted_errors_of_the_force_are_found_beside_a_friction(pressed: Observ
     start = model.load_action()
     free = unknowns(start, ["contact07.friction"], ["*"])
     planted = Case(free.asked[0].values(start, 0.5), gain=-1.0, level=2.0, delay=0.7)
-    (curve,) = ModelRuns(start, free.moved, [pressed], 1e-8).run([[planted]])[0] or []
+    (curve,) = ForceRuns(start, free.moved, [pressed], 1e-8).run([[planted]])[0] or []
     noise = 1e-6 * np.random.default_rng(1).standard_normal(curve.shape)
     trial = replace(pressed, change_rad=curve + noise, u_white_rad=np.full(3, 1e-6), u_scale=np.full(3, 1e-6))
-    found = fit(Problem(start, free, (trial,), ExactRuns(start, free.moved, (trial,))))
+    found = fit(Problem(start, free, (trial,), ForceRuns(start, free.moved, (trial,))))
     width = np.sqrt(np.diag(found.covariance))
     assert found.converged
     assert np.all(np.abs(found.z - [0.5, -1.0, 2.0, 0.7]) < 3 * width)

@@ -16,7 +16,7 @@ from validation.identification.identifiability import HALF, directions
 from validation.identification.identify import look_before
 from validation.identification.noise import Marginal, Sizes
 from validation.identification.problem import Columns, Problem
-from validation.identification.unknowns.priors import unknowns
+from validation.identification.unknowns import unknowns
 
 JOINT, RUBBING = "hammer.joint_friction.A", "contact07.friction.A"
 FIRST, SECOND = "contact02", "contact03"

@@ -12,9 +12,7 @@ from scipy.stats import multivariate_normal
 from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.identification.blocks import INSTRUMENT, Block
-from validation.identification.noise import FLOOR, Marginal, Sizes, likeliest
-from validation.identification.noise.held_out import held_out_score
-from validation.identification.noise.learning import scores
+from validation.identification.noise import FLOOR, Marginal, Sizes, held_out_score, likeliest, scores
 
 SMALL = 9  # phases
 

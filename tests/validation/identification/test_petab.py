@@ -16,10 +16,9 @@ from tests.validation.identification import toy
 from validation.errors import ValidationInputError
 from validation.identification.fit import fit
 from validation.identification.observations import ObservedTrial
-from validation.identification.options import IdentifyOptions
-from validation.identification.page.write import write_petab
-from validation.identification.petab.read import is_petab, read_petab
-from validation.identification.sources import _refuse_same_stroke, collect
+from validation.identification.petab import is_petab, read_petab
+from validation.identification.sources import IdentifyOptions, _refuse_same_stroke, collect
+from validation.identification.write import write_petab
 from validation.prediction.posterior import UNKNOWN_STROKE
 
 TRUTH = np.array([0.8, -0.5, 0.3])

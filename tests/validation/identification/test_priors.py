@@ -9,8 +9,7 @@ import pytest
 
 import model
 from validation.errors import ValidationInputError
-from validation.identification.unknowns.naming import expand, group_members, single_names
-from validation.identification.unknowns.priors import LAW_U, parameter_of, unknowns
+from validation.identification.unknowns import LAW_U, expand, group_members, parameter_of, single_names, unknowns
 
 ACTION = model.load_action()
 NAMES = single_names(ACTION)

@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 from tests.validation.identification import toy
-from validation.identification.further.shelf import Candidate
-from validation.identification.further.shrink import Prospect
-from validation.identification.outcome.held_out import CEILING, NULL, EventScore
-from validation.identification.page.render import breakable
-from validation.identification.page.sentences import as_sentence, plain_sentences, prospect_words, together
-from validation.identification.page.tables import residuals_table
+from validation.identification.further import Candidate, Prospect
+from validation.identification.page import (
+    as_sentence,
+    breakable,
+    plain_sentences,
+    prospect_words,
+    residuals_table,
+    together,
+)
+from validation.identification.scores import CEILING, NULL, EventScore
 
 
 def test_a_line_becomes_a_sentence_and_names_stay_as_they_are() -> None:

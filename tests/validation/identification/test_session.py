@@ -12,18 +12,15 @@ import pytest
 
 import model
 from validation.errors import ValidationInputError
+from validation.identification.estimates import TOO_FEW
+from validation.identification.force_runs import Case, ForceRuns
 from validation.identification.identify import PROVISIONAL, identify
-from validation.identification.options import IdentifyOptions
-from validation.identification.outcome.action_file import write_identified
-from validation.identification.outcome.result import FITTED, TOO_FEW
-from validation.identification.page.sentences import as_sentence, plain_sentences
-from validation.identification.page.write import write_reading
-from validation.identification.runs.exact_runs import ExactRuns
-from validation.identification.runs.model_runs import Case, ModelRuns
-from validation.identification.sources import collect
-from validation.identification.unknowns.priors import unknowns
-from validation.prediction.identified_file import altered
-from validation.prediction.posterior import posterior_of
+from validation.identification.page import as_sentence, plain_sentences
+from validation.identification.result import FITTED
+from validation.identification.sources import IdentifyOptions, collect
+from validation.identification.unknowns import unknowns
+from validation.identification.write import write_identified, write_reading
+from validation.prediction.posterior import altered, posterior_of
 
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
 # the specimen of the example, but for what is asked for
@@ -102,7 +99,7 @@ def test_the_page_says_in_plain_sentences_what_is_known_and_what_is_not(found, w
 
 
 def test_nothing_is_left_half_written(found, tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    monkeypatch.setattr("validation.identification.page.write.render_identification", lambda *given: "a page")
+    monkeypatch.setattr("validation.identification.write.render_identification", lambda *given: "a page")
     (tmp_path / "identified.html").mkdir()
     with pytest.raises(ValidationInputError, match="cannot be written"):
         write_reading(found, tmp_path / "identified.toml")
@@ -113,8 +110,8 @@ def test_differences_agree_with_central_ones() -> None:
     start = model.load_action("hirschkorn2004", SPECIMEN)
     free = unknowns(start, ["hammer.joint_friction", "contact02"], ["*"])
     trials = collect([EXAMPLE], start, IdentifyOptions(phases=20)).fitted[:1]
-    runs = ModelRuns(start, free.moved, trials, 1e-8)
-    (jacobian,) = runs.jacobian(np.zeros(len(free.moved)), [0, 1])
+    runs = ForceRuns(start, free.moved, trials, 1e-8)
+    (jacobian,) = runs.differences(np.zeros((1, len(free.moved))), None, [0, 1], [0, 1])
     for j, p in enumerate(free.asked):
         up, down = (runs.run([[Case(p.values(start, s * 2e-3))]])[0] for s in (1, -1))
         assert up is not None and down is not None
@@ -127,8 +124,9 @@ def test_derivatives_are_those_of_differences_whatever_the_tangent_does(specimen
     start = model.load_action("hirschkorn2004", specimen)
     free = unknowns(start, ["hammer.joint_friction"], ["*"])
     trials = collect([EXAMPLE], start, IdentifyOptions(phases=20)).fitted[:1]
-    (exact,) = ExactRuns(start, free.moved, trials).jacobian(np.zeros(len(free.moved)), [0])
-    (difference,) = ModelRuns(start, free.moved, trials, 1e-8).jacobian(np.zeros(len(free.moved)), [0])
+    here = np.zeros((1, len(free.moved)))
+    (exact,) = ForceRuns(start, free.moved, trials).jacobian(here[0], [0])
+    (difference,) = ForceRuns(start, free.moved, trials, 1e-8).differences(here, None, [0], [0])
     assert np.abs(exact - difference).max() < 0.1 * np.abs(difference).max()
 
 

@@ -10,8 +10,8 @@ import pytest
 from tests.validation.identification import toy
 from validation.identification.estimates import estimate_all
 from validation.identification.fit import Fitted, fit
-from validation.identification.outcome.strokes_left_out import beside, jackknife_over_strokes
 from validation.identification.problem import Problem
+from validation.identification.scatter import jackknife_over_strokes
 
 
 def two_kinds(other: float) -> tuple[Problem, Fitted]:
@@ -28,7 +28,7 @@ def test_sessions_that_pull_apart_are_seen(other: float, least: float, most: flo
     problem, fitted = two_kinds(other)
     u = jackknife_over_strokes(fitted)
     assert least <= u[0] <= most
-    estimates = beside(estimate_all(problem, fitted, (), lambda _: None), fitted)
+    estimates = estimate_all(problem, fitted, (), lambda _: None)
     assert [e.u_strokes for e in estimates] == list(u[: len(estimates)])
 
 

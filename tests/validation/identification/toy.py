@@ -10,11 +10,10 @@ import numpy as np
 import model
 from validation.conventions import Array
 from validation.identification.blocks import Block, rows
+from validation.identification.force_runs import Own
 from validation.identification.observations import ObservedTrial
 from validation.identification.problem import Columns, Problem
-from validation.identification.runs.own import Own
-from validation.identification.runs.placed import places, with_own
-from validation.identification.unknowns.priors import Unknowns, unknowns
+from validation.identification.unknowns import Unknowns, unknowns
 
 ASKED = ("key.joint_friction.A", "hammer.joint_friction.A", "contact07.friction.A")
 M = 24
@@ -44,11 +43,13 @@ class Toy:
 
     def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
         """As in `Response`."""
-        return [[self.curve(at) for at in self.places(z, o)] for z, o in with_own(points, own)]
+        every = zip(points, len(points) * [None] if own is None else own, strict=True)
+        return [[self.curve(at) for at in self.places(z, o)] for z, o in every]
 
     def places(self, z: Array, own: Sequence[Own] | None) -> Array:
         """Where each trial is, (trials, p)."""
-        return places(z, z.size, len(self.trials), own)
+        laws = [np.zeros(z.size) if own is None else own[k].laws[: z.size] for k in range(len(self.trials))]
+        return z + np.array(laws).reshape(len(self.trials), z.size)
 
     def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
         """As in `Response`, exact."""

@@ -8,8 +8,7 @@ import pytest
 from validation import InputError, compare_session
 from validation.events.definitions import EVENTS
 from validation.events.detect import find_events
-from validation.measurement.geometry import geometry_of
-from validation.measurement.stroke import motion_of
+from validation.measurement.geometry import geometry_of, motion_of
 
 
 def test_recovered_angles_lie_within_their_stated_uncertainty(recorded, compared):

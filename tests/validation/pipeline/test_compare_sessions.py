@@ -12,9 +12,9 @@ import pytest
 
 from rig.session import Session
 from validation import InputError, compare_sessions, validate_sessions
-from validation.pipeline.distinct_names import distinct, distinct_models, same_recordings
+from validation.pipeline.compare_sessions import distinct, distinct_models, same_recordings
 from validation.report.tables.formatting import degrees
-from validation.report.thesis import compared_anchor, condition_of, measured_anchor
+from validation.report.view import compared_anchor, condition_of, measured_anchor
 
 QUICK = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False}
 

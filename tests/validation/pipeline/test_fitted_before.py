@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import model
-from validation.pipeline.fitted_before import fitted_trials, identified_warnings, prediction_lines
-from validation.prediction.identified_file import altered, digests
-from validation.prediction.posterior import UNKNOWN_STROKE, make_posterior
+from validation.pipeline.verdict import fitted_trials, identified_warnings, prediction_lines
+from validation.prediction.posterior import UNKNOWN_STROKE, altered, digests, make_posterior
 
 NAME = "hammer.joint_friction.A"
 

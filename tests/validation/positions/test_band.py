@@ -8,21 +8,20 @@ import numpy as np
 import pytest
 
 from tests.validation.positions.test_measured import PRESS_M, RATE, TIME_S, trial
-from validation.positions.band import (
+from validation.events.strikes import HOLD, PHASES, RELEASE, STRIKE, find, phases
+from validation.identification.positions import SCATTER, fit, misfit
+from validation.measurement.positions import measure_stroke
+from validation.statistics.bands import (
     FLOORS,
-    Candidate,
     PredictedStroke,
-    calibrate,
+    PredictionBand,
     half_width,
     interval_score,
+    prediction_band,
     quantiles,
     score,
     spread,
 )
-from validation.positions.events import find
-from validation.positions.identify import SCATTER, fit, misfit
-from validation.positions.measured import measure_stroke
-from validation.positions.phases import HOLD, PHASES, RELEASE, STRIKE, phases
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +70,7 @@ def test_band_covers_errors_of_the_size_it_was_calibrated_on(stroke) -> None:
     def wrong(number=1):
         return off_by(stroke, 3e-4 * random.standard_normal(TIME_S.size), number)
 
-    found = calibrate([wrong(k) for k in (1, 2, 3)])
+    found = prediction_band([wrong(k) for k in (1, 2, 3)])
     new = wrong()
     half = half_width(new, found, found.q)
     assert 0.93 < score(new.stroke, new.prediction_m, half)["inside"] < 0.97
@@ -80,7 +79,7 @@ def test_band_covers_errors_of_the_size_it_was_calibrated_on(stroke) -> None:
 
 
 def test_every_training_stroke_has_the_same_weight_and_the_largest_has_all(stroke) -> None:
-    pooled, largest = Candidate(0.02, True, "pooled"), Candidate(0.02, True, "largest")
+    pooled, largest = PredictionBand(0.02, True, "pooled"), PredictionBand(0.02, True, "largest")
     long = replace(stroke, key=replace(stroke.key, value_m=np.zeros(TIME_S.size)))  # all of it rest
     one = 0.02 * stroke.hammer.travel_m
     assert quantiles([off_by(long, one)], pooled)["rest"] == pytest.approx(1.0)
@@ -92,23 +91,23 @@ def test_every_training_stroke_has_the_same_weight_and_the_largest_has_all(strok
 
 def test_a_phase_that_no_training_stroke_shows_has_the_number_of_the_whole(stroke) -> None:
     long = replace(stroke, key=replace(stroke.key, value_m=np.zeros(TIME_S.size)))
-    q = quantiles([off_by(long, 0.02 * stroke.hammer.travel_m)], Candidate(0.02, True, "pooled"))
+    q = quantiles([off_by(long, 0.02 * stroke.hammer.travel_m)], PredictionBand(0.02, True, "pooled"))
     assert q["release"] == q["whole"] == pytest.approx(1.0)
 
 
 def test_the_choice_is_that_of_the_training_strokes(stroke) -> None:
     """Errors in one phase only want numbers by phase; a u that has nothing to do with the error wants a high floor."""
     late = np.where(phases(stroke) == RELEASE, 8e-4, 4e-5)
-    by_phase = calibrate([off_by(stroke, late, 1), off_by(stroke, -late, 2)])
+    by_phase = prediction_band([off_by(stroke, late, 1), off_by(stroke, -late, 2)])
     assert by_phase.by_phase and by_phase.q["release"] > 5 * by_phase.q["hold"]
     slope = np.linspace(0.0, 0.02 * stroke.hammer.travel_m, TIME_S.size)  # an u that says nothing of the error
-    even = calibrate([replace(off_by(stroke, 4e-4, k), u_m=slope) for k in (1, 2)])
+    even = prediction_band([replace(off_by(stroke, 4e-4, k), u_m=slope) for k in (1, 2)])
     assert even.floor == max(FLOORS)
 
 
 def test_the_reported_score_of_a_left_out_stroke_does_not_know_it(stroke) -> None:
     small, large = off_by(stroke, 1e-4, 1), off_by(stroke, 1e-3, 2)
-    found = calibrate([small, replace(small, stroke=replace(stroke, number=3)), large])
+    found = prediction_band([small, replace(small, stroke=replace(stroke, number=3)), large])
     assert found.left_out["2"]["inside"] == 0.0 and found.left_out["1"]["inside"] == 1.0
 
 

@@ -14,10 +14,10 @@ import validation
 from rig.session import Session
 from tests.command_line import run
 from validation.errors import ValidationInputError
-from validation.positions.compare import GOAL_COVER, compare_positions
-from validation.positions.events import find
-from validation.positions.measured import measure_stroke
-from validation.positions.record import read_identified
+from validation.events.strikes import find
+from validation.identification.positions import read_identified
+from validation.measurement.positions import measure_stroke
+from validation.pipeline.compare_positions import GOAL_COVER, compare_positions
 
 SHIPPED = Path(__file__).parents[3] / "sessions" / "kawai_kg3c"
 

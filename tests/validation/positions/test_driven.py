@@ -10,11 +10,20 @@ import pytest
 import model
 from rig.session.channel_info import RulerInfo
 from rig.session.ruler import Position
-from validation.positions.driven import hammer_reading
-from validation.positions.identify import of_model, of_null
-from validation.positions.measured import Measured, Stroke
-from validation.positions.null_hammer import NullAction, predict_null
-from validation.positions.parameters import FREE, NAMES, Nominal, action_of, sensing_of, values_of
+from validation.measurement.positions import Measured, Stroke
+from validation.prediction.positions import (
+    FREE,
+    NAMES,
+    Nominal,
+    NullAction,
+    action_of,
+    hammer_reading,
+    of_model,
+    of_null,
+    predict_null,
+    sensing_of,
+    values_of,
+)
 
 ACTION = model.load_action("hirschkorn2004-regulated")
 KEY_M, HAMMER_M = 0.012, 0.004

@@ -10,7 +10,7 @@ import pytest
 from rig.session.channel_info import NO_FORCE, ChannelInfo, RulerInfo
 from rig.session.trial_data import TrialData
 from validation.errors import TrialError
-from validation.positions.measured import measure_stroke, smoothed
+from validation.measurement.positions import measure_stroke, smoothed
 
 RATE = 2000.0
 RULER_M = np.linspace(0.0, 0.010, 21)

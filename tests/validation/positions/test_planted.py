@@ -15,9 +15,8 @@ from benchmarks.planted_positions import (
     identified_specimen,
     write_recording,
 )
-from validation.positions.events import find
-from validation.positions.measured import Stroke, measure_positions
-from validation.positions.phases import RELEASE, STRIKE, phases
+from validation.events.strikes import RELEASE, STRIKE, find, phases
+from validation.measurement.positions import Stroke, measure_positions
 
 
 @pytest.fixture(scope="module")
@@ -26,9 +25,9 @@ def seen(tmp_path_factory) -> dict[str, tuple[Truth, Stroke]]:
     folder = tmp_path_factory.mktemp("planted")
     truths = write_recording(folder / "r.csv", identified_specimen(seed=3), KEPT_ASIDE)
     session = rig.import_session(folder / "s", [folder / "r.csv"], rig.load_mapping(SHIPPED / "mapping.toml"))
-    measured = measure_positions(session)
-    assert not measured.refused and len(measured.strokes) == len(truths)
-    return {truth.kind: (truth, stroke) for truth, stroke in zip(truths, measured.strokes, strict=True)}
+    strokes, refused = measure_positions(session)
+    assert not refused and len(strokes) == len(truths)
+    return {truth.kind: (truth, stroke) for truth, stroke in zip(truths, strokes, strict=True)}
 
 
 def test_each_is_one_trial_and_each_note_a_strike(seen) -> None:

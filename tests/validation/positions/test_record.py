@@ -10,14 +10,14 @@ import pytest
 
 from tests.validation.positions.test_measured import trial
 from validation.errors import ValidationInputError
-from validation.positions.band import Calibration
-from validation.positions.measured import measure_stroke
-from validation.positions.parameters import NAMES, SENSORS
-from validation.positions.record import MODELS, Identified, read_identified, sensors_of, write_identified
+from validation.identification.positions import MODELS, Identified, read_identified, sensors_of, write_identified
+from validation.measurement.positions import measure_stroke
+from validation.prediction.positions import NAMES, SENSORS
+from validation.statistics.bands import PredictionBand
 
 N, M = len(NAMES), len(SENSORS)
 STROKE = measure_stroke(trial())
-BANDS = {name: Calibration(0.02, True, "pooled", {"rest": 2.0}, {"2": {"inside": 0.9}}) for name in MODELS}
+BANDS = {name: PredictionBand(0.02, True, "pooled", {"rest": 2.0}, {"2": {"inside": 0.9}}) for name in MODELS}
 SET = Identified(
     "hirschkorn2004-regulated", "here", {"2": "ab"}, sensors_of(STROKE), NAMES, [0.1] * N, np.eye(N).tolist(),
     NAMES[:M], [0.0] * M, np.eye(M).tolist(), {"before": 9.0, "after": 1.0, "null": 5.0}, BANDS,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.prediction.coarse_force import SPACING_S, coarse_force
+from validation.prediction.many_runs import SPACING_S, coarse_force
 
 
 def test_straight_lines_between_its_points_are_kept_exactly() -> None:

@@ -26,8 +26,8 @@ from validation.prediction.joint_draws import (
 )
 from validation.prediction.many_runs import run_many
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.trial_prediction import predict_trial
-from validation.statistics.simultaneous_test import STEADY
+from validation.prediction.session import predict_trial
+from validation.statistics.paired_difference import STEADY
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from validation.identification.identifiability import directions
-from validation.prediction.posterior import make_posterior
-from validation.prediction.principal_axes import largest_first, principal_axes
+from validation.prediction.posterior import largest_first, make_posterior, principal_axes
 
 NAMES = ("a", "b", "c")
 ALIKE = np.array([[0.5, -0.499, 0.0], [-0.499, 0.5, 0.0], [0.0, 0.0, 0.1]])

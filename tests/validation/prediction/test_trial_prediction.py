@@ -10,7 +10,7 @@ import pytest
 from validation import PredictionError, compare_session
 from validation.cache.result_store import MOST_VERSIONS
 from validation.prediction.model_under_test import action_sha256
-from validation.prediction.trial_prediction import PredictedAngles
+from validation.prediction.session import PredictedAngles
 
 
 class Counting:
@@ -32,7 +32,7 @@ class Counting:
 @pytest.fixture(autouse=True)
 def one_force(monkeypatch):
     """The stand-in does not move as the trials do: each would be run under other signs and units of the force."""
-    monkeypatch.setattr("validation.findings.signals.force_sign_and_unit.FACTORS", {})
+    monkeypatch.setattr("validation.findings.force.FACTORS", {})
 
 
 @pytest.fixture

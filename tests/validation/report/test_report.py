@@ -16,17 +16,16 @@ from matplotlib import rc_context
 
 from validation import InputError, compare_session, validate_session, write_report
 from validation.curves.signs import degrees, rotation_label
-from validation.curves.thinning import decimate
+from validation.curves.style import decimate
 from validation.events.definitions import EVENTS
 from validation.report.figures.measured import rotation_of_all_trials
 from validation.report.figures.overlays import model_against_trial
 from validation.report.figures.svg import STYLE
 from validation.report.files import write_files
-from validation.report.render import cannot_claim, render_html
+from validation.report.page import cannot_claim, render_html
 from validation.report.tables import scores as present
-from validation.report.tables.budget import budget_table
-from validation.report.tables.forest import forest
-from validation.report.tables.models import event_table
+from validation.report.tables.models import event_table, forest
+from validation.report.tables.scores import budget_table
 from validation.report.view import SessionView
 from validation.side_by_side import alone
 
@@ -303,7 +302,7 @@ def test_every_table_gives_a_difference_of_an_event_the_same_uncertainty(compare
     for event in both:
         assert shown[event] == budget[event], event
     for row in forest(alone(compared)):
-        assert row.difference == shown[row.quantity]
+        assert row["difference"] == shown[row["quantity"]]
     without = replace(compared, budget=compared.budget.iloc[:0])
     (note, *_) = event_table(SessionView((without,))).notes
     assert "no budget was made" in note

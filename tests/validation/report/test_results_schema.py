@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from validation.report.results import SCHEMA, SCHEMA_VERSION, results_json
+from validation.report.write import SCHEMA, SCHEMA_VERSION, results_json
 from validation.side_by_side import SideBySide, alone
 
 ROOT = Path(__file__).parents[3]

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.scores.curve_scores import all_scores
-from validation.scores.iso18571 import iso_score
-from validation.scores.iso18571_guards import guard_notes
-from validation.scores.metrics import trial_pairs
+from validation.scores.curve_scores import all_scores, trial_pairs
+from validation.scores.iso18571 import guard_notes, iso_score
 
 STEP = 1e-4
 

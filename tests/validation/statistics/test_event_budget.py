@@ -9,14 +9,13 @@ import pytest
 
 from validation.events.detect import find_events
 from validation.events.session import predicted_motion
+from validation.measurement.geometry import motion_of
 from validation.measurement.session import measure_session, representative
-from validation.measurement.stroke import motion_of
 from validation.prediction.input_sampling import cases, uncertain_parameters
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.trial_prediction import predict_trial
-from validation.statistics.area_metric import area_floor, area_metric
+from validation.prediction.session import predict_trial
 from validation.statistics.event_budget import _row, event_budget
-from validation.tables.events import event_summary
+from validation.tables.events import area_floor, area_metric, event_summary
 
 pytest.importorskip("model")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from validation.statistics.null_comparison import null_closer
+from validation.statistics.model_comparison import null_closer
 
 
 def scores(model: dict[str, np.ndarray], null: dict[str, np.ndarray]) -> pd.DataFrame:

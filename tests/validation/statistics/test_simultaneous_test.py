@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.statistics.simultaneous_test import simultaneous_test
+from validation.statistics.paired_difference import simultaneous_test
 
 FLOOR = np.full(2, 1e-6)
 TIME = np.linspace(0, 1, 60)

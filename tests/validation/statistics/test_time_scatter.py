@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from validation.statistics.time_scatter import TIME_CONFIDENCE, reach_in_time, time_scatter
+from validation.statistics.bands import TIME_CONFIDENCE, reach_in_time, time_scatter
 
 T = np.arange(600.0)[:, None]
 LATE = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])

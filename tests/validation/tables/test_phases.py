@@ -7,10 +7,9 @@ import pandas as pd
 import pytest
 
 from validation.conventions import ENCODER_CHANNELS
-from validation.events.evaluation_window import Window
-from validation.statistics.difference_draws import DifferenceDraws
-from validation.statistics.paired_difference import NOT_JUDGED, NOT_SHOWN, SHOWN, Judgement, judge
-from validation.tables.phases import BEGINS, PHASES, phase_intervals, phase_table
+from validation.events.session import Window
+from validation.statistics.paired_difference import NOT_JUDGED, NOT_SHOWN, SHOWN, DifferenceDraws, Judgement, judge
+from validation.tables.channels import BEGINS, PHASES, phase_intervals, phase_table
 
 WINDOW = Window(0.0, 1.0, "test", "test")
 STARTS = {"string_impact": 0.1, "check_time": 0.2, "key_release": 0.5, "landing": 0.7}
@@ -72,7 +71,7 @@ def test_the_largest_ratio_of_the_phases_is_the_channels_and_stands_where_the_er
     assert set(hammer.drop("release")["outcome"]) == {NOT_SHOWN}
     assert hammer.loc["release", "difference_rad"] == pytest.approx(0.2)
     assert 0.55 < hammer.loc["release", "at_s"] < 0.65
-    reached = judgement.channel("hammer", np.array([0.0])).row["largest_ratio"]
+    reached = judgement.channel("hammer", np.array([0.0]))[3]["largest_ratio"]
     assert hammer["ratio"].max() == reached  # one number for one quantity
     assert (table[table["channel"] == "key"]["ratio"] == 0).all()
 

@@ -17,10 +17,8 @@ import numpy as np
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.blocks import make_blocks
-from validation.identification.difference.candidates import candidates, known_root
-from validation.identification.difference.evidence import Evidence
-from validation.identification.difference.responses import Point, Responses
-from validation.identification.difference.search import Followed, Search
+from validation.identification.difference.responses import Point, Responses, candidates, known_root
+from validation.identification.difference.search import Evidence, Followed, Search
 from validation.identification.observations import ENCODERS, ObservedTrial, observe
 from validation.measurement.session import representative
 from validation.measurement.trial import MeasuredTrial

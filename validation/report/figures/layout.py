@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import html
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,10 +16,112 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
-from validation.report.figures.pointed import Pointed, pointed_json
+from validation.conventions import Array
+from validation.curves.style import BLUE, draw, uneven_samples
 from validation.report.figures.svg import TIME_PANEL, figure_svg
 from validation.report.view import SessionView
 from validation.result import ValidationResult
+
+MOST_SAMPLES = 300
+
+
+@dataclass(frozen=True)
+class Pointed:
+    """What is said of a place in some panels.
+
+    Attributes
+    ----------
+    panels : Axes that share the values
+    along : (n,) places along the horizontal axis
+    head : what leads the first line, with ``{}`` for the place, and its digits
+    lines : name, unit, digits and (n,) values of each further line
+    """
+
+    panels: tuple[Axes, ...]
+    along: Array
+    head: tuple[str, int]
+    lines: tuple[tuple[str, str, int, Array], ...]
+
+
+def pointed_json(figure: Figure, key: str, pointed: Sequence[Pointed]) -> str:
+    """Values and places of the panels, in the units of the SVG; known once the figure has been drawn.
+
+    Conventions: as shown, in degrees, newtons and the units of the charts; at most `MOST_SAMPLES` places along a curve;
+    null where there is no value. The page's script ``pointed.js`` shows the nearest place.
+    """
+    width, height = (72 * float(v) for v in figure.get_size_inches())
+    out: list[dict[str, Any]] = []
+    for one in pointed:
+        some = slice(None, None, -(-one.along.size // MOST_SAMPLES) if one.along.size else 1)
+        boxes = []
+        for axes in one.panels:
+            box = axes.get_position()
+            boxes.append(
+                {
+                    "id": f"{key}-axes_{figure.axes.index(axes) + 1}",
+                    "left": round(width * box.x0, 3),
+                    "right": round(width * box.x1, 3),
+                    "top": round(height * (1 - box.y1), 3),
+                    "bottom": round(height * (1 - box.y0), 3),
+                    "x": [round(float(v), 6) for v in axes.get_xlim()],
+                }
+            )
+        lines: list[dict[str, Any]] = [
+            {"name": name, "unit": unit, "digits": digits, "y": _plain(values[some], digits)}
+            for name, unit, digits, values in one.lines
+        ]
+        head, digits = one.head
+        out.append(
+            {
+                "panels": boxes,
+                "head": head,
+                "digits": digits,
+                "x": _plain(one.along[some], digits + 1),
+                "lines": [line for line in lines if any(y is not None for y in line["y"])],
+            }
+        )
+    return json.dumps(out, separators=(",", ":"), ensure_ascii=False)
+
+
+def _plain(values: Array, digits: int) -> list[float | None]:
+    return [round(float(v), digits) if np.isfinite(v) else None for v in values]
+
+
+MOST_LINES = 10
+SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
+QUANTILES = "median, quartiles and 5 % to 95 %"
+SAMPLES = 500
+
+
+def quantiles(time_s: Array, curves: Array) -> tuple[Array, Array]:
+    """Quantiles over the trials at unevenly thinned times: the times, and one column for each of `SHARES`.
+
+    Shaded: between the 5 % and 95 % and between the 25 % and 75 % quantile of the trials at each instant; line: median.
+
+    Parameters
+    ----------
+    time_s : (n_samples,)
+    curves : (n_samples, n_trials)
+        NaN is left out.
+    """
+    at = uneven_samples(time_s, curves[:, :: max(1, curves.shape[1] // 8)], SAMPLES)
+    ordered = np.sort(curves[at], axis=1)  # NaN last
+    known = np.isfinite(ordered).sum(axis=1)
+    place = np.clip(known - 1, 0, None)[:, None] * np.array(SHARES)
+    low = np.floor(place).astype(int)
+    high = np.minimum(low + 1, np.clip(known - 1, 0, None)[:, None])
+    rows = np.arange(at.size)[:, None]
+    values = ordered[rows, low] * (1 - (place - low)) + ordered[rows, high] * (place - low)
+    return time_s[at], np.where(known[:, None] > 0, values, np.nan)
+
+
+def draw_quantiles(axes: Axes, found: tuple[Array, Array]) -> None:
+    """Two shades and a line."""
+    t, v = found
+    axes.fill_between(t, v[:, 0], v[:, 4], color=BLUE, alpha=0.18, linewidth=0, label="trials, 5 % to 95 %")
+    axes.fill_between(t, v[:, 1], v[:, 3], color=BLUE, alpha=0.35, linewidth=0, label="trials, quartiles")
+    draw(axes, t, v[:, 2], "trials, median", color=BLUE, linewidth=1.1)
+
 
 ZOOM_S = (0.02, 0.03)
 WIDTH_IN = 9.2

@@ -29,19 +29,21 @@ from validation.curves.style import (
     shade_lifts,
     shared_legend,
 )
-from validation.curves.time_base import on_base
+from validation.curves.table import on_base
 from validation.report.figures.layout import (
+    MOST_LINES,
+    QUANTILES,
     WIDTH_IN,
     ReportFigure,
+    draw_quantiles,
     finish,
     left_out_intervals,
     lift_text,
+    quantiles,
     window,
     zoom_on_impact,
 )
-from validation.report.figures.quantiles import MOST_LINES, QUANTILES, draw_quantiles, quantiles
-from validation.report.thesis import compared_anchor
-from validation.report.view import SessionView
+from validation.report.view import SessionView, compared_anchor
 from validation.result import ValidationResult
 
 MARKS_SAID = (

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pandas as pd
 
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
+from validation.curves.signs import SIGN, TITLE
 from validation.events.definitions import EVENTS
 from validation.report.tables.formatting import DASH, PageTable, degrees, number, with_u
 from validation.report.view import SessionView
-from validation.result import ValidationResult
+from validation.result import NOT_JUDGED, ValidationResult
 from validation.scores.curve_scores import SCORES
 from validation.side_by_side import SideBySide
+from validation.tables.channels import PHASES
 
 MATRIX_SCORES = {"rmse_rad": "RMSE (°)", "iso_overall": "ISO-style"}
 
@@ -148,3 +151,95 @@ def _moved(view: SessionView) -> bool:
     """Whether the trials' own events depend on the model they were found with."""
     first = view.first.event_summary["trial_mean"]
     return any(not r.event_summary["trial_mean"].equals(first) for r in view.results[1:])
+
+
+QUANTITIES = ("hammer_speed", "check_height", "key_release")
+WIDTH, HEIGHT, EDGE = 240.0, 22.0, 8.0
+
+
+def forest(side: SideBySide) -> list[dict[str, Any]]:
+    """Rows of all results, those whose difference is resolved first, then by |difference| / u.
+
+    Of each the quantity, session and model, texts, and the places ``at``, ``low``, ``high`` in the drawing's units.
+
+    Its numbers are those of `ValidationResult.budget`; each quantity has one scale for all its rows.
+    """
+    found: list[tuple[Any, Any]] = [
+        (result, row) for result in side.results for row in result.budget.itertuples() if row.event in QUANTITIES
+    ]
+    reach: dict[str, float] = {}
+    for _, row in found:
+        reach[row.event] = max(reach.get(row.event, 0.0), *(abs(x) for x in _ends(row) if math.isfinite(x)), 0.0)
+
+    def resolved(result: ValidationResult, row: Any) -> bool:
+        return bool(row.resolved) and result.outcome != NOT_JUDGED
+
+    def place(value: float, most: float) -> float:
+        share = value / most if most > 0 and math.isfinite(value) else 0.0
+        return round(WIDTH / 2 + (WIDTH / 2 - EDGE) * share, 2)
+
+    def first(pair: tuple[ValidationResult, Any]) -> tuple[bool, float]:
+        return not resolved(*pair), -float(pair[1].ratio) if math.isfinite(pair[1].ratio) else 1.0
+
+    out = []
+    for result, row in sorted(found, key=first):
+        kind, (low, high), most = EVENTS[row.event], _ends(row), reach[row.event]
+        k = kind.display_factor
+        out.append(
+            {
+                "quantity": kind.label,
+                "session": result.session_name,
+                "model": result.action_name,
+                "difference": with_u(k * row.difference, k * row.u_val),
+                "interval": f"{number(k * low, 3)} to {number(k * high, 3)}",
+                "reading": "not judged"
+                if result.outcome == NOT_JUDGED
+                else ("model error" if row.resolved else "not resolved"),
+                "resolved": resolved(result, row),
+                "at": place(row.difference, most),
+                "low": place(low, most),
+                "high": place(high, most),
+            }
+        )
+    return out
+
+
+def _ends(row: Any) -> tuple[float, float]:
+    return row.difference - 2 * row.u_val, row.difference + 2 * row.u_val
+
+
+STEPS = ((0.5, "h0"), (1.0, "h1"), (2.0, "h2"), (4.0, "h3"), (math.inf, "h4"))
+"""Upper end of each class of colour, in multiples of what a right model reaches."""
+
+
+def heat_map(side: SideBySide) -> list[dict[str, Any]]:
+    """One group per result: its session and model, the limit, and by measured channel the cells of the phases.
+
+    A cell has its number as ``text``, class of colour as ``level``, and the whole in ``words``.
+
+    Its numbers are those of `ValidationResult.phases`; a colour only repeats what the number says.
+    """
+    groups = []
+    for result in side.results:
+        rows = []
+        for channel, part in result.phases.groupby("channel", sort=False):
+            if not (part["state"] == "not filmed").all():
+                by_phase = {str(row.phase): row for row in part.itertuples()}
+                rows.append((TITLE[str(channel)], [_cell(by_phase[phase]) for phase in PHASES]))
+        limits = result.phases["ratio_limit"].dropna()
+        limit = _in_u(float(limits.iloc[0])) if len(limits) else ""
+        groups.append({"session": result.session_name, "model": result.action_name, "limit": limit, "rows": rows})
+    return groups
+
+
+def _cell(row: Any) -> dict[str, str]:
+    if not math.isfinite(row.ratio):
+        return {"text": DASH, "level": "na", "words": row.state or "not judged"}
+    level = next(name for most, name in STEPS if row.ratio <= most * row.ratio_limit)
+    degrees = SIGN[row.channel] * math.degrees(row.difference_rad)
+    words = f"model − trial {number(degrees, 2)}° at {row.at_s:.3f} s, {_in_u(row.ratio)} u: {row.outcome}"
+    return {"text": _in_u(row.ratio), "level": level, "words": words}
+
+
+def _in_u(value: float) -> str:
+    return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"

@@ -1,8 +1,9 @@
-"""Tables of one result: scores, differences, events, repeatability, trials."""
+"""Tables of one result: scores beside their ceiling, differences, events and their budget, repeatability, trials."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pandas as pd
 
@@ -219,3 +220,130 @@ def trial_page_table(result: ValidationResult) -> PageTable:
         "prediction",
     ]
     return PageTable("trials", "Trials and the correction of their force", head, rows, source="trials")
+
+
+LEAST_PART = 0.01  # of the whole: adds 5e-5 of it
+
+
+def budget_table(result: ValidationResult) -> PageTable:
+    """E, its uncertainties and what can be said, event by event."""
+    rows = []
+    for b in result.budget.itertuples():
+        kind = EVENTS[str(b.event)]
+        k = kind.display_factor
+        parts = (b.u_num, b.u_force, b.u_parameters, b.u_assumed, b.u_d, b.u_repeat)
+        rows.append(
+            [
+                kind.label,
+                with_u(k * b.difference, k * b.u_val),
+                number(b.ratio, 2),
+                f"{number(k * b.low, 3)} to {number(k * b.high, 3)}" if b.resolved else "not resolved",
+                *(_part(k * u, k * b.u_val) for u in parts),
+                percent(b.assumed_share),
+            ]
+        )
+    head = [
+        "event",
+        "model − trial ± u",
+        "|E| / u",
+        "error of the model",
+        "u_num",
+        "u force",
+        "u parameters",
+        "u assumed",
+        "u_D",
+        "u scatter",
+        "assumed share",
+    ]
+    notes = [
+        "After ASME V&V 20: u is the root of the sum of squares of its parts; an error of the model is resolved when "
+        "|E| exceeds 2 u. “Not resolved” does not mean that the model is right. assumed share: part of the input "
+        "uncertainty (force and parameters, squared) that rests on values this project had to assume. Parts below a "
+        "hundredth of u stand as less than that; all digits are in tables/budget.csv."
+    ]
+    if len(result.budget):
+        first = result.budget.iloc[0]
+        notes.append(
+            f"From {int(first['runs'])} runs of trial {int(first['trial'])} with changed inputs; "
+            f"{int(first['failed'])} could not be run."
+        )
+    else:
+        notes.append("No budget was asked for.")
+    return PageTable("budget", "Uncertainty budget of the events", head, rows, notes, "budget")
+
+
+def _part(u: float, whole: float) -> str:
+    """One part of an uncertainty; one that is nothing beside the whole by its bound."""
+    bound = LEAST_PART * whole
+    return f"< {number(bound, 1)}" if u < bound else number(u, 2)
+
+
+def area_table(result: ValidationResult) -> PageTable:
+    """Area metric of every event beside the floor that few trials put under it."""
+    rows = []
+    for e in result.event_summary.itertuples():
+        kind = EVENTS[str(e.event)]
+        k = kind.display_factor
+        if number(k * e.area) == DASH:
+            continue
+        rows.append(
+            [
+                kind.label,
+                number(k * e.area, 3),
+                number(k * e.area_floor, 3),
+                number(k * e.area_floor_95, 3),
+                "above" if e.area > e.area_floor_95 else "within",
+            ]
+        )
+    head = ["event", "area", "floor (mean)", "floor (95 %)", "against the floor"]
+    notes = [
+        "Area between the distribution functions of predictions and trials; floor: what a model without any error, of "
+        "force and parameters neither, would show with as few trials, by chance. “Above” shows no error of the model: "
+        "the budget decides that."
+    ]
+    return PageTable("area", "Area metric of the events", head, rows, notes, "event_summary")
+
+
+def scorecard_table(result: ValidationResult) -> PageTable:
+    """Every score beside what a perfect model and the null model score."""
+    rows = []
+    for s in result.scorecard.itertuples():
+        cells = [_cell(s.unit, value) for value in (s.value, s.ceiling, s.null, s.raw_force)]
+        better = "smaller" if s.better == "lower" else "larger"
+        unit = "°" if s.unit == "rad" else ""
+        rows.append([f"{s.channel}: {s.title}{f' ({unit})' if unit else ''}", *cells, _between(s), s.reading, better])
+    head = [
+        "score",
+        "model",
+        "perfect model",
+        "null model",
+        "raw force",
+        "range of perfect models",
+        "reading",
+        "better",
+    ]
+    notes = [
+        "perfect model (the ceiling): median and range over draws of the errors of force and sensors, the prediction "
+        "taken for the truth, scored at the same samples of the same trials (at most five); a score inside the range "
+        "cannot be told from a perfect model’s. null model: the key's turn alone, all else balanced "
+        "along it, no fit to trials; a model of many bodies should do better. raw force: the model driven by the "
+        "force as recorded, without correction for offset, hum and delay."
+    ]
+    guards = [
+        f"Trial {row.trial}, {row.channel}: {row.iso_guards}." for row in result.scores.itertuples() if row.iso_guards
+    ]
+    if guards:
+        notes.append("Guards raised (the scores themselves are left as they are): " + " ".join(guards))
+    return PageTable("scorecard", "Every score beside its ceiling and the null model", head, rows, notes, "scorecard")
+
+
+def _between(s: Any) -> str:
+    if not s.ceiling_draws:
+        return DASH
+    return between(_cell(s.unit, s.ceiling_low), _cell(s.unit, s.ceiling_high))
+
+
+def _cell(unit: str, value: float) -> str:
+    if not math.isfinite(value):
+        return DASH
+    return degrees(value) if unit == "rad" else number(value, 3)

@@ -13,15 +13,14 @@ from tests.validation.identification import toy
 from validation.conventions import ENCODER_BODIES
 from validation.errors import ValidationInputError
 from validation.identification.blocks import INSTRUMENT, make_blocks
-from validation.identification.channels.key_driven import (
+from validation.identification.motion_runs import DRAWS, MixedRuns, MotionRuns, response_to
+from validation.identification.observations import (
+    ObservedTrial,
     observe_driven,
     sharing_the_key,
     with_errors_of_what_drives,
 )
-from validation.identification.observations import ObservedTrial
-from validation.identification.runs.motion_runs import DRAWS, MotionRuns
-from validation.identification.runs.responses import MixedRuns, response_to
-from validation.identification.unknowns.priors import FORCE, KEY, unknowns
+from validation.identification.unknowns import FORCE, KEY, unknowns
 from validation.measurement.force_correction import ForceChannel, Quiet
 
 ACTION = model.load_action("hirschkorn2004-regulated")

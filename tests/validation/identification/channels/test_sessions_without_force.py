@@ -16,12 +16,11 @@ from rig.session.channel_info import NO_FORCE
 from validation.errors import ValidationInputError
 from validation.identification.identify import identify
 from validation.identification.observations import ENCODERS, FILM
-from validation.identification.options import IdentifyOptions
-from validation.identification.outcome.result import FITTED
-from validation.identification.page.write import write_reading
-from validation.identification.petab.write import refuse_other_trials
-from validation.identification.sources import collect
-from validation.measurement.without_force import quiet_of_motion
+from validation.identification.petab import refuse_other_trials
+from validation.identification.result import FITTED
+from validation.identification.sources import IdentifyOptions, collect
+from validation.identification.write import write_reading
+from validation.measurement.trial import quiet_of_motion
 
 ASKED = ["contact04.friction"]
 

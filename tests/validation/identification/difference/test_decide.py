@@ -10,11 +10,9 @@ import pytest
 
 from validation.conventions import Array
 from validation.identification.blocks import Block
-from validation.identification.difference.candidates import Candidate
-from validation.identification.difference.evidence import Evidence
 from validation.identification.difference.explain import Explained, contrasts, decide
-from validation.identification.difference.responses import Point
-from validation.identification.difference.search import Followed, Search
+from validation.identification.difference.responses import Candidate, Point
+from validation.identification.difference.search import Evidence, Followed, Search
 
 M, TRIALS, SHAPES = 20, 3, 12
 TIME = np.linspace(0.0, 0.2, M)

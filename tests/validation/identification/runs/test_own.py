@@ -11,12 +11,10 @@ import pytest
 import model
 from validation.conventions import Array
 from validation.identification.blocks import make_blocks, residuals
-from validation.identification.options import IdentifyOptions
-from validation.identification.runs.model_runs import Response
-from validation.identification.runs.own import Own, nothing_own, without_own
-from validation.identification.runs.responses import response_to
-from validation.identification.sources import collect
-from validation.identification.unknowns.priors import unknowns
+from validation.identification.force_runs import Own, Response, nothing_own, without_own
+from validation.identification.motion_runs import response_to
+from validation.identification.sources import IdentifyOptions, collect
+from validation.identification.unknowns import unknowns
 
 EXAMPLE = Path(__file__).parents[4] / "sessions" / "example_forte"
 START = model.load_action()

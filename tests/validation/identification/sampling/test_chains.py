@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from validation.conventions import Array
-from validation.identification.sampling.chains import r_hat, sample
+from validation.identification.sampling import r_hat, sample
 
 
 def bent(at: Array) -> Array:

@@ -12,11 +12,9 @@ import xarray
 
 from tests.validation.identification import toy
 from validation.errors import ValidationInputError
+from validation.identification.estimates import profile
 from validation.identification.fit import fit
-from validation.identification.profiles import profile
-from validation.identification.sampling.curved import curved
-from validation.identification.sampling.netcdf import posterior_netcdf
-from validation.identification.sampling.sample import CHAINS, DRAWS, sample_posterior
+from validation.identification.sampling import CHAINS, DRAWS, curved, posterior_netcdf, sample_posterior
 from validation.identification.scatter import factors
 
 

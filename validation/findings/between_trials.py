@@ -1,0 +1,450 @@
+"""Faults that show between trials: copies, mixed strokes, a change in mid-session, a trial that stands out.
+
+One rule a function; trials are flagged and stay in, never removed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+
+from model.errors import ModelError
+from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
+from validation.events.definitions import EVENTS, Event
+from validation.events.session import SessionEvents
+from validation.findings.finding import SessionFinding
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.session import PredictedSession
+from validation.statistics.repeatability import FEWEST_TO_STAND_OUT, STANDS_OUT, distance_ratios, on_common_base
+
+HELD_S = 0.02
+
+
+def sustained_force_n(m: MeasuredTrial) -> float:
+    """Largest force above the preload that is reached for 20 ms in all, N."""
+    force = np.sort(m.force.force_n - m.force.preload_n)[::-1]
+    step = float(np.median(np.diff(m.force.time_s)))
+    return float(force[min(round(HELD_S / step), force.size - 1)])
+
+
+def onset_u_s(m: MeasuredTrial) -> float:
+    """Standard uncertainty of when the force began to act, s: the channel's noise over the slope of the rise."""
+    above = m.force.force_n - m.force.preload_n
+    held = sustained_force_n(m)
+    low, high = (int(np.argmax(above > share * held)) for share in (0.1, 0.5))
+    rise = float(m.force.time_s[high] - m.force.time_s[low])
+    return m.force.noise_n * rise / (0.4 * held) if held > 0 else float("inf")
+
+
+def impulse_n_s(m: MeasuredTrial) -> float:
+    """Impulse above the preload, N s."""
+    step = np.gradient(m.force.time_s)
+    return float(np.sum(step * np.maximum(m.force.force_n - m.force.preload_n, 0.0)))
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals over the range of the channel, by channel (n_samples, n_trials); numbers of the trials."""
+
+    numbers: tuple[int, ...]
+    by_channel: dict[str, Array]
+    start_s: float
+    until_s: float
+
+
+def residuals_of(predicted: PredictedSession, events: SessionEvents, trials: Sequence[MeasuredTrial]) -> Residuals:
+    """Residuals of some of the trials.
+
+    After the release differences grow of themselves; before it a trial's residual is its own force and the model's
+    error, and the latter is common to all trials.
+    """
+    release = [events.trial[m.number]["key_release"] for m in trials]
+    until = min((e.value for e in release if e.status != "absent"), default=events.window.end_s)
+    by_channel: dict[str, Array] = {}
+    if trials:
+        time = trials[0].time_s
+        base = time[(time >= events.window.start_s) & (time <= until)]
+        for i, name in enumerate(ENCODER_CHANNELS):
+            curves = []
+            for m in trials:
+                change = predicted.predictions[m.number].model.change_rad(name)
+                curves.append(np.interp(base, m.time_s, change - m.change_rad[:, i], right=np.nan))
+            extent = float(np.median([np.ptp(m.change_rad[:, i]) for m in trials]))
+            values = np.column_stack(curves)
+            values = values[np.isfinite(values).all(axis=1)]
+            if extent > 0 and len(values) > 1:
+                by_channel[name] = values / extent
+    return Residuals(tuple(m.number for m in trials), by_channel, events.window.start_s, float(until))
+
+
+MAY = 3.0  # standard deviations
+SCATTERS = 0.003  # of the force, one standard deviation
+BETWEEN = 2.0  # a stroke that may go either way goes further than two predictions show
+
+
+def force_reach(tested: ModelUnderTest, m: MeasuredTrial, start_s: float, end_s: float) -> float:
+    """Largest change of any encoder's prediction over its range, root mean square from start to end.
+
+    One number for all bodies, which move each other: where one may go either way, none is told apart.
+
+    Conventions: over the range, root mean square over a stretch of time. Gain and level of the force are moved
+    together, up and down, by three times what they differ from trial to trial: 0.3 % of scatter of a bench's blows and
+    the fitted offset; errors common to all trials do not count. Infinite where the model cannot be run.
+    """
+    force = m.force
+    inside = (m.time_s >= max(force.time_s[0], start_s)) & (m.time_s <= min(force.time_s[-1], end_s))
+    rest = tested.load(force.preload_n).rest
+    gain, level = MAY * SCATTERS, MAY * force.hum.u_offset_n
+
+    def angles(sense: float) -> Array:
+        found = tested.simulate(
+            tested.action,
+            force.time_s,
+            force.force_n + sense * (gain * (force.force_n - force.preload_n) + level),
+            tolerance=tested.tolerance,
+            output_time_s=m.time_s[inside],
+            initial=rest,
+        )
+        return np.asarray(found.angle_rad, dtype=float)[:, ENCODER_BODIES]
+
+    def run() -> float:
+        try:
+            middle = angles(0.0)
+            moved = [np.sqrt(np.mean((angles(sense) - middle) ** 2, axis=0)) for sense in (-1.0, 1.0)]
+        except ModelError:
+            return math.inf
+        extent = np.ptp(middle, axis=0)
+        return BETWEEN * float(np.max(np.max(moved, axis=0) / extent)) if np.all(extent > 0) else math.inf
+
+    inputs = (tested.identity, force.time_s, force.force_n, force.preload_n, gain, level, m.time_s[inside])
+    return float(tested.store.value("force reach", inputs, run))
+
+
+FEWEST_MOVED = 50  # samples that differ from the one before: two records of rest may well agree
+
+
+def duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+    """Trials that repeat an earlier one, in counts or in force."""
+    out = []
+    for first, second in combinations(trials, 2):
+        same = [
+            words
+            for words, a, b in (
+                ("counts", _counts(first), _counts(second)),
+                ("force readings", first.raw_force_n, second.raw_force_n),
+            )
+            if a.shape == b.shape and np.array_equal(a, b) and np.count_nonzero(np.diff(a, axis=0)) >= FEWEST_MOVED
+        ]
+        if not same:
+            continue
+        text = (
+            f"trial {second.number}: the same {' and '.join(same)} as in trial {first.number} at every sample: it is "
+            f"a copy, "
+            "and makes the scatter look smaller; reject one (pianorig annotate)"
+        )
+        out.append(SessionFinding("duplicated trial", second.number, "", float(first.number), 0.0, text))
+    return out
+
+
+def _counts(m: MeasuredTrial) -> np.ndarray:
+    return np.rint((m.change_rad - m.change_rad[0]) / m.resolution_rad)
+
+
+APART = 1.25
+ALSO = 1.05
+OVER_SPREAD = 4.0
+FEWEST = 2
+
+
+@dataclass(frozen=True)
+class TwoKinds:
+    """Numbers of the weaker and of the stronger trials, and by what they are told apart: medians, unit."""
+
+    weak: tuple[int, ...]
+    strong: tuple[int, ...]
+    words: str
+    unit: str
+    low: float
+    high: float
+
+
+def two_kinds(trials: Sequence[MeasuredTrial]) -> TwoKinds | None:
+    """The two kinds of stroke of a session; None where there is one.
+
+    Conventions: force held for 20 ms and impulse of each stroke, on a logarithmic scale. Two kinds are named when the
+    widest gap between neighbours is more than 25 % and four times the spread within either kind, with two trials or
+    more in each; a single odd trial is left to `validation.findings.between_trials`. Not detectable with fewer than
+    four trials.
+    """
+    if len(trials) < 2 * FEWEST:
+        return None
+    numbers = [m.number for m in trials]
+    impulse = np.array([impulse_n_s(m) for m in trials])
+    held = np.array([sustained_force_n(m) for m in trials])
+    for words, unit, values, other in (
+        ("force held for 20 ms", "N", held, impulse),
+        ("impulse", "N s", impulse, held),
+    ):
+        split = _split(values)
+        if split is None:
+            continue
+        weak = values < split
+        # the action has a part in the one quantity or the other, a stroke of another kind in both
+        if abs(np.log(np.median(other[weak]) / np.median(other[~weak]))) < np.log(ALSO):
+            continue
+        low, high = float(np.median(values[weak])), float(np.median(values[~weak]))
+        lower, upper = (tuple(numbers[i] for i in np.flatnonzero(part)) for part in (weak, ~weak))
+        return TwoKinds(lower, upper, words, unit, low, high)
+    return None
+
+
+def mixed_strokes(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+    """What is said of two kinds of stroke, if there are two."""
+    kinds = two_kinds(trials)
+    if kinds is None:
+        return []
+    weak, strong = (", ".join(map(str, part)) for part in (kinds.weak, kinds.strong))
+    text = (
+        f"two kinds of stroke: {kinds.words} {kinds.low:.3g} {kinds.unit} in trials {weak} and {kinds.high:.3g} "
+        f"{kinds.unit} in trials {strong}; repeatability and odd trials are those within each kind, and there is no "
+        "band of their mean; for all else validate them apart (conditions of the trial plan, or pianorig annotate)"
+    )
+    return [SessionFinding("mixed strokes", float("nan"), "force", kinds.high / kinds.low, APART, text)]
+
+
+def _split(values: Array) -> float | None:
+    """The value in the widest gap, when it parts two kinds."""
+    if not np.all(values > 0):
+        return None
+    at = np.sort(np.log(values))
+    gaps = np.diff(at)[FEWEST - 1 : at.size - FEWEST]
+    i = int(gaps.argmax()) + FEWEST - 1
+    within = max(float(at[i] - at[0]), float(at[-1] - at[i + 1]))
+    gap = float(at[i + 1] - at[i])
+    return float(np.exp((at[i] + at[i + 1]) / 2)) if gap > max(np.log(APART), OVER_SPREAD * within) else None
+
+
+ODD = 5.0  # times the usual departure from the median
+FAR = 0.01  # of the channel's range, root mean square
+SMALL_FORCE = 0.02  # of the force held for 20 ms, below which a difference explains nothing
+SMALL_TIME_S = 0.5e-3
+ONSET_SIGMA = 5.0
+SCALE_EXPLAINS = 0.9  # of the squared distance
+
+
+def outlying(
+    base: Array,
+    traces: dict[int, pd.DataFrame],
+    measured: Sequence[MeasuredTrial],
+    events: dict[int, dict[str, Event]],
+    explained: set[tuple[int, str]],
+    reach: Callable[[int], float],
+    until_s: float,
+) -> list[SessionFinding]:
+    """One finding per trial that stands out in channels nothing else explains.
+
+    Conventions: distances of curves as in `validation.statistics.repeatability.distance_ratios`. With fewer than four
+    trials one trial cannot be told from the others, and none is flagged. Source: with few trials no test of outliers
+    has power (Grubbs at n = 5 can hardly reach its limit), so a trial is flagged by how far it lies from the median of
+    the others, when that is also more than a hundredth of the channel's range (trials that agree perfectly make a small
+    difference look large); the reason is looked for in what is known of its blow.
+
+    Parameters
+    ----------
+    base : (n,) array
+        Common time base.
+    traces, measured, events
+        Of all trials.
+    explained : set
+        (trial, channel) of faults that are named already.
+    reach : callable
+        How far a trial may lie off because of its force alone, over the range; asked where no reason is found.
+    until_s : float
+        Where no reason is found, only what differs until then counts: after the release differences grow of themselves.
+    """
+    ratios: dict[int, dict[str, float]] = {}
+    scales: dict[tuple[int, str], float] = {}
+    distances: dict[tuple[int, str], float] = {}
+    for channel in ENCODER_CHANNELS:
+        curves = on_common_base(base, traces, f"{channel}_measured_rad")
+        away = _away(curves)
+        for j, (number, ratio, far) in enumerate(zip(traces, distance_ratios(curves), away, strict=True)):
+            if ratio > STANDS_OUT and far > FAR and (number, channel) not in explained:
+                ratios.setdefault(number, {})[channel] = float(ratio)
+                scales[number, channel] = _scale(curves, j)
+                distances[number, channel] = float(_away(curves[base <= until_s])[j])
+    out = []
+    for number, by_channel in ratios.items():
+        worst = max(by_channel, key=lambda name: by_channel[name])
+        reasons = _reasons(number, measured, scales[number, worst])
+        if not reasons:
+            reachable = reach(number)
+            by_channel = {c: r for c, r in by_channel.items() if distances[number, c] > max(FAR, reachable)}
+            if not by_channel:  # a stroke that amplifies what is not known of its force
+                continue
+            worst = max(by_channel, key=lambda name: by_channel[name])
+        others = f" (also {', '.join(c for c in by_channel if c != worst)})" if len(by_channel) > 1 else ""
+        why = "; ".join([*reasons, *_odd_events(number, events)]) or "no reason found in its force or its events"
+        text = (
+            f"trial {number} stands out in {worst}{others}: {by_channel[worst]:.1f} times as far from the others as is "
+            f"usual; {why}; it is kept, annotate it to leave it out"
+        )
+        out.append(SessionFinding("outlying trial", number, worst, by_channel[worst], STANDS_OUT, text))
+    return out
+
+
+def _away(curves: Array) -> Array:
+    """Root mean square distance of each trial from the median of all, over the median's range."""
+    known = curves[np.isfinite(curves).all(axis=1)]
+    if known.size == 0:
+        return np.full(curves.shape[1], np.nan)
+    middle = np.median(known, axis=1)
+    extent = float(np.ptp(middle))
+    distance = np.sqrt(np.mean((known - middle[:, None]) ** 2, axis=0))
+    return np.asarray(distance / extent if extent > 0 else np.full(distance.shape, np.nan))
+
+
+def _scale(curves: Array, j: int) -> float:
+    """Factor by which a trial's readings are the others', when that explains nearly all of the distance; NaN else."""
+    known = curves[np.isfinite(curves).all(axis=1)]
+    middle, mine = np.median(np.delete(known, j, axis=1), axis=1), known[:, j]
+    factor = float(middle @ mine) / float(middle @ middle)
+    left = float(np.sum((mine - factor * middle) ** 2)) / float(np.sum((mine - middle) ** 2))
+    return factor if left < 1 - SCALE_EXPLAINS else float("nan")
+
+
+def _odd_events(number: int, events: dict[int, dict[str, Event]]) -> list[str]:
+    """Events that happen, or do not, in this trial only."""
+    reasons = []
+    for name, kind in EVENTS.items():
+        there = {n: e[name].status != "absent" for n, e in events.items()}
+        same = sum(v == there[number] for v in there.values())
+        if same <= 1 and len(there) > 2:
+            reasons.append(
+                f"{kind.title.lower()} {'happens' if there[number] else 'does not happen'} in this trial only"
+            )
+    return reasons
+
+
+def _reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> list[str]:
+    """What is odd about a trial's readings or its blow."""
+    reasons = []
+    if np.isfinite(scale):
+        reasons.append(f"its readings are {scale:.3f} times the usual ones all the way: look for a wrong scale")
+    peak = {m.number: float(m.force.force_n.max()) for m in measured}
+    onset = {m.number: m.quiet.onset_s for m in measured}
+    middle = float(np.median(list(peak.values())))
+    held = {m.number: sustained_force_n(m) for m in measured}
+    usual = float(np.median(list(held.values())))
+    if _odd(held, number) and abs(held[number] - usual) > SMALL_FORCE * usual:
+        reasons.append(f"its peak force is {peak[number]:.1f} N, usual are {middle:.1f} N")
+    small_s = max(SMALL_TIME_S, ONSET_SIGMA * max(onset_u_s(m) for m in measured))
+    if _odd(onset, number) and abs(onset[number] - np.median(list(onset.values()))) > small_s:
+        late = 1e3 * (onset[number] - float(np.median(list(onset.values()))))
+        reasons.append(f"its blow begins {abs(late):.1f} ms {'later' if late > 0 else 'earlier'} than usual")
+    return reasons
+
+
+def _odd(values: dict[int, float], number: int) -> bool:
+    others = np.array([v for n, v in values.items() if n != number])
+    middle = float(np.median(others))
+    usual = float(np.median(np.abs(others - middle)))
+    return abs(values[number] - middle) > ODD * usual
+
+
+LARGER = 5.0
+FAR_OFF = 0.01  # of the channel's range
+
+
+def outlying_residuals(
+    tested: ModelUnderTest, trials: dict[int, MeasuredTrial], residuals: Residuals
+) -> list[SessionFinding]:
+    """One finding per trial whose residual stands out in any channel.
+
+    Conventions: residuals as in `residuals`, over the channel's range. A trial is named when its residual is five times
+    as large as the others' usually are, lies four times as far from them as is usual and a hundredth of the range, and
+    further than an error of its force may move it (`force_reach`; soft strokes amplify it). Not detectable with fewer
+    than four trials.
+    """
+    if len(residuals.numbers) < FEWEST_TO_STAND_OUT:
+        return []
+    worst: dict[int, tuple[float, str]] = {}
+    for channel, curves in residuals.by_channel.items():
+        rms = np.sqrt(np.mean(curves**2, axis=0))
+        ratio = distance_ratios(curves)
+        for j, number in enumerate(residuals.numbers):
+            others = np.delete(curves, j, axis=1)
+            usual = float(np.median(np.delete(rms, j)))
+            far = float(np.sqrt(np.mean((curves[:, j] - np.median(others, axis=1)) ** 2)))
+            odd = far > FAR_OFF and ratio[j] > STANDS_OUT and rms[j] > LARGER * usual > 0
+            if odd and far > force_reach(tested, trials[number], residuals.start_s, residuals.until_s):
+                worst[number] = max(worst.get(number, (0.0, "")), (float(rms[j] / usual), channel))
+    out = []
+    for number, (times, channel) in worst.items():
+        text = (
+            f"trial {number}: the model, driven by its force, is {times:.0f} times as far from it in {channel} as "
+            "from the other trials, until the release: its force or an encoder is faulty for some time, or its blow "
+            "was "
+            "disturbed; look at this trial's residual"
+        )
+        out.append(SessionFinding("outlying residual", number, channel, times, LARGER, text))
+    return out
+
+
+FEWEST_TRIALS = 6
+FEWEST_IN_PART = 2
+DEVIATIONS = 7.0
+LEAST = 0.005  # of the range
+
+
+def changed_condition(
+    tested: ModelUnderTest, trials: Mapping[int, MeasuredTrial], residuals: Residuals
+) -> list[SessionFinding]:
+    """The place at which the residuals change, if there is one.
+
+    Conventions: residuals as in `residuals`; for each place between two trials, the distance of the two means over the
+    scatter within both parts, in its standard deviation. Named from seven such deviations and 0.5 % of the range, with
+    six trials or more and two on each side, and only beyond what the scatter of the blows may do to the means of both
+    parts (`force_reach`). What changed cannot be told: bench, force channel and action look alike here.
+    """
+    n = len(residuals.numbers)
+    if n < FEWEST_TRIALS or residuals.numbers != tuple(sorted(residuals.numbers)):
+        return []
+    best = (0.0, 0.0, 0, "")
+    for channel, curves in residuals.by_channel.items():
+        for k in range(FEWEST_IN_PART, n - FEWEST_IN_PART + 1):
+            deviations, apart = _step(curves, k)
+            if apart > LEAST:
+                best = max(best, (deviations, apart, k, channel))
+    deviations, apart, k, channel = best
+    if deviations < DEVIATIONS:
+        return []
+    last, first = residuals.numbers[k - 1], residuals.numbers[k]
+    span = residuals.start_s, residuals.until_s
+    of_means = np.sqrt(1 / k + 1 / (n - k))
+    if apart <= of_means * max(force_reach(tested, trials[number], *span) for number in (last, first)):
+        return []
+    text = (
+        f"something changed between trial {last} and trial {first}: the difference from the model in {channel} moves "
+        f"by "
+        f"{100 * apart:.1f} % of its range, {deviations:.0f} times what the trials scatter; action, motor or force "
+        f"channel "
+        "may have changed; validate both parts apart"
+    )
+    return [SessionFinding("changed condition", float(first), channel, deviations, DEVIATIONS, text)]
+
+
+def _step(curves: Array, k: int) -> tuple[float, float]:
+    """Distance of the means of both parts, in standard deviations and in ranges."""
+    parts = curves[:, :k], curves[:, k:]
+    apart = float(np.sqrt(np.mean((parts[0].mean(axis=1) - parts[1].mean(axis=1)) ** 2)))
+    squares = sum(float(np.sum((part - part.mean(axis=1, keepdims=True)) ** 2)) for part in parts)
+    n = curves.shape[1]
+    within = float(np.sqrt(squares / curves.shape[0] / (n - 2)))
+    return (apart / (within * np.sqrt(1 / k + 1 / (n - k))) if within > 0 else np.inf), apart

@@ -1,0 +1,167 @@
+"""Faults of a film: mirrored, bodies in each other's place, a clock that is off or runs away."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from validation.conventions import FILM_CHANNELS, WHIPPEN, Array
+from validation.events.encoder_wiring import best_wiring
+from validation.findings.finding import SessionFinding
+from validation.measurement.force_correction import correlation_inflation
+from validation.measurement.trial import FilmAngles, MeasuredTrial
+from validation.prediction.session import PredictedAngles
+
+CLOCK_S = 1e-4
+RUNS_AWAY_S = 3e-4  # between the first and the last motion
+SIGMAS = 5.0
+MOVES = 0.02  # of the largest speed: a frame in which the whippen moves tells the clock
+
+
+def camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
+    """Film times against the DAQ clock, by the whippen that both film and encoder see."""
+    film = m.film
+    if film is None or film.whippen_rad is None:
+        return []
+    return clock_runs_away(m, film) or clock_is_off(m, film)
+
+
+def clock_is_off(m: MeasuredTrial, film: FilmAngles) -> list[SessionFinding]:
+    """Frame times that are early or late all along."""
+    assert film.whippen_rad is not None
+    offset, u = clock_offset(film.time_s, film.whippen_rad, m.time_s, m.change_rad[:, WHIPPEN])
+    limit = max(CLOCK_S, 3 * float(np.hypot(u, film.u_time_s)))
+    if not abs(offset) > limit:
+        return []
+    side = "late" if offset > 0 else "early"
+    text = (
+        f"trial {m.number}: film: frame times are {1e3 * abs(offset):.2f} ms {side} against the whippen's encoder "
+        f"(u {1e3 * u:.3f} ms, limit {1e3 * limit:.2f} ms); check trigger frame, exposure and delay of the camera"
+    )
+    return [SessionFinding("camera offset", m.number, "film", offset, limit, text)]
+
+
+def clock_runs_away(m: MeasuredTrial, film: FilmAngles) -> list[SessionFinding]:
+    """Frame times that lose or gain against the DAQ clock while the whippen moves.
+
+    Between two motions nothing tells a wrong rate from lost frames: both are named. Detectable from 0.3 ms.
+    """
+    assert film.whippen_rad is not None
+    encoder = m.change_rad[:, WHIPPEN]
+    speed = np.abs(np.interp(film.time_s, m.time_s, np.gradient(encoder, m.time_s)))
+    moving = speed > MOVES * float(speed.max(initial=0.0))
+    moves, weight = film.time_s[moving], speed[moving] ** 2
+    if moves.size < 10:
+        return []
+    # the rate is told by where most of the motion is, not by the film's whole length
+    middle = 0.5 * float(moves[0] + moves[-1])
+    parts = [(-np.inf, middle), (middle, np.inf)]
+    found = []
+    for low, high in parts:
+        here = (film.time_s > low) & (film.time_s <= high)
+        found.append(clock_offset(film.time_s[here], film.whippen_rad[here], m.time_s, encoder))
+    (early, u_early), (late, u_late) = found
+    by, u = late - early, float(np.hypot(u_early, u_late))
+    limit = max(RUNS_AWAY_S, SIGMAS * u)
+    if not (np.isfinite(u) and abs(by) > limit):  # u is not known where too few frames show the motion
+        return []
+    centre = []
+    for low, high in parts:
+        here = (moves > low) & (moves <= high)
+        centre.append(float(np.average(moves[here], weights=weight[here])))
+    frame = float(np.median(np.diff(film.time_s)))
+    text = (
+        f"trial {m.number}: film: frame times run {1e3 * abs(by):.2f} ms {'behind' if by < 0 else 'ahead'} between the "
+        f"strokes down and up, against the whippen's encoder (limit {1e3 * limit:.2f} ms): the rate of film or DAQ is "
+        f"wrong by "
+        f"{100 * abs(by) / (centre[1] - centre[0]):.2f} %, or some {abs(by) / frame:.0f} frames were lost or counted "
+        f"twice"
+    )
+    return [SessionFinding("film clock", m.number, "film", by, limit, text)]
+
+
+def clock_offset(film_s: Array, film_rad: Array, time_s: Array, angle_rad: Array) -> tuple[float, float]:
+    """Delay of a film's clock against the encoder's, s, positive when frame times are late, and its uncertainty.
+
+    Least squares of delay, zero and scale by Gauss–Newton; the uncertainty takes neighbouring residuals for dependent.
+    """
+    speed = np.gradient(angle_rad, time_s)
+    delay, u = 0.0, float("nan")
+    for _ in range(20):
+        at = film_s - delay
+        known = np.isfinite(film_rad) & (at > time_s[0]) & (at < time_s[-1])
+        if known.sum() < 10:
+            return 0.0, float("nan")
+        difference = film_rad[known] - np.interp(at[known], time_s, angle_rad)
+        moved = np.interp(at[known], time_s, angle_rad)
+        design = np.column_stack([np.ones(known.sum()), -np.interp(at[known], time_s, speed), moved - moved.mean()])
+        value, *_ = np.linalg.lstsq(design, difference, rcond=None)
+        residual = difference - design @ value
+        variance = float(residual @ residual) / max(known.sum() - 3, 1) * correlation_inflation(residual)
+        u = float(np.sqrt(variance * np.linalg.pinv(design.T @ design)[1, 1]))
+        delay += float(np.clip(value[1], -5e-3, 5e-3))
+        if abs(value[1]) < 1e-9:
+            break
+    return delay, u
+
+
+MIRRORED = -0.5  # regression of the film's whippen on the encoder's, −1 in a mirrored film
+FEWEST_FRAMES = 20
+SCALES_MAY = 0.05  # also what a late film does to the regression
+
+
+def film_wiring(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: bool) -> list[SessionFinding]:
+    """Bodies of a film that turn the wrong way round or stand in each other's place, or move by another scale.
+
+    The whippen is compared where its encoder is sound.
+
+    Conventions: angles relative to the whippen and to rest. Jack and repetition lever are compared, in both places and
+    senses, with their prediction, the whippen with its encoder. A mirrored film turns every angle round; that is named
+    only when all bodies agree. Silent where the model is further off than a quarter of the motion.
+    """
+    film = m.film
+    if film is None:
+        return []
+    whippen = _regression(m) if whippen_sound else float("nan")
+    measured = np.column_stack([film.change_rad[name] for name in FILM_CHANNELS])
+    expected = np.column_stack([p.change_at(name, film.time_s) for name in FILM_CHANNELS])
+    wrong = {FILM_CHANNELS[w.place]: w for w in best_wiring(measured, expected)}
+    swapped = {name: FILM_CHANNELS[w.source] for name, w in wrong.items() if w.source != w.place}
+    turned = [name for name, w in wrong.items() if w.reversed]
+    out = []
+    if swapped:
+        text = (
+            f"trial {m.number}: film: "
+            + ", ".join(f"what is tracked as {source} moves as the {name} should" for name, source in swapped.items())
+            + "; bodies are swapped, correct the outlines' names and track again"
+        )
+        out.append(SessionFinding("film bodies swapped", m.number, "film", float(len(swapped)), 0.0, text))
+    seen = len(turned) == len(FILM_CHANNELS)
+    if (whippen < MIRRORED and (seen or not turned)) or (np.isnan(whippen) and seen):
+        text = (
+            f"trial {m.number}: film: all bodies turn the wrong way round: the film is mirrored, or was seen from the "
+            f"other "
+            "side; mirror it and track again"
+        )
+        out.append(SessionFinding("film mirrored", m.number, "film", whippen, MIRRORED, text))
+    elif turned:
+        text = f"trial {m.number}: film: {' and '.join(turned)} turn the wrong way round; check the outlines"
+        out.append(SessionFinding("film body reversed", m.number, turned[0], float(len(turned)), 0.0, text))
+    if not out and abs(whippen - 1) > SCALES_MAY:
+        text = (
+            f"trial {m.number}: film: its whippen moves {whippen:.3f} times as far as the encoder's (limit "
+            f"{100 * SCALES_MAY:g} %): the scale of one of them is wrong, or the film is seen at an angle"
+        )
+        out.append(SessionFinding("film or encoder scale", m.number, "film", whippen, SCALES_MAY, text))
+    return out
+
+
+def _regression(m: MeasuredTrial) -> float:
+    """Slope of the film's whippen on the encoder's; NaN where the film does not show it."""
+    film = m.film
+    if film is None or film.whippen_rad is None:
+        return float("nan")
+    encoder = np.interp(film.time_s, m.time_s, m.change_rad[:, WHIPPEN])
+    known = np.isfinite(film.whippen_rad)
+    if known.sum() < FEWEST_FRAMES or not np.ptp(encoder[known]) > 0:
+        return float("nan")
+    return float(np.polyfit(encoder[known], film.whippen_rad[known], 1)[0])

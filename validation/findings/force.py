@@ -1,0 +1,314 @@
+"""Faults of the force channel, one rule a function: sign and unit, delay, drift, range.
+
+Each names the trial, what was found, the limit below which it is silent, and what to do; nothing is repaired.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import ModelError
+from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, KEY, Array
+from validation.findings.encoders import at_rest_again, end_of
+from validation.findings.finding import SessionFinding
+from validation.measurement.force_correction import correlation_inflation
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.session import PredictedAngles
+
+MISSED = 0.3  # of the motion
+LEAVES = 0.4  # of the error
+STILL_MISSES = 0.7  # of the motion: more is no explanation
+LARGEST_N = 500.0  # beyond any stroke
+HARDLY = 0.25  # of the trial's turn of the key, the way the trial goes
+GROSS = 4.0  # smallest factor that a key which hardly moves is told by: friction cannot do that
+TRAVEL = 0.2  # largest difference of travels that are alike
+# what the recorded force would have to be multiplied by, and the mistake that makes it so
+FACTORS = {
+    -1.0: "its sign is reversed",
+    4.448222: "as if pounds-force were taken for newtons",
+    1 / 4.448222: "as if newtons were taken for pounds-force",
+    9.80665: "as if kilograms-force were taken for newtons",
+    1 / 9.80665: "as if newtons were taken for kilograms-force",
+    1e3: "as if kilonewtons were taken for newtons",
+    1e-3: "as if millinewtons were taken for newtons",
+    2.0: "as after a gain or excitation of half the declared one",
+    0.5: "as after a gain or excitation of twice the declared one",
+}
+
+
+def force_sign_and_unit(
+    tested: ModelUnderTest, m: MeasuredTrial, p: PredictedAngles, until_s: float
+) -> list[SessionFinding]:
+    """The factor on the force that explains why the model does not move as the trial does; known results are reused.
+
+    Conventions: errors are root mean squares of model − trial over the trial's own motion, of key, whippen and hammer
+    each, until the release. A trial is looked at only when the model misses at least 30 % of the motion of a body; a
+    factor is named when it leaves at most 40 % of each body's error. Soft strokes are not predicted that well: where
+    the key goes its way and the model's hardly moves, or lifts, under the force as recorded, a reversed sign or a
+    factor of four and more is also named when key and whippen then travel as far as in the trial. A force too large
+    shows only as far as stops allow, and a smaller error of the gain looks like friction: both may stay silent.
+    """
+    expected = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
+    known = np.isfinite(expected).all(axis=1) & (m.time_s <= until_s)
+    if not known.any():
+        return []
+    size = np.sqrt(np.mean(m.change_rad[known] ** 2, axis=0))
+    if not np.all(size > 0):
+        return []
+    errors = _errors(expected[known], m.change_rad[known], size)
+    if errors.max() < MISSED:
+        return []
+    force = m.force
+    found = tested.store.value(
+        "force sign and unit",
+        (tested.identity, m.number, force.time_s, force.force_n, force.preload_n, m.time_s, m.change_rad, until_s),
+        lambda: [asdict(f) for f in _search(tested, m, expected[known], known)],
+    )
+    return [SessionFinding(**f) for f in found]
+
+
+def _errors(expected: Array, trial: Array, size: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean((expected - trial) ** 2, axis=0)) / size)
+
+
+def _furthest(change: Array) -> Array:
+    """Change of each body where it is furthest from rest, with its sign."""
+    return np.asarray(np.take_along_axis(change, np.abs(change).argmax(axis=0)[None], axis=0)[0])
+
+
+def _search(
+    tested: ModelUnderTest, m: MeasuredTrial, expected: Array, inside: NDArray[np.bool_]
+) -> list[SessionFinding]:
+    force, trial = m.force, m.change_rad[inside]
+    size = np.sqrt(np.mean(trial**2, axis=0))
+    errors = _errors(expected, trial, size)
+    far = _furthest(trial)
+    still = bool((expected[:, 0] * np.sign(far[0])).max() < HARDLY * abs(far[0]))
+    rest = tested.load(force.preload_n).rest
+    left: dict[float, float] = {}
+    for factor in FACTORS:
+        # the declared preload stays: it is what the arm rests with, whatever the channel reads
+        taken = force.preload_n + factor * (force.force_n - force.preload_n)
+        if float(np.abs(taken).max()) > LARGEST_N:
+            continue
+        try:
+            run = tested.simulate(
+                tested.action,
+                force.time_s,
+                taken,
+                tolerance=tested.tolerance,
+                output_time_s=m.time_s[inside],
+                initial=rest,
+            )
+        except ModelError:
+            continue
+        change = np.asarray(run.angle_rad, dtype=float) - np.asarray(rest.angle_rad, dtype=float)
+        change = change[:, ENCODER_BODIES]
+        by_body = _errors(change, trial, size)
+        explains = bool(np.all(by_body < np.minimum(LEAVES * errors, STILL_MISSES)))
+        if still and (factor < 0 or factor >= GROSS):
+            explains |= bool(np.all(np.abs(_furthest(change) / far - 1)[:2] < TRAVEL) and np.all(by_body < errors))
+        if explains:
+            left[factor] = float(np.sqrt(np.mean(by_body**2)))
+    order = sorted(left, key=lambda factor: left[factor])
+    if not order:
+        return []
+    error = float(np.sqrt(np.mean(errors**2)))
+    best = order[0]
+    alike = [factor for factor in order if left[factor] < 1.5 * left[best]]
+    kind = "force sign" if best < 0 else "force unit"
+    words = " or ".join(f"× {factor:.4g} ({FACTORS[factor]})" for factor in alike)
+    text = (
+        f"trial {m.number}: force: the model misses {100 * error:.0f} % of the motion under the force as recorded and "
+        f"{100 * left[best]:.0f} % when it is taken {words}; check sign, unit and calibration of the load cell"
+    )
+    return [SessionFinding(kind, m.number, "force", best, MISSED, text)]
+
+
+BAND_HZ = (30.0, 400.0)
+SMOOTH_S = 2.2e-3
+LONGEST_S = 8e-3
+CLEAR, CLEAR_S = 0.85, 0.5e-3
+VISIBLE, VISIBLE_S = 0.5, 1.2e-3
+
+
+def force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, float]:
+    """Lag of the force behind the key's acceleration beyond the prediction's, s, and its limit; NaN if unclear."""
+    step = float(np.median(np.diff(m.time_s)))
+    force = np.interp(m.time_s, m.force.time_s, m.force.force_n)
+    expected = p.change_rad("key")
+    known = np.isfinite(p.angle_rad[:, KEY])
+    if 1 / step < 3 * BAND_HZ[1] or known.sum() < round(0.1 / step):
+        return float("nan"), float("nan")
+    lag, clear = _lag(force[known], m.change_rad[known, 0], step)
+    lag_model, clear_model = _lag(force[known], expected[known], step)
+    if min(clear, clear_model) < VISIBLE:
+        return float("nan"), float("nan")
+    limit = CLEAR_S if clear > CLEAR else VISIBLE_S
+    # both the lag itself and what the prediction does not have must be large: the smaller one is safe to state
+    apart = lag - lag_model
+    safe = min(lag, apart, key=abs) if lag * apart > 0 else 0.0
+    return float(safe), limit
+
+
+def _lag(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
+    """Lag of the best correlation and that correlation."""
+    a, f = band_passed(second_derivative(key_rad, step), step), band_passed(force, step)
+    reach = round(LONGEST_S / step)
+    inner = slice(2 * reach, a.size - 2 * reach)
+    a0 = a[inner] - a[inner].mean()
+    near = f[reach : f.size - reach] - f[reach : f.size - reach].mean()
+    # a0 has no mean, so the mean of each shifted piece need not be taken off; its square sum comes from running sums
+    running, squares = (np.concatenate([[0.0], np.cumsum(x)]) for x in (near, near**2))
+    total, power = (x[a0.size :] - x[: -a0.size] for x in (running, squares))
+    size = np.sqrt(np.maximum(power - total**2 / a0.size, 0.0) * (a0 @ a0))
+    c = np.divide(np.correlate(near, a0, "valid"), size, out=np.zeros(size.size), where=size > 0)
+    best = int(np.argmax(c))
+    part = 0.0
+    if 0 < best < c.size - 1:
+        bend = c[best - 1] - 2 * c[best] + c[best + 1]
+        part = 0.5 * float(c[best - 1] - c[best + 1]) / float(bend) if bend < 0 else 0.0
+    return (best - c.size // 2 + part) * step, float(c[best])
+
+
+def second_derivative(values: Array, step: float) -> Array:
+    """Second derivative of the cubics fitted over `SMOOTH_S` around each sample (Savitzky and Golay 1964)."""
+    half = max(round(SMOOTH_S / step / 2), 2)
+    weights = 2.0 * np.linalg.pinv(np.vander(np.arange(-half, half + 1.0), 4, increasing=True))[2] / step**2
+    return np.convolve(_extended(values, half), weights[::-1], "valid")
+
+
+def band_passed(values: Array, step: float) -> Array:
+    """Values within `BAND_HZ`: Butterworth's second order there and back, so that nothing is delayed.
+
+    By the transform: ``scipy.signal`` takes half a second to import.
+    """
+    pad = min(round(2.0 / BAND_HZ[0] / step), values.size - 1)
+    whole = _extended(values, pad)
+    tangent = np.tan(np.pi * np.fft.rfftfreq(whole.size)[1:])
+    low, high = np.tan(np.pi * step * np.array(BAND_HZ))
+    apart = (tangent**2 - low * high) / (tangent * (high - low))
+    gain = np.concatenate([[0.0], 1.0 / (1.0 + apart**4)])
+    return np.asarray(np.fft.irfft(gain * np.fft.rfft(whole), whole.size)[pad : pad + values.size])
+
+
+def _extended(values: Array, by: int) -> Array:
+    """Values with ``by`` more at either end, turned about the first and the last."""
+    return np.pad(values, by, mode="reflect", reflect_type="odd")
+
+
+def force_delay(lags: Mapping[int, tuple[float, float]]) -> list[SessionFinding]:
+    """A delay of the force in all trials, or in one trial alone; ``lags`` are those of `force_lag` by trial.
+
+    Conventions: s, positive when the force comes late after the declared delay was taken off. The motor's own inertia
+    makes force and acceleration rise together, whatever the friction; both are filtered alike, 30 to 400 Hz, and the
+    lag of their best correlation is compared with the lag in the prediction, where motion follows the same force by the
+    laws alone. Detectable from 0.5 ms where the correlation is above 0.85 (forte), from 1.2 ms above 0.5; silent below.
+    The median of the trials counts; one trial of its own is named when it is as far from the others. Positive lags are
+    also made by a clock that differs between the channels: the two cannot be told apart.
+    """
+    known = {n: v for n, v in lags.items() if np.isfinite(v[0])}
+    if not known or len(known) < (len(lags) + 1) // 2:
+        return []
+    lag = float(np.median([v[0] for v in known.values()]))
+    limit = float(np.median([v[1] for v in known.values()]))
+    if abs(lag) > limit:
+        return [_finding(float("nan"), "in all trials ", lag, limit)]
+    return [
+        _finding(float(n), f"trial {n}: ", v[0], v[1]) for n, v in known.items() if abs(v[0]) > v[1] < abs(v[0] - lag)
+    ]
+
+
+def _finding(trial: float, where: str, lag: float, limit: float) -> SessionFinding:
+    side = "late" if lag > 0 else "early"
+    text = (
+        f"{where}the force comes {1e3 * abs(lag):.1f} ms {side} against the key's acceleration (limit "
+        f"{1e3 * limit:.1f} ms): "
+        "a delay of filter, amplifier or converter is not declared, or the channels' clocks differ; measure the delay"
+    )
+    return SessionFinding("force delay", trial, "force", lag, limit, text)
+
+
+RETURNS_N = 0.1
+SIGMAS = 5.0
+
+
+def force_drift(m: MeasuredTrial) -> list[SessionFinding]:
+    """Force at rest after the stroke against the force at rest before it.
+
+    Conventions: N; the reading after is the mean over the last 50 ms, in which two encoders must stand where they
+    began. Detectable from 0.1 N, or five standard uncertainties of the two means. The force is not corrected.
+    """
+    last = end_of(m)
+    if int(at_rest_again(m).sum()) < 2:
+        return []
+    reading = m.force.force_n[last]
+    u = float(reading.std(ddof=1) * np.sqrt(correlation_inflation(reading) / reading.size))
+    u = float(np.hypot(u, m.force.hum.u_offset_n))
+    away = float(reading.mean()) - m.force.preload_n
+    limit = max(RETURNS_N, SIGMAS * u)
+    if abs(away) <= limit:
+        return []
+    quiet = slice(0, m.quiet.stop)
+    before_s, after_s = float(m.time_s[quiet].mean()), float(m.time_s[last].mean())
+    slope = float(np.polyfit(m.time_s[quiet], m.raw_force_n[quiet], 1)[0])
+    text = (
+        f"trial {m.number}: force: at rest after the stroke it reads {away:+.2f} N against before (limit {limit:.2f} "
+        f"N), "
+        f"{away / (after_s - before_s):+.2f} N/s on average, {slope:+.2f} N/s before the stroke: the zero drifts or "
+        f"does "
+        "not return; check warm-up, cable and mounting of the load cell"
+    )
+    return [SessionFinding("force drift", m.number, "force", away, limit, text)]
+
+
+FLAT = 0.2  # of the noise
+FEWEST_FLAT, FEWEST_EQUAL = 5, 3
+COARSE = 0.05
+
+
+def force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
+    """A plateau at the largest or the smallest reading.
+
+    Conventions: raw readings, N. A plateau is three equal readings in a row at the largest or smallest value, or five
+    within a fifth of the channel's noise. Not judged are a channel without noise and, for equal readings, one whose
+    converter is so coarse that more than a twentieth of the neighbours at rest are equal. Detectable from three
+    readings.
+    """
+    force = m.raw_force_n
+    steps = np.diff(force[: m.quiet.stop])
+    noise = float(np.std(steps, ddof=1) / np.sqrt(2))
+    if not noise > 0:
+        return []
+    fine = float(np.mean(steps == 0)) < COARSE
+    for sign, words in ((1.0, "largest"), (-1.0, "smallest")):
+        most = float((sign * force).max())
+        start, length = _longest_run(sign * force > most - FLAT * noise)
+        fewest = FEWEST_FLAT
+        if length < fewest and fine:
+            start, length = _longest_run(sign * force == most)
+            fewest = FEWEST_EQUAL
+        if length < fewest:
+            continue
+        text = (
+            f"trial {m.number}: force: {length} readings in a row stay at the {words} value {sign * most:.2f} N from "
+            f"{m.time_s[start]:.4f} s, without the channel's noise of {noise:.3f} N: the channel saturates; widen its "
+            "range"
+        )
+        return [SessionFinding("force saturation", m.number, "force", float(length), float(fewest), text)]
+    return []
+
+
+def _longest_run(flat: NDArray[np.bool_]) -> tuple[int, int]:
+    """Start and length of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flat.astype(np.int8), [0]])))
+    if not edges.size:
+        return 0, 0
+    runs = edges[1::2] - edges[::2]
+    longest = int(runs.argmax())
+    return int(edges[::2][longest]), int(runs[longest])

@@ -1,0 +1,374 @@
+"""Identification on a session of positions: a set found on some strokes, left-out fits for the bands, and its file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+import model
+from rig.session import Session
+from rig.storage.atomic_write import write_text
+from validation.conventions import Array
+from validation.errors import ValidationInputError
+from validation.events.strikes import RELEASE, phases
+from validation.measurement.positions import Stroke, measure_positions, smoothed
+from validation.prediction.positions import FREE, NAMES, SENSORS, Predict, of_model, of_null
+from validation.statistics.bands import PredictedStroke, PredictionBand, prediction_band, spread
+
+SCATTER = 0.05
+"""What the model is expected to miss the hammer by, in rulers."""
+INDEPENDENT = 60.0
+APART_S, APART_M = 0.02, 0.02
+"""Samples of the misfit are so far apart: in time, or the hammer in rulers."""
+DIFFERENCE = 0.06
+"""Step of a parameter for the slopes, in standard deviations of its prior: contacts make the misfit rough."""
+LIMIT = 4.0
+"""Parameters stay within so many standard deviations of their priors."""
+MOST_RUNS = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Parameters in standard deviations of their priors (p,), their covariance (p, p), and the misfit before and
+    after."""
+
+    z: Array
+    covariance: Array
+    cost_before: float
+    cost: float
+    runs: int
+
+
+@lru_cache(maxsize=64)
+def chosen_samples(stroke: Stroke) -> NDArray[np.int64]:
+    """Samples of the misfit."""
+    steady = smoothed(stroke.hammer.value_m, np.full(stroke.time_s.size, 2e-2 * stroke.hammer.travel_m), 4e-5)
+    way = np.diff(stroke.time_s) / APART_S + np.abs(np.diff(steady)) / (APART_M * stroke.hammer.travel_m)
+    length = np.concatenate([[0.0], np.cumsum(way)])
+    return np.unique(np.searchsorted(length, np.arange(0.0, length[-1])))
+
+
+def misfit(z: Array, strokes: Sequence[Stroke], predict: Predict) -> Array:
+    """Residuals: one a parameter (its prior), then those of every stroke."""
+    parts = [z]
+    for stroke in strokes:
+        at = chosen_samples(stroke)
+        try:
+            error = (predict(z, stroke, None) - stroke.hammer.value_m)[at] / stroke.hammer.travel_m
+        except model.ModelError:
+            error = np.ones(at.size)
+        error = np.clip(np.nan_to_num(error, nan=1.0), -1.0, 1.0) / SCATTER
+        robust = np.sign(error) * np.sqrt(2.0 * (np.sqrt(1.0 + error**2) - 1.0))
+        parts.append(robust * np.sqrt(INDEPENDENT / at.size))
+    return np.concatenate(parts)
+
+
+def fit(
+    strokes: Sequence[Stroke],
+    predict: Predict,
+    start: Array,
+    *,
+    runs: int = MOST_RUNS,
+    say: Callable[[str], None] = lambda text: None,
+) -> Fit:
+    """Identify the parameters.
+
+    The misfit is that of the hammer's displacement in rulers, at samples spread evenly over time and movement together,
+    so that a long hold does not outweigh the blow. It is robust (pseudo-Huber): what the model lacks, such as a bounce
+    after the release, must not drag the rest along. Each stroke counts as `INDEPENDENT` values that scatter by
+    `SCATTER`, whatever its length: residuals of a model are not white, and intervals from white ones would be many
+    times too small.
+
+    Parameters
+    ----------
+    strokes : sequence of Stroke
+    predict : callable
+    start : ndarray, shape (p,)
+    runs : int
+        Most evaluations of the misfit, slopes not counted.
+    say : callable
+        Told of the progress.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    ValidationInputError
+        There is no stroke to fit.
+    """
+    if not strokes:
+        raise ValidationInputError("identification: no stroke to fit; choose some that are not held out")
+
+    def slopes(z: Array) -> Array:
+        here = misfit(z, strokes, predict)
+        out = np.empty((here.size, z.size))
+        for i in range(z.size):
+            step = DIFFERENCE if z[i] < LIMIT - DIFFERENCE else -DIFFERENCE
+            moved = z.copy()
+            moved[i] += step
+            out[:, i] = (misfit(moved, strokes, predict) - here) / step
+        say(f"misfit {0.5 * float(here @ here):.1f}")
+        return out
+
+    before = misfit(start, strokes, predict)
+    found = least_squares(
+        lambda z: misfit(z, strokes, predict), start, jac=slopes, bounds=(-LIMIT, LIMIT), max_nfev=runs, xtol=1e-3,
+        ftol=2e-3,
+    )  # fmt: skip
+    covariance = np.linalg.inv(found.jac.T @ found.jac)  # the priors' rows keep it regular
+    return Fit(found.x, covariance, 0.5 * float(before @ before), float(found.cost), int(found.nfev))
+
+
+SCHEMA = "piano-action-rig identified positions 2"
+FILE = "identified.json"
+MODELS = ("regulated", "null", "identified")
+
+
+@dataclass(frozen=True)
+class Identified:
+    """An identified set.
+
+    Attributes
+    ----------
+    action : str
+        Name or path of the action whose parameters were changed.
+    session : str
+        Where it was identified.
+    seals : dict of str
+        SHA-256 of the strokes it was fitted to, by trial number.
+    sensors : dict of str
+        Where the key's and hammer's calibrated points are and where the sensors look: it holds for these only.
+    names, null_names : tuple of str
+    z, covariance, null_z, null_covariance : lists
+        In standard deviations of the priors.
+    misfit : dict of str
+        Before and after.
+    left_out : dict
+        Parameters without each of the fitted strokes, from which the bands come.
+    bands : dict of str to PredictionBand
+        For each model how its band was chosen and calibrated.
+    release : dict
+        RMS of the hammer in the release, rulers, of the fitted strokes: with which group of parameters left nominal,
+        and with which group alone identified.
+    """
+
+    action: str
+    session: str
+    seals: dict[str, str]
+    sensors: dict[str, str]
+    names: tuple[str, ...]
+    z: list[float]
+    covariance: list[list[float]]
+    null_names: tuple[str, ...]
+    null_z: list[float]
+    null_covariance: list[list[float]]
+    misfit: dict[str, float]
+    bands: dict[str, PredictionBand]
+    left_out: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    release: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    def fit(self) -> Fit:
+        """The full model's parameters."""
+        return Fit(np.array(self.z), np.array(self.covariance), self.misfit["before"], self.misfit["after"], 0)
+
+    def null_fit(self) -> Fit:
+        """The null model's."""
+        return Fit(np.array(self.null_z), np.array(self.null_covariance), 0.0, 0.0, 0)
+
+    def check(self, strokes: tuple[Stroke, ...], where: str) -> None:
+        """Refuse strokes measured by other sensors."""
+        for stroke in strokes:
+            found = sensors_of(stroke)
+            for name, place in self.sensors.items():
+                if found.get(name) != place:
+                    raise ValidationInputError(
+                        f"{where}: trial {stroke.number}: {name} is {found.get(name)!r}, the identified set holds for "
+                        f"{place!r}; identify a set on this session, or leave --identified out"
+                    )
+
+
+def sensors_of(stroke: Stroke) -> dict[str, str]:
+    """Places of the sensors and of the calibrated points, as text."""
+    out = {}
+    for one in (stroke.key, stroke.hammer):
+        ruler = one.position.ruler
+        out[f"{ruler.body} sensor"] = ruler.sensor_at
+        out[f"{ruler.body} calibrated point"] = f"{ruler.calibrated_at}, {1e3 * one.travel_m:.2f} mm"
+    return out
+
+
+def write_identified(path: Path, identified: Identified) -> None:
+    """Write the set as JSON."""
+    plain = {"schema": SCHEMA, **asdict(identified)}
+    write_text(path, json.dumps(plain, indent=1) + "\n")
+
+
+def read_identified(path: Path) -> Identified:
+    """Read a set from a file, or from the session folder that holds it.
+
+    Raises
+    ------
+    ValidationInputError
+        It is missing, another kind of file, or has other parameters.
+    """
+    file = path / FILE if path.is_dir() else path
+    try:
+        plain: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValidationInputError(f"{file}: cannot be read ({error.strerror}); name a file or session") from None
+    except ValueError as error:
+        raise ValidationInputError(f"{file}: not JSON ({error}); name an {FILE}") from None
+    if not isinstance(plain, dict) or plain.pop("schema", None) != SCHEMA:
+        raise ValidationInputError(f"{file}: not an identified set, its schema must be {SCHEMA!r}")
+    try:
+        bands = {name: PredictionBand(**plain["bands"][name]) for name in MODELS}
+        names = {key: tuple(plain[key]) for key in ("names", "null_names")}
+        found = Identified(**{**plain, **names, "bands": bands})
+    except (TypeError, KeyError) as error:
+        raise ValidationInputError(f"{file}: a field is missing or unknown ({error}); identify it again") from None
+    if found.names != NAMES or found.null_names != NAMES[: len(SENSORS)]:
+        raise ValidationInputError(f"{file}: its parameters are not those of this version; identify it again")
+    return found
+
+
+START = {"stop_felt": -2.5, "key_felt": -1.0, "hammer_shape": 1.0, "key_shape": 0.5, "check": -0.2, "spring": -0.5}
+"""Where a fit begins, in standard deviations of the priors: soft felts and a weak spring, as the curves suggest."""
+DRAWS, SEED, SPREAD = 40, 5, 0.6
+"""A second fit begins at the best of so many seeded draws from the priors, narrowed by the last, and nominal."""
+GROUPS = {
+    "repetition spring": ("spring", "spring_torque", "lever_friction", "repetition_pad", "drop"),
+    "hammer's mass": ("hammer_mass",),
+    "back check": ("check", "check_friction"),
+    "friction and damping": ("hammer_friction", "knuckle_friction", "rest_damping", "knuckle_damping"),
+    "felt between key and whippen": ("key_felt",),
+    "jack, let-off, stop": ("let_off", "jack_pad", "capstan", "string", "stop_felt", "stop_damping"),
+    "sensors": tuple(one.name for one in SENSORS),
+}
+
+
+def identify_session(
+    session: Session, trials: Sequence[int], action_name: str, say: Callable[[str], None] = lambda text: None
+) -> Identified:
+    """Identify a set on some strokes of a session.
+
+    Parameters
+    ----------
+    session : Session
+    trials : sequence of int
+        Strokes to fit; at least two, so that bands can be calibrated on what was left out.
+    action_name : str
+        Built-in action or file whose parameters are changed.
+    say : callable
+        Told of the progress.
+
+    Raises
+    ------
+    ValidationInputError
+        A trial is not usable, or there are fewer than two.
+    """
+    usable, refused = measure_positions(session)
+    by_number = {stroke.number: stroke for stroke in usable}
+    if missing := [n for n in trials if n not in by_number]:
+        reason = refused.get(missing[0], "there is no such trial")
+        raise ValidationInputError(f"{session.path}: trial {missing[0]} cannot be identified on: {reason}")
+    if len(set(trials)) < 2:
+        raise ValidationInputError(f"{session.path}: {len(set(trials))} trial to identify on, allowed from 2")
+    strokes = [by_number[n] for n in trials]
+    action = model.load_action(action_name)
+    full, null = of_model(action), of_null(action)
+    say("identified set: all strokes")
+    best = _search(strokes, full, len(FREE), say)
+    null_best = _search(strokes, null, len(SENSORS), say)
+    left_z: dict[str, dict[str, list[float]]] = {"null": {}, "identified": {}}
+    for stroke in strokes:
+        say(f"without trial {stroke.number}")
+        others = [one for one in strokes if one is not stroke]
+        left_z["null"][str(stroke.number)] = _search(others, null, len(SENSORS), say).z.tolist()
+        left_z["identified"][str(stroke.number)] = _search(others, full, len(FREE), say).z.tolist()
+    return Identified(
+        action=action_name,
+        session=session.info.name or session.path.name,
+        seals={str(n): session.trial(n).sha256 for n in trials},
+        sensors=sensors_of(strokes[0]),
+        names=NAMES,
+        z=best.z.tolist(),
+        covariance=best.covariance.tolist(),
+        null_names=NAMES[: len(SENSORS)],
+        null_z=null_best.z.tolist(),
+        null_covariance=null_best.covariance.tolist(),
+        misfit={"before": _cost(np.zeros(len(FREE)), strokes, full), "after": best.cost, "null": null_best.cost},
+        bands=bands_of(strokes, action, left_z),
+        left_out=left_z,
+        release=explain_release(strokes, full, best.z),
+    )
+
+
+def bands_of(
+    strokes: Sequence[Stroke], action: model.Action, left_out: dict[str, dict[str, list[float]]]
+) -> dict[str, PredictionBand]:
+    """Choose and calibrate the band of each model on strokes predicted by parameters that have not seen them."""
+    full, null, nominal = of_model(action), of_null(action), [0.0] * len(FREE)
+    found = {}
+    for name, predict in (("regulated", full), ("null", null), ("identified", full)):
+        left = []
+        for stroke in strokes:
+            z = np.array(left_out.get(name, {}).get(str(stroke.number), nominal))
+            prediction = predict(z, stroke, None)
+            left.append(PredictedStroke(stroke, prediction, spread(stroke, predict, z, prediction)))
+        found[name] = prediction_band(left)
+    return found
+
+
+def _cost(z: Array, strokes: Sequence[Stroke], predict: Predict) -> float:
+    r = misfit(z, strokes, predict)
+    return 0.5 * float(r @ r)
+
+
+def _search(strokes: Sequence[Stroke], predict: Predict, size: int, say: Callable[[str], None]) -> Fit:
+    """The better of two fits: the misfit has many valleys."""
+    random = np.random.default_rng(SEED)
+    first = np.array([START.get(name, 0.0) for name in NAMES])[:size]
+    draws = [np.zeros(size), *(SPREAD * random.standard_normal(size) for _ in range(DRAWS))]
+    second = min(draws, key=lambda z: _cost(z, strokes, predict))
+    fits = [fit(strokes, predict, start, say=say) for start in (first, second)]
+    return min(fits, key=lambda one: one.cost)
+
+
+def explain_release(strokes: Sequence[Stroke], predict: Predict, z: Array) -> dict[str, dict[str, float]]:
+    """RMS of the hammer in the release (rulers) with each group left nominal, and with it alone identified.
+
+    Sensors stay as identified when another group stands alone: they are no part of the action.
+    """
+
+    def rms(values: Array) -> float:
+        squares = []
+        for stroke in strokes:
+            try:
+                error = (predict(values, stroke, None) - stroke.hammer.value_m) / stroke.hammer.travel_m
+            except model.ModelError:
+                return float("nan")
+            squares.append(np.mean(error[phases(stroke) == RELEASE] ** 2))
+        return float(np.sqrt(np.mean(squares)))
+
+    out = {"nothing": {"nominal": rms(z), "alone": rms(np.where(_of("sensors"), z, 0.0))}}
+    for group in GROUPS:
+        chosen = _of(group)
+        out[group] = {
+            "nominal": rms(np.where(chosen, 0.0, z)),
+            "alone": rms(np.where(chosen | _of("sensors"), z, 0.0)),
+        }
+    return out
+
+
+def _of(group: str) -> NDArray[np.bool_]:
+    return np.array([name in GROUPS[group] for name in NAMES])

@@ -1,0 +1,276 @@
+"""Models against a session of positions: predictions, bands and scores of every stroke, and what can be said of it.
+
+Models against a session of positions: predictions, bands and scores of every stroke, and what can be said of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import model
+from rig.session import Session
+from validation.conventions import Array
+from validation.events.strikes import EVENTS, PHASES, find, phases
+from validation.identification.positions import FILE, MODELS, Fit, Identified, read_identified
+from validation.measurement.positions import Stroke, measure_positions
+from validation.prediction.positions import FREE, SENSORS, Predict, of_model, of_null
+from validation.statistics.bands import PredictedStroke, half_width, score, spread
+
+GOAL_COVER, GOAL_HALF_WIDTH = 0.9, 0.1
+"""Share of each held-out stroke inside the 95 % band, and median half width in rulers."""
+GOALS_MET = (
+    "the goals (90 % inside, half width 10 %, closer and with a better interval score than the null model) are met."
+)
+NO_PARAMETERS = "hirschkorn2004-regulated"
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """One model's prediction of one stroke: displacement (n,), m, and half width of its 95 % band; NaN without one."""
+
+    model: str
+    stroke: Stroke
+    hammer_m: Array
+    half_m: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PositionComparison:
+    """What came out.
+
+    Attributes
+    ----------
+    session_name, action_name : str
+    identified : Identified or None
+    predictions : tuple of Predicted
+    scores : DataFrame
+        One row a stroke and model.
+    by_phase : DataFrame
+        RMSE (rulers) of each stroke, model and phase.
+    events : DataFrame
+        Events measured and predicted.
+    repeatability : DataFrame
+        Events of strokes of one condition: how many, mean, standard deviation.
+    refused : dict
+        Trials that were not used, with the reason.
+    sentence : str
+    verdict_lines : tuple of str
+    files : dict
+        What was written, by name.
+    """
+
+    session_name: str
+    action_name: str
+    identified: Identified | None
+    predictions: tuple[Predicted, ...]
+    scores: pd.DataFrame
+    by_phase: pd.DataFrame
+    events: pd.DataFrame
+    repeatability: pd.DataFrame
+    refused: dict[int, str]
+    sentence: str
+    verdict_lines: tuple[str, ...]
+    files: dict[str, Path] = field(default_factory=dict)
+
+
+def compare_positions(
+    session: Session,
+    action_name: str | None = None,
+    identified: Path | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> PositionComparison:
+    """Drive the models by each stroke's measured key and compare the hammer.
+
+    Parameters
+    ----------
+    session : Session
+        Of positions, without force.
+    action_name : str, optional
+        The action as it is; by default that of the identified set, else the regulated one.
+    identified : path, optional
+        File of an identified set, or a session folder that holds one; by default the session's own, where there is one.
+    say : callable
+        Told of the progress.
+
+    Returns
+    -------
+    PositionComparison
+
+    Raises
+    ------
+    ValidationInputError
+        No stroke is usable, or the identified set cannot be read or is of other sensors or another action.
+    """
+    strokes, refused = measure_positions(session)
+    own = session.path / FILE
+    chosen = identified or (own if own.is_file() else None)
+    record = None if chosen is None else read_identified(chosen)
+    if record is not None:
+        record.check(strokes, str(session.path))
+    name = action_name or (record.action if record else NO_PARAMETERS)
+    action = model.load_action(name)
+    fitted_seals = set(record.seals.values()) if record else set()
+    seals = {stroke.number: session.trial(stroke.number).sha256 for stroke in strokes}
+    predictions, rows, phase_rows, event_rows = [], [], [], []
+    models = _models(action, record if record is None or record.action == name else None)
+    for stroke in strokes:
+        say(f"stroke {stroke.number} {stroke.condition}")
+        event_rows += _event_rows(stroke, "measured", stroke.hammer.value_m)
+        for label, (predict, fitted) in models.items():
+            try:
+                made = predict(fitted.z, stroke, None)
+            except model.ModelError as error:
+                say(f"stroke {stroke.number}: {label}: {error}")
+                rows.append({"trial": stroke.number, "condition": stroke.condition, "model": label})
+                continue
+            half = np.full(made.size, np.nan)
+            if record is not None:
+                band = record.bands[label]
+                half = half_width(PredictedStroke(stroke, made, spread(stroke, predict, fitted.z, made)), band, band.q)
+            predicted = Predicted(label, stroke, made, half)
+            predictions.append(predicted)
+            fitted_to = label != "regulated" and seals[stroke.number] in fitted_seals
+            left = _left_out(record, label, predict, stroke) if fitted_to else np.nan
+            rows.append({**_score(predicted), "fitted": fitted_to, "left_out_rmse_share": left})
+            phase_rows.append(_phase_row(predicted))
+            event_rows += _event_rows(stroke, label, made)
+    scores, events = pd.DataFrame(rows), pd.DataFrame(event_rows)
+    sentence, lines = _verdict(session.info.name, scores, record)
+    return PositionComparison(
+        session.info.name or session.path.name,
+        action.name,
+        record,
+        tuple(predictions),
+        scores,
+        pd.DataFrame(phase_rows),
+        events,
+        _repeatability(events),
+        refused,
+        sentence,
+        lines,
+    )
+
+
+def _models(action: model.Action, record: Identified | None) -> dict[str, tuple[Predict, Fit]]:
+    """Predictions by name with their parameters; the action as it is and the null model have no spread of their own."""
+    full, null = of_model(action), of_null(action)
+    if record is None:
+        nothing = Fit(np.zeros(len(SENSORS)), np.zeros((len(SENSORS),) * 2), 0.0, 0.0, 0)
+        return {"regulated": (full, _nominal()), "null": (null, nothing)}
+    return dict(zip(MODELS, ((full, _nominal()), (null, record.null_fit()), (full, record.fit())), strict=True))
+
+
+def _nominal() -> Fit:
+    return Fit(np.zeros(len(FREE)), np.zeros((len(FREE), len(FREE))), 0.0, 0.0, 0)
+
+
+def _left_out(record: Identified | None, label: str, predict: Predict, stroke: Stroke) -> float:
+    """RMSE (rulers) of a stroke by parameters that have not seen it."""
+    z = None if record is None else record.left_out.get(label, {}).get(str(stroke.number))
+    if z is None:
+        return float("nan")
+    error = (predict(np.array(z), stroke, None) - stroke.hammer.value_m) / stroke.hammer.travel_m
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def _score(one: Predicted) -> dict[str, object]:
+    stroke, travel = one.stroke, one.stroke.hammer.travel_m
+    error = one.hammer_m - stroke.hammer.value_m
+    rmse = float(np.sqrt(np.mean(error**2)))
+    banded = bool(np.all(np.isfinite(one.half_m)))
+    fared = (
+        score(stroke, one.hammer_m, one.half_m) if banded else dict.fromkeys(("inside", "half_width", "score"), np.nan)
+    )
+    return {
+        "trial": stroke.number,
+        "condition": stroke.condition,
+        "model": one.model,
+        "rmse_m": rmse,
+        "rmse_share": rmse / travel,
+        "inside_band": fared["inside"],
+        "half_width_share": fared["half_width"],
+        "interval_score_share": fared["score"],
+        "flagged_share": float(np.mean(stroke.hammer.position.flag != 0)),
+    }
+
+
+def _phase_row(one: Predicted) -> dict[str, object]:
+    error, at = (one.hammer_m - one.stroke.hammer.value_m) / one.stroke.hammer.travel_m, phases(one.stroke)
+    row: dict[str, object] = {"trial": one.stroke.number, "condition": one.stroke.condition, "model": one.model}
+    return row | {
+        name: float(np.sqrt(np.mean(error[at == i] ** 2))) if np.any(at == i) else np.nan
+        for i, name in enumerate(PHASES)
+    }
+
+
+def _event_rows(stroke: Stroke, source: str, hammer_m: Array) -> list[dict[str, object]]:
+    about = {"trial": stroke.number, "condition": stroke.condition, "source": source}
+    return [{**about, "strike": k, **found} for k, found in enumerate(find(stroke, hammer_m), 1)]
+
+
+def _repeatability(events: pd.DataFrame) -> pd.DataFrame:
+    """Scatter of measured events among strikes of one condition, or of one trial that has several: of the player and
+    the piano together.
+    """
+    rows = []
+    measured = events[events["source"] == "measured"]
+    unnamed = measured["condition"] == ""
+    kinds = measured["condition"].mask(unnamed, "trial " + measured["trial"].astype(str))
+    for condition, part in measured.groupby(kinds, sort=False):
+        if len(part) < 2:
+            continue
+        for name in [event for event in EVENTS if event != "impact_s"]:
+            values = part[name].dropna()
+            if len(values) > 1:
+                rows.append({"condition": condition, "event": name, "n": len(values), "mean": float(values.mean()),
+                             "s": float(values.std(ddof=1))})  # fmt: skip
+    return pd.DataFrame(rows, columns=["condition", "event", "n", "mean", "s"])
+
+
+def _verdict(name: str, scores: pd.DataFrame, record: Identified | None) -> tuple[str, tuple[str, ...]]:
+    """One sentence, and the lines of the terminal."""
+    lines = [
+        f"{name}: key motion in, hammer motion predicted, {scores['trial'].nunique()} strokes; RMSE in % of the ruler"
+    ]
+    for label, part in scores.groupby("model", sort=False):
+        values = ", ".join(
+            f"{row.trial} {row.condition}{' (fitted)' if row.fitted is True else ''} {100 * row.rmse_share:.1f}"
+            for row in part.itertuples()
+        )
+        lines.append(f"{label}: {values}")
+    if record is None:
+        return f"{name}: no identified set; the regulated set and the null model are compared as they are.", tuple(
+            lines
+        )
+    out = scores[(scores["model"] == "identified") & (scores["fitted"] == False)]  # noqa: E712
+    null = scores[scores["model"] == "null"].set_index("trial")
+    if not len(out):
+        sentence = f"{name}: every stroke was fitted; nothing is held out."
+        return sentence, (*lines, sentence)
+    missed = []
+    for row in out.itertuples():
+        faults = []
+        if not row.inside_band >= GOAL_COVER:
+            faults.append(f"{100 * row.inside_band:.0f} % inside the band")
+        if not row.half_width_share <= GOAL_HALF_WIDTH:
+            faults.append(f"median half width {100 * row.half_width_share:.0f} %")
+        if not row.rmse_share < null.loc[row.trial, "rmse_share"]:
+            faults.append("no closer than the null model")
+        if not row.interval_score_share < null.loc[row.trial, "interval_score_share"]:
+            faults.append("a worse interval score than the null model")
+        if faults:
+            missed.append(f"trial {row.trial} ({', '.join(faults)})")
+    least, widest = out["inside_band"].min(), out["half_width_share"].max()
+    sentence = (
+        f"On {len(out)} strokes that were not fitted the identified set is off by "
+        f"{100 * out['rmse_share'].min():.1f} to {100 * out['rmse_share'].max():.1f} % of the ruler (RMS), at least "
+        f"{math.floor(100 * least)} % of each lies inside its 95 % band, whose median half width is at most "
+        f"{100 * widest:.1f} %; " + (GOALS_MET if not missed else f"missed: {'; '.join(missed)}.")
+    )
+    return sentence, (*lines, sentence)

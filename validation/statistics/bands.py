@@ -1,0 +1,410 @@
+"""Two 95 % bands by two rules: the repeatability band of the mean of a few curves, the prediction band of one stroke.
+
+*Repeatability band*: with 95 % confidence the whole mean curve lies inside. Curves are (n_samples, n_trials); half
+widths in the unit of the curves. Fewer than five trials give NaN (three would need a factor of 136); curves that are
+equal everywhere give a band of zero width.
+Source: random-field t. A curve of t values with ν degrees of freedom exceeds ±u somewhere with a probability of about
+2·[P(T > u) + L/(2π)·(1 + u²/ν)^(−(ν−1)/2)] (expected Euler characteristic in one dimension, Worsley 1994; Adler and
+Taylor 2007). L, the length of the curve in units of its own roughness, is the length of the path which the residuals
+of all trials, scaled to unit length at each instant, describe on the sphere: free of bias for Gaussian curves whatever
+the number of trials, and of any assumption that roughness or scatter stay the same along the curve (Taylor and
+Worsley 2007). Where independent samples would bound u lower (rough curves), their bound is taken (Bonferroni).
+
+Blows scatter in time as well: an event that comes later makes a step, so that the values of a few trials at one instant
+are equal before it and far apart after it, and tell nothing of how far the mean may lie off. Their shift in time does:
+near each instant it is the regression of a curve's deviation on the slope of the mean curve (registration to first
+order). A shift counts where it explains the deviations, where the body moves (a hundredth of its largest speed, clear
+of rounding), and where it is shorter than half of the time the body takes at its fastest: a longer one is not told from
+a difference in value. Delays are not made good before the action rests: the variance over time is the non-decreasing
+one nearest to what is found at each instant, weighted with the squared slope, so that what looks like a delay of slow
+creeping yields to what the next fast motion shows. The band reaches wherever the mean curve comes when it is shifted by
+as much as a further trial's shift may be (prediction interval of Student's t), since one trial in some that comes early
+has its part in the mean, and is nowhere narrower than the rounding of its samples. What this covers on the virtual
+bench: `benchmarks/band_on_bench.py`. No band of a few trials knows what one blow in thirty does and none of them did.
+
+*Prediction band*: about the prediction of a stroke that was not fitted, calibrated on training strokes left out of the
+fit, alike for every model. Its half width is q · u(t): u joins what the key's calibration leaves open (an ensemble),
+the hammer's own calibration and a floor; q is a number for each phase of the key, or one for the whole stroke. Which of
+the `CANDIDATES` is used is decided by training strokes alone (docs/explanation/positions.md): the
+numbers come from some, the interval score is taken on another. So q holds what the model lacks and what other strokes
+would have made of its parameters, as far as left-out strokes show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+from scipy.ndimage import convolve1d, maximum_filter1d
+from scipy.optimize import brentq, isotonic_regression
+from scipy.special import stdtr, stdtrit
+
+import model
+from validation.conventions import Array
+from validation.events.strikes import PHASES, phases
+from validation.measurement.positions import NORMAL, Stroke
+from validation.prediction.positions import Predict
+
+WINDOW = 1 / 6  # of the time in which the mean curve would cover its range at its largest speed
+LONGEST = 0.5  # of the same time: a longer shift is not told from a difference in value
+MOVES = 0.01  # of the largest speed
+EXPLAINED = 0.4  # of the squared deviations near an instant; half is what shifts explain of sharp steps
+CLEAR = 3.0  # times the rounding of its samples, over the window, that a slope must exceed
+IS_MOTION = 10.0  # times the variance of the mean's slope, all along: below, the mean is what is left of the scatter
+TIME_CONFIDENCE = 0.995  # for a further trial; with it the band of the mean covers about 95 % on the virtual bench
+ROUND_SAMPLES = 0.05
+
+
+def time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
+    """Standard deviation of the trials' shift in time at each sample, in samples; 0 where none is told.
+
+    Parameters
+    ----------
+    curves : (n_samples, n_trials) array
+        Without lost samples, two trials or more.
+    u_sample : float
+        Standard deviation of the noise of one sample.
+
+    Returns
+    -------
+    (n_samples,) array
+        Not decreasing.
+
+    Examples
+    --------
+    >>> t = np.arange(400.0)[:, None]
+    >>> s = time_scatter(np.tanh((t - 200 - np.array([-2.0, 0.0, 2.0])) / 20))
+    >>> float(s[0]), round(float(s[-1]), 1)
+    (0.0, 2.0)
+    """
+    n_samples, n = curves.shape
+    mean = curves.mean(axis=1)
+    slope = np.gradient(mean)
+    fastest = float(np.abs(slope).max())
+    deviation = curves - mean[:, None]
+    of_slope = float(np.square(np.gradient(deviation, axis=0)).sum()) / (n * (n - 1))
+    if not float(slope @ slope) > IS_MOTION * of_slope:
+        return np.zeros(n_samples)
+    way = float(np.ptp(mean)) / fastest
+    half = int(np.clip(round(WINDOW * way), 2, max(n_samples // 4, 2)))
+    weight = np.hanning(2 * half + 3)[1:-1]
+    weight /= weight.sum()
+
+    def near(values: Array) -> Array:
+        return np.asarray(convolve1d(values, weight, axis=0, mode="constant"))
+
+    common = near(slope[:, None] * deviation)
+    power = near(slope**2)
+    moving = power > max((CLEAR * u_sample / half) ** 2, (MOVES**2) * float(power.max()))
+    shift = common / np.where(power > 0, power, np.inf)[:, None]
+    s = np.sqrt(np.square(shift - shift.mean(axis=1, keepdims=True)).sum(axis=1) / (n - 1))
+    explained = np.square(common).sum(axis=1) > EXPLAINED * power * near(np.square(deviation).sum(axis=1))
+    told = np.flatnonzero(moving & explained & (s < LONGEST * way))
+    if not told.size:
+        return np.zeros(n_samples)
+    grown = np.sqrt(isotonic_regression(s[told] ** 2, weights=power[told]).x)
+    return np.concatenate([np.zeros(told[0]), np.repeat(grown, np.diff(np.append(told, n_samples)))])
+
+
+def reach_in_time(mean: Array, scatter: Array, n: int) -> Array:
+    """How far a mean curve may lie from itself when shifted by as much as its trials may be, (n_samples,).
+
+    Parameters
+    ----------
+    mean : (n_samples,) array
+    scatter : (n_samples,) array
+        As of `time_scatter`.
+    n : int
+        Trials.
+    """
+    factor = float(stdtrit(n - 1, 0.5 + TIME_CONFIDENCE / 2)) * np.sqrt(1 + 1 / n)
+    # rounding keeps the number of different reaches small
+    rounded = np.round(scatter / ROUND_SAMPLES) * ROUND_SAMPLES
+    reach = np.minimum(np.round(factor * rounded), mean.size).astype(int)
+    upper, lower = mean.copy(), -mean
+    edges = np.flatnonzero(np.diff(reach)) + 1
+    for first, last in zip(np.r_[0, edges], np.r_[edges, mean.size], strict=True):
+        by = int(reach[first])
+        if by == 0:
+            continue
+        there = slice(max(0, first - by), min(mean.size, last + by))
+        for most, sign in ((upper, 1.0), (lower, -1.0)):
+            part = np.full(there.stop - there.start, -np.inf)
+            part[first - there.start : last - there.start] = sign * mean[first:last]
+            shifted = maximum_filter1d(part, 2 * by + 1, mode="constant", cval=-np.inf)
+            np.maximum(most[there], shifted, out=most[there])
+    return np.asarray(np.maximum(upper - mean, lower + mean))
+
+
+CONFIDENCE = 0.95
+FEWEST_FOR_BAND = 5
+LARGEST_U = 1e6
+FEWEST_STEPS = 40  # of the path, however noisy the samples are
+CLEAR_OF_NOISE = 4.0
+ROUNDING = np.sqrt(6.0)  # a count, in standard deviations of a rounded sample less its rounded zero
+CLEAR_SCATTER = 3.0  # times the noise of a sample: above it the scatter of a few trials is that of the trials
+
+
+@dataclass(frozen=True)
+class RepeatabilityBand:
+    """Mean curve, half width of its simultaneous band, and what the width came from.
+
+    ``factor`` is the critical value u, ``length`` the roughness length L, ``n_trials`` the curves; the pointwise
+    interval of Student's t would have the half width ``half_width · t/u`` where the values' scatter makes the band.
+    """
+
+    mean: Array
+    half_width: Array
+    factor: float
+    length: float
+    n_trials: int
+
+    def covers(self, truth: Array) -> bool:
+        """Whether a curve lies inside the band everywhere it is known."""
+        off = np.abs(np.asarray(truth, dtype=float) - self.mean)
+        known = np.isfinite(off) & np.isfinite(self.half_width)
+        return bool(np.all(off[known] <= self.half_width[known]))
+
+
+def exceedance(u: float, freedom: int, length: float) -> float:
+    """Probability that a curve of t values leaves ±u somewhere (upper bound from its expected Euler characteristic)."""
+    tail = float(stdtr(freedom, -u))
+    return 2 * (tail + length / (2 * np.pi) * (1 + u * u / freedom) ** (-(freedom - 1) / 2))
+
+
+def critical_value(freedom: int, length: float, n_samples: int, confidence: float = CONFIDENCE) -> float:
+    """Critical value of a curve of t values.
+
+    Parameters
+    ----------
+    freedom : int
+        Degrees of freedom at each instant, number of trials − 1.
+    length : float
+        Roughness length of the curve.
+    n_samples : int
+        Samples of the curve: it cannot exceed more often than so many independent values.
+    confidence : float
+
+    Examples
+    --------
+    >>> round(critical_value(4, 0.0, 1), 3)  # a single value: Student's t
+    2.776
+    """
+    alpha = 1 - confidence
+    independent = float(-stdtrit(freedom, alpha / 2 / max(n_samples, 1)))
+    if freedom < 2 or exceedance(LARGEST_U, freedom, length) >= alpha:
+        return independent
+    found = float(brentq(lambda u: exceedance(u, freedom, length) - alpha, 0.0, LARGEST_U, xtol=1e-9))
+    return min(found, independent)
+
+
+def roughness_length(residual: Array, u_sample: float = 0.0) -> float:
+    """Length of the path of the residuals, scaled to unit length at each instant, on the sphere.
+
+    White noise of the samples would make any path long, so the path is measured in steps long enough that the noise is
+    the smaller part of them.
+
+    Parameters
+    ----------
+    residual : (n_samples, n_trials) array
+        Deviations from the mean; NaN rows are left out.
+    u_sample : float
+        Standard deviation of the white noise in one sample of one trial.
+    """
+    size = np.linalg.norm(residual, axis=1)
+    unit = residual / size[:, None]
+    n = residual.shape[1]
+    # the noise of two samples, along the n − 2 directions in which the scaled residuals can move
+    noise = 2 * (n - 2) * (u_sample / size) ** 2
+    stride, longest = 1, max(residual.shape[0] // FEWEST_STEPS, 1)
+    while True:
+        square = ((unit[stride:] - unit[:-stride]) ** 2).sum(axis=1)
+        part = 0.5 * (noise[stride:] + noise[:-stride])
+        known = np.isfinite(square)
+        if not known.any():
+            return 0.0
+        clear = np.median(square[known]) >= CLEAR_OF_NOISE * np.median(part[known])
+        if clear or 2 * stride > longest:
+            return float(np.sqrt(square[known]).sum() / stride)
+        stride *= 2
+
+
+def repeatability_band(curves: Array, *, u_sample: float = 0.0, confidence: float = CONFIDENCE) -> RepeatabilityBand:
+    """Simultaneous band for the mean of curves that scatter in value and in time.
+
+    Parameters
+    ----------
+    curves : (n_samples, n_trials) array
+        Samples at which a trial is lost (NaN) have no band.
+    u_sample : float
+        Standard deviation of the white noise of one sample, for instance from the counts of an encoder.  Where the
+        trials scatter by less than three times this, they add no roughness; nowhere is their scatter taken for smaller.
+    confidence : float
+    """
+    values = np.asarray(curves, dtype=float)
+    n_samples, n = values.shape
+    mean, half = np.full(n_samples, np.nan), np.full(n_samples, np.nan)
+    known = np.isfinite(values).all(axis=1)
+    if n == 0 or not known.any():
+        return RepeatabilityBand(mean, half, float("nan"), float("nan"), n)
+    mean[known] = values[known].mean(axis=1)
+    if n < FEWEST_FOR_BAND:
+        return RepeatabilityBand(mean, half, float("nan"), float("nan"), n)
+    residual = values[known] - mean[known, None]
+    s = np.sqrt((residual**2).sum(axis=1) / (n - 1))
+    scale = float(np.abs(values[known]).max())
+    is_clear = s > max(CLEAR_SCATTER * u_sample, 1e-12 * scale)
+    if not is_clear.any():
+        half[known] = critical_value(n - 1, 0.0, 1, confidence) * u_sample / np.sqrt(n)
+        return RepeatabilityBand(mean, half, float("nan"), 0.0, n)
+    path = np.full(values.shape, np.nan)
+    path[np.flatnonzero(known)[is_clear]] = residual[is_clear]
+    length = roughness_length(path, u_sample)
+    factor = critical_value(n - 1, length, int(is_clear.sum()), confidence)
+    of_values = factor * np.maximum(s, u_sample) / np.sqrt(n)
+    of_times = reach_in_time(mean[known], time_scatter(values[known], u_sample), n)
+    half[known] = np.maximum.reduce([of_values, of_times + u_sample, np.full(s.size, ROUNDING * u_sample)])
+    return RepeatabilityBand(mean, half, factor, length, n)
+
+
+LEVEL = 0.95
+DRAWS, SEED = 9, 19
+WHOLE = "whole"
+"""The number for the whole stroke, beside those of the phases."""
+
+
+FLOORS = (0.005, 0.01, 0.02, 0.04)
+JOINED = ("pooled", "largest")
+
+
+@dataclass(frozen=True)
+class PredictionBand:
+    """A way to calibrate a band about a prediction, and the numbers that came of it.
+
+    Attributes
+    ----------
+    floor : float
+        Least standard uncertainty of a prediction, in rulers.
+    by_phase : bool
+        There is a number for each phase; otherwise one for the whole stroke.
+    joined : str
+        ``pooled``: the 95 % quantile of errors over u in the training strokes, each of the same weight; ``largest``:
+        the largest of the strokes' own.
+    q : dict of str
+        The numbers, by phase, and that of the whole stroke.
+    left_out : dict
+        For each training stroke how the band calibrated on the others fared there: ``inside``, ``half_width`` (median)
+        and ``score`` (interval score), in rulers.
+    """
+
+    floor: float
+    by_phase: bool
+    joined: str
+    q: dict[str, float] = field(default_factory=dict)
+    left_out: dict[str, dict[str, float]] = field(default_factory=dict)
+
+
+CANDIDATES = tuple(PredictionBand(floor, phase, how) for floor, phase, how in product(FLOORS, (True, False), JOINED))
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedStroke:
+    """A stroke, its prediction and u without floor, (n,), m; to calibrate on: by parameters fitted without it."""
+
+    stroke: Stroke
+    prediction_m: Array
+    u_m: Array
+
+
+def spread(stroke: Stroke, predict: Predict, z: Array, prediction: Array) -> Array:
+    """Standard uncertainty u(t) (n,), m, of a prediction beside what the model lacks, without floor.
+
+    The ensemble draws calibrations and rests of the key; its spread is the median departure, so that a draw in which
+    the hammer goes another way (is not caught, say) does not set it. What other strokes would have made of the
+    parameters is in q.
+    """
+    random = np.random.default_rng(SEED)
+    away = []
+    for _ in range(DRAWS):
+        try:
+            away.append(np.abs(predict(z, stroke, stroke.key.draw(random)) - prediction))
+        except model.ModelError:
+            continue
+    drawn = NORMAL * np.median(away, axis=0) if away else np.zeros(prediction.size)
+    return np.hypot(drawn, np.hypot(stroke.hammer.position.u_calibration_m, stroke.hammer.u_zero_m))
+
+
+def prediction_band(strokes: Sequence[PredictedStroke]) -> PredictionBand:
+    """Choose the candidate with the least interval score on strokes that its numbers have not seen, and calibrate it.
+
+    Parameters
+    ----------
+    strokes : sequence of PredictedStroke
+        Training strokes, at least two.
+    """
+
+    def fared(way: PredictionBand) -> dict[str, dict[str, float]]:
+        out = {}
+        for one in strokes:
+            q = quantiles([other for other in strokes if other is not one], way)
+            out[str(one.stroke.number)] = score(one.stroke, one.prediction_m, half_width(one, way, q))
+        return out
+
+    every = [(way, fared(way)) for way in CANDIDATES]
+    best, rows = min(every, key=lambda pair: float(np.mean([row["score"] for row in pair[1].values()])))
+    return replace(best, q=quantiles(strokes, best), left_out=rows)
+
+
+def quantiles(strokes: Sequence[PredictedStroke], candidate: PredictionBand) -> dict[str, float]:
+    """Numbers q of each phase and of the whole; a phase that no stroke shows gets that of the whole."""
+    ratios: dict[str, list[Array]] = {name: [] for name in (*PHASES, WHOLE)}
+    for one in strokes:
+        error = np.abs(one.prediction_m - one.stroke.hammer.value_m)
+        at, ratio = phases(one.stroke), error / floored(one, candidate.floor)
+        ratios[WHOLE].append(ratio)
+        for i, name in enumerate(PHASES):
+            if np.any(at == i):
+                ratios[name].append(ratio[at == i])
+
+    def join(every: Sequence[Array]) -> float:
+        return _pooled(every) if candidate.joined == "pooled" else max(_pooled([one]) for one in every)
+
+    whole = join(ratios[WHOLE])
+    return {name: join(of) if of and candidate.by_phase else whole for name, of in ratios.items()}
+
+
+def floored(one: PredictedStroke, floor: float) -> Array:
+    """Standard uncertainty with its floor (n,), m."""
+    return np.asarray(np.hypot(one.u_m, floor * one.stroke.hammer.travel_m))
+
+
+def _pooled(ratios: Sequence[Array]) -> float:
+    values = np.concatenate(ratios)
+    weights = np.concatenate([np.full(one.size, 1.0 / one.size) for one in ratios])
+    order = np.argsort(values)
+    share = np.cumsum(weights[order]) / len(ratios)
+    return float(values[order][min(int(np.searchsorted(share, LEVEL)), values.size - 1)])
+
+
+def half_width(one: PredictedStroke, way: PredictionBand, q: dict[str, float]) -> Array:
+    """Half width of the band (n,), m."""
+    return np.asarray(floored(one, way.floor) * np.array([q[name] for name in PHASES])[phases(one.stroke)])
+
+
+def score(stroke: Stroke, prediction_m: Array, half_m: Array) -> dict[str, float]:
+    """Share inside a band, its median half width and its interval score, the latter two in rulers."""
+    travel = stroke.hammer.travel_m
+    return {
+        "inside": float(np.mean(np.abs(prediction_m - stroke.hammer.value_m) <= half_m)),
+        "half_width": float(np.median(half_m)) / travel,
+        "score": interval_score(stroke.hammer.value_m, prediction_m, half_m) / travel,
+    }
+
+
+def interval_score(measured: Array, prediction: Array, half: Array) -> float:
+    """Mean interval score of a 95 % band (Gneiting and Raftery 2007, eq. 43), in the unit of the curves; less is
+    better."""
+    beyond = np.maximum(np.abs(measured - prediction) - half, 0.0)
+    return float(np.mean(2.0 * half + 2.0 / (1.0 - LEVEL) * beyond))
