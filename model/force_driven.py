@@ -25,9 +25,9 @@ from model.simulation.giving_motion import giving_motion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
-from model.simulation.solution import MISSED, EnergyAudit, Solution
+from model.simulation.solution import MISSED, Solution
 from model.simulation.statics import RestState, solve_rest
-from model.simulation.string_motion import lost_meanwhile, modes_of, string_motion
+from model.simulation.string_motion import modes_of, string_motion
 
 Array = NDArray[np.float64]
 
@@ -187,13 +187,7 @@ class ForceDrivenRun:
         angles, speeds = under_way.advance(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
         solution = self.solution(under_way, angles, speeds)
         if energy:
-            given, *lost = map(float, under_way.audit)
-            audit = EnergyAudit(given, under_way.stored_energy() - stored, *lost)
-            ringing = lost_meanwhile(
-                self.scene, (state.time_s, under_way.state.time_s), (state.memory, under_way.state.memory)
-            )
-            audit = replace(audit, lost_in_string=audit.lost_in_string + ringing)
-            solution = replace(solution, energy=audit)
+            solution = replace(solution, energy=under_way.audited(state, stored))
         if "inside" in self.outputs:
             solution = replace(solution, inside=self._inside(state))
         if self.estimate_error:

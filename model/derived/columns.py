@@ -9,6 +9,6 @@ TIP = 3
 PIVOT_X, PIVOT_Y, ANGLE, CENTRE_X, CENTRE_Y, TURNING, TURNED, VX, VY, AX, AY = range(11)
 JOINT_X, JOINT_Y, BRAKED, RATED, HELD = range(11, 16)
 """Columns of a body: pivot, angle and centre of mass; angular speed and acceleration from ground; velocity and
-acceleration of the centre of mass; force on it in its joint; power lost there; acceleration of its coordinate; the
-generalised force that holds a coordinate that is prescribed."""
+acceleration of the centre of mass; force on it in its joint; power lost there; acceleration of its coordinate; of the
+body whose motion is prescribed, the input that holds it: force on the key, N down, or torque of arm or finger, N m."""
 BODY = 16

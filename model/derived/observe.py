@@ -74,6 +74,10 @@ def bodies_at(
     value: Array | None = None,
     prescribed: Array | None = None,
 ) -> Array:
-    """Columns `PIVOT_X` to `HELD` of each body (m, n, 16), under inputs (m,) and prescribed accelerations (m, k)."""
+    """Columns `PIVOT_X` to `HELD` of each body (m, n, 16), under inputs (m,).
+
+    Where a coordinate is prescribed, under accelerations (m,) of the way along which its input works: of the key's
+    front downwards, m/s^2, of an arm's or finger's angle, rad/s^2.
+    """
     x, u = _state_rows(tables, *states, memory, value, prescribed)
     return _rows(tables, "bodies", (len(tables.parent), BODY), (x, u, p))

@@ -56,6 +56,7 @@ from model.kernels import workspace as W
 
 FARTHEST_M = 0.02  # a joint gives no farther than this; its body's other turns reach as much farther
 WORTH_OF_WAY = 10.0  # 1/s: an error of d weighs against one of a speed as that of an angle does
+STEEPEST = 1.25  # a prescribed front's lever is at least 0.8 of its length (`model.scene.key_motion.LARGEST_RISE`)
 LONGEST_OF_STAGE = 5.0  # steps over gamma times the step, at most: no method has a gamma below 0.2
 LONGEST_MEMORY = 1e-3  # s, for which an error of a memory is taken to act at most: a blow's contact
 SOUND = 1e-6  # share of a pivot that may be left
@@ -106,28 +107,45 @@ class Derived:
     def _acceleration(self, i: int) -> int:
         return (W.P_ACC if self._s.pin else W.ACC) + i
 
-    def _coordinates(self, row: int, q: int, v: int) -> tuple[list[Expression], list[Expression]]:
-        """Coordinates and speeds of what is solved for, read from the workspace."""
-        s = self._s
-        qs, vs = [read("w", q + i) for i in range(s.own)], [read("w", v + i) for i in range(s.own)]
-        if s.pin:
-            places = s.pin_places(row)
-            qs += [read("w", places[g][0]) for g in s.pin]
-            vs += [read("w", places[g][1]) for g in s.pin]
-        return qs, vs
+    def _coordinates(self, row: int, q: int, v: int, moved: tuple[Row, Row]) -> tuple[Row, Row]:
+        """Coordinates and speeds of all: of what is solved for from the workspace, of what is prescribed ``moved``."""
+        s, places = self._s, self._s.pin_places(row)
+        own = range(s.own)
+        return (
+            [*(read("w", q + i) for i in own), *moved[0], *(read("w", place) for place, _ in places.values())],
+            [*(read("w", v + i) for i in own), *moved[1], *(read("w", place) for _, place in places.values())],
+        )
 
-    def _prescribed(self, moving: Expression) -> tuple[list[Statement], Row, Row, Row]:
-        """Angle, speed, acceleration of prescribed coordinates at the time ``u``, as names; still where not moving."""
+    def _prescribed(self, moving: Expression) -> tuple[list[Statement], tuple[Row, Row, Row, Row]]:
+        """Angle, speed, acceleration of prescribed coordinates at the time ``u``, as names; still where not moving.
+
+        Also the rate of the acceleration, where inertia couples it to what is solved for.
+        """
         s = self._s
         before: list[Statement] = []
-        rows: list[list[Expression]] = [[], [], []]
+        rows: tuple[Row, Row, Row, Row] = ([], [], [], [])
         for i in list(s.bodies)[s.own :]:
             find, values = motion(s.offset[4], self._given("u"), read("w", W.PIECE))
             before += find
             for k, (row, value) in enumerate(zip(rows, values, strict=True)):
-                before.append(Put(name(f"motion{k}_{i}"), value * (moving if k else ONE)))
-                row.append(local(f"motion{k}_{i}"))
-        return before, rows[0], rows[1], rows[2]
+                if k < 3 or i in s.led:
+                    before.append(Put(name(f"motion{k}_{i}"), value * (moving if k else ONE)))
+                    row.append(local(f"motion{k}_{i}"))
+        return before, rows
+
+    def _accelerations(self, e: Elements, prescribed: Row) -> dict[int, Expression]:
+        """Accelerations of what is solved for, from forces as names and what is prescribed."""
+        s = self._s
+        forces = {i: local(f"f{i}") for i in s.solved}
+        for i, m, k in self._coupled(e):
+            forces[i] = forces[i] - m * prescribed[k]
+        return solved(e.bodies.mass, forces)
+
+    def _coupled(self, e: Elements) -> list[tuple[int, Expression, int]]:
+        """What is solved for, its entry of the mass matrix with a prescribed coordinate, and which of these."""
+        s, prescribed = self._s, list(self._s.bodies)[self._s.own :]
+        both = [(i, m, j) for (a, b), m in e.bodies.mass.items() for i, j in ((a, b), (b, a))]
+        return [(i, m, j - s.own) for i, m, j in both if i in s.solved and j in prescribed]
 
     def _chain(self, contact: Contact) -> list[int]:
         return list(contact.ways)
@@ -142,12 +160,9 @@ class Derived:
     def linearise(self) -> Program:
         """See the module."""
         s, moving = self._s, ONE - read("w", W.STATIC)
-        find, pq, pv, pa = self._prescribed(moving)
-        q, v = self._coordinates(W.Z, W.Q, W.V)
+        find, (pq, pv, pa, jerk) = self._prescribed(moving)
         z = [read("w", W.Z + m) for m in range(len(s.memory))]
-        e = Elements(s, State(q + pq, v + pv, z, self._given("u")))
-        if s.pin:  # coordinates of joints that give stand behind those of bodies
-            assert not pq
+        e = Elements(s, State(*self._coordinates(W.Z, W.Q, W.V, (pq, pv)), z, self._given("u")))
         out: list[Statement] = [*find]
         if pq:
             out.append(Put(at("w", W.PIECE), local("piece")))
@@ -156,14 +171,14 @@ class Derived:
         by_q = [slopes({x: ONE}) for x in e.state.q]
         by_v = [slopes({x: ONE}) for x in e.state.v]
         mass = e.bodies.mass
-        ease = [ONE / mass[i, i] for i in range(s.free)]
-        friction = list(e.bodies.joint_friction().values())
+        ease = {i: ONE / mass[i, i] for i in s.solved}
+        friction = {i: rub for i, rub in e.bodies.joint_friction().items() if i < s.own}
         columns = self._columns(e)
         entries = [(start, i, j) for i, j in sorted(columns) for start in (self._stiff, self._damp)]
         out += [Put(self._entry(*entry), ZERO) for entry in entries]
         out += [
-            alike(*e.k.rotations()), alike(*friction), alike(*(d(x) for d, x in zip(by_v, friction, strict=False))),
-            let(e.k.per_slide, *ease),
+            alike(*e.k.rotations()), alike(*friction.values()), alike(*(by_v[i](x) for i, x in friction.items())),
+            let(e.k.per_slide, *ease.values()),
         ]  # fmt: skip
         out += e.smooth_forces()
         later: list[Statement] = []
@@ -172,28 +187,28 @@ class Derived:
             later += self._second_rates(contact, s.place[c], pa)
         for tip in e.tips:
             out += self._differentiated(tip.forces(), e, (by_q, by_v), list(tip.ways), [])
-        a = solved(mass, [local(f"f{i}") for i in range(s.free)])
-        out += [Put(at("w", self._acceleration(i)), a[i]) for i in range(s.free)]
+        a = self._accelerations(e, pa)
+        out += [Put(at("w", self._acceleration(i)), a[i]) for i in s.solved]
         if s.pin:
             out += [Put(at("w", W.ACC + i), a[i]) for i in range(s.own)]
         out += later
-        out += self._smooth_slopes(e, (by_q, by_v), moving)
-        out += self._input_slopes(e, pv, pa)
+        out += self._smooth_slopes(e, (by_q, by_v), moving, pa)
+        out += self._input_slopes(e, pv, pa, jerk)
         return Program(self._arguments("u"), out, "touching")
 
     def _columns(self, e: Elements) -> set[tuple[int, int]]:
         """Entries of K and D that can differ from zero; rows are free coordinates, columns also prescribed ones."""
         s = self._s
         if s.pin:
-            return {(i, j) for i in range(s.n) for j in range(s.n)}
-        out = {(i, i) for i in range(s.free)}
+            return {(i, j) for i in s.solved for j in range(s.n)}
+        out = {(i, i) for i in s.solved}
         out |= {pair for i, j in e.bodies.mass for pair in ((i, j), (j, i))}
         for ways in [c.ways for c in e.contacts.values()] + [t.ways for t in e.tips]:
             out |= {(i, j) for i in ways for j in ways}
         for kind, i in s.drive:
             if kind == L.AMPLIFIER:
                 out |= {(i, i - 1), (i - 1, i)}
-        return {(i, j) for i, j in out if i < s.free}
+        return {(i, j) for i, j in out if i in s.solved}
 
     def _differentiated(
         self,
@@ -208,7 +223,7 @@ class Derived:
         ``chain`` are coordinates it depends on, ``memories`` the numbers of its memories.
         """
         rates = {f"fade{m}": m for m in memories}
-        forces = {f"f{i}": i for i in range(self._s.free)}
+        forces = {f"f{i}": i for i in self._s.solved}
 
         def one(s: Put | Add) -> list[Statement]:
             text = str(s.place[1])
@@ -240,7 +255,7 @@ class Derived:
         e: Elements,
         contact: Contact,
         by: Slopes,
-        ease: list[Expression],
+        ease: dict[int, Expression],
     ) -> list[Statement]:
         """Force and derivatives of a contact where it touches; its gap and how fast that changes in any case."""
         s, c = self._s, contact.c
@@ -281,7 +296,7 @@ class Derived:
         return [Put(self._event(W.GAP, place), -depth), Put(self._event(W.GAP_RATE, place), -rate)]
 
     def _kick(
-        self, contact: Contact, rate: Expression, turns: dict[int, Expression], ease: list[Expression]
+        self, contact: Contact, rate: Expression, turns: dict[int, Expression], ease: dict[int, Expression]
     ) -> Statement:
         kick = contact.stiffness(rate) * speeds_up(turns, ease)
         return Put(self._event(W.KICK, self._s.place[contact.c]), kick)
@@ -296,7 +311,7 @@ class Derived:
         s = self._s
 
         def acceleration(k: int) -> Expression:
-            return read("w", self._acceleration(k)) if k < s.free else prescribed[k - s.own]
+            return read("w", self._acceleration(k)) if k in s.solved else prescribed[k - s.own]
 
         turn, slide = (
             total(local(f"{text}{place}_{k}") * acceleration(k) for k in self._chain(contact))
@@ -309,7 +324,7 @@ class Derived:
             Put(self._event(W.GAP_ACC, place), turn), Put(self._event(W.SLIDE_RATE, place), where(rubs, slide, 0.0)),
         ]  # fmt: skip
 
-    def _memories_begun(self, contact: Contact, ease: list[Expression], chain: list[int]) -> list[Statement]:
+    def _memories_begun(self, contact: Contact, ease: dict[int, Expression], chain: list[int]) -> list[Statement]:
         """What holds of a contact's memories until it is known to press."""
         out: list[Statement] = []
         felt = contact.pressed_by(ZERO, contact.closing[0])
@@ -323,13 +338,11 @@ class Derived:
             out.append(Put(at("w", W.Z_WEIGHT + m), worth))
         return out
 
-    def _weights(self, e: Elements, contact: Contact, ease: list[Expression], chain: list[int]) -> list[Statement]:
+    def _weights(self, e: Elements, contact: Contact, ease: dict[int, Expression], chain: list[int]) -> list[Statement]:
         """What an error of each memory of a contact that presses is worth as one of a speed."""
         out: list[Statement] = []
         for m in contact.memories:
-            pushes = [
-                abs(read("w", W.Z_PUSH + W.LINKS * m + k)) * ease[j] for k, j in enumerate(chain) if j < self._s.free
-            ]
+            pushes = [abs(read("w", W.Z_PUSH + W.LINKS * m + k)) * ease[j] for k, j in enumerate(chain) if j in ease]
             if not pushes:  # felt under a prescribed body: what it pushes counts as if that were free
                 turns, by_memory = contact.turns(), slopes({e.state.z[m]: ONE})(contact.felt[1])
                 pushes = [abs(turns[j] * by_memory) / e.bodies.mass[j, j] for j in chain]
@@ -337,19 +350,20 @@ class Derived:
             out.append(Put(at("w", W.Z_WEIGHT + m), worth))
         return out
 
-    def _smooth_slopes(self, e: Elements, by: Slopes, moving: Expression) -> list[Statement]:
+    def _smooth_slopes(self, e: Elements, by: Slopes, moving: Expression, pa: Row) -> list[Statement]:
         """K, D and df/du of everything but contacts, once accelerations are known; the mass matrix."""
         s = self._s
         out: list[Statement] = []
-        forces = [ZERO] * s.free
+        forces = [ZERO] * s.n
         for line in e.smooth_forces():
             assert isinstance(line, Add)
             i = int(str(line.place[1])[1:])
             forces[i] = forces[i] + line.value
-        accelerations = [read("w", self._acceleration(i)) for i in range(s.free)]
+        prescribed = dict(zip(range(s.own, len(s.bodies)), pa, strict=True))
+        accelerations = [prescribed.get(i) or read("w", self._acceleration(i)) for i in range(s.n)]
         inertia = e.bodies.inertia(accelerations)
-        for i in range(s.free):
-            for j in range(s.free):
+        for i in s.solved:
+            for j in range(s.n):
                 stiff, damp = by[0][j](forces[i]) - moving * by[0][j](inertia[i]), by[1][j](forces[i])
                 out += [] if stiff is ZERO else [Add(self._entry(self._stiff, i, j), stiff)]
                 out += [] if damp is ZERO else [Add(self._entry(self._damp, i, j), damp)]
@@ -357,7 +371,7 @@ class Derived:
             by_input = slopes({u: ONE})(forces[i]) if s.own == len(s.bodies) else ZERO
             out.append(Put(name(f"u{i}"), by_input))
         for (i, j), m in e.bodies.mass.items():
-            if i < s.free and s.pin:
+            if i in s.solved and j in s.solved and s.pin:
                 out.append(Put(self._entry(W.P_MASS, i, j), m))
             if i < s.own and i == j:
                 out.append(Put(at("w", W.M_DIAG + i), m))
@@ -365,23 +379,24 @@ class Derived:
                 out.append(Put(at("w", W.M_UP + max(i, j, key=lambda k: s.parent[k])), m))
         return out
 
-    def _input_slopes(self, e: Elements, pv: list[Expression], pa: list[Expression]) -> list[Statement]:
+    def _input_slopes(self, e: Elements, pv: Row, pa: Row, jerk: Row) -> list[Statement]:
         """Change of forces and memories with the input, also where it is the time that moves prescribed coordinates."""
         s = self._s
         moved = list(s.bodies)[s.own :]
         out: list[Statement] = []
-        for i in range(s.free):
+        for i in s.solved:
             more = total(
                 self._kept(self._stiff, i, j) * pv[k] + self._kept(self._damp, i, j) * pa[k]
                 for k, j in enumerate(moved)
             )
+            more = more - total(m * jerk[k] for row, m, k in self._coupled(e) if row == i)
             value = local(f"u{i}") + more
             out += [Put(at("w", W.F_U + i), value)] if i < s.own else []
             out += [Put(at("w", W.P_INPUT + i), value)] if s.pin else []
         for m, c in enumerate(s.memory):
             terms = ZERO
             for k, j in enumerate(self._chain(e.contacts[c])):
-                if j >= s.own and j < len(s.bodies):
+                if j in moved:
                     turn, speed = (read("w", start + W.LINKS * m + k) for start in (W.Z_TURN, W.Z_SPEED))
                     terms = terms + turn * pv[j - s.own] + speed * pa[j - s.own]
             out.append(Put(at("w", W.Z_INPUT + m), terms))
@@ -394,11 +409,16 @@ class Derived:
 
     def _pattern(self) -> tuple[Elements, set[tuple[int, int]]]:
         s = self._s
-        q, v = self._coordinates(W.Z, W.Q, W.V)
-        spare = [read("w", W.Q + i) for i in range(s.own, len(s.bodies))] if not s.pin else []
+        spare = [read("w", W.Q + i) for i in range(s.own, len(s.bodies))]
         z = [read("w", W.Z + m) for m in range(len(s.memory))]
-        e = Elements(s, State(q + spare, v + spare, z, self._given("u") if not self._lanes else ZERO))
-        return e, {(i, j) for i, j in self._columns(e) if j < s.free}
+        state = State(*self._coordinates(W.Z, W.Q, W.V, (spare, spare)), z, ZERO if self._lanes else self._given("u"))
+        e = Elements(s, state)
+        return e, {(i, j) for i, j in self._columns(e) if j in s.solved}
+
+    def _masses(self, e: Elements) -> set[tuple[int, int]]:
+        """Entries of the mass matrix of what is solved for."""
+        s = self._s
+        return {pair for i, j in e.bodies.mass for pair in ((i, j), (j, i)) if i in s.solved and j in s.solved}
 
     def _mass(self, i: int, j: int) -> Expression:
         """Entry of the mass matrix as ``linearise`` left it."""
@@ -414,7 +434,7 @@ class Derived:
         s, gh = self._s, self._given("gh")
         inverse = 1.0 / gh
         e, pattern = self._pattern()
-        masses = {pair for i, j in e.bodies.mass for pair in ((i, j), (j, i)) if max(pair) < s.free}
+        masses = self._masses(e)
         m: dict[tuple[int, int], Expression] = {}
         for i, j in pattern:
             stiff, damp = (self._kept(start, i, j) for start in (self._stiff, self._damp))
@@ -431,7 +451,7 @@ class Derived:
             for k, j in enumerate(chain):
                 back = ease * (gh * read("w", W.Z_TURN + W.LINKS * n + k) + read("w", W.Z_SPEED + W.LINKS * n + k))
                 for other, i in enumerate(chain):
-                    if i < s.free and j < s.free:
+                    if i in s.solved and j in s.solved:
                         m[i, j] = m.get((i, j), ZERO) - read("w", W.Z_PUSH + W.LINKS * n + other) * back
         for c in s.string:
             contact = e.contacts[c]
@@ -441,9 +461,9 @@ class Derived:
             for k, j in enumerate(chain):
                 back = (1.0 - local("share")) * (gh * read("w", W.S_ANGLES + k) + read("w", W.S_SPEEDS + k))
                 for other, i in enumerate(chain):
-                    if i < s.free and j < s.free:
+                    if i in s.solved and j in s.solved:
                         m[i, j] = m.get((i, j), ZERO) + read("w", W.S_ALONG + other) * back
-        inverted, sound = _inverse(m, s.free)
+        inverted, sound = _inverse(m, s.solved)
         out += [Put(self._entry(self._lu, i, j), x) for (i, j), x in inverted.items()]
         self._filled = set(inverted)
         return Program(self._arguments("gh", arrays="w"), out, sound)
@@ -463,13 +483,18 @@ class Derived:
         idle = read("w", W.IDLE) > 0.0
         for c, place in s.place.items():
             way, reaches = ZERO, s.offset[1] + L.CONTACT_SIZE * c + L.REACH
+            farther = 2.0 * FARTHEST_M if s.pin else 0.0
+
+            def reach(k: int, reaches: int = reaches, c: int = c, farther: float = farther) -> Expression:
+                return read("p", reaches + s.chain[c].index(k)) + farther if k in s.chain[c] else constant(farther)
+
             for k in self._chain(e.contacts[c]):
-                if k in s.pin:
-                    way = way + read("w", W.P_ALLOWANCE + k)
-                    continue
-                farther = 2.0 * FARTHEST_M if s.pin else 0.0
-                reach = read("p", reaches + s.chain[c].index(k)) + farther if k in s.chain[c] else constant(farther)
-                way = way + reach * read("w", W.ALLOWANCE + k)
+                far = ONE if k in s.pin else reach(k)
+                for i, rise in s.led.items():
+                    if i in s.chain[c] and k in (i, rise):  # a rise turns the key, too
+                        lever = abs(s.number(2, L.DRIVE_SIZE, 0, L.DRIVE_X))
+                        far = STEEPEST * (far if k == i else far + reach(i) / lever)
+                way = way + far * read("w", (W.P_ALLOWANCE if k in s.pin else W.ALLOWANCE) + k)
             near = ~(way < read("w", W.ROOM + place))
             if self._lanes:
                 near = near & ~idle
@@ -485,9 +510,9 @@ class Derived:
         """See the module."""
         s = self._s
         rate, k = self._given("rate"), argument("k")
-        out, q, v, z = self._summed(k)
-        find, pq, pv, pa = self._prescribed(ONE)
-        out += [*find, let(*q, *v, *z)]
+        find, (pq, pv, pa, _) = self._prescribed(ONE)
+        out, q, v, z = self._summed(k, (pq, pv))
+        out += [*find, let(*(x for x in (*q, *v) if x not in (*pq, *pv)), *z)]
         moved = [abs(local(f"sq{i}")) > read("w", W.ALLOWANCE + i) for i in range(s.own)]
         moved += [abs(local(f"sq{g}")) > read("w", W.P_ALLOWANCE + g) for g in s.pin]
         moved += [abs(pq[i - s.own] - read("w", W.Q + i)) > read("w", W.ALLOWANCE + i) for i in list(s.bodies)[s.own :]]
@@ -495,18 +520,18 @@ class Derived:
         for one in moved[1:]:
             far = far | one
         out.append(Reconsider(far & (read("w", W.IDLE) <= 0.0) if self._lanes else far))
-        e = Elements(s, State(q + pq, v + pv, z, self._given("u")))
+        e = Elements(s, State(q, v, z, self._given("u")))
         for c in s.string:
             contact = e.contacts[c]
             assert isinstance(contact, StringContact)
             out += contact.staged(k, rate)
-        out.append(If(make("first"), self._at_start(), self._at_stage(e, k)))
+        out.append(If(make("first"), self._at_start(), self._at_stage(e, pa)))
         numbers = {} if self._lanes else dict.fromkeys(("gh", "rate", "u", "ft"), "number")
         given = {"w": "array", "p": "array", "a": "plain", "c": "plain", "k": "whole", **numbers, "mask": "whole"}
         return Program(given, [*out, *self._solved_for(e, k)], "exceeded")
 
-    def _summed(self, k: Expression) -> tuple[list[Statement], list[Expression], list[Expression], list[Expression]]:
-        """State at the stage, as names: sums over the stages so far."""
+    def _summed(self, k: Expression, moved: tuple[Row, Row]) -> tuple[list[Statement], Row, Row, Row]:
+        """State at the stage, as names: sums over the stages so far, and what is ``moved``."""
         s = self._s
         rows = [(f"{i}", W.Q + i, W.V + i, W.U + i, W.U + W.WIDTH + i, 2 * W.WIDTH) for i in range(s.own)]
         at_z, at_u = s.pin_places(W.Z), s.pin_places(W.Z_U)
@@ -525,56 +550,55 @@ class Derived:
             return out
 
         out: list[Statement] = [each("stage", k, of_stage)]
-        q = [read("w", row[1]) + local("sq" + row[0]) for row in rows]
-        v = [read("w", row[2]) + local("sv" + row[0]) for row in rows]
-        z = [read("w", W.Z + m) + local(f"sz{m}") for m in range(len(s.memory))]
         # one number each, so that derivatives and what is read are of the state and not of its sum
-        return out, [make("named", x) for x in q], [make("named", x) for x in v], [make("named", x) for x in z]
+        q = [make("named", read("w", row[1]) + local("sq" + row[0])) for row in rows]
+        v = [make("named", read("w", row[2]) + local("sv" + row[0])) for row in rows]
+        z = [make("named", read("w", W.Z + m) + local(f"sz{m}")) for m in range(len(s.memory))]
+        return out, [*q[: s.own], *moved[0], *q[s.own :]], [*v[: s.own], *moved[1], *v[s.own :]], z
 
     def _at_start(self) -> list[Statement]:
         s = self._s
-        out: list[Statement] = [Put(name(f"a{i}"), read("w", self._acceleration(i))) for i in range(s.free)]
+        out: list[Statement] = [Put(name(f"a{i}"), read("w", self._acceleration(i))) for i in s.solved]
         out += [Put(name(f"fade{m}"), read("w", W.Z_RATE + m)) for m in range(len(s.memory))]
         return out + [Put(name("on the string"), read("w", W.S_FORCE)) for _ in s.string]
 
-    def _at_stage(self, e: Elements, k: Expression) -> list[Statement]:
+    def _at_stage(self, e: Elements, pa: Row) -> list[Statement]:
         s = self._s
+        friction = [rub for i, rub in e.bodies.joint_friction().items() if i < s.own]
         out: list[Statement] = [
-            alike(*e.k.rotations()), alike(*e.bodies.joint_friction().values()), let(e.k.per_slide), *e.smooth_forces(),
+            alike(*e.k.rotations()), alike(*friction), let(e.k.per_slide), *e.smooth_forces(),
         ]  # fmt: skip
         for c, contact in e.contacts.items():
             *before, touch = contact.forces()
             out += [*before, If(within(s.place[c]), [touch])]
         out += [line for tip in e.tips for line in tip.forces()]
-        a = solved(e.bodies.mass, [local(f"f{i}") for i in range(s.free)])
-        return [*out, *(Put(name(f"a{i}"), a[i]) for i in range(s.free))]
+        return [*out, *(Put(name(f"a{i}"), a) for i, a in self._accelerations(e, pa).items())]
 
     def _solved_for(self, e: Elements, k: Expression) -> list[Statement]:
         """The stage of each state, once accelerations there are known."""
         s = self._s
         gh, rate, ft = self._given("gh"), self._given("rate"), self._given("ft")
-        n, filled = range(s.free), self.filled()
-        columns = {(i, j) for i, j in self._columns(e) if j < s.free}
-        masses = {pair for i, j in e.bodies.mass for pair in ((i, j), (j, i)) if max(pair) < s.free}
-        a = [local(f"a{i}") + local(f"l{i}") * rate for i in n]
-        b = [e.state.v[i] + local(f"b{i}") * rate for i in n]
-        g: list[Expression] = []
+        n, filled, masses = s.solved, self.filled(), self._masses(e)
+        columns = {(i, j) for i, j in self._columns(e) if j in s.solved}
+        a = {i: local(f"a{i}") + local(f"l{i}") * rate for i in n}
+        b = {i: e.state.v[i] + local(f"b{i}") * rate for i in n}
+        g: dict[int, Expression] = {}
         out: list[Statement] = []
         for i in n:
             push = ft * read("w", (W.P_INPUT if s.pin else W.F_U) + i)
             push = push + total(self._mass(i, j) * a[j] for j in n if (i, j) in masses)
             stiff = total(self._kept(self._stiff, i, j) * b[j] for j in n if (i, j) in columns)
-            g.append(push + gh * stiff)
+            g[i] = push + gh * stiff
         kept = []
         for m, c in enumerate(s.memory):
             chain = self._chain(e.contacts[c])
             turned = total(
-                read("w", W.Z_TURN + W.LINKS * m + at_row) * b[j] for at_row, j in enumerate(chain) if j < s.free
+                read("w", W.Z_TURN + W.LINKS * m + at_row) * b[j] for at_row, j in enumerate(chain) if j in b
             )
             follows = local(f"fade{m}") + local(f"kept{m}") * rate + ft * read("w", W.Z_INPUT + m) + gh * turned
             kept.append(read("w", W.Z_EASE + m) * follows)
             for at_row, j in enumerate(chain):
-                if j < s.free:
+                if j in g:
                     g[j] = g[j] + read("w", W.Z_PUSH + W.LINKS * m + at_row) * kept[m]
         for c in s.string:
             contact = e.contacts[c]
@@ -583,12 +607,12 @@ class Derived:
             awake, share = read("w", W.S_AWAKE) > 0.0, read("w", W.S_SHARE)
             out.append(If(awake, contact.known(gh)))
             chain = self._chain(contact)
-            turned = gh * total(read("w", W.S_ANGLES + at_row) * b[j] for at_row, j in enumerate(chain) if j < s.free)
+            turned = gh * total(read("w", W.S_ANGLES + at_row) * b[j] for at_row, j in enumerate(chain) if j in b)
             less = where(awake, share * local("given") + (1.0 - share) * turned, 0.0)
             for at_row, j in enumerate(chain):
-                if j < s.free:
+                if j in g:
                     g[j] = g[j] - read("w", W.S_ALONG + at_row) * less
-        g = [total(self._factor(i, j) * g[j] for j in n if (i, j) in filled) for i in n]
+        g = {i: total(self._factor(i, j) * g[j] for j in n if (i, j) in filled) for i in n}
         behind = make("whole_multiply", k, 2 * W.WIDTH)
         for i in range(s.own):
             out += [Put(at("w", W.U + i, behind), gh * (b[i] + g[i])), Put(at("w", W.U + W.WIDTH + i, behind), g[i])]
@@ -599,7 +623,7 @@ class Derived:
             back = total(
                 (gh * read("w", W.Z_TURN + W.LINKS * m + at_row) + read("w", W.Z_SPEED + W.LINKS * m + at_row)) * g[j]
                 for at_row, j in enumerate(self._chain(e.contacts[c]))
-                if j < s.free
+                if j in g
             )
             out.append(Put(at("w", W.Z_U + m, behind), kept[m] + read("w", W.Z_EASE + m) * back))
         for c in s.string:
@@ -609,9 +633,9 @@ class Derived:
             back = total(
                 (gh * read("w", W.S_ANGLES + at_row) + read("w", W.S_SPEEDS + at_row)) * g[j]
                 for at_row, j in enumerate(chain)
-                if j < s.free
+                if j in g
             )
-            turned = gh * total(read("w", W.S_ANGLES + at_row) * b[j] for at_row, j in enumerate(chain) if j < s.free)
+            turned = gh * total(read("w", W.S_ANGLES + at_row) * b[j] for at_row, j in enumerate(chain) if j in b)
             more = read("w", W.S_SHARE) * (turned + back - local("given"))
             stepped = [Put(name("more"), more), *contact.stepped(k, local("more"), gh)]
             out.append(If(read("w", W.S_AWAKE) > 0.0, stepped))
@@ -627,7 +651,7 @@ class Derived:
         e: Elements,
         contact: StringContact,
         by: Slopes,
-        ease: list[Expression],
+        ease: dict[int, Expression],
     ) -> list[Statement]:
         s = self._s
         place, chain = s.place[contact.c], self._chain(contact)
@@ -672,25 +696,47 @@ class Derived:
 
     def energy(self) -> Program:
         """See the module."""
-        s = self._s
-        q, v = self._coordinates(W.AUDIT_Z, W.AUDIT_Q, W.AUDIT_V)
-        spare = range(s.own, len(s.bodies)) if not s.pin else range(0)
-        q += [read("w", W.AUDIT_Q + i) for i in spare]
-        v += [read("w", W.AUDIT_V + i) for i in spare]
+        s, prescribed = self._s, list(self._s.bodies)[self._s.own :]
+        find, (pq, pv, pa, _) = self._prescribed(ONE)
         z = [read("w", W.AUDIT_Z + m) for m in range(len(s.memory))]
-        e = Elements(s, State(q, v, z, self._given("u")))
-        out = e.energy()
+        state = State(*self._coordinates(W.AUDIT_Z, W.AUDIT_Q, W.AUDIT_V, (pq, pv)), z)
+        state.u = ZERO if prescribed else self._given("u")
+        e = Elements(s.all_solved(), state)
+        out = [*find, *e.energy()]
+        for i, rate in zip(prescribed, pa, strict=True):
+            out += self._held(e, i, rate)
         found = {str(place[1]) for place in added(out)} | ALWAYS
         out += [Put(at("w", place), local(text)) for text, place in LOSSES.items() if text in found]
         return Program(self._arguments("u"), out)
 
+    @staticmethod
+    def _held(e: Elements, i: int, rate: Expression) -> list[Statement]:
+        """Power of what holds prescribed coordinate ``i``, W; with what inertia couples it to, by their forces."""
+        mass = e.bodies.mass
+        rows = {i} | {k for pair in mass if i in pair for k in pair}
+        out = e.smooth_forces()
+        for contact in map(e.contact, range(len(e.s.contact))):  # also those that push nothing that is solved for
+            out += contact.forces() if rows & set(contact.ways) else []
+        out += [line for tip in e.tips for line in tip.forces()]
 
-def _inverse(matrix: dict[tuple[int, int], Expression], n: int) -> tuple[dict[tuple[int, int], Expression], Expression]:
+        def entry(k: int) -> Expression:
+            return mass.get((max(i, k), min(i, k)), ZERO)
+
+        found = solved(mass, {k: local(f"f{k}") - entry(k) * rate for k in rows if k != i})
+        holds = total(entry(k) * a for k, a in (found | {i: rate}).items()) - local(f"f{i}")
+        return [*out, Add(name("given"), holds * e.state.v[i])]
+
+
+Matrix = dict[tuple[int, int], Expression]
+
+
+def _inverse(matrix: Matrix, rows: list[int]) -> tuple[Matrix, Expression]:
     """Inverse of a matrix by factors without exchanges, and whether these lose less than six digits.
 
     Its rows are sums that do not wait for each other, as steps of a substitution would.
     """
-    m = dict(matrix)
+    n, place = len(rows), {row: k for k, row in enumerate(rows)}
+    m = {(place[i], place[j]): e for (i, j), e in matrix.items()}
     small = {i: SOUND * abs(m[i, i]) for i in range(n)}
     pivots: list[Expression] = []
     sound: Expression | None = None
@@ -711,7 +757,7 @@ def _inverse(matrix: dict[tuple[int, int], Expression], n: int) -> tuple[dict[tu
             x[i] = x[i] - total(m[i, j] * x[j] for j in range(i) if (i, j) in m)
         for i in reversed(range(n)):
             x[i] = (x[i] - total(m[i, j] * x[j] for j in range(i + 1, n) if (i, j) in m)) * pivots[i]
-        out |= {(i, column): e for i, e in enumerate(x) if e is not ZERO}
+        out |= {(rows[i], rows[column]): e for i, e in enumerate(x) if e is not ZERO}
     assert sound is not None
     return out, sound
 

@@ -2,10 +2,13 @@
 
 ``contacts``, ``tips``, ``bodies`` (with their joints) and ``marched`` are kernels of their own, compiled when first
 asked for, that take one state: coordinates and speeds of all bodies, what is remembered (as the step loop keeps it),
-the input, and accelerations of coordinates that are prescribed. Forces are in N, powers in W; world: x right, y up.
+the input, or where a motion is prescribed the acceleration of the way along which the input works. Forces are in N,
+powers in W; world: x right, y up.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,7 +36,8 @@ from model.derived.columns import (
 )
 from model.elements.bodies import solved
 from model.elements.contacts import Contact
-from model.elements.kinematics import State
+from model.elements.drives import Drives
+from model.elements.kinematics import Kinematics, State
 from model.elements.scene import Elements
 from model.elements.strings import AWAKE, StringContact
 from model.elements.structure import Structure
@@ -49,7 +53,7 @@ class Watched:
     """
 
     def __init__(self, tables: Tables) -> None:
-        self._prescribed = [i for i, held in enumerate(tables.prescribed) if held]
+        self._prescribed = bool(tables.prescribed.any())
         s = self._s = Structure(tables._replace(prescribed=np.zeros_like(tables.prescribed)))
         n, count = len(s.bodies), len(s.pin)
         q, v = ([read("x", start + i) for i in range(n)] for start in (0, n))
@@ -58,7 +62,8 @@ class Watched:
         q += [read("x", first + k) for k in range(count)]
         v += [read("x", first + count + k) for k in range(count)]
         z = [read("x", self._memory + m) for m in range(len(s.memory))]
-        self._e = Elements(s, State(q, v, z, read("u", 0)), "x", self._memory)
+        # what holds a motion is found as the input that gives its acceleration
+        self._e = Elements(s, State(q, v, z, ZERO if self._prescribed else read("u", 0)), "x", self._memory)
 
     def _given(self, statements: list[Statement]) -> Program:
         return Program(dict.fromkeys(("x", "u", "p", "y"), "array"), statements)
@@ -134,27 +139,33 @@ class Watched:
             a, b = s.probe[which]
             loads = [Add(name(f"y{a}"), force), Add(name(f"y{b}"), -force)]
             out.append(If((tip.depth > 0.0) & pressing, list(loads)))
-        out += [Add(name(f"y{body}"), -e.state.u) for body in e.pressed_down()]
-        free = [i for i in range(s.n) if i not in self._prescribed]
-        given = {i: read("u", 1 + k) for k, i in enumerate(self._prescribed)}
-        rates = self._rates(free, given)
-        out += [Put(name(f"a{i}"), rates[i]) for i in range(s.n)]
-        acceleration = [local(f"a{i}") for i in range(s.n)]
+        forces = {i: local(f"f{i}") for i in range(s.n)}
+        acceleration, held = solved(e.bodies.mass, forces), e.state.u
+        if self._prescribed:
+            driven = Drives(s, Kinematics(s, replace(e.state, u=ONE)))
+            push = driven.pushes[0]
+            eased = solved(e.bodies.mass, {i: push.get(i, ZERO) for i in range(s.n)})
+            ahead, gained = (total(p * a[i] for i, p in push.items()) for a in (acceleration, eased))
+            out += [Put(name("held"), (read("u", 1) - driven.own_rates()[0] - ahead) / gained)]
+            held = local("held")
+            acceleration = {i: a + held * eased[i] for i, a in acceleration.items()}
+        out += [Add(name(f"y{body}"), -held) for body in e.pressed_down()]
+        out += [Put(name(f"a{i}"), a) for i, a in acceleration.items()]
+        rates = [local(f"a{i}") for i in range(s.n)]
         joint: dict[int, tuple[Expression, Expression]] = {}
         for i in reversed(s.order()):
-            (vx, vy), (ax, ay) = e.bodies.velocity(i), e.bodies.acceleration(i, acceleration)
+            (vx, vy), (ax, ay) = e.bodies.velocity(i), e.bodies.acceleration(i, rates)
             mass = s.body(i, MASS)
             own = (mass * ax - local(f"x{i}"), mass * (ay + read("p", GRAVITY)) - local(f"y{i}"))
             children = [joint[k] for k, w in enumerate(s.parent) if w == i]
             joint[i] = (own[0] + total(f[0] for f in children), own[1] + total(f[1] for f in children))
-            turned = total(acceleration[k] for k in e.k.turns(i)) if i not in s.guided else ZERO
+            turned = total(rates[k] for k in e.k.turns(i)) if i not in s.guided else ZERO
             braked = e.bodies.joint_friction()[i] * e.state.v[i] + e.damped(i)
             angle = total(e.state.q[k] for k in e.k.turns(i)) if i not in s.guided else ZERO
             (x, y), (cx, cy) = e.k.pivot(i), e.bodies.centre(i)
-            row = (x, y, angle, cx, cy, e.k.turning(i), turned, vx, vy, ax, ay, *joint[i], braked, acceleration[i])
+            row = (x, y, angle, cx, cy, e.k.turning(i), turned, vx, vy, ax, ay, *joint[i], braked, rates[i])
             out += [Put(at("y", BODY * i + k), value) for k, value in enumerate(row)]
-        inertia = e.bodies.inertia(acceleration)
-        out += [Put(at("y", BODY * i + HELD), inertia[i] - local(f"f{i}")) for i in self._prescribed]
+        out += [Put(at("y", BODY * i + HELD), held) for _, i in s.drive if self._prescribed]
         return self._given(out)
 
     def marched(self) -> Program:
@@ -173,21 +184,9 @@ class Watched:
             out += [Put(at("y", at_row), ZERO), If(contact.touches, [If(pressing, pushes)])]
         for tip in e.tips:
             out += tip.forces()
-        a = solved(e.bodies.mass, [local(f"f{i}") for i in range(n)])
+        a = solved(e.bodies.mass, {i: local(f"f{i}") for i in range(n)})
         out += [Put(at("y", i), a[i]) for i in range(n)]
         for j in range(n):
-            column = solved(e.bodies.mass, [ONE if i == j else ZERO for i in range(n)])
+            column = solved(e.bodies.mass, {i: ONE if i == j else ZERO for i in range(n)})
             out += [Put(at("y", n + n * i + j), column[i]) for i in range(n)]
         return self._given(out)
-
-    def _rates(self, free: list[int], given: dict[int, Expression]) -> list[Expression]:
-        """Accelerations of all coordinates, those that are prescribed as given."""
-        mass = self._e.bodies.mass
-        place = {i: k for k, i in enumerate(free)}
-        reduced = {(place[i], place[j]): m for (i, j), m in mass.items() if i in place and j in place}
-
-        def known(i: int) -> Expression:
-            return total(mass.get((max(i, j), min(i, j)), ZERO) * a for j, a in given.items())
-
-        found = solved(reduced, [local(f"f{i}") - known(i) for i in free])
-        return [given[i] if i in given else found[place[i]] for i in range(self._s.n)]

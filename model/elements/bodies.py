@@ -20,6 +20,7 @@ class Bodies:
         self.mass: Masses = {}
         self._force: dict[int, Expression] = {}
         self._bias: dict[int, Vector] = {}
+        self._drift: dict[int, Vector] = {}
         for i in s.order():
             if i in s.guided:
                 self._bias[i] = (ZERO, ZERO)
@@ -43,14 +44,16 @@ class Bodies:
             bias = tuple(b - about * about * d for b, d in zip(self._bias[w], turned, strict=True))  # type: ignore[assignment]
         self._bias[i] = bias
         ways = k.ways(i, *self.centre(i))
-        square = k.turning(i) * k.turning(i)
-        pull = (mass * (bias[0] - square * arm[0]), mass * (bias[1] - square * arm[1] + self._gravity))
+        square, turned_on = k.turning(i) * k.turning(i), k.drift(i)
+        drift = bias[0] - square * arm[0] - turned_on * arm[1], bias[1] - square * arm[1] + turned_on * arm[0]
+        self._drift[i] = drift
+        pull = (mass * drift[0], mass * (drift[1] + self._gravity))
         turns = k.turns(i)
         for a in ways:
-            self._add(self._force, a, -dot(ways[a], pull))
+            self._add(self._force, a, -dot(ways[a], pull) - inertia * turned_on * turns.get(a, ZERO))
             for b in ways:
                 if b <= a:
-                    turned_too = inertia if a in turns and b in turns else ZERO
+                    turned_too = inertia * turns[a] * turns[b] if a in turns and b in turns else ZERO
                     self._add(self.mass, (a, b), mass * dot(ways[a], ways[b]) + turned_too)
 
     def centre(self, i: int) -> Vector:
@@ -63,34 +66,40 @@ class Bodies:
 
     def acceleration(self, i: int, rates: list[Expression]) -> Vector:
         """Acceleration of the centre of mass, m/s^2, from those of all coordinates."""
-        ways = self._k.ways(i, *self.centre(i))
-        arm, square = self._k.along(i, self._s.body(i, L.COM_X), self._s.body(i, L.COM_Y)), self._k.turning(i)
-        bias = self._bias[i]
+        if i in self._s.guided:
+            return ZERO, rates[i]
+        ways, drift = self._k.ways(i, *self.centre(i)), self._drift[i]
         moved = [total(way[k] * rates[j] for j, way in ways.items()) for k in (0, 1)]
-        return bias[0] - square * square * arm[0] + moved[0], bias[1] - square * square * arm[1] + moved[1]
+        return drift[0] + moved[0], drift[1] + moved[1]
+
+    def _joint_speed(self, i: int) -> Expression:
+        return self._k.turning(i) if i in self._s.led else self._k.state.v[i]
 
     def joint_friction(self) -> dict[int, Expression]:
         """Torque that each joint's friction takes, N m; of a guide its force, N."""
         s, k = self._s, self._k
         return {
             i: k.friction(
-                (k.state.v[i],), k.per_slide if i in s.guided else k.per_turn, s.body(i, L.JF_A), s.body(i, L.JF_B1),
-                s.body(i, L.JF_B2),
+                (self._joint_speed(i),), k.per_slide if i in s.guided else k.per_turn, s.body(i, L.JF_A),
+                s.body(i, L.JF_B1), s.body(i, L.JF_B2),
             )
-            for i in range(s.own)
+            for i in sorted({*range(s.own), *s.led})
         }  # fmt: skip
 
     def forces(self) -> list[Statement]:
         """Weight, inertia of turning, friction of joints."""
         rubs = self.joint_friction()
-        return [Add(name(f"f{i}"), e - rubs.get(i, ZERO)) for i, e in self._force.items() if i < self._s.free]
+        taken = {i: e for i, e in rubs.items() if i not in self._s.led}
+        for i in self._s.led:  # also resists what raises it
+            taken |= {k: taken.get(k, ZERO) + rate * rubs[i] for k, rate in self._k.turns(i).items()}
+        return [Add(name(f"f{i}"), e - taken.get(i, ZERO)) for i, e in self._force.items() if i in self._s.solved]
 
     def inertia(self, acceleration: list[Expression]) -> list[Expression]:
-        """M a, row by row of the free coordinates."""
-        out = [ZERO] * self._s.free
+        """M a, row by row of the coordinates that are solved for; ``acceleration`` is of all."""
+        out = [ZERO] * self._s.n
         for (i, j), m in self.mass.items():
             for row, column in {(i, j), (j, i)}:
-                if row < self._s.free and column < self._s.free:
+                if row in self._s.solved:
                     out[row] = out[row] + m * acceleration[column]
         return out
 
@@ -105,17 +114,16 @@ class Bodies:
             if i not in s.guided
         )
         rubs = self.joint_friction()
-        turning = total(e * v[i] for i, e in rubs.items() if i not in s.guided)
+        turning = total(e * self._joint_speed(i) for i, e in rubs.items() if i not in s.guided)
         lifting = total(e * v[i] for i, e in rubs.items() if i in s.guided)
         out: list[Statement] = [Add(name("energy"), moving + heights), Add(name("joints"), turning)]
         return out + ([Add(name("rail"), lifting)] if s.guided else [])
 
 
-def solved(mass: Masses, forces: list[Expression]) -> list[Expression]:
-    """Accelerations a with M a = f: coordinates with the fewest links are eliminated first."""
-    n = len(forces)
-    m = {pair: e for (i, j), e in mass.items() for pair in ((i, j), (j, i)) if max(pair) < n}
-    f, left, done = list(forces), list(range(n)), []
+def solved(mass: Masses, forces: dict[int, Expression]) -> dict[int, Expression]:
+    """Accelerations a with M a = f of the coordinates whose ``forces`` are given: those with the fewest links first."""
+    m = {pair: e for (i, j), e in mass.items() for pair in ((i, j), (j, i)) if i in forces and j in forces}
+    f, left, done = dict(forces), list(forces), []
     while left:
         k = min(left, key=lambda i: sum((i, j) in m for j in left))
         left.remove(k)
@@ -126,7 +134,7 @@ def solved(mass: Masses, forces: list[Expression]) -> list[Expression]:
             f[j] = f[j] - share * f[k]
             for i in shares:
                 m[j, i] = m.get((j, i), ZERO) - share * m[k, i]
-    a = [ZERO] * n
+    a = dict.fromkeys(forces, ZERO)
     for k, inverse, shares in reversed(done):
         a[k] = f[k] * inverse - total(share * a[j] for j, share in shares.items())
     return a

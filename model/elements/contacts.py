@@ -204,7 +204,7 @@ class Contact:
     def push(self, force: Expression, coefficient: Expression) -> dict[int, Expression]:
         """Generalised forces of a normal force and its friction."""
         world = self.world(force, coefficient)
-        return {k: dot(way, world) for k, way in self.ways.items() if k < self.s.free}
+        return {k: dot(way, world) for k, way in self.ways.items() if k in self.s.solved}
 
     def pressed(self) -> list[Statement]:
         """What happens where the surfaces meet: forces, and rates of memories."""
@@ -237,9 +237,9 @@ class Contact:
         return [*own, If(self.touches, [rub])] if lasting else [If(self.touches, [*own, rub])]
 
 
-def speeds_up(turns: dict[int, Expression], ease: list[Expression]) -> Expression:
+def speeds_up(turns: dict[int, Expression], ease: dict[int, Expression]) -> Expression:
     """The largest acceleration of one coordinate that a unit force along a direction gives."""
-    found = [abs(turn) * ease[k] for k, turn in turns.items() if k < len(ease)]
+    found = [abs(turn) * ease[k] for k, turn in turns.items() if k in ease]
     return largest(*found) if found else ZERO
 
 

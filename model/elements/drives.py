@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from model.compiler.expressions import Expression, Given, law, root, where
+from model.compiler.expressions import ZERO, Expression, Given, law, root, where
 from model.compiler.programs import Add, Statement, name
 from model.elements.kinematics import Kinematics
 from model.elements.structure import Structure
@@ -37,7 +37,7 @@ class Drives:
         self._rows = [
             (kind, i, [s.number(2, L.DRIVE_SIZE, at, n) for n in range(L.WINDING_SIZE)])
             for at, (kind, i) in enumerate(s.drive)
-            if i < s.free
+            if i in s.solved
         ]
 
     def _push(self, kind: int, i: int, numbers: list[Expression]) -> dict[int, Expression]:
@@ -56,10 +56,23 @@ class Drives:
         )
         return volts
 
+    @property
+    def pushes(self) -> list[dict[int, Expression]]:
+        """Generalised forces of each drive."""
+        return [self._push(*row) for row in self._rows]
+
+    def own_rates(self) -> list[Expression]:
+        """How fast the speed of the way changes along which each input works, while no coordinate's speed does."""
+        out = []
+        for kind, i, numbers in self._rows:
+            turning = self._k.turning(i)
+            up = self._k.along(i, numbers[L.DRIVE_X], numbers[L.DRIVE_Y])[1]
+            out.append(turning * turning * up if kind == L.FORCE_DOWN else ZERO)
+        return out
+
     def forces(self) -> list[Statement]:
         """Forces N, torques N m, voltages V."""
-        pushes = [self._push(*row) for row in self._rows]
-        return [Add(name(f"f{i}"), e) for push in pushes for i, e in push.items() if i < self._s.free]
+        return [Add(name(f"f{i}"), e) for push in self.pushes for i, e in push.items() if i in self._s.solved]
 
     def energy(self) -> list[Statement]:
         """Power put in, W, and lost in a winding."""

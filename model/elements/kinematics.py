@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from model.compiler.expressions import ONE, ZERO, Expression, cosine, read, sine, total
+from model.compiler.expressions import ONE, ZERO, Expression, cosine, read, root, sine, total, where
 from model.elements.friction import friction, friction_everywhere
 from model.elements.structure import Structure
 from model.kernels import layout as L
@@ -41,6 +41,10 @@ class _Pose:
     speed: Expression  # of turning
     ways: dict[int, Vector | None]
     """For each coordinate that moves the body: the point about which it turns the body, or None where it shifts it."""
+    rates: dict[int, Expression] = field(default_factory=dict)
+    """How fast it turns the body, where that is not as fast as the coordinate itself changes."""
+    drift: Expression = ZERO
+    """Angular acceleration while no coordinate's speed changes, rad/s^2."""
 
 
 class Kinematics:
@@ -80,11 +84,31 @@ class Kinematics:
         ways = {k: c and (c[0] + moved[0], c[1] + moved[1]) for k, c in ways.items()}
         pivot = (pivot[0] + moved[0], pivot[1] + moved[1])
         ways |= {g: None for g, body in s.pin.items() if body == i} | {i: pivot}
+        if i in s.led:
+            return self._led(i, pivot, ways)
         return _Pose(pivot, cosine(angle), sine(angle), speed, ways)
+
+    def _led(self, i: int, pivot: Vector, ways: dict[int, Vector | None]) -> _Pose:
+        """Pose of a key whose front is where it would be if the key turned by its coordinate and did not rise.
+
+        The front is ``wanted`` above the pivot's place, ``up`` above the pivot, ``across`` beside it: with the rise r
+        up = wanted - r, and the key turns at (wanted' - r') / across. A rise turns it about the point under the front.
+        """
+        s, q, v, rise = self.s, self.state.q, self.state.v, self.s.led[i]
+        x, y = s.number(2, L.DRIVE_SIZE, 0, L.DRIVE_X), s.number(2, L.DRIVE_SIZE, 0, L.DRIVE_Y)
+        c, sn, square = cosine(q[i]), sine(q[i]), x * x + y * y
+        wanted, level = sn * x + c * y, c * x - sn * y
+        up = wanted - q[rise]
+        across = root(square - up * up) * where(x > 0.0, 1.0, -1.0)
+        speed = (level * v[i] - v[rise]) / across
+        drift = (up * speed * speed - wanted * v[i] * v[i]) / across
+        turned = (across * x + up * y) / square, (up * x - across * y) / square
+        ways |= {rise: (pivot[0] + across, pivot[1])}
+        return _Pose(pivot, *turned, speed, ways, {rise: -(ONE / across), i: level / across}, drift)
 
     def rotations(self) -> list[Expression]:
         """Cosines of all bodies that turn."""
-        return [pose.cosine for pose in self._pose.values() if pose.cosine is not ONE]
+        return [pose.cosine for pose in self._pose.values() if pose.cosine is not ONE and not pose.rates]
 
     def pivot(self, i: int) -> Vector:
         """World position of a body's pivot, m."""
@@ -111,14 +135,20 @@ class Kinematics:
         out: dict[int, Vector] = {}
         for k, centre in (self._pose[body].ways if body >= 0 else {}).items():
             if centre is not None:
-                out[k] = -(y - centre[1]), x - centre[0]
+                rate = self._pose[body].rates.get(k, ONE)
+                out[k] = rate * -(y - centre[1]), rate * (x - centre[0])
             else:
                 out[k] = (ONE, ZERO) if self.s.axis[k] == 0 else (ZERO, ONE)
         return out
 
-    def turns(self, body: int) -> list[int]:
-        """Coordinates that turn a body."""
-        return [k for k, centre in self._pose[body].ways.items() if centre is not None]
+    def turns(self, body: int) -> dict[int, Expression]:
+        """Coordinates that turn a body, and how fast against their own speeds."""
+        pose = self._pose[body]
+        return {k: pose.rates.get(k, ONE) for k, centre in pose.ways.items() if centre is not None}
+
+    def drift(self, i: int) -> Expression:
+        """Angular acceleration of a body while no coordinate's speed changes, rad/s^2."""
+        return self._pose[i].drift
 
     def velocity(self, ways: dict[int, Vector]) -> Vector:
         """Velocity that goes with ways per unit speed, m/s."""

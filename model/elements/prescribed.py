@@ -11,11 +11,11 @@ from model.compiler.expressions import Expression, largest, local, make, read, s
 from model.compiler.programs import Put, Statement, While, name, whole
 
 ORDER = 6  # coefficients of a piece: a quintic
-Motion = tuple[Expression, Expression, Expression]
+Motion = tuple[Expression, Expression, Expression, Expression]
 
 
 def motion(o: int, t: Expression, piece: Expression) -> tuple[list[Statement], Motion]:
-    """Statements that find the piece that holds the time, from ``piece`` on; angle, speed, acceleration there."""
+    """Statements that find the piece that holds the time, from ``piece`` on; angle, speed, acceleration, jerk there."""
     count = read("p", o)
     k = local("piece")
 
@@ -31,11 +31,11 @@ def motion(o: int, t: Expression, piece: Expression) -> tuple[list[Statement], M
     row = [read("p", o + 2 + i, behind) for i in range(ORDER)]
     x = t - start(0)
     out = []
-    for derivative in range(3):
+    for derivative in range(4):
         degree = ORDER - 1 - derivative
         value = row[0]
         for c in row[1:]:
             value = value * x + c
         out.append(value)
         row = [(degree - i) * c if degree - i != 1 else c for i, c in enumerate(row[:-1])]
-    return find, (out[0], out[1], out[2])
+    return find, (out[0], out[1], out[2], out[3])

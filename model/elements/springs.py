@@ -42,6 +42,8 @@ def springs(s: Structure, state: State) -> list[Spring]:
     """Springs of joints: T0 - k (q - q0)."""
     out = []
     for k, i in enumerate(s.spring):
+        if i not in s.solved:
+            continue
         t0, stiffness, q0 = (s.number(0, L.SPRING_SIZE, k, n) for n in (L.SPRING_T0, L.SPRING_K, L.SPRING_Q0))
         out.append(Spring(i, t0, stiffness, ZERO, state.q[i] - q0, state.v[i]))
     return out
@@ -52,6 +54,8 @@ def dampers(s: Structure, state: State) -> list[Spring]:
     driven = {i for _, i in s.drive}
     out = []
     for k, i in enumerate(s.damper):
+        if i not in s.solved:
+            continue
         number, loss = s.number(5, L.DAMPER_SIZE, k, 0), "drive" if i in driven else "shank"
         out.append(Spring(i, ZERO, ZERO, number, state.q[i], state.v[i], loss))
     for k, g in enumerate(s.pin):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 from model.compiler.expressions import Expression, read
 from model.elements.laws.felt_law import FeltLaw
 from model.elements.laws.known import law_numbered
@@ -10,10 +12,10 @@ from model.kernels import layout as L
 
 def solved_contacts(tables: L.Tables) -> list[int]:
     """Contacts that push at least one free coordinate, or whose felt remembers."""
-    free = len(tables.parent) - int(tables.prescribed.sum())
+    moved = {*range(len(tables.parent) - int(tables.prescribed.sum())), *tables.pin[:, 0].tolist()}
     rows = zip(tables.chain, tables.contact, strict=True)
     remember = set(tables.memory.tolist())
-    return [c for c, (chain, row) in enumerate(rows) if c in remember or any(int(b) < free for b in chain[: row[3]])]
+    return [c for c, (chain, row) in enumerate(rows) if c in remember or moved & set(chain[: row[3]].tolist())]
 
 
 class Structure:
@@ -23,6 +25,9 @@ class Structure:
     ----------
     n, free, own : coordinates in all; those that are solved for; those of them that the step loop knows. Directions in
         which joints give follow the bodies' coordinates and are states behind those that felt remembers.
+    solved : the coordinates that are solved for; what is prescribed stands between bodies and directions
+    led : of a key whose pivot can rise and whose front is prescribed: the coordinate in which it rises. Its own
+        coordinate is then the angle at which it would have its front there if its pivot were at its place
     pin : body whose joint gives, by coordinate; ``axis``: 0 right or 1 up, of those and of guides
     memory : contact of each state that felt remembers
     place : contacts that a step solves for (`solved_contacts`), with their place in masks and rooms
@@ -49,7 +54,19 @@ class Structure:
         self.axis = dict.fromkeys(self.guided, 1) | {bodies + k: int(axis) for k, (_, axis) in enumerate(tables.pin)}
         self.own = bodies - int(tables.prescribed.sum())
         self.n = bodies + len(self.pin)
-        self.free = self.n if self.pin else self.own
+        self.solved = [*range(self.own), *self.pin]
+        self.free = len(self.solved)
+        self.led = {
+            i: rise
+            for i in range(self.own, bodies)
+            for rise in [g for g in self.axis if self.axis[g] == 1 and (self.parent[i] == g or self.pin.get(g) == i)]
+        }
+
+    def all_solved(self) -> Structure:
+        """The same with what is prescribed among the coordinates that forces act on."""
+        out = copy(self)
+        out.own, out.solved, out.free = len(self.bodies), list(range(self.n)), self.n
+        return out
 
     def order(self) -> list[int]:
         """Bodies, each after its parent."""

@@ -37,7 +37,7 @@ class Tip:
         """Generalised forces: up on A, down on B."""
         pressing, force = self.felt
         pushes: list[Statement] = [
-            Add(name(f"f{k}"), force * way[1]) for k, way in self.ways.items() if k < self._s.free
+            Add(name(f"f{k}"), force * way[1]) for k, way in self.ways.items() if k in self._s.solved
         ]
         return [If((self.depth > 0.0) & pressing, pushes)]
 

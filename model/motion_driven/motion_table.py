@@ -1,4 +1,4 @@
-"""Tables of the key's measured angle: read, checked, lost angles left out."""
+"""Tables of a measured angle, of key, motor arm or finger: read, checked, lost angles left out."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from model.errors import InputError
 from model.files.csv_columns import read_columns
 from model.files.time_table import Array, check_rows, two_columns
+from model.scene.selection import SceneChoice, load_scene
 
 FEWEST, MOST = 20, 200_000  # samples
 LARGEST_KEY_RAD = 3.0
@@ -26,12 +27,13 @@ def check_motion_table(time_s: ArrayLike, key_rad: ArrayLike, where: str = "key 
     return times, angles
 
 
-def read_motion_table(path: str | Path) -> tuple[Array, Array]:
+def read_motion_table(path: str | Path, scene: SceneChoice | str | Path = "whole") -> tuple[Array, Array]:
     """Read the motion of a key from a CSV file with the columns ``time_s,key_rad``.
 
     Parameters
     ----------
     path : CSV file
+    scene : what takes part; with a motor arm or a finger the second column is ``motor_rad`` or ``finger_rad``
 
     Returns
     -------
@@ -49,5 +51,6 @@ def read_motion_table(path: str | Path) -> tuple[Array, Array]:
     >>> bool(key_rad.min() < -0.04)  # pressed, the key turns clockwise
     True
     """
-    table = read_columns(path, ("time_s", "key_rad"), ())
-    return check_motion_table(table.numbers("time_s"), table.numbers("key_rad"), table.where)
+    angle = f"{load_scene(scene).moved}_rad"
+    table = read_columns(path, ("time_s", angle), ())
+    return check_motion_table(table.numbers("time_s"), table.numbers(angle), table.where)

@@ -1,10 +1,12 @@
-"""One run under a prescribed motion of the key: the other bodies are solved for, the force at the key front follows.
+"""One run under a prescribed motion: the rest of the scene is solved for, what holds the motion follows.
 
     force x lever = -(inertia x acceleration + weight + joint friction + contacts at capstan, back check and key pads)
 
-It is the force on the key where the load cell sits, positive downwards: with the key's inertia and joint friction,
+Of a key it is the force where the load cell sits, positive downwards: with the key's inertia and joint friction,
 without the motor and its arm, whose inertia acts on the other side of the load cell. The rail's reaction is that of a
-hinge: where it pulls the key down the real key would leave its rail, and the force is not valid there.
+hinge: where it pulls the key down the real key would leave its rail, and the force is not valid there. Of a key that
+lifts or whose joint gives the front is prescribed (`model.scene.key_motion`). With a motor arm or a finger its angle
+is prescribed, and what holds it is the torque on its joint.
 """
 
 from __future__ import annotations
@@ -14,15 +16,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.columns import ANGLE, HELD, JOINT_Y
+from model.derived.columns import HELD, JOINT_Y
 from model.derived.observe import bodies_at
 from model.integrators.methods import DEFAULT_METHOD
 from model.parameters.action import BODIES, Action
-from model.parameters.effects import SHANK
+from model.parameters.effects import ARM, FINGER, KEY_LIFT, MOTOR, SHANK, STRING_EFFECT
 from model.scene.build import Scene, build_scene
-from model.scene.key_motion import KeyMotion
-from model.scene.selection import SceneChoice
+from model.scene.key_motion import KeyMotion, acceleration_of_input, angle_at_height, with_moved
+from model.scene.selection import SceneChoice, choice_of
+from model.scene.string_terms import with_modes
 from model.simulation.run import Simulation, State
+from model.simulation.solution import EnergyAudit
 from model.simulation.statics import solve_rest
 
 Array = NDArray[np.float64]
@@ -32,7 +36,11 @@ LONGEST_STEP_S = 2e-3  # so that no step jumps over a blow that begins inside it
 
 @dataclass(frozen=True)
 class PrescribedRun:
-    """States (m, n) in the order ``bodies``, force (m,) N, rail's reaction on the key (m,) N upwards."""
+    """States (m, n) in the order ``bodies``, force (m,) N, rail's reaction on the key (m,) N upwards.
+
+    With motor arm or finger the force is the torque on its joint over its length ``arm_m``. ``energy`` is the audit,
+    where it was asked for.
+    """
 
     bodies: tuple[str, ...]
     angle_rad: Array
@@ -40,12 +48,23 @@ class PrescribedRun:
     force_n: Array
     rail_n: Array
     counters: dict[str, int | float]
+    arm_m: float | None = None
+    energy: EnergyAudit | None = None
 
 
 def rest_angle(action: Action, choice: SceneChoice) -> float:
-    """Angle (rad) of the key at rest without a force."""
+    """Angle (rad) of what a motion would prescribe at rest without a force."""
     free = build_scene(choice.on(action), choice)
-    return float(solve_rest(free)[free.bodies.index("key")])
+    rest = solve_rest(free, whole=True)
+    angle, rise = float(rest[free.bodies.index(choice.moved)]), 0.0
+    if choice.moved != "key":
+        return angle
+    if KEY_LIFT in free.bodies:
+        rise = rest[free.bodies.index(KEY_LIFT)]
+    elif ("key", "y") in free.pins:
+        rise = rest[free.size + free.pins.index(("key", "y"))]
+    x, y = front = free.vector[free.tables.offset[2] : free.tables.offset[2] + 2]
+    return float(angle_at_height(front, np.sin(angle) * x + np.cos(angle) * y + rise)) if rise else angle
 
 
 def run_prescribed(
@@ -56,35 +75,50 @@ def run_prescribed(
     tolerance: float = 1e-6,
     choice: SceneChoice | None = None,
     method: str = DEFAULT_METHOD,
+    energy: bool = False,
 ) -> PrescribedRun:
-    """Run the action under a prescribed motion of the key, from rest at its first angle.
+    """Run the action under a prescribed motion of the key, arm or finger, from rest at its first angle.
 
     Parameters
     ----------
     action : parameter set
-    motion : of the key
+    motion : of the key, or of the front, arm or finger of the scene
     output_time_s : (m,) increasing, within the motion
     tolerance : requested largest error of any angle, rad
-    choice : what takes part
+    choice : what takes part; by default what the action says
     method : integration method by name
+    energy : also account for what holds the motion
     """
-    if choice is not None:
-        action = choice.on(action)
+    choice = choice_of(action, choice)
+    action = choice.on(action)
+    if STRING_EFFECT in choice.effects:
+        action = with_modes(action, tolerance)
     # from zero on: a clock that has run for days has few digits left for a step
     start = float(motion.break_s[0])
     motion, times = KeyMotion(motion.break_s - start, motion.coefficient), output_time_s - start
     scene = build_scene(action, choice=choice, key_motion=motion)
-    scene.refuse_giving("motion of the key")
     state = State(0.0, solve_rest(scene, 0.0), np.zeros(scene.size))
-    run = Simulation(scene, state, tolerance=tolerance, method=method, largest_step_s=LONGEST_STEP_S)
+    run = Simulation(scene, state, tolerance=tolerance, method=method, largest_step_s=LONGEST_STEP_S, energy=energy)
     span = motion.break_s[[0, -1]]  # the input is the time itself
-    angles, speeds = run.advance(float(times[-1]), span, span, output_time_s=times)
-    key = motion.at(times)
-    angles, speeds = np.column_stack([angles, key[:, 0]]), np.column_stack([speeds, key[:, 1]])
-    force, rail = key_load(scene, angles, speeds, key[:, 2], memory=run.remembered if scene.remembers else None)
-    bodies = tuple(b for b in (*BODIES, SHANK) if b in scene.bodies)
+    stored = run.stored_energy() if energy else 0.0
+    own = run.advance(float(times[-1]), span, span, output_time_s=times)
+    moved = motion.at(times)
+    memory = run.remembered if scene.remembers else None
+    angles, speeds = with_moved(scene.tables, scene.vector, own, moved, memory)
+    force, rail = key_load(scene, angles, speeds, moved[:, 2], memory=memory)
+    arm = None if choice.moved == "key" else action[f"{ARM if choice.moved == MOTOR else FINGER}.length"]
+    bodies = tuple(b for b in (*BODIES, SHANK, KEY_LIFT, MOTOR, FINGER) if b in scene.bodies)
     order = [scene.bodies.index(b) for b in bodies]
-    return PrescribedRun(bodies, angles[:, order], speeds[:, order], force, rail, run.work())
+    return PrescribedRun(
+        bodies,
+        angles[:, order],
+        speeds[:, order],
+        force / (arm or 1.0),
+        rail,
+        run.work(),
+        arm,
+        run.audited(state, stored) if energy else None,
+    )
 
 
 def key_load(
@@ -95,19 +129,19 @@ def key_load(
     vector: Array | None = None,
     memory: Array | None = None,
 ) -> tuple[Array, Array]:
-    """What holds a key to its motion: force (m,) N down at the drive point, and of the pivot on the key, N, upwards.
+    """What holds the last coordinate to its motion, (m,), and the force of the pivot on the key (m,), N, upwards.
+
+    Of a key it is a force, N, down at the drive point; of an arm or a finger the torque on its joint, N m.
 
     Parameters
     ----------
-    scene : with the key prescribed, its last coordinate
+    scene : with a prescribed coordinate
     angles, speeds : (m, n) of all coordinates
-    acceleration : (m,) of the key, rad/s^2
+    acceleration : (m,) of the motion, rad/s^2
     vector : numbers of the scene; its own by default
     memory : (m, z) what a run remembered there, if anything
     """
-    p, key = scene.vector if vector is None else vector, len(scene.bodies) - 1
-    found = bodies_at(scene.tables, p, (angles, speeds), memory, prescribed=acceleration)[:, key]
-    x, y = p[scene.tables.offset[2] : scene.tables.offset[2] + 2]
-    arm = np.cos(found[:, ANGLE]) * x - np.sin(found[:, ANGLE]) * y
-    force = -found[:, HELD] / arm
-    return force, found[:, JOINT_Y] + force
+    p, states = scene.vector if vector is None else vector, (angles, speeds)
+    wanted = acceleration_of_input(scene.tables, p, states, acceleration, memory)
+    found = bodies_at(scene.tables, p, states, memory, prescribed=wanted)
+    return found[:, -1, HELD], found[:, scene.bodies.index("key"), JOINT_Y]

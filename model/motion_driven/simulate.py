@@ -1,8 +1,8 @@
-"""Motion-driven simulation: the measured motion of the key goes in, the force at the key front comes out.
+"""Motion-driven simulation: a measured motion of key, arm or finger goes in, the force that it takes comes out.
 
 The comparison that tests a model of an action: under a prescribed force the heavy key hides what the rest of it does.
 Angles of the key (n,) in, `MotionDriven` out. The key follows the fitted motion exactly; the other bodies are solved
-for; the force follows from the key's own equation of motion (`prescribed_key`). Its uncertainty comes from a seeded
+for; the force is the one under which the key moves so (`prescribed_key`). Its uncertainty comes from a seeded
 ensemble of motions that the measured angles allow (`spline_fit`).
 
     driven = model.simulate_motion(action, time_s, key_rad)     # encoder counts x width of a count, or noiseless
@@ -26,8 +26,9 @@ from model.force_driven import check_output_times
 from model.motion_driven.prescribed_key import PrescribedRun, rest_angle, run_prescribed
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
 from model.parameters.action import Action
+from model.parameters.effects import KEY_LIFT, column
 from model.scene.key_motion import KeyMotion
-from model.scene.selection import check_prescribed_key
+from model.scene.selection import check_prescribed
 from model.simulation.loads_and_losses import RailTension, tensions
 from model.simulation.options import SimulationKeywords, SimulationOptions
 
@@ -83,10 +84,13 @@ class MotionDriven(ArrayRecord):
     key_rad_per_s2 : (m,) acceleration of the key
     rest_rad : angle of the key of this action at rest without a force
     rail_n : (m,) force of the balance rail on the key, N, upwards
-    lifted : (m,) True where the rail would have to pull; neither force nor uncertainty are valid there
+    lifted : (m,) True where the rail would have to pull; neither force nor uncertainty are valid there. Nowhere in a
+        scene whose key lifts
     fit : the motion that was fitted
     counters : steps, rejections and so on of the run under the fitted motion
     tolerance : requested largest error of any angle, rad
+    arm_m : length of the motor's arm or of the finger where their angle is prescribed: `force_n` is then the torque on
+        that joint over it, and "key" above means that arm; None of a key
     """
 
     bodies: tuple[str, ...]
@@ -104,10 +108,11 @@ class MotionDriven(ArrayRecord):
     fit: KeyFit
     counters: dict[str, int | float] = field(default_factory=dict)
     tolerance: float = 1e-6
+    arm_m: float | None = None
 
     def key_tensions(self) -> list[RailTension]:
         """Intervals in which the balance rail would have to pull the key down: predicted lift."""
-        return tensions(self.time_s, self.rail_n)
+        return tensions(self.time_s, np.where(self.lifted, self.rail_n, np.abs(self.rail_n)))
 
     def half_width_share(self) -> float:
         """Half the 95 % interval of the force as a share of it: at the largest force or rms, whichever is larger.
@@ -123,12 +128,11 @@ class MotionDriven(ArrayRecord):
     def columns(self) -> dict[str, Array]:
         """Columns by name, in the order of the command's output file."""
         out = {"time_s": self.time_s, "force_n": self.force_n, "u_force_n": self.u_force_n}
+        if self.arm_m is not None:
+            out["torque_nm"] = self.arm_m * self.force_n
         out |= {"key_joint_y_n": self.rail_n, "key_lifted": self.lifted.astype(float)}
-        for i, body in enumerate(self.bodies):
-            out[f"{body}_rad"] = self.angle_rad[:, i]
-        for i, body in enumerate(self.bodies):
-            out[f"{body}_rad_per_s"] = self.speed_rad_per_s[:, i]
-        return out
+        out |= {column(body): self.angle_rad[:, i] for i, body in enumerate(self.bodies)}
+        return out | {column(body, rate=True): self.speed_rad_per_s[:, i] for i, body in enumerate(self.bodies)}
 
 
 def simulate_motion(
@@ -140,7 +144,8 @@ def simulate_motion(
     ----------
     action : parameter set
     time_s, key_rad : (n,) increasing times and measured angles of the key (from ground, counter-clockwise; at rest the
-        rest angle of the action); NaN where an angle is lost
+        rest angle of the action); NaN where an angle is lost. Where the scene's key lifts or its joint gives: of its
+        front, the angle at which a key on its pivot would have it there. With a motor arm or a finger: of that
     tolerance : requested largest error of any angle, rad; by default 1e-6
     output_time_s : (m,) increasing, within the table; by default the table's own times
     scene : what takes part, by name or file (`model.scene.selection`)
@@ -182,7 +187,7 @@ def simulate_motion(
     """
     options = MotionDrivenOptions(**keywords)
     action, choice = options.of(action)
-    check_prescribed_key(choice)  # before the rest angle, for which the scene's kernels may have to be compiled
+    check_prescribed(choice)  # before the rest angle, for which the scene's kernels may have to be compiled
     rest = rest_angle(action, choice)
     if options.from_rest:
         key_rad = as_numbers(key_rad, "key motion") + rest
@@ -217,10 +222,11 @@ def simulate_motion(
         key_rad_per_s2=motion.at(outputs)[:, 2],
         rest_rad=rest,
         rail_n=mean.rail_n,
-        lifted=mean.rail_n < 0.0,
+        lifted=(mean.rail_n < 0.0) & (KEY_LIFT not in mean.bodies),
         fit=fit,
         counters=mean.counters,
         tolerance=options.tolerance,
+        arm_m=mean.arm_m,
     )
 
 

@@ -4,7 +4,7 @@ Turns an `Action` (numbers by path) into what kernels read: integer tables of st
 scene leaves out is not in its tables and costs nothing: a contact without stiffness, a spring without torque, an effect
 not named (`model.parameters.effects`). The motor arm of the bench is one more body with its own spring, drive and
 one-sided contact with the key; with it the input is the motor's torque, without it the force on the key. Where the
-motion of the key is prescribed, the other bodies are solved for and the input is the time.
+motion of the key, the arm or the finger is prescribed, the others are solved for and the input is the time.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from model.scene import pressing
 from model.scene.contacts import chain_of, law_of_contact, reach_of, read_contact
 from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.key_motion import KeyMotion
-from model.scene.selection import SceneChoice, check_prescribed_key, choice_of
+from model.scene.selection import SceneChoice, check_prescribed, choice_of
 from model.scene.string_terms import string_numbers
 
 # rest angles of the printed action, to two digits: the solver needs a start on the right side of each contact
@@ -140,21 +140,21 @@ class Scene(ArrayRecord):
         return len(solved_contacts(self.tables))
 
 
-def _coordinates(choice: SceneChoice, key_motion: KeyMotion | None) -> list[str]:
-    """Names of the coordinates in order: bodies, then what effects add; a prescribed key comes last."""
+def _coordinates(choice: SceneChoice, motion: KeyMotion | None) -> list[str]:
+    """Names of the coordinates in order: bodies, then what effects add; what is prescribed comes last."""
     out = [*choice.bodies]
     effects = ((ARM, MOTOR), (MOTOR_DRIVE, WINDING), (FINGER, FINGER), (RAIL, KEY_LIFT), ("shank", SHANK))
     for effect, coordinate in effects:  # the winding follows the motor that it turns
-        if effect in choice.effects:
+        if effect in choice.effects and (coordinate != WINDING or motion is None):  # what turns a led arm is not asked
             out.append(coordinate)
     if len(out) > W.WIDTH:
         raise InputError(
             f"scene: found {len(out)} coordinates ({', '.join(out)}), allowed {W.WIDTH}; leave an effect out"
         )
-    if key_motion is None:
+    if motion is None:
         return out
-    check_prescribed_key(choice)
-    return [b for b in out if b != "key"] + ["key"]  # carries no other body, so it may come last
+    check_prescribed(choice)
+    return [b for b in out if b != choice.moved] + [choice.moved]  # carries no other body, so it may come last
 
 
 def _parent(action: Action, bodies: list[str], body: str) -> int:
@@ -205,6 +205,12 @@ def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tup
     return out
 
 
+def _front(action: Action, choice: SceneChoice) -> tuple[float, float] | None:
+    """Front of a key whose pivot may rise while a motion prescribes where that is; None of other scenes."""
+    rises = choice.moved == "key" and (RAIL in choice.effects or "key_pin" in choice.effects)
+    return (action["drive.point.x"], action["drive.point.y"]) if rises else None
+
+
 def _table(rows: list, width: int) -> NDArray[np.int64]:
     return np.array(rows, dtype=np.int64).reshape(len(rows), width)
 
@@ -217,20 +223,16 @@ def _ancestors(parent: list[int]) -> NDArray[np.int64]:
     return out
 
 
-def _pins(
-    action: Action, choice: SceneChoice, bodies: Sequence[str], prescribed: bool
-) -> tuple[list[list[int]], list[float]]:
+def _pins(action: Action, choice: SceneChoice, bodies: Sequence[str]) -> tuple[list[list[int]], list[float]]:
     """Body and direction, 0 to the right and 1 up, of each way in which a joint gives; their numbers in p.
 
-    A key on its balance rail gives to the side only. Where the key's motion is ``prescribed``, joints are rigid.
+    A key on its balance rail gives to the side only.
     """
     pins: list[list[int]] = []
     numbers: list[float] = []
     for effect, body in PINS.items():
         if effect not in choice.effects:
             continue
-        if prescribed:
-            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
         if body not in bodies:
             raise InputError(f"scene: effects: {effect} needs the {body}; add {body} or leave out {effect}")
         for axis, name in enumerate(AXES):
@@ -275,7 +277,8 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     ----------
     action : parameter set
     choice : bodies, contacts and effects that take part; by default those that the action says
-    key_motion : prescribed motion of the key, in place of a force
+    key_motion : prescribed motion of the key, of its front where it lifts or its joint gives, or of the motor's arm or
+        the finger where one presses (`SceneChoice.moved`); in place of a force
 
     Returns
     -------
@@ -336,12 +339,12 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     offsets.append(len(vector))
     prescribed = np.zeros(n, dtype=np.int64)
     if key_motion is not None:
-        prescribed[key], vector = 1, [*vector, *key_motion.packed()]
+        prescribed[-1], vector = 1, [*vector, *key_motion.packed(_front(action, choice))]
     offsets.append(len(vector))
     dampers, given = pressing.dampers_of(action, bodies)
     vector += given
     pins_at = len(vector)
-    pins, given = _pins(action, choice, bodies, key_motion is not None)
+    pins, given = _pins(action, choice, bodies)
     vector += given
     offsets.append(len(vector))
     vector += of_laws
@@ -366,4 +369,5 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         pin=_table(pins, 2),
     )
     start = np.array([PRINTED_REST.get(b, 0.0) for b in bodies[: n - int(prescribed.sum())]])
-    return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start, pressing.command_of(action, bodies))
+    command = pressing.command_of(action, bodies) if key_motion is None else None
+    return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start, command)

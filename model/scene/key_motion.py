@@ -1,7 +1,9 @@
-"""A prescribed motion: angle of the key over time as a piecewise polynomial of degree five.
+"""A prescribed motion: angle of key, motor arm or finger over time as a piecewise polynomial of degree five.
 
 Input of a motion-driven scene (``build_scene(key_motion=...)``); `model.motion_driven.spline_fit` makes one of measured
-angles. Its second derivative is the key's acceleration, so the pieces must join twice continuously; this is checked.
+angles. Its second derivative is the acceleration, so the pieces must join twice continuously; this is checked.
+Of a key that lifts or whose joint gives the front is prescribed, where the force acts; the angle is then that of a key
+on its pivot whose front is at that height. `with_moved` gives its true one.
 """
 
 from __future__ import annotations
@@ -13,10 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import ArrayRecord, as_numbers
 from model.elements.prescribed import ORDER
+from model.elements.structure import Structure
 from model.errors import InputError
+from model.kernels.layout import FORCE_DOWN, Tables
 
 Array = NDArray[np.float64]
 
+LARGEST_RISE = 0.5  # of the front above its pivot, of its distance from it: beyond, bounds on gaps fail
 JUMP = 1e-6  # share of the largest value of a derivative by which it may jump at a break
 
 
@@ -67,8 +72,20 @@ class KeyMotion(ArrayRecord):
         rows[:, -1] += angle_rad
         return KeyMotion(self.break_s, rows)
 
-    def packed(self) -> list[float]:
-        """The block of the parameter vector that kernels read; see `model.elements.prescribed`."""
+    def packed(self, front: tuple[float, float] | None = None) -> list[float]:
+        """The block of the parameter vector that kernels read; see `model.elements.prescribed`.
+
+        A ``front`` of the key's frame that it moves must stay where bounds on gaps hold.
+        """
+        if front is not None:
+            x, y = front
+            angle, most = self.coefficient[:, -1], LARGEST_RISE * np.hypot(x, y)
+            far = int(np.argmax(np.abs(np.sin(angle) * x + np.cos(angle) * y)))
+            if not abs(np.sin(angle[far]) * x + np.cos(angle[far]) * y) <= most:
+                raise InputError(
+                    f"key motion: found {angle[far]:g} rad, allowed angles that keep the front within {most:.3g} m of "
+                    "its pivot's height"
+                )
         return [float(len(self.break_s) - 1), *self.break_s.tolist(), *self.coefficient.ravel().tolist()]
 
     def at(self, time_s: ArrayLike) -> Array:
@@ -83,3 +100,64 @@ class KeyMotion(ArrayRecord):
             out.append(value)
             row = row[:, :-1] * np.arange(row.shape[1] - 1, 0, -1)
         return np.stack(out, axis=1)
+
+
+def rise_of(tables: Tables) -> int | None:
+    """Coordinate in which the pivot of a key rises whose front is prescribed; None of any other scene."""
+    return next(iter(Structure(tables).led.values()), None)
+
+
+def _rises(tables: Tables, states: tuple[Array, Array], memory: Array | None) -> tuple[Array, Array] | None:
+    """How far (m,) and how fast that pivot has risen, at states of the bodies and of what joints give."""
+    rise, bodies, count = rise_of(tables), len(tables.parent), len(tables.pin)
+    if rise is None:
+        return None
+    if rise < bodies:
+        return states[0][:, rise], states[1][:, rise]
+    at = len(tables.memory) + rise - bodies
+    rows = np.zeros((len(states[0]), at + count + 1)) if memory is None else memory
+    return rows[:, at], rows[:, at + count]
+
+
+def angle_at_height(front: ArrayLike, height_m: ArrayLike) -> Array:
+    """Angle (rad) of a key whose front, at ``front`` (2,) of its frame, is so far above its pivot."""
+    (x, y), height = np.asarray(front, dtype=float), np.asarray(height_m, dtype=float)
+    turned = np.arctan2(height, np.sign(x) * np.sqrt(x * x + y * y - height * height)) - np.arctan2(y, x)
+    return np.asarray(np.mod(turned + np.pi, 2.0 * np.pi) - np.pi)
+
+
+def with_moved(
+    tables: Tables, p: Array, own: tuple[Array, Array], moved: Array, memory: Array | None = None
+) -> tuple[Array, Array]:
+    """Angles and speeds (m, n) of all coordinates: ``own`` (m, n - 1), then what a motion ``moved`` (m, 2) prescribes.
+
+    ``memory`` (m, z) is what the run remembers there.
+    """
+    angle, speed = moved[:, 0], moved[:, 1]
+    risen = _rises(tables, own, memory)
+    if risen is not None:
+        front = x, y = p[tables.offset[2] : tables.offset[2] + 2]
+        level = np.cos(angle) * x - np.sin(angle) * y
+        angle = angle_at_height(front, np.sin(angle) * x + np.cos(angle) * y - risen[0])
+        speed = (level * speed - risen[1]) / (np.cos(angle) * x - np.sin(angle) * y)
+    return np.column_stack([own[0], angle]), np.column_stack([own[1], speed])
+
+
+def acceleration_of_input(
+    tables: Tables, p: Array, states: tuple[Array, Array], acceleration: Array, memory: Array | None = None
+) -> Array:
+    """Acceleration (m,) of the way along which the input works, from that of a motion; at states of all coordinates.
+
+    It is what `model.derived.observe.bodies_at` takes.
+    """
+    if tables.drive[0, 0] != FORCE_DOWN:
+        return acceleration
+    front = x, y = p[tables.offset[2] : tables.offset[2] + 2]
+    angle, speed = states[0][:, -1], states[1][:, -1]
+    height, rate = np.sin(angle) * x + np.cos(angle) * y, (np.cos(angle) * x - np.sin(angle) * y) * speed
+    risen = _rises(tables, states, memory)
+    if risen is not None:
+        height, rate = height + risen[0], rate + risen[1]
+        angle = angle_at_height(front, height)
+    level = np.cos(angle) * x - np.sin(angle) * y
+    return np.asarray(height * (rate / level) ** 2 - level * acceleration)

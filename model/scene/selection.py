@@ -36,7 +36,7 @@ from model.parameters.action import (
     check_law,
     law_of,
 )
-from model.parameters.effects import EFFECTS, FINGER, PINS, RAIL, effect_of
+from model.parameters.effects import ARM, EFFECTS, FINGER, MOTOR, PINS, RAIL, effect_of
 from model.parameters.quantity import check_value
 
 SPRINGS = ("jack_spring", "repetition_spring")
@@ -85,6 +85,11 @@ class SceneChoice:
         """Column of the input table: name and unit."""
         columns = {"motor_drive": "command_v", "finger": "finger_m", "motor_arm": "torque_nm"}
         return next((column for effect, column in columns.items() if effect in self.effects), "force_n")
+
+    @property
+    def moved(self) -> str:
+        """The coordinate that a prescribed motion moves: motor arm or finger where one presses, else the key."""
+        return MOTOR if ARM in self.effects else FINGER if FINGER in self.effects else "key"
 
     def on(self, action: Action) -> Action:
         """The action with this scene and its values; values that the user set by path take precedence."""
@@ -290,10 +295,7 @@ def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{key}", item
 
 
-def check_prescribed_key(choice: SceneChoice) -> None:
-    """Refuse a choice whose key cannot follow a prescribed motion."""
-    for effect in ("motor_arm", FINGER, RAIL):
-        if effect in choice.effects:
-            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
-    if len(choice.bodies) == 1:
+def check_prescribed(choice: SceneChoice) -> None:
+    """Refuse a choice in which nothing is left to solve for when a motion is prescribed."""
+    if len(choice.bodies) == 1 and choice.moved == "key" and RAIL not in choice.effects:
         raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")

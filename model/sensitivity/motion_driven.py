@@ -16,9 +16,10 @@ from model.force_driven import check_output_times
 from model.motion_driven.prescribed_key import LONGEST_STEP_S, key_load
 from model.motion_driven.spline_fit import fit_key_motion
 from model.parameters.action import Action, load_action
+from model.parameters.effects import RAIL
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion
-from model.scene.selection import check_prescribed_key
+from model.scene.selection import check_prescribed
 from model.sensitivity.observed import force_slopes
 from model.sensitivity.options import SensitivityOptions
 from model.sensitivity.parameter_names import directions, find_parameters, stated_uncertainty
@@ -72,7 +73,12 @@ def motion_sensitivities(
     options = SensitivityOptions(events=False) if options is None else options
     _check(options)
     action, choice = options.of(load_action(action) if isinstance(action, str) else action)
-    check_prescribed_key(choice)
+    check_prescribed(choice)
+    if choice.moved != "key" or RAIL in choice.effects:
+        raise InputError(
+            "sensitivities under a motion of the key: found an effect that lifts or presses the key "
+            f"({', '.join(choice.effects)}), allowed a key on its pivot"
+        )
     named = find_parameters(action, parameters)
     free = build_scene(action, choice)
     free.refuse_memory("sensitivities under a motion of the key")

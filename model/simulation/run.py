@@ -26,8 +26,10 @@ from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
 from model.scene.build import Scene
+from model.scene.key_motion import with_moved
+from model.simulation.solution import EnergyAudit
 from model.simulation.statics import with_pins
-from model.simulation.string_motion import straight, swung_on
+from model.simulation.string_motion import lost_meanwhile, straight, swung_on
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
 # benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N
@@ -125,8 +127,11 @@ def _rested(scene: Scene, state: State, whole: NDArray[np.float64]) -> NDArray[n
     w[W.Q : W.Q + scene.size] = state.angle_rad
     w[W.Z : W.Z + len(scene.pins)] = whole[scene.size :]  # the static scene remembers nothing else
     kernels_of(scene.static_tables).linearise(w, scene.vector, state.time_s)
-    angles = w[None, W.Q : W.Q + len(scene.bodies)]  # with those of a prescribed coordinate
     rows = np.concatenate([whole[scene.size :], np.zeros(len(scene.pins))])[None]
+    angles = w[None, W.Q : W.Q + scene.size]
+    if np.any(scene.tables.prescribed):
+        moved = np.array([[w[W.Q + scene.size], 0.0]])
+        angles, _ = with_moved(scene.static_tables, scene.vector, (angles, np.zeros_like(angles)), moved, rows)
     found = contacts_at(scene.static_tables, scene.vector, angles, np.zeros_like(angles), rows)[0]
     s, p, out = Structure(scene.tables), scene.vector, list[float]()
     for c in dict.fromkeys(s.memory):
@@ -207,8 +212,6 @@ class Simulation:
             raise InputError(
                 f"tolerance: found {self.tolerance:g} rad, allowed {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
             )
-        if self.energy:
-            self.scene.check_whole(self.state.angle_rad, "energy")
         self.state.check(self.scene.size)
         self.state = with_memory(self.scene, self.state)
 
@@ -323,14 +326,20 @@ class Simulation:
 
     def stored_energy(self) -> float:
         """Kinetic, potential and elastic energy of the present state, J; zero of heights at the ground's origin."""
-        self.scene.check_whole(self.state.angle_rad, "energy")
         w = np.zeros(W.WITH_MEMORY)
         memory = swung_on(self.scene, np.array([self.state.time_s]), self.state.memory[None])[0]
         w[W.AUDIT_Z : W.AUDIT_Z + len(memory)] = memory
         w[W.AUDIT_Q : W.AUDIT_Q + self.scene.size] = self.state.angle_rad
         w[W.AUDIT_V : W.AUDIT_V + self.scene.size] = self.state.speed_rad_per_s
-        energy_of(self.scene.tables)(w, self.scene.vector, 0.0)
+        energy_of(self.scene.tables)(w, self.scene.vector, self.state.time_s)  # a prescribed coordinate asks when
         return float(w[W.ENERGY])
+
+    def audited(self, start: State, stored_j: float) -> EnergyAudit:
+        """Where the work went since ``start``, at which the scene stored ``stored_j``."""
+        given, *lost = map(float, self.audit)
+        audit = EnergyAudit(given, self.stored_energy() - stored_j, *lost)
+        times, rows = (start.time_s, self.state.time_s), (start.memory, self.state.memory)
+        return replace(audit, lost_in_string=audit.lost_in_string + lost_meanwhile(self.scene, times, rows))
 
     def contact_forces(
         self,

@@ -65,13 +65,14 @@ def balance(
             w[W.V + scene.wound[0]] = steady_current(scene.vector[scene.tables.offset[2] :], u)
     w[W.STATIC] = 1.0
     kernels_of(scene.static_tables).linearise(w, scene.vector, u)
-    k = n + give
     if give:
-        lower, stiff = (w[at : at + W.WIDE**2].reshape(W.WIDE, W.WIDE)[:k, :k] for at in (W.P_MASS, W.P_STIFF))
+        own = np.array([*range(n), *(len(scene.bodies) + k for k in range(give))])  # what is prescribed stands between
+        square = [w[at : at + W.WIDE**2].reshape(W.WIDE, W.WIDE) for at in (W.P_MASS, W.P_STIFF)]
+        lower, stiff = (rows[np.ix_(own, own)] for rows in square)
         mass = np.tril(lower) + np.tril(lower, -1).T
-        return mass @ w[W.P_ACC : W.P_ACC + k], stiff, mass
+        return mass @ w[W.P_ACC + own], stiff, mass
     mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
-    for i, parent in enumerate(scene.tables.parent):
+    for i, parent in enumerate(scene.tables.parent[:n]):
         if parent >= 0:
             mass[i, parent] = mass[parent, i] = w[W.M_UP + i]
     stiff = w[W.STIFF : W.STIFF + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n]

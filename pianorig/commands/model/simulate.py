@@ -28,7 +28,11 @@ def command(
     ] = None,
     key_motion: Annotated[
         Path | None,
-        typer.Option("--key-motion", help="CSV file with the columns time_s,key_rad: the force is computed."),
+        typer.Option(
+            "--key-motion",
+            help="CSV file with the columns time_s,key_rad: the force is computed; in scenes with a motor arm "
+            "time_s,motor_rad, with a finger time_s,finger_rad.",
+        ),
     ] = None,
     from_rest: Annotated[
         bool, typer.Option("--from-rest", help="Angles of --key-motion are changes since rest, as an encoder counts.")

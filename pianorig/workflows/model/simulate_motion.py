@@ -1,4 +1,4 @@
-"""``simulate --key-motion``: the force at the key front that a measured motion of the key takes."""
+"""``simulate --key-motion``: the force that a measured motion of key, motor arm or finger takes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def drive_by_motion(
     method: str,
 ) -> model.MotionDriven:
     """Run ``action`` under the key's motion in ``table`` and write the columns to ``out``."""
-    times, angles = model.read_motion_table(table)
+    times, angles = model.read_motion_table(table, scene)
     driven = model.simulate_motion(
         action,
         times,
@@ -82,10 +82,10 @@ def print_motion(driven: model.MotionDriven) -> None:
             f"this force is useless: its 95 % interval is +-{100.0 * share:.0f} % of it, because the key's angle is "
             f"read only to {driven.fit.resolution_rad:.2g} rad; use an encoder with finer counts or a slower motion"
         )
-    away = driven.angle_rad[0, driven.bodies.index("key")] - driven.rest_rad
+    away = driven.fit.at(driven.time_s[:1])[0][0, 0] - driven.rest_rad
     if abs(away) > FAR_FROM_REST_RAD:
         print(
-            f"the first angle is {1e3 * away:+.2f} mrad from where this action's key rests: if it rested there, "
+            f"the first angle is {1e3 * away:+.2f} mrad from where it is in this action at rest: if it rested there, "
             "shift the angles; for changes since rest add --from-rest"
         )
     for lift in driven.key_tensions():

@@ -230,10 +230,14 @@ def test_an_action_file_may_carry_an_effect(action: model.Action, tmp_path: Path
         model.load_action(path)
 
 
-def test_a_prescribed_key_cannot_lift(action: model.Action) -> None:
-    time = np.linspace(0.0, 0.1, 101)
-    with pytest.raises(model.InputError, match="a prescribed key and the effect balance_rail"):
-        model.simulate_motion(action, time, np.full(101, 0.0286), members=0, scene="lifting-key")
+@pytest.mark.parametrize("scene", ["lifting-key", "motor-drive", "finger"])
+def test_what_rests_and_is_prescribed_takes_no_force(action: model.Action, scene: str) -> None:
+    """At its angle at rest; of a key that lifts, of its front."""
+    driven = model.simulate_motion(
+        action, np.linspace(0.0, 0.1, 101), np.zeros(101), from_rest=True, scene=scene, members=2
+    )
+    assert np.abs(driven.force_n).max() < 1e-6 and not driven.lifted.any()
+    assert ("torque_nm" in driven.columns()) == (scene != "lifting-key")
 
 
 @pytest.mark.slow  # compiles its own structures
