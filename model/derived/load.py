@@ -48,7 +48,6 @@ from model.kernels.signatures import (
     SKIP,
     SLOPES,
     STAGE,
-    LaneKernels,
     StepKernels,
 )
 
@@ -79,13 +78,13 @@ def _key(tables: Tables | None) -> bytes:
 
 def kernels_of(tables: Tables) -> StepKernels:
     """Kernels of the structure in ``tables``: from memory, from the disk cache, or compiled (about a second, once)."""
-    found: StepKernels = _kept(tables, "step", lambda: _step_kernels(tables))
+    found: StepKernels = _kept(tables, "step", lambda: _step_kernels(tables, STEP, 1))
     return found
 
 
-def lane_kernels_of(tables: Tables, lanes: int) -> LaneKernels:
+def lane_kernels_of(tables: Tables, lanes: int) -> StepKernels:
     """Kernels of a structure for ``lanes`` members side by side; no coordinate may be prescribed."""
-    found: LaneKernels = _kept(tables, f"{lanes} lanes", lambda: LaneKernels(**_compiled(tables, IN_LANES, lanes)))
+    found: StepKernels = _kept(tables, f"{lanes} lanes", lambda: _step_kernels(tables, IN_LANES, lanes))
     return found
 
 
@@ -137,8 +136,8 @@ def _kept(tables: Tables | None, what: str, make: Callable[[], Any]) -> Any:
     return _loaded[key]
 
 
-def _step_kernels(tables: Tables) -> StepKernels:
-    found = _compiled(tables, STEP, 1)
+def _step_kernels(tables: Tables, functions: dict[str, Any], lanes: int) -> StepKernels:
+    found = _compiled(tables, functions, lanes)
     return StepKernels(**found, energy=found["linearise"])
 
 

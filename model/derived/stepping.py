@@ -152,29 +152,37 @@ class Stepping:
                 *(Put(at("w", W.DENSE + u, _times(m, STAGE)), local(f"sum{u}")) for u in sums),
             ]  # fmt: skip
 
-        given = {"w": "array", "dense": "plain", "rows": "whole", "stages": "whole"}
-        return Program(given, [each("row", argument("rows"), of_row)], exact=True)
+        def of_memory(i: Expression) -> list[Statement]:
+            def of_row_of(m: Expression) -> list[Statement]:
+                def of_stage(j: Expression) -> list[Statement]:
+                    share = read("dense", 0, make("whole_add", j, make("whole_multiply", m, stages)))
+                    return [Add(name("part"), share * _w(W.Z_U, _of(j, i)))]
+
+                summed = each("stage of a memory", stages, of_stage)
+                return [Put(name("part"), ZERO), summed, Put(at("w", W.Z_DENSE, _of(m, i)), local("part"))]
+
+            return [each("row of a memory", argument("rows"), of_row_of)]
+
+        given = {"w": "array", "dense": "plain", "rows": "whole", "stages": "whole", "n_z": "whole"}
+        out: list[Statement] = [each("row", argument("rows"), of_row)]
+        if self._remembers:
+            out.append(each("memory", argument("n_z"), of_memory))
+        return Program(given, out, exact=True)
 
     def inside(self) -> Program:
         """See the module."""
-        x, rows, stages = _w(W.FRACTION), argument("rows"), argument("stages")
+        x, rows = _w(W.FRACTION), argument("rows")
+
+        def back(m: Expression) -> Expression:
+            return make("whole_add", _before(rows), _times(m, -1))
 
         def of_row(m: Expression) -> list[Statement]:
-            back = _times(make("whole_add", _before(rows), _times(m, -1)), STAGE)
-            return [Put(name(f"sum{u}"), _w(W.DENSE + u, back) + x * local(f"sum{u}")) for _, _, u, _ in self._states]
+            at_row = _times(back(m), STAGE)
+            return [Put(name(f"sum{u}"), _w(W.DENSE + u, at_row) + x * local(f"sum{u}")) for _, _, u, _ in self._states]
 
         def memory(i: Expression) -> list[Statement]:
             def of_row_of(m: Expression) -> list[Statement]:
-                back = make("whole_multiply", make("whole_add", _before(rows), _times(m, -1)), stages)
-
-                def of_stage(j: Expression) -> list[Statement]:
-                    share = read("dense", 0, make("whole_add", j, back))
-                    return [Add(name("part"), share * _w(W.Z_U, _of(j, i)))]
-
-                return [
-                    Put(name("part"), ZERO), each("stage of a memory", stages, of_stage),
-                    Put(name("inner"), local("part") + x * local("inner")),
-                ]  # fmt: skip
+                return [Put(name("inner"), _w(W.Z_DENSE, _of(back(m), i)) + x * local("inner"))]
 
             between = _between(x, _w(W.Z, i), _w(W.Z1, i), local("inner"))
             return [
@@ -187,17 +195,16 @@ class Stepping:
             out.append(Put(at("w", to), _between(x, _w(start), _w(end), local(f"sum{u}"))))
         if self._remembers:
             out.append(each("memory", argument("n_z"), memory))
-        given = {"w": "array", "dense": "plain", "rows": "whole", "stages": "whole", "n_z": "whole"}
-        return Program(given, out, exact=True)
+        return Program({"w": "array", "rows": "whole", "n_z": "whole"}, out, exact=True)
 
 
 def _before(count: Expression) -> Expression:
     return make("whole_add", count, -1)
 
 
-def _of(stage: Expression, memory: Expression) -> Expression:
-    """Where the stage of a memory is behind the first stage of the first."""
-    return make("whole_add", memory, _times(stage, W.MOST_MEMORIES))
+def _of(row: Expression, memory: Expression) -> Expression:
+    """Where a stage, or a row of sums over them, of a memory is behind the first of the first."""
+    return make("whole_add", memory, _times(row, W.MOST_MEMORIES))
 
 
 def _between(x: Expression, start: Expression, end: Expression, inner: Expression) -> Expression:

@@ -461,9 +461,9 @@ def loop_in_lanes(width: int) -> Any:
             within = judge(trying, sound, rejected, exponent, width, space)
             asking = ask(within, width, members, space)
             if asking:
-                kernels.dense(memory, dense, n_dense, n_stages)
+                kernels.dense(memory, dense, n_dense, n_stages, n_z)
             while asking:
-                kernels.inside(memory, dense, n_dense, n_stages, n_z)
+                kernels.inside(memory, n_dense, n_z)
                 write_rows(asking, width, members, space)
                 asking = ask(asking, width, members, space)
             commit(within, width, members, space)

@@ -48,7 +48,7 @@ from model.kernels.workspace import (
     WIDTH,
     WITH_MEMORY,
     Z1,
-    Z_U,
+    Z_DENSE,
     Q,
     V,
     Z,
@@ -83,22 +83,19 @@ def bits_of(mask):
 
 
 @uncounted
-def keep_step(w, dense, n, n_z, row):
+def keep_step(w, n_dense, n, n_z, row):
     """Copy the ends of a step and what its dense output is made of: angles, speeds, memories."""
     size = 2 * n + n_z
     for i in range(n):
         row[i], row[n + i] = w[Q + i], w[V + i]
         row[size + i], row[size + n + i] = w[Q1 + i], w[V1 + i]
-        for m in range(dense.shape[0]):
+        for m in range(n_dense):
             at = DENSE + STAGE * m + i
             row[(2 + m) * size + i], row[(2 + m) * size + n + i] = w[at], w[at + WIDTH]
     for i in range(n_z):
         row[2 * n + i], row[size + 2 * n + i] = w[Z + i], w[Z1 + i]
-        for m in range(dense.shape[0]):
-            part = 0.0
-            for j in range(dense.shape[1]):
-                part += dense[m, j] * w[Z_U + MOST_MEMORIES * j + i]
-            row[(2 + m) * size + 2 * n + i] = part
+        for m in range(n_dense):
+            row[(2 + m) * size + 2 * n + i] = w[Z_DENSE + MOST_MEMORIES * m + i]
 
 
 @step_loop(INTEGRATE)
@@ -205,14 +202,14 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
         t1 = stop if step == stop - t else t + step
         audited = energies.shape[0] > 0
         if audited or recorded or (k_out < out_t.shape[0] and out_t[k_out] <= t1):
-            dense_sums(w, dense, n_dense, s)
+            dense_sums(w, dense, n_dense, s, n_z)
         if recorded:
             steps[kept, 0], steps[kept, 1] = t, step
-            keep_step(w, dense, n, n_z, steps[kept, 2:])
+            keep_step(w, n_dense, n, n_z, steps[kept, 2:])
             kept += 1
         while k_out < out_t.shape[0] and out_t[k_out] <= t1:
             w[FRACTION] = (out_t[k_out] - t) / step
-            inside(w, dense, n_dense, s, n_z)
+            inside(w, n_dense, n_z)
             for i in range(n):
                 out_q[k_out, i] = w[AUDIT_Q + i]
                 out_v[k_out, i] = w[AUDIT_V + i]
@@ -222,7 +219,7 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
         if audited:
             for g in range(3):
                 w[FRACTION] = 0.5 + GAUSS[g]
-                inside(w, dense, n_dense, s, n_z)
+                inside(w, n_dense, n_z)
                 u, _, k_in = input_at(t + w[FRACTION] * step, k_in, drive)
                 energy(w, p, u0 if drive.held else u)
                 for j in range(energies.shape[0]):

@@ -88,7 +88,10 @@ class Account(NamedTuple):
 
 
 class StepKernels(NamedTuple):
-    """The kernels of a scene; their signatures are below. ``energy`` is called only where energies are wanted."""
+    """The kernels of a scene, for one run or for lanes; their signatures are below.
+
+    ``energy`` is called only where energies are wanted, never in lanes.
+    """
 
     linearise: Any
     prepare: Any
@@ -99,19 +102,6 @@ class StepKernels(NamedTuple):
     dense: Any
     inside: Any
     energy: Any
-
-
-class LaneKernels(NamedTuple):
-    """The kernels of a scene in lanes, used like those of `StepKernels`."""
-
-    linearise: Any
-    prepare: Any
-    skip: Any
-    stage: Any
-    fit: Any
-    end: Any
-    dense: Any
-    inside: Any
 
 
 class LaneMembers(NamedTuple):
@@ -172,8 +162,8 @@ REGIME = _i(pointer, pointer)  # workspace, p -> bits: the same
 # of `model.derived.stepping`, for one run and for lanes
 FIT = _i(pointer, pointer)  # w, p -> 0
 END = _i(pointer, pointer, _i, _i)  # w, b, stages, memories -> 1, or bits of the lanes, where the error is finite
-DENSE = _i(pointer, pointer, _i, _i)  # w, dense, its rows, stages -> 0
-INSIDE = _i(pointer, pointer, _i, _i, _i)  # w, dense, its rows, stages, memories -> 0
+DENSE = _i(pointer, pointer, _i, _i, _i)  # w, dense, its rows, stages, memories -> 0
+INSIDE = _i(pointer, _i, _i)  # w, rows of dense, memories -> 0
 
 # The same for lanes: numbers of the step, u and h among them, are rows of lanes in w, parameters rows in p; what was
 # a truth value is an integer with a bit per lane.
@@ -188,7 +178,8 @@ _STEP_KERNELS = types.NamedTuple(
     [KernelType(of) for of in (LINEARISE, PREPARE, SKIP, STAGE, *_STEPPING, ENERGY)], StepKernels
 )
 _LANE_KERNELS = types.NamedTuple(
-    [KernelType(of) for of in (LANE_LINEARISE, LANE_PREPARE, LANE_SKIP, LANE_STAGE, *_STEPPING)], LaneKernels
+    [KernelType(of) for of in (LANE_LINEARISE, LANE_PREPARE, LANE_SKIP, LANE_STAGE, *_STEPPING, LANE_LINEARISE)],
+    StepKernels,
 )
 _integer_table = types.Array(types.int64, 2, "C")
 _COEFFICIENTS = types.NamedTuple([_array, _array, _array, _array, _array, _table, _f, _f], Coefficients)

@@ -117,14 +117,14 @@ def stepping(whole: np.ndarray, members: list[Any], alone: Any, together: Any) -
     numbers = np.array([p for p, _, _, _ in members]).T.copy()
     together.fit(whole.ravel(), numbers.ravel())
     finite = together.end(whole.ravel(), method.b, stages, 0)
-    together.dense(whole.ravel(), method.dense, rows, stages)
-    together.inside(whole.ravel(), method.dense, rows, stages, 0)
+    together.dense(whole.ravel(), method.dense, rows, stages, 0)
+    together.inside(whole.ravel(), rows, 0)
     for lane, (p, _, _, _) in enumerate(members):
         w = before[: W.SIZE, lane].copy()
         alone.fit(w, p)
         assert alone.end(w, method.b, stages, 0) == finite >> lane & 1
-        alone.dense(w, method.dense, rows, stages)
-        alone.inside(w, method.dense, rows, stages, 0)
+        alone.dense(w, method.dense, rows, stages, 0)
+        alone.inside(w, rows, 0)
         assert w.tobytes() == whole[: W.SIZE, lane].tobytes()
         assert w[W.FITTED] <= before[W.FITTED, lane]
 
