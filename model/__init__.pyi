@@ -48,6 +48,7 @@ from .scene.selection import SCENES as SCENES
 from .scene.selection import SceneChoice as SceneChoice
 from .scene.selection import choice_of as choice_of
 from .scene.selection import load_scene as load_scene
+from .scene.selection import quantities_of as quantities_of
 from .scene.selection import scene_of as scene_of
 from .sensitivity.differentiate import sensitivities as sensitivities
 from .sensitivity.motion_driven import motion_sensitivities as motion_sensitivities

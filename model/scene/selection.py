@@ -37,7 +37,7 @@ from model.parameters.action import (
     law_of,
 )
 from model.parameters.effects import ARM, EFFECTS, FINGER, MOTOR, PINS, RAIL, effect_of
-from model.parameters.quantity import check_value
+from model.parameters.quantity import Quantity, check_value
 
 SPRINGS = ("jack_spring", "repetition_spring")
 OUTPUTS = ("contact_forces", "energy", "inside")
@@ -173,6 +173,32 @@ def choice_of(action: Action, scene: str | Path | SceneChoice | None = None) -> 
         return SceneChoice(bodies or BODIES, without, effects=effects)
     except InputError as problem:
         raise InputError(f"{action.origin}: {problem}") from None
+
+
+def quantities_of(action: Action) -> dict[str, Quantity]:
+    """Quantities by path that play a part in the action's scene: its own, then those of its effects and felt laws.
+
+    Parameters
+    ----------
+    action : parameter set
+
+    Returns
+    -------
+    dict
+
+    Examples
+    --------
+    >>> import model
+    >>> strung = model.load_scene("string").on(model.load_action())
+    >>> sorted(model.quantities_of(strung).keys() - strung.quantities.keys())[:3]
+    ['string.b1', 'string.b2', 'string.length']
+    """
+    effects, out = choice_of(action).effects, dict(action.quantities)
+    for path, quantity in action.effects.items():
+        felt = law_of(path)
+        if effect_of(path) in effects or (felt is not None and action.law(felt[0]) == felt[1]):
+            out[path] = quantity
+    return out
 
 
 def load_scene(name_or_path: str | Path | SceneChoice) -> SceneChoice:

@@ -37,7 +37,7 @@ GROUPS = tuple(BELONGS)
 
 def single_names(action: model.Action) -> dict[str, tuple[str, ...]]:
     """Every single thing that can be free, name -> paths that move together; values of zero are left out."""
-    values = {path: q.value for path, q in action.quantities.items()}
+    values = {path: q.value for path, q in model.quantities_of(action).items()}
     names: dict[str, tuple[str, ...]] = {}
     for path, value in values.items():
         owner, _, last = path.rpartition(".")
@@ -123,7 +123,7 @@ def _free(action: model.Action, text: str, members: list[str]) -> list[str]:
 
 def _unknown(action: model.Action, text: str, option: str) -> str:
     for path in (text, f"{text}.A"):
-        if path in action.quantities:
+        if path in model.quantities_of(action):
             return (
                 f"{option} {path}: its value is {action[path]:g}, so nothing says how large it may be (no prior); "
                 "set it to its order of magnitude with --set, or leave it out"
@@ -192,7 +192,7 @@ class Parameter:
 
     def unit(self, action: model.Action) -> str:
         """Unit of `physical`; ``1`` for a factor."""
-        return "1" if len(self.paths) != 1 else action.quantities[self.paths[0]].unit
+        return "1" if len(self.paths) != 1 else model.quantities_of(action)[self.paths[0]].unit
 
     def box(self, action: model.Action) -> tuple[float, float]:
         """Smallest and largest z."""
@@ -241,7 +241,7 @@ def parameter_of(
     action: model.Action, name: str, paths: tuple[str, ...], given: float | None = None
 ) -> Parameter | None:
     """A single name with its paths and prior; None where nothing says how large it may be."""
-    lead = action.quantities[paths[0]]
+    lead = model.quantities_of(action)[paths[0]]
     value = abs(lead.value)
     law = any(belongs(name, paths) for belongs in BELONGS.values())
     if given is not None:

@@ -60,7 +60,7 @@ def identified_text(found: Identification) -> str:
 
 def _with_uncertainties(found: Identification) -> model.Action:
     """The action whose asked quantities carry their posterior u; the rest says that it was fitted beside them."""
-    quantities = dict(found.action.quantities)
+    quantities = model.quantities_of(found.action)
     for path in found.action.changed:
         quantities[path] = replace(quantities[path], source="fitted beside what was identified; not a finding")
     for e in found.estimates:
@@ -70,7 +70,8 @@ def _with_uncertainties(found: Identification) -> model.Action:
             u = e.u if len(found.provenance["paths"][e.name]) == 1 else relative * abs(q.value)
             said = "identified" if e.verdict == IDENTIFIED else f"fitted; {e.verdict}"
             quantities[path] = replace(q, u=float(u), basis="measured", source=f"{said}; see [identification]")
-    return replace(found.action, name=f"{found.action.name}-identified", quantities=quantities, changed={})
+    own = {path: quantities.pop(path, q) for path, q in found.action.effects.items()}
+    return replace(found.action, name=f"{found.action.name}-identified", quantities=quantities, effects=own, changed={})
 
 
 def _table(found: Identification, hashes: Mapping[str, str]) -> list[str]:

@@ -98,7 +98,7 @@ def uncertain_parameters(action: model.Action, *, assumed: bool) -> dict[str, tu
     elsewhere = joint.moved if joint is not None else frozenset()
     return {
         path: (q.value, q.u)
-        for path, q in sorted(action.quantities.items())
+        for path, q in sorted(model.quantities_of(action).items())
         if q.u > 0 and (q.basis == ASSUMED) == assumed and path not in elsewhere
     }
 

@@ -157,8 +157,9 @@ def posterior_of(action: model.Action) -> Posterior | None:
         raise ValidationInputError(f"{where}: left found below 0 or not finite, allowed from 0; {advice}")
     if not np.allclose(directions @ directions.T, np.eye(left.size), atol=1e-4):
         raise ValidationInputError(f"{where}: directions found not orthonormal; {advice}")
+    known = model.quantities_of(action)
     for path in (path for group in paths for path in group):
-        if path not in action.quantities:
+        if path not in known:
             raise ValidationInputError(f"{where}: parameter {path} is unknown; {advice}")
     return Posterior(names, paths, u, factor, directions, left, trials)
 

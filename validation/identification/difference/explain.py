@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 
+import model
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.blocks import make_blocks
@@ -112,7 +113,7 @@ def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial]) -
 
 def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial]) -> Explained:
     """`explain_difference` for trials of one kind as they are compared, at the same times, each driven by its force."""
-    stated = {path: q.u for path, q in tested.action.quantities.items()}
+    stated = {path: q.u for path, q in model.quantities_of(tested.action).items()}
     inputs = tested.identity, trials, stated, dict(tested.action.identification.get(TABLE, {}))
     found = tested.store.value("compatible changes", inputs, lambda: asdict(_explain(tested, trials)))
     names = [f.name for f in fields(CompatibleChange)]

@@ -86,8 +86,9 @@ def candidates(action: model.Action, trial: ObservedTrial) -> tuple[Candidate, .
         Candidate(FORCE_LEVEL, "N", (), LEVEL_WRONG_N, trial.u_preload_n / LEVEL_WRONG_N),
         Candidate(FORCE_DELAY, "s", (), DELAY_WRONG_S, trial.u_delay_s / DELAY_WRONG_S, step=LENGTH_STEP),
     ]
+    quantities = model.quantities_of(action)
     for name, paths in sorted(single_names(action).items()):
-        lead = action.quantities[paths[0]]
+        lead = quantities[paths[0]]
         relative = lead.u / abs(lead.value)
         law = len(paths) > 1 or name.endswith(LAWS)
         if law or name.endswith(MASSES):
