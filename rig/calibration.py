@@ -358,8 +358,7 @@ def read_plateaus(backend: Backend, config: RigConfig, body: str, references: Se
     """
     index = BODIES.index(body)
     encoder = config.encoders[index]
-    per_count = encoder.sign * 2 * np.pi / encoder.counts_per_revolution
-    apart = APART * float(np.min(np.abs(np.diff(references)))) / abs(per_count)
+    apart = APART * float(np.min(np.abs(np.diff(references)))) / abs(encoder.rad_per_count)
     recent: NDArray[np.int64] = np.empty(0, dtype=np.int64)
     found: list[float] = []
 
@@ -378,7 +377,7 @@ def read_plateaus(backend: Backend, config: RigConfig, body: str, references: Se
             f"{encoder.counter}: {len(found)} rests of {HELD_S:g} s seen, expected {len(references)}; hold each angle "
             "longer, and go up and down again"
         )
-    return [value * per_count for value in found]
+    return [value * encoder.rad_per_count for value in found]
 
 
 def fit_arc(references: Sequence[float], readings: Sequence[float], u_angle_rad: float, where: str) -> Arc:
@@ -467,7 +466,6 @@ def read_swing(backend: Backend, config: RigConfig, body: str) -> tuple[Array, f
     """
     index = BODIES.index(body)
     encoder = config.encoders[index]
-    per_count = encoder.sign * 2 * np.pi / encoder.counts_per_revolution
     counts: list[NDArray[np.int64]] = []
     swung, rate = False, 0.0
 
@@ -477,11 +475,11 @@ def read_swing(backend: Backend, config: RigConfig, body: str) -> tuple[Array, f
         counts.append(block.encoder_count[:, index])
         size = counts[0].size
         recent = np.concatenate(counts[-int(STILL_S * rate_hz / size) - 1 :])
-        swung = swung or float(np.ptp(recent)) * abs(per_count) > LEAST_TURN_RAD
+        swung = swung or float(np.ptp(recent)) * abs(encoder.rad_per_count) > LEAST_TURN_RAD
         return bool(swung and len(counts) * size > STILL_S * rate_hz and np.ptp(recent) <= 2)
 
     read_quiet(backend, config, config.recording.block_s, LONGEST_SWING_S, take)
-    angle: Array = np.concatenate(counts).astype(np.float64) * per_count
+    angle: Array = np.concatenate(counts).astype(np.float64) * encoder.rad_per_count
     if not swung:
         raise RigInputError(
             f"{encoder.counter}: the {body} did not swing within {LONGEST_SWING_S:g} s; lift it and let it go"

@@ -326,8 +326,7 @@ class Checks:
         """Unloaded reading, and the encoders' response to a key pressed by the operator."""
         prompt(INSTRUCTION)
         _, block = self._acquire(np.zeros(int(PRESS_S * self.rate)), enable_drive=False)
-        turned = (block.encoder_count - block.encoder_count[:1]) * [e.sign for e in self.config.encoders]
-        rad = turned * (2 * np.pi / np.array([e.counts_per_revolution for e in self.config.encoders]))
+        rad = (block.encoder_count - block.encoder_count[:1]) * [e.rad_per_count for e in self.config.encoders]
         self._force_by_hand(block)
         stroke = np.take_along_axis(rad, np.argmax(np.abs(rad), axis=0)[None, :], axis=0)[0]
         for body, name in enumerate(BODIES):

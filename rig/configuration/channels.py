@@ -198,6 +198,11 @@ class EncoderConfig(Table):
         return min(self.max_pulse_rate_hz, filtered_hz) * 2 * math.pi / self.pulses_per_revolution
 
     @property
+    def rad_per_count(self) -> float:
+        """Signed angle of one count as the encoder reads it, rad: without ``arc_gain``."""
+        return self.sign * 2 * math.pi / self.counts_per_revolution
+
+    @property
     def pulses_per_revolution(self) -> int:
         """Pulses on A (or B) per revolution, the quantity NI-DAQmx expects."""
         return self.counts_per_revolution // 4

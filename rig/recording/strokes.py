@@ -44,7 +44,7 @@ class StrokeSettings:
         passive, recording = config.passive, config.recording
         return cls(
             rate_hz,
-            tuple(2 * np.pi / encoder.counts_per_revolution for encoder in config.encoders),
+            tuple(abs(encoder.rad_per_count) for encoder in config.encoders),
             pre_s=passive.pre_s,
             rest_s=recording.rest_s,
             rest_n=max(recording.rest_force_n, passive.trigger_n / 2),

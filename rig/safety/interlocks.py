@@ -56,7 +56,7 @@ class Interlocks:
         self._command_n = command_v * config.motor.force_per_volt_n
         self._delay = int(np.ceil(timing.force_group_delay_s * self._rate)) + 1
         self._blow = int(blow_start_s * self._rate)
-        self._rad = np.array([encoder.sign * 2 * np.pi / encoder.counts_per_revolution for encoder in config.encoders])
+        self._rad = np.array([encoder.rad_per_count for encoder in config.encoders])
         self._keep = self._samples(max(STILL_S, self._limits.stuck_s, self._limits.no_force_s))
         self._force, self._count = np.empty(0), np.empty((0, len(BODIES)), dtype=np.int64)
         self._zero: NDArray[np.int64] | None = None
@@ -256,7 +256,7 @@ class LimitWatch:
 
     def __init__(self, config: RigConfig, sample_rate_hz: float, first_count: NDArray[np.int64]) -> None:
         self._limits, self._rate = config.limits, sample_rate_hz
-        self._rad = np.array([e.sign * 2 * np.pi / e.counts_per_revolution for e in config.encoders])
+        self._rad = np.array([encoder.rad_per_count for encoder in config.encoders])
         self._zero = np.asarray(first_count)
         self._step = max(int(round(SPEED_OVER_S * sample_rate_hz)), 1)
         self._force, self._angle = np.empty(0), np.empty((0, len(BODIES)))
