@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rig.arrays import as_numbers
 from rig.backend import Backend, Block
-from rig.configuration.channels import BODIES
+from rig.configuration.channels import BODIES, EncoderConfig
 from rig.configuration.rig_file import Rig, RigConfig, parse_rig
 from rig.errors import RigInputError
 from rig.selftest import SelftestBackend
@@ -380,8 +380,10 @@ def read_plateaus(backend: Backend, config: RigConfig, body: str, references: Se
     return [value * encoder.rad_per_count for value in found]
 
 
-def fit_arc(references: Sequence[float], readings: Sequence[float], u_angle_rad: float, where: str) -> Arc:
+def fit_arc(references: Sequence[float], readings: Sequence[float], u_angle_rad: float, encoder: EncoderConfig) -> Arc:
     """Fit readings over references; up and down together, so that play of the references is in the uncertainty.
+
+    Readings that happen to scatter less than counts are rounded are known no better than a count / sqrt 12.
 
     Raises
     ------
@@ -389,15 +391,16 @@ def fit_arc(references: Sequence[float], readings: Sequence[float], u_angle_rad:
         Readings that do not follow, or a correction beyond 10 %.
     """
     x = np.asarray(references, dtype=float)
-    fit = fit_line(x, readings, where)
+    fit = fit_line(x, readings, encoder.counter)
     gain = 1.0 / fit.slope
     if abs(gain - 1.0) > LARGEST_CORRECTION:
         raise RigInputError(
-            f"{where}: reads {fit.slope:.4f} of the reference angles, allowed 1 within {LARGEST_CORRECTION:.0%}; look "
-            "at counts_per_revolution, the sign, and the sense of the angles"
+            f"{encoder.counter}: reads {fit.slope:.4f} of the reference angles, allowed 1 within "
+            f"{LARGEST_CORRECTION:.0%}; look at counts_per_revolution, the sign, and the sense of the angles"
         )
     spread = float(np.sqrt(np.sum((x - x.mean()) ** 2)))
-    u = float(np.hypot(fit.u_slope, u_angle_rad / spread)) * gain**2
+    u_slope = max(fit.u_slope, abs(encoder.rad_per_count) / 12**0.5 / spread)
+    u = float(np.hypot(u_slope, u_angle_rad / spread)) * gain**2
     return Arc(gain, u, fit.worst, tuple(float(r) for r in readings), tuple(x.tolist()))
 
 

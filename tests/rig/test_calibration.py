@@ -38,7 +38,6 @@ from rig.simulated.bench.single_body import SwingPlant
 from tests.command_line import run
 
 ANGLES = (-0.04, -0.03, -0.02, -0.01, 0.0)
-KEY = "cDAQ1Mod3/ctr0"
 
 
 def off_centre(folder: Path, eccentricity: float) -> str:
@@ -66,7 +65,7 @@ def test_the_error_of_the_arc_is_found_within_its_uncertainty(tmp_path: Path, se
     bench.close()
     x = rest + np.array(references)
     truth = 1.0 / (1.0 + np.polyfit(x, 0.02 * np.sin(x + sensors._centre_rad[0]), 1)[0])
-    arc = fit_arc(references, readings, 1e-6, KEY)
+    arc = fit_arc(references, readings, 1e-6, config.encoders[0])
     assert abs(arc.gain - truth) < 3 * arc.u_gain < 1e-3
     assert len(readings) == 9 and arc.worst_rad < 2e-5
 

@@ -142,7 +142,7 @@ def calibrate_encoder(
             print(f"hold the {body} at {said} rad, two seconds each", file=sys.stderr, flush=True)
         readings = read_plateaus(bench, rig_file.config, body, references)
         device = bench.capabilities.description
-    arc = fit_arc(references, readings, u_angle_rad, rig_file.config.encoders[BODIES.index(body)].counter)
+    arc = fit_arc(references, readings, u_angle_rad, rig_file.config.encoders[BODIES.index(body)])
     text = corrected_rig(rig_file, body, arc)
     write_text(out, text)
     found = {"body": body, "u_angle_rad": u_angle_rad, **asdict(arc)}
