@@ -6,9 +6,9 @@ divide the rate by that of the first touch, v:
 
     F = f (1 + chi dx/dt / v),   chi = 8 (1 - e) / (5 e),
 
-e being the share of its speed that a free body keeps. What is remembered is v: while nothing presses it follows the
-closing speed within ``tau``, while something presses it stays. Below ``slowest`` a touch is none: felt at rest is
-damped as if it had been met at that speed.
+e being the share of its speed that a free body keeps. What is remembered is v: it follows the closing speed within
+``tau``, and ceases to over the first ``layer`` of the depth, without a jump, so that derivatives of runs see none.
+Below ``slowest`` a touch is none: felt at rest is damped as if it had been met at that speed.
 
 Run:  python examples/felt_with_restitution.py
 """
@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 import model
-from model.compiler.expressions import ZERO, largest
+from model.compiler.expressions import exponential, largest
 from model.elements.laws.felt_law import FeltLaw, Number
 from model.elements.laws.hunt_crossley import HuntCrossley
 
@@ -32,28 +32,28 @@ class Restitution(FeltLaw):
     numbers = {
         "e": Number(0.7, "1", 0.1, 0.05, 1.0, "share of its speed that a body keeps"),
         "tau": Number(1e-4, "s", 5e-5, 1e-6, 1.0, "time within which the speed of a touch is taken"),
+        "layer": Number(2e-5, "m", 1e-5, 1e-7, 1e-3, "depth over which that speed ceases to be taken"),
         "slowest": Number(0.02, "m/s", 0.01, 1e-4, 10.0, "slowest touch that counts as a blow"),
     }
 
     def packed(self, contact, values, curve):
-        """One memory; chi, one over tau, slowest."""
-        return 1, (8.0 * (1.0 - values["e"]) / (5.0 * values["e"]), 1.0 / values["tau"], values["slowest"])
+        """One memory; chi, one over tau, one over the layer, slowest."""
+        chi = 8.0 * (1.0 - values["e"]) / (5.0 * values["e"])
+        return 1, (chi, 1.0 / values["tau"], 1.0 / values["layer"], values["slowest"])
 
     def _damped(self, felt):
-        chi, _, slowest = felt.numbers
+        chi, *_, slowest = felt.numbers
         return replace(felt, damping=chi / largest(felt.memory[0], slowest))
 
     def force(self, felt):
         """As above."""
         return DAMPED.force(self._damped(felt))
 
-    def rates(self, felt):
-        """The speed of the touch is kept."""
-        return [ZERO]
-
     def alone(self, felt):
-        """It follows the closing speed."""
-        return [(felt.rate - felt.memory[0]) * felt.numbers[1]]
+        """It follows the closing speed, pressing or not, until the surfaces are in each other."""
+        within = largest(felt.depth, 0.0) * felt.numbers[2]
+        follows = exponential(largest(-(within * within), -700.0))  # that an exponential takes
+        return [(felt.rate - felt.memory[0]) * felt.numbers[1] * follows]
 
     def energy(self, felt, label):
         """The curve stores, the rest is lost."""

@@ -81,11 +81,9 @@ class Tables(NamedTuple):
     """Structure of a scene, int64 arrays (n = coordinates, c = contacts, s = springs, d = drives, b = probes)."""
 
     parent: np.ndarray  # (n,) index of the parent body, GROUND, or GUIDED for a vertical guide
-    ancestor: np.ndarray  # (n, n) 1 where the column's joint is a strict ancestor of the row's
     spring: np.ndarray  # (s,) body of each spring
     contact: np.ndarray  # (c, 6) body A, B (-1 ground), shape of B, length of the chain, law of felt, how many numbers
     chain: np.ndarray  # (c, MAX_CHAIN) coordinates that move A against B
-    side: np.ndarray  # (c, MAX_CHAIN) +1 where the coordinate moves A, -1 where it moves B
     drive: np.ndarray  # (d, 2) kind, body
     probe: np.ndarray  # (b, 2) body A, body B; both hang from ground
     offset: (

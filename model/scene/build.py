@@ -173,9 +173,9 @@ def _body(action: Action, bodies: list[str], body: str) -> list[float]:
         friction = action[f"{RAIL}.guide_friction.A"]
         return [action["key.pivot.x"], action["key.pivot.y"], 0.0, 0.0, 0.0, 0.0, friction, 0.0, 0.0]
     if body in (MOTOR, FINGER):
-        return pressing.pressing_body(action, body, PRINTED_REST["key"])
-    if body == WINDING:
-        return pressing.winding_body(action)
+        return pressing.presser_numbers(action, body, PRINTED_REST["key"]).body
+    if body == WINDING:  # the charge that has passed: its inertia is the inductance
+        return [0.0, 0.0, 0.0, 0.0, 0.0, action[f"{MOTOR_DRIVE}.inductance"], 0.0, 0.0, 0.0]
     if body == SHANK:
         mass, x, y, inertia = parts_of_hammer(action)[1]
         return [action["shank.hinge.x"], action["shank.hinge.y"], x, y, mass, inertia, 0.0, 0.0, 0.0]
@@ -199,7 +199,8 @@ def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tup
             out.append((bodies.index(b), numbers))
     presser = pressing.presser_of(bodies)
     if presser is not None:
-        out.append((bodies.index(presser), pressing.pressing_spring(action, presser)))
+        spring = pressing.presser_numbers(action, presser, PRINTED_REST["key"]).spring
+        out.append((bodies.index(presser), spring))
     if SHANK in bodies:
         out.append((bodies.index(SHANK), [0.0, bending(action)[0], 0.0]))
     return out
@@ -213,14 +214,6 @@ def _front(action: Action, choice: SceneChoice) -> tuple[float, float] | None:
 
 def _table(rows: list, width: int) -> NDArray[np.int64]:
     return np.array(rows, dtype=np.int64).reshape(len(rows), width)
-
-
-def _ancestors(parent: list[int]) -> NDArray[np.int64]:
-    out = np.zeros((len(parent), len(parent)), dtype=np.int64)
-    for i, w in enumerate(parent):
-        if w >= 0:
-            out[i, w] = 1
-    return out
 
 
 def _pins(action: Action, choice: SceneChoice, bodies: Sequence[str]) -> tuple[list[list[int]], list[float]]:
@@ -308,7 +301,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     springs = _springs(action, choice, bodies)
     vector += [number for _, numbers in springs for number in numbers]
     offsets.append(len(vector))
-    names, contacts, chains, sides = list[str](), list[list[int]](), list[list[int]](), list[list[int]]()
+    names, contacts, chains = list[str](), list[list[int]](), list[list[int]]()
     memories: list[int] = []
     of_laws: list[float] = []
     for name in (*CONTACTS, *((RAIL,) if KEY_LIFT in bodies else ())):
@@ -325,24 +318,25 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         of_laws += packed
         names.append(name)
         contacts.append([first, second, contact.shape, len(chain), LAWS[action.law(name)].number, len(packed)])
-        chains.append([i for i, _ in chain] + [0] * pad)
-        sides.append([s for _, s in chain] + [0] * pad)
-        vector += [*numbers, *(reach_of(parent, pivot, first, point, b) for b, _ in chain), *[0.0] * pad]
+        chains.append(chain + [0] * pad)
+        vector += [*numbers, *(reach_of(parent, pivot, first, point, b) for b in chain), *[0.0] * pad]
     offsets.append(len(vector))
     drive, numbers = pressing.drive_numbers(action, bodies)
     vector += numbers
     offsets.append(len(vector))
     probes: list[list[int]] = []
+    dampers = [(bodies.index(SHANK), bending(action)[1])] if SHANK in bodies else []
     if presser is not None:
+        found = pressing.presser_numbers(action, presser, PRINTED_REST["key"])
         probes = [[bodies.index(presser), key]]
-        vector += pressing.tip_contact(action, presser)
+        vector += found.tip
+        dampers += [(bodies.index(presser), found.damping)] if presser == FINGER else []
     offsets.append(len(vector))
     prescribed = np.zeros(n, dtype=np.int64)
     if key_motion is not None:
         prescribed[-1], vector = 1, [*vector, *key_motion.packed(_front(action, choice))]
     offsets.append(len(vector))
-    dampers, given = pressing.dampers_of(action, bodies)
-    vector += given
+    vector += [damping for _, damping in dampers]
     pins_at = len(vector)
     pins, given = _pins(action, choice, bodies)
     vector += given
@@ -353,16 +347,14 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     vector += string_numbers(action) if strung else []
     tables = L.Tables(
         parent=np.array(parent, dtype=np.int64),
-        ancestor=_ancestors(parent),
         spring=np.array([i for i, _ in springs], dtype=np.int64),
         contact=_table(contacts, 6),
         chain=_table(chains, L.MAX_CHAIN),
-        side=_table(sides, L.MAX_CHAIN),
         drive=_table([drive], 2),
         probe=_table(probes, 2),
         offset=np.array(offsets, dtype=np.int64),
         prescribed=prescribed,
-        damper=np.array(dampers, dtype=np.int64),
+        damper=np.array([i for i, _ in dampers], dtype=np.int64),
         rail=np.array([names.index(RAIL)] if RAIL in names else [], dtype=np.int64),
         string=np.array([names.index(STRING)] if strung else [], dtype=np.int64),
         memory=np.array(memories, dtype=np.int64),

@@ -78,10 +78,10 @@ def _ancestry(parent: list[int], body: int) -> list[int]:
     return out
 
 
-def chain_of(parent: list[int], a: int, b: int) -> list[tuple[int, int]]:
-    """Coordinates that move body ``a`` against ``b``, with their side; joints common to both drop out."""
+def chain_of(parent: list[int], a: int, b: int) -> list[int]:
+    """Coordinates that move body ``a`` against ``b``; joints common to both drop out."""
     on_a, on_b = _ancestry(parent, a), _ancestry(parent, b)
-    return [(i, 1) for i in on_a if i not in on_b] + [(i, -1) for i in on_b if i not in on_a]
+    return [i for i in on_a if i not in on_b] + [i for i in on_b if i not in on_a]
 
 
 def reach_of(parent: list[int], pivot: list[complex], a: int, point: complex, b: int) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,7 @@ from model.derived.observe import rows_of
 from model.errors import InputError
 from model.kernels import layout as L
 from model.parameters.action import Action
-from model.parameters.effects import ARM, FINGER, MOTOR, MOTOR_DRIVE, SHANK, WINDING
-from model.scene.effect_terms import bending
+from model.parameters.effects import ARM, FINGER, MOTOR, MOTOR_DRIVE, WINDING
 
 Array = NDArray[np.float64]
 TIP = {MOTOR: (ARM, "contact_", "motor_arm.joint_friction"), FINGER: (FINGER, "pad_", None)}
@@ -97,35 +97,37 @@ def presser_of(bodies: list[str]) -> str | None:
     return next((b for b in (MOTOR, FINGER) if b in bodies), None)
 
 
-def pressing_body(action: Action, body: str, key_rad: float) -> list[float]:
-    """Numbers of the body of motor arm or finger, its tip on the key that is turned by ``key_rad``."""
-    section, _, friction = TIP[body]
+class Presser(NamedTuple):
+    """Numbers of what presses the key: its body, the spring on its joint with the preload, its tip, its damper.
+
+    ``tip``: tip, point of the key, law of what gives way between; ``damping``: N m s/rad.
+    """
+
+    body: list[float]
+    spring: list[float]
+    tip: list[float]
+    damping: float
+
+
+def presser_numbers(action: Action, body: str, key_rad: float) -> Presser:
+    """Numbers of motor arm or finger, its tip on the key that is turned by ``key_rad``."""
+    section, law, friction = TIP[body]
     x, y = action["drive.point.x"], action["drive.point.y"]
     c, s = math.cos(key_rad), math.sin(key_rad)
     tip_x, tip_y = action["key.pivot.x"] + c * x - s * y, action["key.pivot.y"] + s * x + c * y
-    length = action[f"{section}.length"]
-    inertia = action["motor_arm.inertia"] if body == MOTOR else action["finger.mass"] * length * length
-    return [tip_x + length, tip_y, 0.0, 0.0, 0.0, inertia, 0.0 if friction is None else action[friction], 0.0, 0.0]
-
-
-def winding_body(action: Action) -> list[float]:
-    """Numbers of the charge that has passed: an inertia, which is the inductance."""
-    return [0.0, 0.0, 0.0, 0.0, 0.0, action["motor_drive.inductance"], 0.0, 0.0, 0.0]
-
-
-def pressing_spring(action: Action, body: str) -> list[float]:
-    """Numbers of the spring on its joint: return spring of the arm, muscle of the finger; with the preload."""
-    section = TIP[body][0]
-    length = action[f"{section}.length"]
-    stiff = action["motor_arm.spring_stiffness"] if body == MOTOR else action["finger.stiffness"] * length * length
-    return [action[f"{section}.preload_n"] * length, stiff, 0.0]
-
-
-def tip_contact(action: Action, body: str) -> list[float]:
-    """Numbers of the probe: tip, point of the key, law of what gives way between."""
-    section, law, _ = TIP[body]
-    numbers = [-action[f"{section}.length"], 0.0, action["drive.point.x"], action["drive.point.y"]]
-    return numbers + [action[f"{section}.{law}{k}"] for k in ("a", "b", "c", "damping")]
+    length, damping = action[f"{section}.length"], 0.0
+    if body == MOTOR:
+        inertia, stiff = action["motor_arm.inertia"], action["motor_arm.spring_stiffness"]
+    else:
+        inertia, stiff = action["finger.mass"] * length * length, action["finger.stiffness"] * length * length
+        damping = action["finger.damping"] * length**2
+    rub = 0.0 if friction is None else action[friction]
+    return Presser(
+        [tip_x + length, tip_y, 0.0, 0.0, 0.0, inertia, rub, 0.0, 0.0],
+        [action[f"{section}.preload_n"] * length, stiff, 0.0],
+        [-length, 0.0, x, y, *(action[f"{section}.{law}{k}"] for k in ("a", "b", "c", "damping"))],
+        damping,
+    )
 
 
 def drive_numbers(action: Action, bodies: list[str]) -> tuple[list[int], list[float]]:
@@ -138,23 +140,6 @@ def drive_numbers(action: Action, bodies: list[str]) -> tuple[list[int], list[fl
     if presser is not None:
         return [L.JOINT_TORQUE, bodies.index(presser)], [0.0, 0.0]
     return [L.FORCE_DOWN, bodies.index("key")], [action["drive.point.x"], action["drive.point.y"]]
-
-
-def damping_of_finger(action: Action) -> float:
-    """Damping of the finger's joint, N m s/rad."""
-    return action["finger.damping"] * action["finger.length"] ** 2
-
-
-def dampers_of(action: Action, bodies: list[str]) -> tuple[list[int], list[float]]:
-    """Coordinates with a damper of their own, and the dampers' numbers."""
-    dampers, numbers = [], []
-    if SHANK in bodies:
-        dampers.append(bodies.index(SHANK))
-        numbers.append(bending(action)[1])
-    if FINGER in bodies:
-        dampers.append(bodies.index(FINGER))
-        numbers.append(damping_of_finger(action))
-    return dampers, numbers
 
 
 def check_drive(action: Action) -> None:

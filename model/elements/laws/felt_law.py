@@ -115,13 +115,11 @@ class FeltLaw:
             )
 
 
-@law
-def _law_at(given: Given, of: Callable[[Felt], Any], felt: Felt) -> tuple[Expression, ...]:
-    depth, rate, *memory = given
-    return tuple(of(replace(felt, depth=depth, rate=rate, memory=tuple(memory))))
-
-
 def asked(of: Callable[[Felt], Any], felt: Felt) -> tuple[Expression, ...]:
     """What a law says of felt, differentiated by depth, rate and memories once, however deep these lie."""
-    out: tuple[Expression, ...] = _law_at((felt.depth, felt.rate, *felt.memory), of, felt)
+
+    def at(given: Given) -> tuple[Expression, ...]:
+        return tuple(of(replace(felt, depth=given[0], rate=given[1], memory=given[2:])))
+
+    out: tuple[Expression, ...] = law(at)((felt.depth, felt.rate, *felt.memory))
     return out
