@@ -5,6 +5,7 @@ Conventions: SI and rad; degrees and millimetres appear only in the report.
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 from validation.conventions import BODIES, FILM_CHANNELS, Array
-from validation.curves.html import result_html
 from validation.curves.marks import Mark, trial_marks
 from validation.curves.table import curve_table, curves_netcdf, write_curves
 from validation.errors import ValidationInputError
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 AGREES, ERROR_SHOWN, NOT_JUDGED = "agrees", "error shown", "not judged"
 OUTCOMES = (AGREES, ERROR_SHOWN, NOT_JUDGED)
 """What a verdict can be: agrees within the stated uncertainty, model error shown, cannot be judged."""
+
+MOST_WARNINGS = 5  # shown in a notebook
 
 TABLES = (
     "trials",
@@ -170,7 +172,14 @@ class ValidationResult(SessionTables):
         )
 
     def _repr_html_(self) -> str:
-        return result_html(self.session_name, self.action_name, self.sentence, self.verdict_lines[1:], self.warnings)
+        text = html.escape
+        sentence = f"{text(self.action_name)} on {text(self.session_name)}: {text(self.sentence)}"
+        lines = "".join(f"<li>{text(line)}</li>" for line in self.verdict_lines[1:])
+        warnings = "".join(f"<li>{text(warning)}</li>" for warning in self.warnings[:MOST_WARNINGS])
+        if len(self.warnings) > MOST_WARNINGS:
+            warnings += f"<li>and {len(self.warnings) - MOST_WARNINGS} more in <code>result.warnings</code></li>"
+        lists = (f"<ul>{lines}</ul>" if lines else "") + (f"<p>Warnings:</p><ul>{warnings}</ul>" if warnings else "")
+        return f"<div><p><strong>{sentence}</strong></p>{lists}</div>"
 
     @property
     def verdict(self) -> str:

@@ -359,7 +359,6 @@ def _odd(values: dict[int, float], number: int) -> bool:
 
 
 LARGER = 5.0
-FAR_OFF = 0.01  # of the channel's range
 
 
 def outlying_residuals(
@@ -382,7 +381,7 @@ def outlying_residuals(
             others = np.delete(curves, j, axis=1)
             usual = float(np.median(np.delete(rms, j)))
             far = float(np.sqrt(np.mean((curves[:, j] - np.median(others, axis=1)) ** 2)))
-            odd = far > FAR_OFF and ratio[j] > STANDS_OUT and rms[j] > LARGER * usual > 0
+            odd = far > FAR and ratio[j] > STANDS_OUT and rms[j] > LARGER * usual > 0
             if odd and far > force_reach(tested, trials[number], residuals.start_s, residuals.until_s):
                 worst[number] = max(worst.get(number, (0.0, "")), (float(rms[j] / usual), channel))
     out = []

@@ -30,7 +30,6 @@ PARAMETERS, OBSERVABLES, CONDITIONS, MEASUREMENTS = (
     "measurements.tsv",
 )
 FORCES, TRIALS = "forces.tsv", "trials.tsv"
-PETAB_FILES = (PARAMETERS, OBSERVABLES, CONDITIONS, MEASUREMENTS)
 OBSERVABLE_IDS = tuple(f"{channel}_rad" for channel in ENCODER_CHANNELS)
 TIME, MEASUREMENT, CONDITION = "time", "measurement", "simulationConditionId"
 OF_TRIAL = ("session", "number", "preload_n", "u_preload_n", "u_offset_n", "u_gain", "u_delay_s", "noise_n")
