@@ -1,8 +1,9 @@
-"""The house stays livable: no import circles, every folder says what it is, a late import says why."""
+"""The house stays livable: no import circles, every folder and script says what it is, a late import says why."""
 
 from __future__ import annotations
 
 import ast
+import re
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -13,6 +14,11 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("pianorig", "validation", "rig", "model", "vision")
 FOLDERS = sorted({path.parent for package in PACKAGES for path in (ROOT / package).rglob("*.py")})
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+SCRIPTS = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.js"))
+SCRIPT_IMPORT = re.compile(r'import \{ (\w+(?:, \w+)*) \} from "\./(\w+)\.js";')
+SCRIPT_EXPORT = re.compile(r"export (?:async )?(?:function|class|const) (\w+)\b")
+FIRST_SCRIPTS = {"animation", "bench"}
+"""Modules that a page of HTML begins with, so that no other imports them."""
 
 
 @pytest.fixture(scope="module")
@@ -80,3 +86,91 @@ def test_imports_inside_functions_give_their_reason() -> None:
                     if "# start-up:" not in reason and "# platform:" not in reason:
                         silent.append(f"{path.relative_to(ROOT).as_posix()}:{node.lineno}")
     assert silent == []
+
+
+def script_imports(texts: dict[str, str]) -> dict[str, list[tuple[str, str]]]:
+    """Module and name of each import of each JavaScript module, of texts by module name; one form is allowed."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for module, text in texts.items():
+        said = [SCRIPT_IMPORT.fullmatch(line) for line in text.splitlines() if re.match(r"\s*import\b", line)]
+        if None in said or re.search(r"\bimport\s*\(", text):
+            raise ValueError(f'{module}: an import that is not of the form  import {{ name }} from "./module.js";')
+        found[module] = [(match[2], name) for match in said if match for name in match[1].split(", ")]
+    return found
+
+
+def script_faults(texts: dict[str, str]) -> list[str]:
+    """What is wrong between JavaScript modules, of texts by module name; names come from where they are defined."""
+    imports = script_imports(texts)
+    exports: set[tuple[str, str]] = set()
+    faults = []
+    for module, text in texts.items():
+        for line in text.splitlines():
+            if re.match(r"\s*export\b", line):
+                given = SCRIPT_EXPORT.match(line)
+                if given is None:
+                    faults.append(f"{module} hands on what it does not define: {line}")
+                else:
+                    exports.add((module, given[1]))
+    between = {module: {source for source, _ in names} for module, names in imports.items()}
+    faults += [f"circle {' '.join(around)}"] if (around := circle(between)) else []
+    for module, names in imports.items():
+        faults += [
+            f"{module} imports {name}, not exported by {source}"
+            for source, name in names
+            if (source, name) not in exports
+        ]
+    imported = {one for names in imports.values() for one in names}
+    return faults + [f"nobody imports {name} of {module}" for module, name in sorted(exports - imported)]
+
+
+def test_scripts_have_no_circle_and_no_name_too_many_or_too_few() -> None:
+    modules = [path for path in SCRIPTS if path.parent.name == "web"]
+    texts = {path.stem: path.read_text(encoding="utf-8") for path in modules}
+    assert len(texts) == len(modules) > 20  # the page serves both folders as one
+    assert script_faults(texts) == []
+    between = {module: {source for source, _ in names} for module, names in script_imports(texts).items()}
+    assert set(texts) - set().union(*between.values()) == FIRST_SCRIPTS
+    player = {path.stem for path in modules if path.parts[-3] == "player"}
+    assert set().union(*(between[module] for module in player)) <= player  # an exported animation has only these
+
+
+GOOD_SCRIPTS = {
+    "top": 'import { draw, Panel } from "./panel.js";\nimport { ask } from "./server.js";\n',
+    "panel": 'import { ask } from "./server.js";\nexport class Panel {}\nexport function draw() {}\n',
+    "server": "export async function ask() {}\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("module", "line", "fault"),
+    [
+        ("server", 'import { Panel } from "./panel.js";', "circle"),
+        ("server", 'import { ask } from "./server.js";', "circle server server"),
+        ("top", 'import { tell } from "./server.js";', "top imports tell, not exported by server"),
+        ("top", 'import { ask } from "./nowhere.js";', "top imports ask, not exported by nowhere"),
+        ("panel", "export const LOST = 1;", "nobody imports LOST of panel"),
+        ("panel", "export { ask };", "panel hands on what it does not define"),
+        ("top", 'export * from "./server.js";', "top hands on what it does not define"),
+    ],
+)
+def test_a_fault_between_scripts_is_found(module: str, line: str, fault: str) -> None:
+    assert script_faults(GOOD_SCRIPTS) == []
+    found = script_faults({**GOOD_SCRIPTS, module: f"{GOOD_SCRIPTS[module]}{line}\n"})
+    assert len(found) == 1 and found[0].startswith(fault)
+
+
+@pytest.mark.parametrize(
+    "line", ['import "./server.js";', 'import * as it from "./server.js";', 'await import("./a.js");']
+)
+def test_an_import_of_scripts_that_is_not_read_is_a_fault(line: str) -> None:
+    with pytest.raises(ValueError, match="top: an import that is not of the form"):
+        script_faults({**GOOD_SCRIPTS, "top": f"{GOOD_SCRIPTS['top']}{line}\n"})
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_script_says_what_it_is(script: Path) -> None:
+    head = re.match(r"// (.*)|/\* (.*?)\*/", script.read_text(encoding="utf-8"), flags=re.DOTALL)
+    assert head is not None, "its first line is no comment"
+    said = head[2] or head[1].splitlines()[0]
+    assert len(said.split()) >= 8, f"its first comment does not say what it is: {said}"

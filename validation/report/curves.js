@@ -39,7 +39,7 @@ for (const { home, bar, panels, after, make, current } of sessions) {
     return d + (back ? back + "Z" : "");
   };
   const part = (figure, name) => document.getElementById(`${figure.id.replace("figure-", "")}-${name}`);
-  const redraw = ({ svg, channel, own, figure }) => {
+  const redraw = ({ channel, own, figure }) => {
     const measured = (k) => at(channel.m, channel.scale, chosen, k);
     const set = (p, name, y, half) => {
       const group = part(figure, name);

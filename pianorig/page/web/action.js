@@ -1,10 +1,13 @@
 // The action to try out: screws and parameters as sliders, a blow that follows them, the touch, a technician's step, a file.
-import { address, ask, at, download, link, make, remember, say } from "./bench.js";
+import { address, link } from "./address.js";
 import { Curves } from "./curves.js";
 import { Drawing } from "./drawing.js";
+import { make } from "./elements.js";
 import { unpack } from "./numbers.js";
 import { KEYS, Player } from "./player.js";
+import { ask, at } from "./server.js";
 import { stepTable, touchPart } from "./touch.js";
+import { download, say } from "./user.js";
 
 const MOST_UNDONE = 200, QUIET_MS = 80, LONGEST_MS = 400;
 
@@ -129,9 +132,9 @@ export async function showAction(main, values) {
     const patience = setTimeout(() => { doing.textContent = "computing … (a law switched on or off is compiled first)"; }, 700);
     try {
       // the curves first; events, drawing and forces follow when the slider rests, and now and then
-      const { values } = await ask(`/api/action/${at(name)}/curves?${query()}`);
+      const { values: drawn } = await ask(`/api/action/${at(name)}/curves?${query()}`);
       if (!closed) {
-        values.forEach((value, k) => curves.replace(k + 1, 1, { value: unpack(value) }));
+        drawn.forEach((value, k) => curves.replace(k + 1, 1, { value: unpack(value) }));
         if (doing.textContent) doing.textContent = "";
         main.dataset.latency = (performance.now() - began).toFixed(1);
       }

@@ -1,5 +1,7 @@
 // Notes, rejections and acceptances; what was typed is kept in this browser tab until it is sent.
-import { ask, at, make, say } from "./bench.js";
+import { make } from "./elements.js";
+import { ask, at } from "./server.js";
+import { say } from "./user.js";
 
 const KINDS = [["note", "Note"], ["reject", "Reject"], ["accept", "Accept again"]];
 

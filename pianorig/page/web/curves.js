@@ -1,5 +1,5 @@
 // Curves over one time axis, drawn by BokehJS; a cursor over all of them, and the values under it.
-import { make } from "./bench.js";
+import { make } from "./elements.js";
 import { valueAt } from "./numbers.js";
 
 const SCRIPTS = ["/drawing/bokeh.min.js", "/drawing/bokeh-api.min.js"];
@@ -22,7 +22,8 @@ function reach(lines) {
   return { start: low - 0.06 * (high - low), end: high + 0.06 * (high - low) };
 }
 
-const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+/** A colour of the page's style sheet. */
+export const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 /**
  * A stack of plots. `panels`: [{title, unit, height, lines: [{label, time, value, color, dash, width}]}].

@@ -1,5 +1,5 @@
 // Outlines on a frame, edited by pointer and keys. Points are film pixels, centres at whole numbers, y down.
-import { colourOf } from "./bench.js";
+import { colourOf } from "./server.js";
 
 const REACH_PX = 9, TURN_RAD = 0.5 * Math.PI / 180, MOST_UNDONE = 200;
 

@@ -1,6 +1,7 @@
 // A film's frames with the tracked outlines: only what is looked at is fetched, and a little ahead of it.
-import { at, make } from "./bench.js";
+import { make } from "./elements.js";
 import { nearest, unpack } from "./numbers.js";
+import { at } from "./server.js";
 
 const KEPT_BYTES = 64e6, CHUNK_BYTES = 1e6, CHUNK = 8, AT_ONCE = 3;
 

@@ -1,5 +1,7 @@
 // A button that begins long work, and its progress; a reload finds the work again.
-import { ask, make, say } from "./bench.js";
+import { make } from "./elements.js";
+import { ask } from "./server.js";
+import { say } from "./user.js";
 
 const EVERY_MS = 400;
 

@@ -1,5 +1,5 @@
 // Lamps of a recording: how much of each limit the trial has used, the watchdog, the disk, what stopped the last trial.
-import { make } from "./bench.js";
+import { make } from "./elements.js";
 
 const NEAR = 0.8, STALE_S = 0.5;
 const TITLES = { force: "Force", "force rate": "Force rate", travel: "Travel", speed: "Speed" };

@@ -1,7 +1,9 @@
 // A rolling scope of a recording, as it is made; what it draws from is bounded, so an hour looks like a minute.
-import { ask, at, link, make } from "./bench.js";
+import { link } from "./address.js";
+import { make } from "./elements.js";
 import { lampRow } from "./lamps.js";
 import { planPanel } from "./plan.js";
+import { ask, at } from "./server.js";
 import { trialsPart } from "./trials.js";
 
 const WINDOWS_S = [0.5, 1, 2, 5, 10, 30], LONGEST_S = 30, STRIP_PX = 84, LEFT_PX = 8, AGAIN_MS = 1000;
@@ -176,8 +178,8 @@ export async function showLive(main, values) {
       pen.textAlign = "left";
     });
     const rate = state.rate_hz || 1;
-    const trials = state.trial <= state.trials ? ` of ${state.trials}` : "";
-    told.textContent = `trial ${state.trial}${trials}${state.condition ? `, ${state.condition}` : ""}, ${(now.end / rate).toFixed(1)} s${state.planned_s ? ` of ${state.planned_s.toFixed(1)} s` : ""}${ring.lost ? `, ${ring.lost} samples not seen here` : ""}`;
+    const planned = state.trial <= state.trials ? ` of ${state.trials}` : "";
+    told.textContent = `trial ${state.trial}${planned}${state.condition ? `, ${state.condition}` : ""}, ${(now.end / rate).toFixed(1)} s${state.planned_s ? ` of ${state.planned_s.toFixed(1)} s` : ""}${ring.lost ? `, ${ring.lost} samples not seen here` : ""}`;
     bar.hidden = !state.recording || !state.planned_s;
     bar.value = Math.min(now.end / rate / (state.planned_s || 1), 1);
     canvas.dataset.samples = now.end;

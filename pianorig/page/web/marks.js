@@ -1,8 +1,9 @@
 // Points and lines to follow: clicked on the still frames, saved, followed; on other frames where they were found.
-import { ask, make, mayWrite, say } from "./bench.js";
+import { make } from "./elements.js";
 import { jobButton } from "./jobs.js";
 import { unpack } from "./numbers.js";
-import { LOOK_ONLY } from "./sessions.js";
+import { ask, LOOK_ONLY, mayWrite } from "./server.js";
+import { say } from "./user.js";
 
 const COLOR = "#FFD400", LOST = "#ff3b30", REACH_PX = 9, WANTED = { point: 1, line: 2 }, SIZE = { point: 10, line: 16 };
 const WORDS = { point: "radius", line: "width" };

@@ -1,10 +1,12 @@
 // From a film to angles: outlines proposed or drawn, saved, tracked; the worst frames, placed by hand and tracked again.
-import { address, ask, at, link, make, mayWrite, remember, say } from "./bench.js";
+import { link, remember } from "./address.js";
 import { OutlineEditor } from "./editor.js";
+import { make } from "./elements.js";
 import { FilmPanel } from "./film.js";
 import { jobButton } from "./jobs.js";
 import { marksPart } from "./marks.js";
-import { LOOK_ONLY } from "./sessions.js";
+import { ask, at, LOOK_ONLY, mayWrite } from "./server.js";
+import { say } from "./user.js";
 
 const USUAL = ["key", "whippen", "jack", "repetition", "hammer"];
 const CARRIED = { jack: "whippen", repetition: "whippen" };

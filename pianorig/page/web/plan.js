@@ -1,5 +1,7 @@
 // A plan played from the page: begin, pause before the next trial, resume, abort; the recorder's questions.
-import { ask, make, mayWrite, say } from "./bench.js";
+import { make } from "./elements.js";
+import { ask, mayWrite } from "./server.js";
+import { say } from "./user.js";
 
 const AGAIN_MS = 1000;
 const PHASES = { idle: "no plan is played from this page", starting: "starting …", asking: "waits for an answer", recording: "recording", paused: "paused", ended: "ended" };

@@ -1,10 +1,13 @@
 // One trial under one time cursor: curves, residuals, film, the moving action.
-import { address, ask, at, download, link, make, remember, say } from "./bench.js";
+import { address, link, remember } from "./address.js";
 import { Curves } from "./curves.js";
 import { Drawing } from "./drawing.js";
+import { make } from "./elements.js";
 import { FilmPanel } from "./film.js";
 import { unpack } from "./numbers.js";
 import { KEYS, Player } from "./player.js";
+import { ask, at } from "./server.js";
+import { download, say } from "./user.js";
 
 const DASHES = ["dashed", "dotted"], FORCE = "Force on the key";
 const named = (channel) => channel.title[0].toUpperCase() + channel.title.slice(1);

@@ -1,14 +1,16 @@
 // The table of sessions and the session that was chosen.
-import { address, ask, at, link, make, mayWrite, remember, say } from "./bench.js";
+import { address, link, remember } from "./address.js";
 import { annotationForm } from "./annotations.js";
+import { make } from "./elements.js";
 import { jobButton } from "./jobs.js";
+import { ask, at, LOOK_ONLY, mayWrite } from "./server.js";
+import { say } from "./user.js";
 
 const COLUMNS = [
   ["name", "Session"], ["created_utc", "Recorded (UTC)"], ["action", "Action"], ["profile", "Profile"], ["operator", "Operator"],
   ["trials", "Trials"], ["status", "Status"], ["n_findings", "Findings"], ["verdict", "Verdict"],
 ];
 const NUMBERS = new Set(["trials", "n_findings"]);
-export const LOOK_ONLY = "This page only looks; to write, start  pianorig bench --control";
 
 export async function showSessions(main, values) {
   let rows = [], ended = false;

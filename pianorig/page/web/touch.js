@@ -1,9 +1,8 @@
 // The touch curve of an action, and what a technician's step does to the seven regulated lengths.
-import { ask, make } from "./bench.js";
-import { bokeh } from "./curves.js";
+import { bokeh, style } from "./curves.js";
+import { make } from "./elements.js";
 import { unpack } from "./numbers.js";
-
-const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+import { ask } from "./server.js";
 
 /** A button that presses the key slowly and draws force over dip; earlier curves stay, thin, to compare. */
 export function touchPart(fetchTouch) {

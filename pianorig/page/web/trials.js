@@ -1,5 +1,5 @@
 // Key figures of a session's trials: those of the last one beside the control chart of all of them.
-import { make } from "./bench.js";
+import { make } from "./elements.js";
 
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name);
 
