@@ -9,7 +9,7 @@ A job that cannot be made or computed gives a `Member` with its error; nothing i
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -56,11 +56,7 @@ class Job(ArrayRecord):
 
     def sha256(self) -> str:
         """Hash of everything the answer depends on."""
-        digest = hashlib.sha256(code_sha256().encode())
-        for item in fields(self):
-            if item.name not in _LABELS:
-                _feed(digest, getattr(self, item.name))
-        return digest.hexdigest()
+        return content_sha256(*(getattr(self, item.name) for item in fields(self) if item.name not in _LABELS))
 
 
 @dataclass(frozen=True)
@@ -81,6 +77,14 @@ class Member:
     solution: Solution | None = None
     error: Exception | None = None
     reused: bool = False
+
+
+def content_sha256(*values: Any) -> str:
+    """Hash of plain values, arrays and records, and of the code that computes with them."""
+    digest = hashlib.sha256(code_sha256().encode())
+    for value in values:
+        _feed(digest, value)
+    return digest.hexdigest()
 
 
 def _feed(digest: Any, value: Any) -> None:
@@ -128,20 +132,6 @@ def _writable_scene(scene: Scene) -> Scene:
     return replace(scene, tables=tables)  # with a vector that can be written, as every record is made
 
 
-def _tables(
-    trials: Mapping[str, tuple[ArrayLike, ArrayLike]], output_time_s: ArrayLike | None
-) -> Iterator[tuple[str, Array, Array, Array, Exception | None]]:
-    empty = np.empty(0)
-    for name, (time_s, force_n) in trials.items():
-        try:
-            times, forces = check_force_table(time_s, force_n, f"trial {name}")
-            outputs = check_output_times(output_time_s, times)
-        except ModelError as problem:
-            yield name, empty, empty, empty, problem
-            continue
-        yield name, times, forces, outputs, None
-
-
 def make_jobs(
     action: Action,
     trials: Mapping[str, tuple[ArrayLike, ArrayLike]],
@@ -173,7 +163,13 @@ def make_jobs(
     >>> jobs[0].trial, jobs[0].parameters
     ('forte', 'printed')
     """
-    tables = list(_tables(trials, options.output_time_s))
+    tables: dict[str, tuple[Array, Array, Array] | ModelError] = {}
+    for trial, (time_s, force_n) in trials.items():
+        try:
+            times, forces = check_force_table(time_s, force_n, f"trial {trial}")
+            tables[trial] = times, forces, check_output_times(options.output_time_s, times)
+        except ModelError as problem:
+            tables[trial] = problem
     jobs = []
     for label, overrides in parameter_sets.items():
         scene, fewer, start, failure, choice = None, None, None, None, SceneChoice()
@@ -183,21 +179,22 @@ def make_jobs(
             start = solve_rest(scene) if initial is None else np.array(initial.angle_rad, dtype=float)
         except ModelError as problem:
             failure = problem
-        for trial, times, forces, outputs, unusable in tables:
-            run = None
-            if scene is not None and failure is None and unusable is None:
+        for trial, table in tables.items():
+            if isinstance(table, ModelError):
+                jobs.append(Job(trial, label, None, start, failure or table))
+            elif scene is None or failure is not None:
+                jobs.append(Job(trial, label, None, start, failure))
+            else:
                 run = ForceDrivenRun(
                     scene,
-                    times,
-                    forces,
-                    outputs,
+                    *table,
                     options.tolerance,
                     options.method,
                     choice.outputs,
                     options.estimate_error,
                     fewer,
                 )
-            jobs.append(Job(trial, label, run, start, failure or unusable))
+                jobs.append(Job(trial, label, run, start))
     return jobs
 
 

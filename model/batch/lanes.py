@@ -8,10 +8,10 @@ another order (docs/explanation/lanes.md).
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
-from model.batch.job import Job, Member, from_rest
+from model.batch.job import Job, Member, from_rest, run_job
 from model.derived.load import lane_kernels_of
 from model.errors import ModelError
 from model.force_driven import ForceDrivenRun
@@ -39,49 +39,43 @@ def can(job: Job) -> bool:
 Kind = tuple[object, ...]
 
 
-class _Kinds:
-    """What the members of one unit have in common: structure, how many numbers (a string's modes), method."""
-
-    def __init__(self) -> None:
-        self._of: dict[tuple[int, str], Kind] = {}
-
-    def of(self, run: ForceDrivenRun) -> Kind:
-        key = id(run.scene), run.method
-        if key not in self._of:
-            tables = ((table.shape, table.tobytes()) for table in run.scene.tables)
-            self._of[key] = (run.method, run.scene.size, len(run.scene.vector), *tables)
-        return self._of[key]
+def _kinds(jobs: Sequence[Job]) -> list[Kind | None]:
+    """What members of one unit share: method, structure, count of numbers (a string's modes); None: not for lanes."""
+    of_scene: dict[int, Kind] = {}
+    out: list[Kind | None] = []
+    for job in jobs:
+        if job.run is None or not can(job):
+            out.append(None)
+            continue
+        scene = job.run.scene
+        if id(scene) not in of_scene:
+            tables = ((table.shape, table.tobytes()) for table in scene.tables)
+            of_scene[id(scene)] = (scene.size, len(scene.vector), *tables)
+        out.append((job.run.method, of_scene[id(scene)]))
+    return out
 
 
 def choose(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
     """The jobs, those for lanes marked: none of them, all that can, or by default where they are many of a kind."""
     if lanes is False or not lanes_pay():
         return list(jobs)
-    kinds, count = _Kinds(), Counter[Kind]()
-    of_job: list[Kind | None] = []
-    for job in jobs:
-        kind = kinds.of(job.run) if can(job) and job.run is not None else None
-        of_job.append(kind)
-        if kind is not None:
-            count[kind] += 1
-    least = 1 if lanes else LEAST_MEMBERS
+    kinds = _kinds(jobs)
+    count, least = Counter(kinds), 1 if lanes else LEAST_MEMBERS
     return [
         replace(job, in_lanes=True) if kind is not None and count[kind] >= least else job
-        for job, kind in zip(jobs, of_job, strict=True)
+        for job, kind in zip(jobs, kinds, strict=True)
     ]
 
 
-def units(jobs: Sequence[Job], todo: Iterable[int], workers: int) -> list[list[int]]:
+def units(jobs: Sequence[Job], todo: Sequence[int], workers: int) -> list[list[int]]:
     """Indices of jobs in units of work: those in lanes with others of their kind, every other by itself."""
     alone: list[list[int]] = []
-    groups: dict[Kind, list[int]] = defaultdict(list)
-    kinds = _Kinds()
-    for i in todo:
-        run = jobs[i].run
-        if run is None or not jobs[i].in_lanes:
-            alone.append([i])
+    groups: dict[Kind | None, list[int]] = defaultdict(list)
+    for i, kind in zip(todo, _kinds([jobs[i] for i in todo]), strict=True):
+        if jobs[i].in_lanes:
+            groups[kind].append(i)
         else:
-            groups[kinds.of(run)].append(i)
+            alone.append([i])
     together = []
     for group in groups.values():
         # long ones first, the same force side by side: neighbours touch and end at about the same time
@@ -102,6 +96,13 @@ def warm(scene: Scene) -> None:
     """Load or compile the loop and the kernels of a structure for lanes."""
     lane_kernels_of(scene.tables, LANES)
     loop_in_lanes(LANES)
+
+
+def run_unit(jobs: Sequence[Job], hashes: Sequence[str]) -> list[Member]:
+    """Members of a unit of work, for an executor."""
+    if jobs[0].in_lanes:
+        return run_together(jobs, hashes)
+    return [run_job(job, sha256) for job, sha256 in zip(jobs, hashes, strict=True)]
 
 
 def run_together(jobs: Sequence[Job], hashes: Sequence[str]) -> list[Member]:

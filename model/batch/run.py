@@ -12,12 +12,12 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from pathlib import Path
-from typing import Any, TypeVar, Unpack
+from typing import TypeVar, Unpack
 
 from numpy.typing import ArrayLike
 
-from model.batch.job import Job, Member, make_jobs, run_job
-from model.batch.lanes import choose, run_together, units, warm
+from model.batch.job import Job, Member, make_jobs
+from model.batch.lanes import choose, run_unit, units, warm
 from model.batch.store import Store
 from model.derived.load import energy_of, kernels_of
 from model.errors import InputError
@@ -64,19 +64,67 @@ def _warm(jobs: Iterable[Job]) -> None:
                 energy_of(job.run.scene.tables)
 
 
-def _submit(pool: Executor, jobs: list[Job], hashes: list[str]) -> Future[Any]:
-    """Submit a unit of work; a future with the error where the executor accepts none (its workers are gone).
+def work_through(
+    todo: Iterable[Sequence[int]],
+    submit: Callable[[Executor, Sequence[int]], Future[T]],
+    finish: Callable[[Sequence[int], Future[T]], None],
+    *,
+    executor: Executor | None,
+    workers: int | None,
+    progress: Progress | None = None,
+    count: tuple[int, int] = (0, 0),
+) -> None:
+    """Have units of members computed, a few of them submitted ahead, and hand each over as it finishes.
 
-    It gives a member where the job is computed by itself, members where it is computed in lanes.
+    Parameters
+    ----------
+    todo : indices of the members of each unit
+    submit, finish : put a unit on an executor; take it and its future when that is done
+    executor, workers : where to compute, as for `simulate_many`
+    progress : called with members done and members in all
+    count : members done already, and in all
+
+    Raises
+    ------
+    InputError : less than one worker
+    KeyboardInterrupt : Ctrl-C; what was started is finished and handed over, the rest cancelled
     """
+    if workers is not None and workers < 1:
+        raise InputError(f"workers: found {workers}, allowed 1 or more")
+    done, total = count
+    own = ThreadPoolExecutor(workers or workers_here()) if executor is None else None
+    pool = executor or own
+    assert pool is not None
+    at_work = workers or getattr(pool, "_max_workers", None)
+    ahead = AHEAD * at_work if at_work else AHEAD_ELSEWHERE
+    waiting: dict[Future[T], Sequence[int]] = {}
+
+    def collect() -> None:
+        nonlocal done
+        for future in wait(waiting, timeout=POLL_S, return_when=FIRST_COMPLETED).done:
+            unit = waiting.pop(future)
+            finish(unit, future)
+            for _ in unit:
+                done += 1
+                if progress is not None:
+                    progress(done, total)
+
     try:
-        if jobs[0].in_lanes:
-            return pool.submit(run_together, jobs, hashes)
-        return pool.submit(run_job, jobs[0], hashes[0])
-    except Exception as problem:
-        refused: Future[Any] = Future()
-        refused.set_exception(problem)
-        return refused
+        for unit in todo:
+            waiting[submit(pool, unit)] = unit
+            while len(waiting) >= ahead:
+                collect()
+        while waiting:
+            collect()
+    except KeyboardInterrupt:
+        for future in [f for f in waiting if not f.cancel()]:
+            finish(waiting.pop(future), future)
+        raise
+    finally:
+        for future in waiting:
+            future.cancel()
+        if own is not None:
+            own.shutdown(wait=True, cancel_futures=True)
 
 
 def run_jobs(
@@ -116,72 +164,57 @@ def run_jobs(
     >>> len(model.batch.run_jobs(jobs, workers=1))
     1
     """
-    if workers is not None and workers < 1:
-        raise InputError(f"workers: found {workers}, allowed 1 or more")
     archive = Store(store) if isinstance(store, (str, Path)) else store
     if archive is not None and any(job.run is not None and "inside" in job.run.outputs for job in jobs):
         raise InputError("store: does not keep the inside view; allowed outputs contact_forces, energy")
     members: list[Member | None] = [None] * len(jobs)
     hashes = [job.sha256() if job.failure is None else "" for job in jobs]
-    todo = []
     for i, job in enumerate(jobs):
         if job.failure is not None:
-            members[i] = run_job(job, "")
+            members[i] = Member(job.trial, job.parameters, "", error=job.failure)
         elif archive is not None:
             members[i] = archive.read(hashes[i], job.trial, job.parameters)
-        if members[i] is None:
-            todo.append(i)
+    todo = [i for i, member in enumerate(members) if member is None]
     done = len(jobs) - len(todo)
     if progress is not None and done:
         progress(done, len(jobs))
     _warm(jobs[i] for i in todo)
-    own = ThreadPoolExecutor(workers or workers_here()) if executor is None else None
-    pool = executor or own
-    assert pool is not None
-    at_work = workers or getattr(pool, "_max_workers", None)
-    ahead = AHEAD * at_work if at_work else AHEAD_ELSEWHERE
-    waiting: dict[Future[Any], list[int]] = {}
 
-    def collect(future: Future[Any]) -> None:
-        nonlocal done
-        unit = waiting.pop(future)
+    def submit(pool: Executor, unit: Sequence[int]) -> Future[list[Member]]:
+        try:
+            return pool.submit(run_unit, [jobs[i] for i in unit], [hashes[i] for i in unit])
+        except Exception as problem:  # the executor accepts none: its workers are gone
+            refused: Future[list[Member]] = Future()
+            refused.set_exception(problem)
+            return refused
+
+    def finish(unit: Sequence[int], future: Future[list[Member]]) -> None:
         try:
             found = future.result()
-            finished = [found] if isinstance(found, Member) else found
         except Exception as problem:  # a lost worker, an unexpected defect: it belongs to its members
-            finished = [Member(jobs[i].trial, jobs[i].parameters, hashes[i], error=problem) for i in unit]
-        for i, member in zip(unit, finished, strict=True):
+            found = [Member(jobs[i].trial, jobs[i].parameters, hashes[i], error=problem) for i in unit]
+        for i, member in zip(unit, found, strict=True):
             members[i] = member
-            done += 1
             if archive is not None:
                 archive.write(member)
-            if progress is not None:
-                progress(done, len(jobs))
 
+    at_work = max(1, workers or getattr(executor, "_max_workers", None) or workers_here())
     try:
-        for unit in units(jobs, todo, at_work or workers_here()):
-            waiting[_submit(pool, [jobs[i] for i in unit], [hashes[i] for i in unit])] = unit
-            while len(waiting) >= ahead:
-                for future in wait(waiting, timeout=POLL_S, return_when=FIRST_COMPLETED).done:
-                    collect(future)
-        while waiting:
-            for future in wait(waiting, timeout=POLL_S, return_when=FIRST_COMPLETED).done:
-                collect(future)
+        work_through(
+            units(jobs, todo, at_work),
+            submit,
+            finish,
+            executor=executor,
+            workers=workers,
+            progress=progress,
+            count=(done, len(jobs)),
+        )
     except KeyboardInterrupt:
-        started = [future for future in waiting if not future.cancel()]
-        progress = None
-        for future in started:
-            collect(future)
         if archive is not None:  # one may have been interrupted on its way there
             for member in members:
                 if member is not None and not archive.path(member.sha256).exists():
                     archive.write(member)
         raise BatchInterrupt(members) from None
-    finally:
-        for future in waiting:
-            future.cancel()
-        if own is not None:
-            own.shutdown(wait=True, cancel_futures=True)
     return [member for member in members if member is not None]
 
 

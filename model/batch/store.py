@@ -12,6 +12,7 @@ import hashlib
 import json
 import tempfile
 import zipfile
+import zlib
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -26,9 +27,11 @@ from model.files.atomic_write import whole_file
 from model.simulation.solution import EnergyAudit, Solution
 
 _ARRAYS = ("time_s", "angle_rad", "speed_rad_per_s", "contact_normal_n", "contact_friction_n")
+_FACTS = ("bodies", "contacts", "counters", "tolerance", "error_rad", "energy")
+Array = NDArray[Any]
 
 
-def _digest(about: dict[str, Any], arrays: dict[str, NDArray[np.float64]]) -> str:
+def _digest(about: dict[str, Any], arrays: dict[str, Array]) -> str:
     """SHA-256 of facts and arrays, with names, types and shapes."""
     digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
     for name, array in sorted(arrays.items()):
@@ -58,28 +61,44 @@ class Store:
         """File of a job's hash."""
         return self.folder / f"{sha256}.npz"
 
-    def read(self, sha256: str, trial: str, parameters: str) -> Member | None:
-        """The member stored under a hash, with the labels that this batch gives it; None where there is none."""
+    def get(self, sha256: str) -> tuple[dict[str, Any], dict[str, Array]] | None:
+        """Facts and arrays kept under a hash; None where there is none, or the file is cut, damaged or altered."""
         try:
             with open(self.path(sha256), "rb") as raw, np.load(raw, allow_pickle=False) as file:
                 about: dict[str, Any] = json.loads(str(file["about"]))
-                arrays = {name: file[name] for name in _ARRAYS if name in file}
+                arrays = {name: file[name] for name in file.files if name != "about"}
             if about.pop("content_sha256") != _digest(about, arrays) or about["sha256"] != sha256:
                 return None
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error):
+            return None
+        return about, arrays
+
+    def put(self, sha256: str, about: dict[str, Any], arrays: dict[str, Array]) -> None:
+        """Keep facts and arrays under a hash.
+
+        Raises
+        ------
+        InputError : the disk is full or gone
+        """
+        about = json.loads(json.dumps(about | {"sha256": sha256}))  # digest of what reading gives back
+        about["content_sha256"] = _digest(about, arrays)
+        with whole_file(self.path(sha256), "free space, then go on") as part, open(part, "wb") as file:
+            np.savez(file, **arrays | {"about": np.array(json.dumps(about))})  # type: ignore[arg-type]
+
+    def read(self, sha256: str, trial: str, parameters: str) -> Member | None:
+        """The member stored under a hash, with the labels that this batch gives it; None where there is none."""
+        kept = self.get(sha256)
+        if kept is None:
+            return None
+        about, arrays = kept
+        try:
             if "error" in about:
                 kind, message = about["error"]
                 return Member(trial, parameters, sha256, error=getattr(errors, kind)(message), reused=True)
-            energy = EnergyAudit(**about["energy"]) if about["energy"] is not None else None
-            solution = Solution(
-                bodies=tuple(about["bodies"]),
-                contacts=tuple(about["contacts"]),
-                counters=about["counters"],
-                tolerance=about["tolerance"],
-                error_rad=about["error_rad"],
-                energy=energy,
-                **arrays,
-            )
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile):
+            about["energy"] = about["energy"] and EnergyAudit(**about["energy"])
+            about |= {name: tuple(about[name]) for name in ("bodies", "contacts")}
+            solution = Solution(**{name: about[name] for name in _FACTS}, **arrays)  # type: ignore[arg-type]
+        except (KeyError, TypeError, AttributeError):
             return None
         return Member(trial, parameters, sha256, solution, reused=True)
 
@@ -92,18 +111,10 @@ class Store:
         """
         if not member.sha256 or (member.error is not None and not isinstance(member.error, ModelError)):
             return
-        about: dict[str, Any] = {"sha256": member.sha256}
-        arrays = {}
         if member.solution is None:
-            about["error"] = [type(member.error).__name__, str(member.error)]
-        else:
-            s = member.solution
-            about |= {"bodies": s.bodies, "contacts": s.contacts, "counters": s.counters, "tolerance": s.tolerance}
-            about["error_rad"] = s.error_rad
-            about["energy"] = None if s.energy is None else asdict(s.energy)
-            arrays = {name: getattr(s, name) for name in _ARRAYS if getattr(s, name) is not None}
-        about = json.loads(json.dumps(about))  # digest of what reading gives back
-        about["content_sha256"] = _digest(about, arrays)
-        path = self.path(member.sha256)
-        with whole_file(path, "free space, then go on") as part, open(part, "wb") as file:
-            np.savez(file, about=np.array(json.dumps(about)), **arrays)
+            self.put(member.sha256, {"error": [type(member.error).__name__, str(member.error)]}, {})
+            return
+        s = member.solution
+        about = {name: getattr(s, name) for name in _FACTS} | {"energy": s.energy and asdict(s.energy)}
+        arrays = {name: getattr(s, name) for name in _ARRAYS if getattr(s, name) is not None}
+        self.put(member.sha256, about, arrays)

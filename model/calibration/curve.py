@@ -10,6 +10,8 @@ by how much each point would move if that error were one standard uncertainty.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,7 +19,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import ArrayRecord, as_numbers
-from model.calibration.common_errors import PREFIX, CommonErrors, common_names
 from model.errors import InputError
 from model.files.csv_columns import read_columns
 from model.files.time_table import two_columns
@@ -26,7 +27,12 @@ FEWEST_POINTS = 8  # of each phase: enough for a cubic and a noise estimate
 BACKWARDS_SHARE = 0.02  # of the largest displacement: jitter of the encoder that is not a change of direction
 PHASES = ("loading", "unloading")
 
+PREFIX = "common_"
+COMMON = re.compile(PREFIX + r"(?P<name>[a-z][a-z0-9_]*)_[mn]")
+
 Array = NDArray[np.float64]
+CommonErrors = dict[str, Array]
+"""By name, (2, n): change of displacement, m, and of force, N, of each point."""
 
 
 @dataclass(frozen=True)
@@ -207,3 +213,20 @@ def read_curve(path: str | Path) -> LoadingCurve:
         if word not in PHASES:
             raise InputError(f"{table.where}: row {number}: phase found {word!r}, allowed {' or '.join(PHASES)}")
     return check_curve(x, f, phase, table.where, common)
+
+
+def common_names(columns: Sequence[str], where: str) -> dict[str, tuple[str, str]]:
+    """Names of the common errors among a file's columns, each with its column of displacement and of force.
+
+    Raises
+    ------
+    InputError : a column with the prefix that says neither m nor n
+    """
+    found: dict[str, tuple[str, str]] = {}
+    for column in columns:
+        if column.startswith(PREFIX):
+            match = COMMON.fullmatch(column)
+            if match is None:
+                raise InputError(f"{where}: column found {column}; allowed {PREFIX}<name>_m and {PREFIX}<name>_n")
+            found[match["name"]] = (f"{PREFIX}{match['name']}_m", f"{PREFIX}{match['name']}_n")
+    return found

@@ -7,8 +7,9 @@ and noise of the displacement are included. A felt neither pulls nor softens bel
 f_fit' >= 0 for every depth, so that penetrations beyond the measured ones stay physical; a fit on such a bound reports
 it and has the errors of the free fit. The fit is judged: a mid-line farther from the cubic than its own uncertainty
 explains, or a loop that is not a constant share of the cubic as eq. 2.7 has it, is said, and widens the errors.
-Errors that all points share (`model.calibration.common_errors`) enter by fits of the curve with each one standard
-uncertainty off.
+Errors that all points share (`LoadingCurve.common`) enter by fits of the curve with each one standard uncertainty off.
+The damping factor D, eq. 2.7, s/m, makes the model follow the loading curve at the mean normal speed of the contact in
+the trial it is calibrated for.
 Source: thesis Section 2.2.3, Figs 2.5 and 2.6.
 """
 
@@ -25,6 +26,7 @@ from scipy.optimize import minimize_scalar, nnls
 
 from model.arrays import ArrayRecord, as_numbers
 from model.calibration.curve import LoadingCurve
+from model.calibration.parts import check_numbers
 from model.errors import InputError
 
 GRID = 201  # points of the mid-line
@@ -276,3 +278,54 @@ def _constrain(columns: Array, mid: Array, free: Array) -> tuple[Array, str | No
     candidates.append((misfit(beta), beta, "stiffness zero at one depth"))
     _, beta, bound = min(candidates, key=lambda item: item[0])
     return beta, bound
+
+
+@dataclass(frozen=True)
+class Damping:
+    """D with its standard uncertainty, s/m, and the depth ``at_m`` where loading and fit differ most."""
+
+    d: float
+    u_d: float
+    at_m: float
+    speed_m_per_s: float
+
+
+def damping_factor(fit: FeltFit, speed_m_per_s: float, u_speed_m_per_s: float = 0.0) -> Damping:
+    """D = (f_loading(x_max) / f_fit(x_max) - 1) / mean speed, eq. 2.7.
+
+    Parameters
+    ----------
+    fit : cubic and smoothed loading curve
+    speed_m_per_s, u_speed_m_per_s : mean normal speed of the contact and its standard uncertainty
+
+    Returns
+    -------
+    Damping
+        D and its standard uncertainty, s/m.
+
+    Raises
+    ------
+    InputError : the speed is not positive, or loading is nowhere above the fit
+
+    Examples
+    --------
+    >>> import model
+    >>> fit = model.calibration.fit_felt(model.calibration.read_curve("felt.csv"))
+    >>> model.calibration.damping_factor(fit, speed_m_per_s=0.05).d > 0.0
+    True
+    """
+    check_numbers("damping", {"mean normal speed": speed_m_per_s}, {"mean normal speed": u_speed_m_per_s}, "m/s")
+    x, above = fit.mid_m, fit.loading.force_n(fit.mid_m) - fit.force_n(fit.mid_m)
+    k = int(np.argmax(above))
+    if above[k] <= 0.0 or x[k] <= 0.0:
+        raise InputError(
+            f"damping: loading minus fit found {above[k]:g} N at most, allowed above 0; are the phases swapped?"
+        )
+    ratio, u_ratio = fit.loading_ratio(float(x[k]))
+    d = (ratio - 1.0) / speed_m_per_s
+    return Damping(
+        d=d,
+        u_d=math.hypot(u_ratio / speed_m_per_s, d * u_speed_m_per_s / speed_m_per_s),
+        at_m=float(x[k]),
+        speed_m_per_s=speed_m_per_s,
+    )

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from model.calibration.curve import LoadingCurve
-from model.calibration.damping import Damping
-from model.calibration.felt import FeltFit
+from model.calibration.felt import Damping, FeltFit
 from model.files.figure_sheet import new_sheet, save_sheet
 
 

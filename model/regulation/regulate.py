@@ -15,11 +15,9 @@ from dataclasses import dataclass, replace
 from model.errors import RegulationError as RegulationError
 from model.parameters.action import Action
 from model.parameters.write_toml import write_action as write_action  # public here too: model.regulation.write_action
-from model.regulation.bench import AT_REST_CLEAR, RAIL, SCREW, TOLERANCE, Bench
 from model.regulation.measures import TARGETS, RegulationTarget, TargetValues, measure, other_lengths, targets_at
-from model.regulation.rest_screws import WIDER, set_rest
-from model.regulation.screws import REST_RAIL, SCREWS
-from model.regulation.turn_screw import turn_screw
+from model.regulation.screws import AT_REST_CLEAR, RAIL, REST_RAIL, SCREW, SCREWS, TOLERANCE, Bench
+from model.regulation.turn_screw import WIDER, set_rest, turn_screw
 
 ROUNDS = 6
 CLEARANCE = 0.5e-3  # m, of button, drop screw and back check at rest
@@ -200,28 +198,24 @@ def regulate(
     before = measure(action)
     bench = Bench(action, targets)
     if max(_off(before, targets).values()) <= TOLERANCE:
-        return Regulation(action, before, before, _turned(bench.turn_m), {}, dict(bench.evaluations), targets=targets)
-    best = _rounds(bench, before, report)
-    if best.problem is not None and abs(best.problem.off_m) < JUMP.get(best.problem.target, 0.0):
-        best = _beside(bench, before, report) or best
+        best = _Attempt(before, bench.turn_m, None)
+    else:
+        best = _rounds(bench, before, report)
+        if best.problem is not None and abs(best.problem.off_m) < JUMP.get(best.problem.target, 0.0):
+            best = _beside(bench, before, report) or best
     if best.problem is not None:
         raise best.problem
     bench.turn_m = best.turn_m
-    regulated = _finished(bench)
     return Regulation(
-        action=regulated,
+        action=_finished(bench) if best.measured is not before else action,
         before=before,
         after=best.measured,
-        turned_m=_turned(best.turn_m),
+        turned_m={s.target: best.turn_m[s.target] for s in SCREWS},
         effect=dict(bench.effect),
         evaluations=dict(bench.evaluations),
         rest_rail_m=best.turn_m[RAIL],
         targets=targets,
     )
-
-
-def _turned(turns: dict[str, float]) -> dict[str, float]:
-    return {s.target: turns[s.target] for s in SCREWS}
 
 
 def _effect(bench: Bench, target: str) -> float:

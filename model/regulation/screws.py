@@ -1,17 +1,31 @@
-"""The adjustments of an action, each one geometric parameter, and how far each can be turned.
+"""The adjustments of an action and the bench on which they are turned: where they are, how far off the targets are.
 
-Seven screws have a target each. The rest rail has none: it is lowered where the hammer lies on it instead of the jack.
-
-A screw's travel is counted from where the given action has it, as on a bench: what is inside the travel is reachable
-without another part. Why: docs/explanation/regulation.md.
+Each screw is one geometric parameter. Seven have a target each; the rest rail has none: it is lowered where the hammer
+lies on it instead of the jack. A screw's travel is counted from where the given action has it, as on a bench: what is
+inside the travel is reachable without another part. Lengths in metres; a target that cannot be measured has the error
+NaN. Nothing here decides how a screw is turned. Why: docs/explanation/regulation.md.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
-from model.parameters.action import Action
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError, RegulationError, StaticsError
+from model.parameters.action import BACK_CHECK, BUTTON, DROP_SCREW, Action
 from model.parameters.quantity import allowed_range
+from model.regulation.measures import TARGETS, RegulationTarget, at_rest, contact_gap, in_blow, in_press
+from model.simulation.hand_set_rest import hand_set_rest
+
+TOLERANCE = 20e-6  # m, within which a target counts as met
+CONVERGED = {"rest": 0.1e-6, "press": 4e-6, "blow": 4e-6}  # m, error at which a screw is left as it is
+TOO_FAR = 50e-3  # m, error taken for a screw that presses on the action at rest
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -47,9 +61,108 @@ SCREWS = (
 
 REST_RAIL = Screw("hammer_height", "rest rail", "contact13.first.y", (-5e-3, 0.0), -5.0)
 
+# button, drop screw, back check: their contacts, open at rest, and the turn that takes them away
+AT_REST_CLEAR = {"let_off": (BUTTON, 1.0), "drop": (DROP_SCREW, 1.0), "check": (BACK_CHECK, -1.0)}
+MEASURED_IN = {t.name: t.measured_in for t in TARGETS}
+SCREW = {s.target: s for s in SCREWS}
+RAIL = "rest_rail"  # key of the rest rail among the turns
+
 
 def limits(given: Action, screw: Screw, wider: float = 0.0) -> tuple[float, float]:
     """Smallest and largest turn (m) within travel and allowed range of the parameter, the travel ``wider`` (m)."""
     low, high, _ = allowed_range(screw.path)
     here = given[screw.path]
     return max(screw.travel_m[0] - wider, low - here), min(screw.travel_m[1] + wider, high - here)
+
+
+@dataclass
+class Bench:
+    """The action being regulated: positions of its screws and their measured effects.
+
+    Attributes
+    ----------
+    given : action as it came
+    targets : what is wanted
+    turn_m : target name (or `RAIL`) -> turn of its screw
+    effect : target name -> change of the target per turn of its own screw
+    evaluations : number of rest states, presses and blows
+    aim_m : target at rest -> how far beside what is wanted it is set (m), within its tolerance
+    wider_m : by how much screws may pass the ends of their travel; above 0 only to find out what is in the way
+    """
+
+    given: Action
+    targets: tuple[RegulationTarget, ...] = TARGETS
+    turn_m: dict[str, float] = field(default_factory=lambda: {s.target: 0.0 for s in SCREWS} | {RAIL: 0.0})
+    effect: dict[str, float] = field(default_factory=dict)
+    evaluations: dict[str, int] = field(default_factory=lambda: {"rest": 0, "press": 0, "blow": 0})
+    aim_m: Mapping[str, float] = field(default_factory=dict)
+    wider_m: float = 0.0
+
+    def target(self, name: str) -> RegulationTarget:
+        """The target of this name, with the length that is wanted."""
+        return next(t for t in self.targets if t.name == name)
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Travel of a screw (m)."""
+        return limits(self.given, REST_RAIL if name == RAIL else SCREW[name], self.wider_m)
+
+    def at_limit(self, name: str) -> bool:
+        """Whether a screw is at an end of its travel."""
+        low, high = self.limits(name)
+        return min(self.turn_m[name] - low, high - self.turn_m[name]) < 1e-6
+
+    def action(self, turns: Mapping[str, float] | None = None) -> Action:
+        """The action with its screws as they are, or some of them at ``turns`` (m)."""
+        wanted = self.turn_m | dict(turns or {})
+        path = {name: REST_RAIL.path if name == RAIL else SCREW[name].path for name in wanted}
+        return self.given.with_values({path[name]: self.given[path[name]] + x for name, x in wanted.items() if x})
+
+    def rest_errors(self, names: Iterable[str], turns: Mapping[str, float] | None = None) -> Array:
+        """Distance (m) of targets measured at rest from where they are aimed; NaN where the action does not rest."""
+        self.evaluations["rest"] += 1
+        try:
+            found = at_rest(self.action(turns))
+        except (StaticsError, InputError):
+            found = {}
+        aimed = {name: self.target(name).wanted_m + self.aim_m.get(name, 0.0) for name in names}
+        return np.array([found.get(name, math.nan) - x for name, x in aimed.items()])
+
+    def error(self, name: str, turn: float) -> float:
+        """Error (m) of one target with its screw at ``turn``; NaN where it cannot be measured."""
+        kind = MEASURED_IN[name]
+        if kind == "rest":
+            return float(self.rest_errors([name], {name: turn})[0])
+        action = self.action({name: turn})
+        self.evaluations[kind] += 1
+        try:
+            rest = hand_set_rest(action)
+            contact, way = AT_REST_CLEAR[name]
+            if contact_gap(action, contact, rest).penetration_m > 0.0:
+                # what it holds at rest it neither lets off nor catches; the error of one turned much too far
+                return -math.copysign(TOO_FAR, way * SCREW[name].usual_effect)
+            if kind == "press":
+                found, _, _ = in_press(action, rest, at_rest(action, rest)["dip"])
+            else:
+                found, _ = in_blow(action, rest)
+        except (StaticsError, InputError):
+            return math.nan
+        return found[name] - self.target(name).wanted_m
+
+    def room(self, contact: str) -> float:
+        """Gap (m) of a contact with the action at rest."""
+        action = self.action()
+        return -contact_gap(action, contact, hand_set_rest(action)).penetration_m
+
+    def failure(self, name: str, error: float, why: str = "") -> RegulationError:
+        """The error that says which target stays how far off with which screw where."""
+        target, screw, turn = self.target(name), SCREW[name], self.turn_m[name]
+        low, high = self.limits(name)
+        where = f"{1e3 * turn:+.2f} mm of {1e3 * low:+.1f} to {1e3 * high:+.1f}"
+        where = f"at its limit, {where}" if self.at_limit(name) else f"at {where}"
+        far = f"stays {1e3 * abs(error):.2f} mm from" if math.isfinite(error) else "cannot be brought to"
+        return RegulationError(
+            f"{self.given.origin}: cannot be regulated: {target.words} {far} {1e3 * target.wanted_m:.1f} mm "
+            f"with the {screw.name} ({screw.path}) {where}{'; ' + why if why else ''}",
+            target=name,
+            off_m=error,
+        )

@@ -2,7 +2,7 @@
 
 An action, a blow and named parameters with their uncertainties in; ranked tables out. `local` reads derivatives
 (`model.sensitivity`), `morris` and `sobol` vary all parameters together over their uncertainties (`distributions`);
-`members` computes such variants on all cores or a cluster, resumable, and `blow_marks` measures each. `figure` draws.
+`members` computes such variants on all cores or a cluster, resumable, and `blow_marks` measures each.
 Why: docs/explanation/sensitivities.md.
 """
 

@@ -1,13 +1,13 @@
 from .blow_marks import MARKS as MARKS
 from .distributions import Spread as Spread
 from .distributions import spreads as spreads
-from .figure import draw_local as draw_local
-from .figure import draw_morris as draw_morris
-from .figure import draw_sobol as draw_sobol
 from .local import LocalTable as LocalTable
+from .local import draw_local as draw_local
 from .local import local_table as local_table
 from .members import Variants as Variants
 from .morris import Morris as Morris
+from .morris import draw_morris as draw_morris
 from .morris import morris as morris
 from .sobol import Sobol as Sobol
+from .sobol import draw_sobol as draw_sobol
 from .sobol import sobol as sobol

@@ -1,18 +1,32 @@
-"""The local table: how much each event and curve of a blow changes with each parameter, ranked."""
+"""The local table: how much each event and curve of a blow changes with each parameter, ranked and drawn."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
+from model.files.figure_sheet import check_ending, new_sheet, save_sheet
 from model.sensitivity.result import Sensitivities
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 Array = NDArray[np.float64]
+
+MOST_ROWS = 20
+TITLES = {
+    "onset_s": "onset", "key_bottom_s": "key bottom", "let_off_s": "let-off time", "let_off_m": "let-off distance",
+    "strike_s": "strike time", "strike_m_per_s": "hammer speed", "rebound_s": "rebound time",
+    "rebound_m_per_s": "rebound speed", "check_s": "check time", "check_m": "check height", "drop_s": "drop time",
+}  # fmt: skip
+SHOWN = ("let_off_m", "strike_m_per_s", "check_m", "drop_s")
+FIRST, TOTAL = "#0072B2", "#C04A00"
 
 
 @dataclass(frozen=True)
@@ -40,6 +54,11 @@ class LocalTable(ArrayRecord):
     percent: Array
     change: Array
     per_u: Array
+
+    def strongest(self, most: int) -> list[str]:
+        """At most so many parameters, those that change any quantity most per declared uncertainty first."""
+        size = np.max(np.nan_to_num(np.abs(self.per_u) / np.abs(self.values)), axis=1)
+        return [self.parameters[i] for i in np.argsort(-size, kind="stable")[:most] if size[i] > 0.0]
 
     def rows(self) -> list[dict[str, Any]]:
         """One row a parameter and quantity, as written to a file."""
@@ -89,7 +108,7 @@ def local_table(found: Sensitivities) -> LocalTable:
                 values[k] -= start
             elif name.endswith("_s") and not name.endswith("_per_s"):
                 values[k], slopes[k] = values[k] - onset, slopes[k] - d_onset
-    names, units = list(events), [_unit(name) for name in events]
+    names, units = list(events), [unit_of(name) for name in events]
     for i, body in enumerate(found.angle_names):
         turn = found.angles_rad[:, i] - found.angles_rad[0, i]
         change = (found.d_angles[:, i] - found.d_angles[0, i]) * found.values
@@ -114,7 +133,8 @@ def local_table(found: Sensitivities) -> LocalTable:
     )
 
 
-def _unit(event: str) -> str:
+def unit_of(event: str) -> str:
+    """Unit of an event by the end of its name."""
     return "m/s" if event.endswith("_per_s") else event.rpartition("_")[2]
 
 
@@ -128,3 +148,93 @@ def lines(table: LocalTable, quantities: Mapping[str, str], most: int) -> list[s
     for i, name in enumerate(table.parameters[:most]):
         out.append(f"{name:<{width}}" + "".join(f" {table.percent[i, q]:>11.4f}" for q, _ in shown))
     return out
+
+
+def draw_local(table: LocalTable, path: str | Path) -> None:
+    """Write a map of percent per percent: parameters by events and curves, the most influential on top.
+
+    Parameters
+    ----------
+    table : from `local_table`
+    path : file to write, .svg, .pdf or .png
+
+    Examples
+    --------
+    >>> import model
+    >>> found = model.sensitivities("hirschkorn2004", model.force_table("forte"), ["hammer.mass", "friction"])
+    >>> model.screening.draw_local(model.screening.local_table(found), "local.svg")
+    """
+    target = Path(path)
+    check_ending(target)
+    shown = table.percent[:MOST_ROWS]
+    figure = new_sheet(2.5 + 0.62 * len(table.quantities), 2.4 + 0.28 * len(shown))
+    axes = figure.subplots()
+    # one strong parameter would leave the others without a colour
+    limit = max(float(np.quantile(np.abs(shown), 0.9)), 1e-12)
+    image = axes.imshow(shown, cmap="PuOr", vmin=-limit, vmax=limit, aspect="auto")
+    for i, q in np.ndindex(*shown.shape):
+        dark = abs(shown[i, q]) > 0.6 * limit
+        axes.text(q, i, f"{shown[i, q]:.2g}", ha="center", va="center", fontsize=6, color="white" if dark else "black")
+    axes.set_xticks(range(len(table.quantities)), [TITLES.get(n, n) for n in table.quantities], rotation=50, ha="right")
+    axes.set_yticks(range(len(shown)), table.parameters[:MOST_ROWS])
+    axes.tick_params(labelsize=8)
+    axes.set_title("percent of a quantity per percent of a parameter", fontsize=9)
+    figure.colorbar(image, ax=axes, shrink=0.6, extend="both")
+    save_sheet(figure, target)
+
+
+@dataclass(frozen=True)
+class Ranked(ArrayRecord):
+    """P parameters ranked for each of Q quantities.
+
+    Attributes
+    ----------
+    parameters : (P,) names
+    quantities : (Q,) names
+    """
+
+    parameters: tuple[str, ...]
+    quantities: tuple[str, ...]
+    BY: ClassVar[str] = ""
+    COLUMNS: ClassVar[tuple[str, ...]] = ()
+
+    def ranked(self, q: int) -> list[int]:
+        """Parameters of a quantity, the strongest first; none where nothing can be said."""
+        size = getattr(self, self.BY)[q]
+        return [] if np.all(np.isnan(size)) else np.argsort(np.nan_to_num(-size), kind="stable").tolist()
+
+    def numbers(self, q: int, j: int) -> dict[str, float]:
+        """Numbers of a quantity and parameter by name."""
+        columns = {name: getattr(self, name)[q] for name in self.COLUMNS}
+        return {name: float(column[j] if np.ndim(column) else column) for name, column in columns.items()}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a quantity and parameter, the strongest first, as written to a file."""
+        return [
+            {"quantity": name, "parameter": self.parameters[j]} | self.numbers(q, j)
+            for q, name in enumerate(self.quantities)
+            for j in self.ranked(q) or range(len(self.parameters))
+        ]
+
+
+def draw_ranked(found: Ranked, path: str | Path, draw: Callable[[Axes, int, list[int]], str]) -> None:
+    """Draw a panel for each main quantity, its parameters by what they are ranked by, the strongest on top.
+
+    Parameters
+    ----------
+    found : parameters and quantities
+    path : file to write, .svg, .pdf or .png
+    draw : draws the parameters (k,) of a quantity at heights 0 to k - 1; gives the label of the axis
+    """
+    target = Path(path)
+    check_ending(target)
+    names = found.quantities
+    panels = [names.index(name) for name in SHOWN if name in names] or list(range(min(4, len(names))))
+    figure = new_sheet(8.5, 0.5 + 4.0 * len(panels))
+    for axes, q in zip(np.atleast_1d(figure.subplots(len(panels), 1)), panels, strict=True):
+        order = (found.ranked(q) or list(range(len(found.parameters))))[:MOST_ROWS][::-1]
+        axes.set_xlabel(draw(axes, q, order), fontsize=8)
+        axes.set_yticks(range(len(order)), [found.parameters[i] for i in order], fontsize=7)
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=7)
+    save_sheet(figure, target)

@@ -7,39 +7,37 @@ hash of all they depend on, and are not computed again.
 
 from __future__ import annotations
 
-import hashlib
+import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import ArrayRecord, as_numbers
-from model.batch.job import Job, Member, code_sha256, run_job
-from model.batch.lanes import can, run_together
-from model.batch.run import POLL_S, workers_here
+from model.batch.job import Job, Member, content_sha256
+from model.batch.lanes import UNIT, choose, run_unit, units
+from model.batch.run import work_through, workers_here
+from model.batch.store import Store
 from model.errors import InputError, ModelError
-from model.files.atomic_write import whole_file
 from model.force_driven import ForceDrivenRun, output_times
 from model.integrators.methods import DEFAULT_METHOD
-from model.kernels.lanes import lanes_pay
 from model.parameters.action import Action
 from model.scene.build import build_scene
 from model.scene.selection import choice_of
 from model.screening.blow_marks import MARKS, blow_marks
-from model.screening.estimate import Estimate
 from model.sensitivity.parameter_names import Parameter, changed_by
 from model.simulation.statics import solve_rest
 
 Array = NDArray[np.float64]
 
 RATE_HZ = 5000.0  # of the samples that marks are read from
-UNIT = 64  # members of a unit: as many as lanes advance together (`model.batch.lanes`)
-AHEAD = 4  # units submitted per worker
 MANY = 8  # units from which on a study is estimated before it goes on
+MUCH_BYTES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -64,14 +62,9 @@ class Variants(ArrayRecord):
 
     def sha256(self, values: ArrayLike) -> str:
         """Hash of all that the marks of members with these values (m, P) depend on."""
-        digest = hashlib.sha256(code_sha256().encode())
-        about = (self.action.content(), repr(self.rest_input), repr(self.tolerance), MARKS)
-        digest.update(repr(about).encode())
-        digest.update(repr([(p.name, p.value, p.paths) for p in self.parameters]).encode())
-        for array in (self.time_s, self.force_n, self._of_members(values)):
-            digest.update(f"{array.shape} ".encode())
-            digest.update(array.tobytes())
-        return digest.hexdigest()
+        varied = tuple((p.name, p.value, repr(p.paths)) for p in self.parameters)
+        about = self.action.content(), self.rest_input, self.tolerance, MARKS, varied
+        return content_sha256(*about, self.time_s, self.force_n, self._of_members(values))
 
     def marks(self, values: ArrayLike) -> Array:
         """Marks (m, len(MARKS)) of members with values (m, P); a row of NaN where one cannot rest or be simulated."""
@@ -104,18 +97,13 @@ class Variants(ArrayRecord):
         return found
 
 
-def _computed(jobs: Sequence[Job]) -> Iterator[Member]:
-    if not (jobs and lanes_pay() and can(jobs[0])):
-        return iter([run_job(job, "") for job in jobs])
-    kinds: dict[bytes, list[int]] = {}
-    for i, job in enumerate(jobs):  # a variant that switches an element off has another structure
-        assert job.run is not None
-        kinds.setdefault(b"".join(table.tobytes() for table in job.run.scene.tables), []).append(i)
+def _computed(jobs: Sequence[Job]) -> list[Member]:
+    """Members of jobs in their order: in lanes, those of one structure together."""
+    jobs = choose(jobs, lanes=True)
     members: dict[int, Member] = {}
-    for group in kinds.values():
-        alike = [replace(jobs[i], in_lanes=True) for i in group]
-        members.update(zip(group, run_together(alike, [""] * len(alike)), strict=True))
-    return iter([members[i] for i in range(len(jobs))])
+    for unit in units(jobs, range(len(jobs)), workers=1):
+        members.update(zip(unit, run_unit([jobs[i] for i in unit], [""] * len(unit)), strict=True))
+    return [members[i] for i in range(len(jobs))]
 
 
 def marks_of_unit(variants: Variants, values: Array) -> Array:
@@ -129,6 +117,30 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, done: int, total: int) -> None:
         super().__init__(f"{done} of {total} members are done")
         self.done, self.total = done, total
+
+
+class Estimate(NamedTuple):
+    """What is left of a study, told before most of it is computed.
+
+    Attributes
+    ----------
+    members : still to compute
+    seconds : that they take on ``workers``
+    workers : that compute at the same time
+    size : bytes that their marks take on disk, 0 where none are kept
+    """
+
+    members: int
+    seconds: float
+    workers: int
+    size: int
+
+    def line(self) -> str:
+        """One line for the terminal."""
+        kept = f", {max(self.size / MUCH_BYTES, 0.1):.1f} MB on disk" if self.size else ""
+        unit, size = next((u for u in (("h", 3600.0), ("min", 60.0)) if self.seconds >= 2.0 * u[1]), ("s", 1.0))
+        about = f"{self.seconds / size:.{0 if unit == 's' else 1}f} {unit}"
+        return f"{self.members} members: about {about} on {self.workers} workers{kept}"
 
 
 @dataclass
@@ -150,112 +162,66 @@ class Study:
 
         Raises
         ------
-        InputError : workers or store cannot be used
+        InputError : workers or store cannot be used, or the disk cannot hold what is to be kept
         Interrupted : Ctrl-C; units under way are finished and kept
         """
-        if self.workers is not None and self.workers < 1:
-            raise InputError(f"workers: found {self.workers}, allowed 1 or more")
-        if self.store is not None:
-            try:
-                self.store.mkdir(parents=True, exist_ok=True)
-            except OSError as problem:
-                raise InputError(f"{self.store}: cannot be made ({problem.strerror}); choose another store") from None
+        store = None if self.store is None else Store(self.store)
         out = np.full((len(values), len(MARKS)), np.nan)
-        units = [slice(k, min(k + UNIT, len(values))) for k in range(0, len(values), UNIT)]
-        names = [variants.sha256(values[unit]) if self.store else "" for unit in units]
-        todo, done = [], 0
-        for unit, name in zip(units, names, strict=True):
-            kept = self._kept(name)
-            if kept is None or kept.shape != out[unit].shape:
-                todo.append((unit, name))
-            else:
-                out[unit] = kept
-                done += len(kept)
-        self._tell(done, len(values))
-        self._compute(variants, values, todo, out)
-        return out
+        todo = [range(k, min(k + UNIT, len(values))) for k in range(0, len(values), UNIT)]
+        names: dict[int, str] = {}
+        if store is not None:
+            names = {unit.start: variants.sha256(values[unit]) for unit in todo}
+            for unit in list(todo):
+                kept = store.get(names[unit.start])
+                if kept is not None and kept[1]["marks"].shape == out[unit].shape:
+                    out[unit] = kept[1]["marks"]
+                    todo.remove(unit)
+        done = len(out) - sum(map(len, todo))
+        if self.progress is not None and done:
+            self.progress(done, len(out))
 
-    def _compute(self, variants: Variants, values: Array, todo: list[tuple[slice, str]], out: Array) -> None:
-        done = len(out) - sum(unit.stop - unit.start for unit, _ in todo)
-        own = ThreadPoolExecutor(self.workers or workers_here()) if self.executor is None else None
-        pool = self.executor or own
-        assert pool is not None
-        at_work = self.workers or getattr(pool, "_max_workers", None) or workers_here()
-        waiting: dict[Future[Array], tuple[slice, str]] = {}
+        def submit(pool: Executor, unit: Sequence[int]) -> Future[Array]:
+            return pool.submit(marks_of_unit, variants, values[unit])
 
-        def collect(timeout: float | None) -> None:
+        def finish(unit: Sequence[int], future: Future[Array]) -> None:
             nonlocal done
-            for future in wait(waiting, timeout=timeout, return_when=FIRST_COMPLETED).done:
-                unit, name = waiting.pop(future)
-                out[unit] = future.result()
-                self._keep(name, out[unit])
-                done += unit.stop - unit.start
-                self._tell(done, len(out))
+            out[unit] = future.result()
+            if store is not None:
+                store.put(names[unit[0]], {}, {"marks": out[unit]})
+            done += len(unit)
+
+        def work(units: list[range]) -> None:
+            work_through(
+                units,
+                submit,
+                finish,
+                executor=self.executor,
+                workers=self.workers,
+                progress=self.progress,
+                count=(done, len(out)),
+            )
 
         try:
             if len(todo) > MANY:
-                for _ in range(2):  # the first also loads what is compiled
-                    began, (unit, name) = self.clock(), todo.pop(0)
-                    waiting[pool.submit(marks_of_unit, variants, values[unit])] = unit, name
-                    while waiting:
-                        collect(POLL_S)
-                self._estimate(self.clock() - began, todo, at_work, name)
-            for unit, name in todo:
-                waiting[pool.submit(marks_of_unit, variants, values[unit])] = unit, name
-                while len(waiting) >= AHEAD * at_work:
-                    collect(POLL_S)
-            while waiting:
-                collect(POLL_S)
+                work(todo[:1])  # also loads what is compiled
+                began = self.clock()
+                work(todo[1:2])
+                size = 0 if store is None else store.path(names[todo[1].start]).stat().st_size
+                todo = todo[2:]
+                self._estimate(self.clock() - began, todo, size)
+            work(todo)
         except KeyboardInterrupt:
-            for future in [f for f in waiting if f.cancel()]:
-                waiting.pop(future)
-            while waiting:
-                collect(None)
             raise Interrupted(done, len(out)) from None
-        finally:
-            for future in waiting:
-                future.cancel()
-            if own is not None:
-                own.shutdown(wait=True, cancel_futures=True)
+        return out
 
-    def _estimate(self, seconds: float, todo: list[tuple[slice, str]], workers: int, name: str) -> None:
-        """Tell what the units left take, as the last one took; refuse what the disk cannot hold."""
-        rounds = -(-len(todo) // workers)
-        size = len(todo) * self._path(name).stat().st_size if self.store is not None else 0
-        members = sum(unit.stop - unit.start for unit, _ in todo)
-        found = Estimate(members, rounds * seconds, workers, size)
-        found.check(self.store)
+    def _estimate(self, seconds: float, todo: list[range], size: int) -> None:
+        """Tell what the units left take, each the time and bytes of the last one; refuse what the disk cannot hold."""
+        workers = self.workers or getattr(self.executor, "_max_workers", None) or workers_here()
+        needed = len(todo) * size
+        if self.store is not None and needed > (free := shutil.disk_usage(self.store).free):
+            raise InputError(
+                f"{self.store}: the study needs {needed / MUCH_BYTES:.0f} MB, {free / MUCH_BYTES:.0f} MB are free; "
+                "free space and go on with the same command, or choose another folder"
+            )
         if self.announce is not None:
-            self.announce(found)
-
-    def _tell(self, done: int, total: int) -> None:
-        if self.progress is not None and done:
-            self.progress(done, total)
-
-    def _path(self, name: str) -> Path:
-        assert self.store is not None
-        return self.store / f"{name}.npz"
-
-    def _kept(self, name: str) -> Array | None:
-        if self.store is None:
-            return None
-        try:
-            with open(self._path(name), "rb") as raw, np.load(raw, allow_pickle=False) as file:
-                marks, digest = file["marks"], str(file["sha256"])
-        except (OSError, ValueError, KeyError, EOFError, ModelError):
-            return None
-        except Exception as problem:  # a damaged archive: zipfile and zlib raise errors of their own
-            if type(problem).__module__ in ("zipfile", "zlib"):
-                return None
-            raise
-        return marks if digest == _digest(name, marks) else None
-
-    def _keep(self, name: str, marks: Array) -> None:
-        if self.store is None:
-            return
-        with whole_file(self._path(name), "free space, then go on") as part, open(part, "wb") as file:
-            np.savez(file, marks=marks, sha256=np.array(_digest(name, marks)))
-
-
-def _digest(name: str, marks: Array) -> str:
-    return hashlib.sha256(name.encode() + np.ascontiguousarray(marks).tobytes()).hexdigest()
+            self.announce(Estimate(sum(map(len, todo)), -(-len(todo) // workers) * seconds, workers, needed))

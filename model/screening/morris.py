@@ -10,13 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.arrays import ArrayRecord, as_numbers
+from model.arrays import as_numbers
 from model.errors import InputError
 from model.screening.distributions import Spread
+from model.screening.local import FIRST, TITLES, TOTAL, Ranked, draw_ranked, unit_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -27,7 +33,7 @@ MOST_WAYS = 10_000
 
 
 @dataclass(frozen=True)
-class Morris(ArrayRecord):
+class Morris(Ranked):
     """Elementary effects of P parameters on Q quantities, per standard uncertainty of each parameter.
 
     Attributes
@@ -39,14 +45,14 @@ class Morris(ArrayRecord):
     absent : (Q,) share of members without this quantity; effects that needed one are left out
     """
 
-    parameters: tuple[str, ...]
-    quantities: tuple[str, ...]
     mu: Array
     mu_star: Array
     sigma: Array
     mu_star_low: Array
     mu_star_high: Array
     absent: Array
+    BY = "mu_star"
+    COLUMNS = ("mu", "mu_star", "mu_star_low", "mu_star_high", "sigma", "absent")
 
 
 def design(count: int, ways: int, random: np.random.Generator) -> Array:
@@ -117,7 +123,7 @@ def morris(
     np.put_along_axis(effects, which[:, :, None], np.diff(y, axis=1) / step, axis=1)
     draws = random.integers(0, ways, (RESAMPLES, ways))
     resampled = np.stack([_mean(np.abs(effects[draw])) for draw in draws])
-    low, high = (_quantile(resampled, q) for q in (0.025, 0.975))
+    low, high = np.quantile(resampled, [0.025, 0.975], axis=0)
     mu, mu_star = _mean(effects), _mean(np.abs(effects))
     there = np.sum(~np.isnan(effects), axis=0)
     spread_of = np.nansum((effects - mu) ** 2, axis=0) / np.maximum(there - 1, 1)
@@ -149,6 +155,28 @@ def _mean(effects: Array) -> Array:
     return np.divide(total, there, out=np.full(total.shape, np.nan), where=there > 0)
 
 
-def _quantile(values: Array, q: float) -> Array:
-    """Quantile of resampled means; NaN where a resample had none."""
-    return np.asarray(np.quantile(values, q, axis=0))
+def draw_morris(found: Morris, path: str | Path) -> None:
+    """Write mu* with its interval and sigma for the main quantities, a panel each.
+
+    Parameters
+    ----------
+    found : from `morris`
+    path : file to write, .svg, .pdf or .png
+
+    Examples
+    --------
+    >>> import model
+    >>> spreads = model.screening.spreads(model.load_action(), ["hammer.mass", "key.mass"])
+    >>> found = model.screening.morris(spreads, lambda values: values[:, :1], ["y"], ways=4)
+    >>> model.screening.draw_morris(found, "morris.svg")
+    """
+
+    def draw(axes: Axes, q: int, order: list[int]) -> str:
+        y, size = np.arange(len(order)), found.mu_star[q]
+        ends = np.abs(np.stack([found.mu_star_low[q], found.mu_star_high[q]]) - size)[:, order]
+        axes.errorbar(size[order], y, xerr=ends, fmt="o", color=FIRST, capsize=2, label="mu*, 95 %")
+        axes.plot(found.sigma[q][order], y, "|", color=TOTAL, markersize=9, label="sigma")
+        name = found.quantities[q]
+        return f"change of {TITLES.get(name, name)} per standard uncertainty, {unit_of(name)}"
+
+    draw_ranked(found, path, draw)

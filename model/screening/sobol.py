@@ -9,15 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc, sobol_indices
 
-from model.arrays import ArrayRecord
 from model.errors import InputError
 from model.screening.distributions import Spread
+from model.screening.local import FIRST, TITLES, TOTAL, Ranked, draw_ranked
 from model.screening.morris import marks_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -27,7 +32,7 @@ FEW_ABSENT = 0.02  # share of members without a quantity up to which its indices
 
 
 @dataclass(frozen=True)
-class Sobol(ArrayRecord):
+class Sobol(Ranked):
     """Indices of P parameters for Q quantities; NaN for a quantity that does not vary or is too often absent.
 
     Attributes
@@ -40,8 +45,6 @@ class Sobol(ArrayRecord):
     absent : (Q,) share of members without it; up to 2 % the median stands in for them
     """
 
-    parameters: tuple[str, ...]
-    quantities: tuple[str, ...]
     first: Array
     first_low: Array
     first_high: Array
@@ -51,6 +54,11 @@ class Sobol(ArrayRecord):
     mean: Array
     deviation: Array
     absent: Array
+    BY = "total"
+    COLUMNS = (
+        *("first", "first_low", "first_high", "total", "total_low", "total_high"),
+        *("mean", "deviation", "absent"),
+    )
 
 
 def members(count: int, n: int) -> int:
@@ -158,3 +166,31 @@ def _resampled(parts: dict[str, Array], rows: NDArray[np.int64]) -> Array:
     first = np.mean(b * (mixed - a), axis=1)
     total = 0.5 * np.mean((mixed - a) ** 2, axis=1)
     return np.stack([first, total]) / variance
+
+
+def draw_sobol(found: Sobol, path: str | Path) -> None:
+    """Write first and total indices with their intervals for the main quantities, a panel each.
+
+    Parameters
+    ----------
+    found : from `sobol`
+    path : file to write, .svg, .pdf or .png
+
+    Examples
+    --------
+    >>> import model
+    >>> spreads = model.screening.spreads(model.load_action(), ["hammer.mass", "key.mass"])
+    >>> found = model.screening.sobol(spreads, lambda values: values[:, :1], ["y"], n=64)
+    >>> model.screening.draw_sobol(found, "sobol.svg")
+    """
+
+    def draw(axes: Axes, q: int, order: list[int]) -> str:
+        y = np.arange(len(order), dtype=float)
+        for shift, color, name in ((0.15, FIRST, "first"), (-0.15, TOTAL, "total")):
+            index, low, high = (getattr(found, name + part)[q][order] for part in ("", "_low", "_high"))
+            ends = np.abs(np.stack([low, high]) - index)
+            axes.errorbar(index, y + shift, xerr=ends, fmt="o", ms=4, color=color, capsize=2, label=name)
+        axes.axvline(0.0, color="0.6", linewidth=0.8)
+        return f"share of the variance of {TITLES.get(found.quantities[q], found.quantities[q])}, 95 % intervals"
+
+    draw_ranked(found, path, draw)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.calibration.friction import peak_ratio
+from model.calibration.parts import peak_ratio
 from model.derived.columns import NORMAL
 from model.derived.load import observer_of
 from model.derived.observe import contacts_at

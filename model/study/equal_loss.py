@@ -21,10 +21,9 @@ from model.felt.laws import Hysteresis, Stulov
 from model.files.force_table import check_force_table
 from model.force_driven import output_times, simulate
 from model.parameters.action import BACK_CHECK, CONTACTS, KEY_FRONT, STRING, USUAL, Action
-from model.parameters.quantity import allowed_range
 from model.scene.build import build_scene
 from model.simulation.solution import Solution
-from model.study.felt_and_string import TOLERANCE, Effect, effect_of, touch_and_blow
+from model.study.effects import TOLERANCE, Blow, Effect, effect_of, touch_and_blow, varied_by_u
 
 Array = NDArray[np.float64]
 
@@ -144,47 +143,40 @@ def effects_at_equal_loss(
 
         out.append(effect_of(name, USUAL, [plain], marks))
         for law, second in SECOND.items():
-            variants = []
-            for sign in (0.0, -1.0, 1.0):
-                given = plain.with_laws(dict.fromkeys(found, law))
-                low, high, _ = allowed_range(f"{found[0]}.{second}")
-                values = {p: given[p] + sign * given.effects[p].u for p in (f"{c}.{second}" for c in found)}
-                given = given.with_effects({p: min(high, max(low, x)) for p, x in values.items()})
-                variants.append(_fitted(plain, given, law, wanted, blow))
-            out.append(effect_of(name, law, variants, marks))
+            given = plain.with_laws(dict.fromkeys(found, law))
+            every = [given, *varied_by_u(given, [[f"{c}.{second}" for c in found]])]
+            out.append(effect_of(name, law, [_fitted(plain, one, law, wanted, blow) for one in every], marks))
     return out
 
 
-def _blow(action: Action, blow: tuple[Array, Array]) -> Solution:
+def _blow(action: Action, blow: Blow) -> Solution:
     times, forces = blow
     at = output_times(float(times[0]), float(times[-1]), RATE_HZ)
     return simulate(action, times, forces, tolerance=TOLERANCE, output_time_s=at, contact_forces=True)
 
 
-def _fitted(plain: Action, given: Action, law: str, wanted: Mapping[str, Press], blow: tuple[Array, Array]) -> Action:
+def _fitted(plain: Action, given: Action, law: str, wanted: Mapping[str, Press], blow: Blow) -> Action:
     """The action whose felts have the peak force and the loss that are wanted: fitted along the last blow's press."""
     along = dict(wanted)
     best, least = given, math.inf
     for _ in range(ROUNDS):
         for contact, press in along.items():
-            values = _fit(
-                plain, given, contact, law, replace(wanted[contact], time_s=press.time_s, depth_m=press.depth_m)
-            )
+            aim = replace(wanted[contact], time_s=press.time_s, depth_m=press.depth_m)
+            values = _fit(plain, given, contact, law, aim)
             given = given.with_values({p: x for p, x in values.items() if p in given.quantities})
             given = given.with_effects({p: x for p, x in values.items() if p in given.effects})
         along = presses(given, _blow(given, blow), tuple(wanted))
         if set(along) != set(wanted):
             break
-        off = max(_off(along[c], wanted[c]) for c in wanted)
+        off = max(
+            max(abs(along[c].peak_n / wanted[c].peak_n - 1.0), abs(along[c].loss_j / wanted[c].loss_j - 1.0))
+            for c in wanted
+        )
         if off < least:
             best, least = given, off
         if off < CLOSE:
             break
     return best
-
-
-def _off(found: Press, wanted: Press) -> float:
-    return max(abs(found.peak_n / wanted.peak_n - 1.0), abs(found.loss_j / wanted.loss_j - 1.0))
 
 
 def _fit(plain: Action, given: Action, contact: str, law: str, wanted: Press) -> dict[str, float]:
@@ -194,14 +186,10 @@ def _fit(plain: Action, given: Action, contact: str, law: str, wanted: Press) ->
     """
     a, b, c = (plain[f"{contact}.{k}"] for k in CURVE)
     second = given[f"{contact}.{SECOND[law]}"]
-    ratios, peaks = [], []
-    for share in SHARES[law]:
-        force = _force(law, (a, b, c), float(share), second, wanted)
-        moved = np.diff(np.maximum(wanted.depth_m, 0.0))
-        peak = max(float(force.max()), 1e-12)
-        ratios.append(float(np.sum(0.5 * (force[1:] + force[:-1]) * moved)) / peak)
-        peaks.append(peak)
-    off = np.array(ratios) - wanted.loss_j / wanted.peak_n
+    moved = np.diff(np.maximum(wanted.depth_m, 0.0))
+    forces = np.array([_force(law, (a, b, c), float(share), second, wanted) for share in SHARES[law]])
+    peaks = np.maximum(forces.max(axis=1), 1e-12)
+    off = 0.5 * (forces[:, 1:] + forces[:, :-1]) @ moved / peaks - wanted.loss_j / wanted.peak_n
     crossing = np.flatnonzero(off[:-1] * off[1:] <= 0.0)
     if len(crossing):
         k = int(crossing[0])

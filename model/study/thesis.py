@@ -8,7 +8,6 @@ given. What the thesis compares with its experiment cannot be checked here and i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,9 +102,8 @@ def thesis_studies(action: Action, forte: tuple[ArrayLike, ArrayLike] | None = N
     hard = compare(action, time, force, [DECREASED, UNDAMPED, UNDAMPED_BUT_STRING, SLIPPERY, SLIPPERY_CHECK, LOOSE])
     if not np.isfinite(hard.measures[0].strike_s):
         raise InputError("forte: the hammer never meets the string; allowed a blow that makes it strike")
-    checks = [*_increased(soft), *_decreased(hard), *_undamped(hard), *_slippery(hard), *_loose(hard)]
-    checks += _strike(hard, *_lost_before_strike(action, time, force, hard))
-    return ThesisStudy(soft, hard, tuple(checks))
+    lost = _lost_before_strike(action, time, force, hard)
+    return ThesisStudy(soft, hard, (*_soft(soft), *_hard(hard), *_strike(hard, *lost)))
 
 
 def _share(study: Study, name: str, body: str, start: float = -np.inf, end: float = np.inf) -> float:
@@ -119,123 +117,103 @@ def _rms(study: Study, name: str, body: str = "hammer", start: float = -np.inf) 
     return 100.0 * float(np.sqrt(np.mean(study.difference(name, body, start) ** 2))) / study.range(body)
 
 
-def _below(figure: str, statement: str, judged_by: str, found: float, unit: str, limit: float) -> Observation:
-    return Observation(figure, statement, judged_by, found, unit, f"to {limit:g}", bool(found <= limit))
+def _check(
+    figure: str, statement: str, judged_by: str, found: float, unit: str, allowed: str, holds: bool | None = None
+) -> Observation:
+    """An observation; it holds where ``found`` is within ``allowed`` ("to 5", "from 10"), if nothing else is said."""
+    if holds is None:
+        side, limit = allowed.split()
+        holds = bool(found <= float(limit) if side == "to" else found >= float(limit))
+    return Observation(figure, statement, judged_by, found, unit, allowed, holds)
 
 
-def _above(figure: str, statement: str, judged_by: str, found: float, unit: str, limit: float) -> Observation:
-    return Observation(figure, statement, judged_by, found, unit, f"from {limit:g}", bool(found >= limit))
+def _soft(study: Study) -> list[Observation]:
+    later = study[INCREASED.name][1].strike_s - study[AS_GIVEN][1].strike_s
+    return [
+        *(
+            _check(
+                figure,
+                f"piano: damping for soft blows leaves the {body}'s motion nearly identical",
+                "largest difference, % of range",
+                _share(study, INCREASED.name, body),
+                "%",
+                "to 5",
+            )
+            for figure, body in (("4.9", "key"), ("4.10", "whippen"), ("4.11", "hammer"))
+        ),
+        _check("4.11", "piano: it does not take away the delay before the strike", "strike later by",
+               1e3 * later, "ms", "to 1"),
+    ]  # fmt: skip
+
+
+def _hard(study: Study) -> list[Observation]:
+    name = DECREASED.name
+    given, changed = study[AS_GIVEN][1], study[name][1]
+    lower, strike = 1e3 * (changed.hold_m - given.hold_m), given.strike_s
+    before = _share(study, name, "hammer", strike + 0.1, given.release_s)
+    after = _share(study, name, "hammer", given.release_s)
+    out = [
+        _check("4.16", "a tenth of the damping: the hammer checks slightly lower", "hold lower by",
+               lower, "mm", "0 to 5", bool(given.held and changed.held and 0.0 < lower <= 5.0)),
+        _check("4.16", "it diverges slightly after the key is released",
+               f"largest difference after release, % of range (before: {before:.1f})",
+               after, "%", "more than before, to 20", bool(before < after <= 20.0)),
+        _check("4.16", "the behaviour as a whole stays close", "RMS difference, % of range",
+               _rms(study, name), "%", "to 5"),
+    ]  # fmt: skip
+    for one in (UNDAMPED, UNDAMPED_BUT_STRING):
+        out += [
+            _check("4.17", f"{one.name}: a large effect", "RMS difference, % of range",
+                   _rms(study, one.name), "%", "from 10"),
+            _not_held("4.17", f"{one.name}: the hammer is not held on the back check", study, one.name),
+            _check("4.17", f"{one.name}: it keeps bouncing on the repetition lever",
+                   "touches of knuckle and lever between strike and release",
+                   study[one.name][1].lever_bounces, "", "from 3"),
+        ]  # fmt: skip
+    return [
+        *out,
+        _not_held("4.18", f"{SLIPPERY.name}: the hammer fails to check", study, SLIPPERY.name),
+        _not_held("4.18", "friction at the back check alone decides that", study, SLIPPERY_CHECK.name),
+        _check("4.19", f"{LOOSE.name}: no deviation between check and 0.50 s",
+               "largest difference from 0.1 s after the strike to 0.50 s, % of range",
+               _share(study, LOOSE.name, "hammer", strike + 0.1, 0.5), "%", "to 2"),
+        _check("4.19", f"{LOOSE.name}: a minor deviation after 0.50 s", "largest difference after 0.50 s, % of range",
+               _share(study, LOOSE.name, "hammer", 0.5), "%", "to 10"),
+    ]  # fmt: skip
 
 
 def _not_held(figure: str, statement: str, study: Study, name: str) -> Observation:
     m = study[name][1]
     judged_by = f"hammer moves in the last 0.1 s of the hold, {'held by' if m.held else 'not held by'} the check"
-    return Observation(
-        figure, statement, judged_by, 1e3 * m.hold_moved_m, "mm", "above 1, or off the check", not m.held
-    )
+    moved = 1e3 * m.hold_moved_m
+    return _check(figure, statement, judged_by, moved, "mm", "above 1, or off the check", not m.held)
 
 
-def _increased(study: Study) -> Iterator[Observation]:
-    for figure, body in (("4.9", "key"), ("4.10", "whippen"), ("4.11", "hammer")):
-        yield _below(
-            figure,
-            f"piano: damping for soft blows leaves the {body}'s motion nearly identical",
-            "largest difference, % of range",
-            _share(study, INCREASED.name, body),
-            "%",
-            5.0,
-        )
-    later = study[INCREASED.name][1].strike_s - study[AS_GIVEN][1].strike_s
-    yield _below(
-        "4.11", "piano: it does not take away the delay before the strike", "strike later by", 1e3 * later, "ms", 1.0
-    )
-
-
-def _decreased(study: Study) -> Iterator[Observation]:
-    name = DECREASED.name
-    given, changed = study[AS_GIVEN][1], study[name][1]
-    lower = 1e3 * (changed.hold_m - given.hold_m)
-    yield Observation(
-        "4.16", "a tenth of the damping: the hammer checks slightly lower", "hold lower by", lower, "mm", "0 to 5",
-        bool(given.held and changed.held and 0.0 < lower <= 5.0),
-    )  # fmt: skip
-    released = given.release_s
-    before = _share(study, name, "hammer", given.strike_s + 0.1, released)
-    after = _share(study, name, "hammer", released)
-    yield Observation(
-        "4.16", "it diverges slightly after the key is released",
-        f"largest difference after release, % of range (before: {before:.1f})", after, "%",
-        "more than before, to 20", bool(before < after <= 20.0),
-    )  # fmt: skip
-    yield _below(
-        "4.16", "the behaviour as a whole stays close", "RMS difference, % of range", _rms(study, name), "%", 5.0
-    )
-
-
-def _undamped(study: Study) -> Iterator[Observation]:
-    for one in (UNDAMPED, UNDAMPED_BUT_STRING):
-        yield _above(
-            "4.17", f"{one.name}: a large effect", "RMS difference, % of range", _rms(study, one.name), "%", 10.0
-        )
-        yield _not_held("4.17", f"{one.name}: the hammer is not held on the back check", study, one.name)
-        bounces = study[one.name][1].lever_bounces
-        yield _above(
-            "4.17", f"{one.name}: it keeps bouncing on the repetition lever",
-            "touches of knuckle and lever between strike and release", bounces, "", 3,
-        )  # fmt: skip
-
-
-def _slippery(study: Study) -> Iterator[Observation]:
-    yield _not_held("4.18", f"{SLIPPERY.name}: the hammer fails to check", study, SLIPPERY.name)
-    yield _not_held("4.18", "friction at the back check alone decides that", study, SLIPPERY_CHECK.name)
-
-
-def _loose(study: Study) -> Iterator[Observation]:
-    name = LOOSE.name
-    strike = study[AS_GIVEN][1].strike_s
-    yield _below(
-        "4.19", f"{name}: no deviation between check and 0.50 s",
-        "largest difference from 0.1 s after the strike to 0.50 s, % of range",
-        _share(study, name, "hammer", strike + 0.1, 0.5), "%", 2.0,
-    )  # fmt: skip
-    yield _below(
-        "4.19", f"{name}: a minor deviation after 0.50 s", "largest difference after 0.50 s, % of range",
-        _share(study, name, "hammer", 0.5), "%", 10.0,
-    )  # fmt: skip
-
-
-def _far(found: float, given: float) -> float:
-    """Distance from the given value; infinite where it did not happen."""
-    return abs(found - given) if np.isfinite(found) else np.inf
-
-
-def _strike(study: Study, lost: float, lost_elsewhere: float) -> Iterator[Observation]:
+def _strike(study: Study, lost: float, lost_elsewhere: float) -> list[Observation]:
     given = study[AS_GIVEN][1]
-    others = [(v.name, m) for v, m in zip(study.variants[1:], study.measures[1:], strict=True)]
-    name, worst = max(others, key=lambda item: _far(item[1].strike_s, given.strike_s))
-    yield _below(
-        "4.4", "none of the changes touches the initial strike: its time", f"largest change ({name})",
-        1e3 * abs(worst.strike_s - given.strike_s), "ms", 1.0,
-    )  # fmt: skip
-    name, worst = max(others, key=lambda item: _far(item[1].strike_m_per_s, given.strike_m_per_s))
-    yield _below(
-        "4.4", "none of the changes touches the initial strike: its speed", f"largest change ({name})",
-        100.0 * abs(worst.strike_m_per_s / given.strike_m_per_s - 1.0), "%", 2.0,
-    )  # fmt: skip
-    yield _below(
-        "4.4", "friction and damping lose no significant energy before the strike",
-        "lost by then, % of the work put in", lost, "%", 5.0,
-    )  # fmt: skip
-    yield _below(
-        "4.4", "the same, but for the felt under the key front, which the key may meet before the strike",
-        "lost by then elsewhere, % of the work put in", lost_elsewhere, "%", 5.0,
-    )  # fmt: skip
-    name = max((n for n, _ in others), key=lambda n: _rms(study, n, start=given.strike_s))
-    yield _above(
-        "4.4", "afterwards a parameter can change the motion drastically",
-        f"largest RMS difference after the strike, % of range ({name})",
-        _rms(study, name, start=given.strike_s), "%", 10.0,
-    )  # fmt: skip
+    others = {v.name: m for v, m in zip(study.variants[1:], study.measures[1:], strict=True)}
+
+    def farthest(measure: str) -> tuple[str, float]:
+        """The variant that changes it most, and its value; one that never strikes is infinitely far."""
+        away = {name: abs(getattr(m, measure) - getattr(given, measure)) for name, m in others.items()}
+        name = max(away, key=lambda n: away[n] if np.isfinite(away[n]) else np.inf)
+        return name, getattr(others[name], measure)
+
+    (late, strike_s), (fast, speed) = farthest("strike_s"), farthest("strike_m_per_s")
+    after = {name: _rms(study, name, start=given.strike_s) for name in others}
+    most = max(after, key=lambda name: after[name])
+    return [
+        _check("4.4", "none of the changes touches the initial strike: its time", f"largest change ({late})",
+               1e3 * abs(strike_s - given.strike_s), "ms", "to 1"),
+        _check("4.4", "none of the changes touches the initial strike: its speed", f"largest change ({fast})",
+               100.0 * abs(speed / given.strike_m_per_s - 1.0), "%", "to 2"),
+        _check("4.4", "friction and damping lose no significant energy before the strike",
+               "lost by then, % of the work put in", lost, "%", "to 5"),
+        _check("4.4", "the same, but for the felt under the key front, which the key may meet before the strike",
+               "lost by then elsewhere, % of the work put in", lost_elsewhere, "%", "to 5"),
+        _check("4.4", "afterwards a parameter can change the motion drastically",
+               f"largest RMS difference after the strike, % of range ({most})", after[most], "%", "from 10"),
+    ]  # fmt: skip
 
 
 def _lost_before_strike(action: Action, time_s: ArrayLike, force_n: ArrayLike, study: Study) -> tuple[float, float]:

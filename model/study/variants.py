@@ -7,7 +7,7 @@ first row is the action as given, to which the others are compared.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,23 +81,13 @@ class Study(ArrayRecord):
 
     def rows(self) -> list[dict[str, float | int | bool | str]]:
         """One row per variant: its measures and how far it is from the action as given."""
-        out: list[dict[str, float | int | bool | str]] = []
+        out = []
         for variant, m in zip(self.variants, self.measures, strict=True):
             away = self.difference(variant.name, "hammer")
-            out.append(
-                {
-                    "variant": variant.name,
-                    "strike_s": m.strike_s,
-                    "strike_m_per_s": m.strike_m_per_s,
-                    "strikes": m.strikes,
-                    "held": m.held,
-                    "hold_m": m.hold_m,
-                    "hold_moved_m": m.hold_moved_m,
-                    "lever_bounces": m.lever_bounces,
-                    "hammer_rms_rad": float(np.sqrt(np.mean(away**2))),
-                    "hammer_largest_rad": float(np.max(np.abs(away))),
-                }
-            )
+            rms, largest = float(np.sqrt(np.mean(away**2))), float(np.max(np.abs(away)))
+            row = {"variant": variant.name} | asdict(m) | {"hammer_rms_rad": rms, "hammer_largest_rad": largest}
+            del row["release_s"]
+            out.append(row)
         return out
 
     def _repr_html_(self) -> str:

@@ -35,7 +35,6 @@ HEAVY = {
     ),
     "rig.simulated.film_trial": (f"{CAMERA}.film_scene", f"gives {CAMERA}._Exposures"),
     f"{WORKFLOWS}.calibrate_encoder": (f"{WORKFLOWS}.bench.calibration.open_backend",),
-    f"{WORKFLOWS}.draw_inside": ("model.simulate",),
 }  # fmt: skip
 
 
@@ -156,14 +155,5 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     },
     f"{WORKFLOWS}.felt_order": lambda: {
         "contact": "contact02", "speeds": np.array([1.0]), "peaks": np.array([2.0, 3.0]), "repeats": None,
-    },
-    f"{WORKFLOWS}.friction": lambda: {"contact": None, "mu": np.array([0.5, 0.25]), "u": np.zeros(2)},
-    f"{WORKFLOWS}.rebound": lambda: {"speeds": np.array([2.0, 1.0]), "u": np.zeros(2)},
-    f"{WORKFLOWS}.pendulum": lambda: {
-        "action": action(), "body": None, "swing": np.array([1.0, 1.0, 4.0]), "u": np.zeros(3),
-    },
-    f"{WORKFLOWS}.draw_inside": lambda: {
-        "action": action(), "times": np.array([0.0, 1.0]), "force_n": np.array([0.0, 4.0]), "figures": None,
-        "animation": None, "tolerance": 1e-5, "scene": "whole", "method": "rodas5p",
     },
 }  # fmt: skip

@@ -1,12 +1,16 @@
-"""``pianorig calibrate-felt``: parameters of an action from measurements on its parts."""
+"""``pianorig calibrate-felt``: parameters of an action from measurements on its parts.
+
+Each function answers one measurement: JSON facts, lines to print, and values with standard uncertainty by path.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from glob import glob
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -14,9 +18,13 @@ import model
 from pianorig import workflows
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson
-from pianorig.console.output import print_json
+from pianorig.console.output import nan_as_null, print_json
 from pianorig.console.overrides import read_measured
 from pianorig.errors import CommandInputError
+
+STRING = "contact12"
+THESIS_RATIO = "four to five times"
+THESIS_LAW = "hunt-crossley"
 
 
 def command(
@@ -79,7 +87,9 @@ def command(
         check_writable(out, ".toml")
     curves = _named(curves or [])
     given = model.load_action(action)
-    blows, speeds = workflows.blow_speeds(given, force or [], motion or [])
+    if curves and contact is not None and f"{contact}.normal.a" not in given.quantities:
+        raise CommandInputError(f"--contact {contact}: not found; allowed contact01 to contact13")
+    blows, speeds = _blow_speeds(given, force or [], motion or [])
     if not curves and not blows and friction is None and rebound is None and pendulum is None:
         raise CommandInputError(
             "nothing to calibrate; name a loading experiment, or give --friction, --rebound or --pendulum"
@@ -92,17 +102,17 @@ def command(
             raise CommandInputError(
                 "--speed, --force, --motion: D of one curve; several curves give D from their own speeds"
             )
-        felt = workflows.felt_laws(given, curves, contact, figure)
+        felt = _felt_laws(curves, contact, figure)
         facts["felt_laws"] = felt.facts
         found.append((felt, f"calibrated from {len(curves)} presses, {curves[0].name} first"))
     elif curves:
-        felt = workflows.felt(given, curves[0], contact, speed, blows, figure)
+        felt = _felt(curves[0], contact, speed, blows, figure)
         facts["felt"] = felt.facts
         found.append((felt, f"calibrated from {curves[0].name}"))
     for name, texts, calibrate in (
-        ("friction", friction, partial(workflows.friction, contact)),
-        ("rebound", rebound, workflows.rebound),
-        ("pendulum", pendulum, partial(workflows.pendulum, given, body)),
+        ("friction", friction, partial(_friction, contact)),
+        ("rebound", rebound, _rebound),
+        ("pendulum", pendulum, partial(_pendulum, given, body)),
     ):
         if texts is not None:
             measured = [read_measured(text, f"--{name}") for text in texts]
@@ -136,3 +146,235 @@ def _named(curves: list[Path]) -> list[Path]:
     """Files of a pattern such as ``presses/*.csv``, which Windows shells hand on as it stands."""
     found = ([curve] if curve.exists() else sorted(map(Path, glob(str(curve)))) or [curve] for curve in curves)
     return [one for files in found for one in files]
+
+
+class Calibrated(NamedTuple):
+    """What a measurement gives."""
+
+    facts: dict[str, Any]
+    """For JSON."""
+    lines: list[str]
+    """To print."""
+    values: dict[str, tuple[float, float]]
+    """Path to value and standard uncertainty, for the action's file; empty where the part is not named."""
+
+
+def _blow_speeds(
+    action: model.Action, forces: Sequence[Path], motions: Sequence[Path]
+) -> tuple[dict[str, model.calibration.MeanSpeeds], Calibrated]:
+    """Mean normal speed of each contact in blows, simulated from forces or read, by name of the file."""
+    blows: dict[str, model.calibration.MeanSpeeds] = {}
+    for path in [*forces, *motions]:
+        if path.stem in blows:
+            raise CommandInputError(f"{path}: a blow named {path.stem} is there already; rename the file")
+        moved: tuple[Any, ...]
+        if path in forces:
+            driving = workflows.read_driving_force(path)
+            seen = model.simulate(action, driving.time_s, driving.force_n)
+            moved = (seen.time_s, seen.angle_rad, seen.speed_rad_per_s)
+        else:
+            moved = model.calibration.read_motion(path)
+        blows[path.stem] = model.calibration.mean_normal_speeds(action, *moved)
+    if not blows:
+        return blows, Calibrated({}, [], {})
+    facts = {
+        blow: {
+            name: nan_as_null({"mean_normal_speed_m_per_s": v, "counted_s": t})
+            for name, v, t in zip(m.contacts, m.speed_m_per_s.tolist(), m.counted_s.tolist(), strict=True)
+        }
+        for blow, m in blows.items()
+    }
+    return blows, Calibrated({"blows": facts}, _speed_table(blows), {})
+
+
+def _speed_table(blows: dict[str, model.calibration.MeanSpeeds]) -> list[str]:
+    """Mean speeds, and with two blows what that means for D."""
+    first, *others = blows
+    lines = [
+        f"mean normal speed while pressed and faster than {model.calibration.REST_SHARE:.0%} of the contact's largest, "
+        "m/s",
+        f"{'':<11}" + "".join(f" {b:>12}" for b in blows) + "".join(f"  {f'D {b}/{first}':>22}" for b in others),
+    ]
+    base = blows[first].speed_m_per_s
+    for k, name in enumerate(blows[first].contacts):
+        row = "".join(_cell(m.speed_m_per_s[k], 13) for m in blows.values())
+        lines.append(f"{name:<11}{row}" + "".join(_cell(base[k] / blows[b].speed_m_per_s[k], 24) for b in others))
+    if others:
+        lines.append(f"the thesis (Section 4.2.2) found D of its piano blow {THESIS_RATIO} that of its forte blow")
+    return lines
+
+
+def _cell(value: float, width: int) -> str:
+    return f"{f'{value:.3g}' if value == value else '-':>{width}}"
+
+
+def _felt(
+    path: Path,
+    contact: str | None,
+    speed: str | None,
+    blows: dict[str, model.calibration.MeanSpeeds],
+    figure: Path | None,
+) -> Calibrated:
+    """The felt's cubic from a loading experiment, its damping from the mean speeds, drawn if a figure is named."""
+    if blows and contact is None:
+        raise CommandInputError("--contact: missing; it says whose mean speed in the blow counts")
+    curve = model.calibration.read_curve(path)
+    fit = model.calibration.fit_felt(curve)
+    speeds = {} if speed is None else {"--speed": read_measured(speed, "--speed")}
+    speeds |= {blow: (m.of(contact), None) for blow, m in blows.items() if contact is not None}
+    dampings = {blow: model.calibration.damping_factor(fit, v, u or 0.0) for blow, (v, u) in speeds.items()}
+    lines = [f"{path}: {contact or 'felt'}, {1e3 * fit.measured_m[0]:.3g} to {1e3 * fit.measured_m[1]:.3g} mm"]
+    for name, unit, v, u in zip("abc", ("N/m^3", "N/m^2", "N/m"), fit.abc, fit.u_abc, strict=True):
+        lines.append(f"  {name} = {v:.4g}  u {u:.2g}  {unit}")
+    lines.append(f"  mid-line off the cubic: {fit.misfit_n:.3g} N rms of {fit.mid_n[-1]:.3g} N")
+    lines += [f"  {line}" for line in _judgement(fit)]
+    if fit.off:
+        lines.append(f"  u includes what all points share: {', '.join(fit.off)}")
+    if fit.bound is not None:
+        lines.append(f"  the fit lies on a bound of what a felt can do: {fit.bound}; look at the figure")
+    for blow, one in dampings.items():
+        lines.append(
+            f"  D = {one.d:.4g}  u {one.u_d:.2g}  s/m  ({blow}: {one.speed_m_per_s:.4g} m/s; taken at "
+            f"{1e3 * one.at_m:.3g} mm)"
+        )
+    if figure is not None:
+        model.calibration.figure.draw(curve, fit, dampings, contact or path.stem, figure)
+        lines.append(f"  {figure}")
+    facts = {
+        "file": path,
+        "contact": contact,
+        "abc": fit.abc,
+        "u_abc": fit.u_abc,
+        "covariance": fit.covariance,
+        "measured_m": fit.measured_m,
+        "misfit_n": fit.misfit_n,
+        "u_mid_n": fit.u_mid_n,
+        "law_fits": fit.law_fits,
+        "loop_misfit_n": fit.loop_misfit_n,
+        "loop_fits": fit.loop_fits,
+        "u_widened": fit.widened,
+        "bound": fit.bound,
+        "common_errors": {name: other.free_abc - fit.free_abc for name, other in fit.off.items()},
+        "D": {b: {"d": o.d, "u": o.u_d, "at_m": o.at_m, "speed_m_per_s": o.speed_m_per_s} for b, o in dampings.items()},
+        "figure": figure,
+    }
+    if contact is None:
+        return Calibrated(facts, lines, {})
+    values = {f"{contact}.normal.{k}": (float(v), float(u)) for k, v, u in zip("abc", fit.abc, fit.u_abc, strict=True)}
+    for first in list(dampings.values())[:1]:
+        values[f"{contact}.normal.D"] = (first.d, first.u_d)
+    return Calibrated(facts, lines, values)
+
+
+def _judgement(fit: model.calibration.FeltFit) -> list[str]:
+    """What the measured points say against the law of eqs 2.5 and 2.7."""
+    lines = []
+    if not fit.law_fits:
+        lines.append(
+            f"the law does not fit: the points know their mid-line to {fit.u_mid_n:.2g} N rms, the cubic of eq. 2.5 is "
+            f"{fit.widened:.2g} x as far off; u of a, b, c widened by that factor"
+        )
+    if not fit.loop_fits:
+        lines.append(
+            f"the loop does not fit: loading above unloading is not one share of the cubic at every depth (eq. 2.7), "
+            f"off by {fit.loop_misfit_n:.2g} N rms; u of D widened; a felt that remembers, or a speed that changed"
+        )
+    return lines
+
+
+def _friction(contact: str | None, mu: Sequence[float], u: Sequence[float]) -> Calibrated:
+    """Eq. 2.10 from static and kinetic coefficient."""
+    fit = model.calibration.fit_friction(*mu, *u)
+    facts = {"A": fit.a, "B1": fit.b1, "B2": fit.b2, "u_A": fit.u_a, "u_B1": fit.u_b1}
+    line = (
+        f"friction {contact or ''}: A = {fit.a:.4g}  u {fit.u_a:.2g}, B1 = {fit.b1:.4g}  u {fit.u_b1:.2g}, "
+        f"B2 = {fit.b2:g} (eq. 2.10)"
+    )
+    values = {"A": (fit.a, fit.u_a), "B1": (fit.b1, fit.u_b1), "B2": (fit.b2, 0.0)}
+    return Calibrated(facts, [line], {f"{contact}.friction.{k}": v for k, v in values.items()} if contact else {})
+
+
+def _rebound(speeds: Sequence[float], u: Sequence[float]) -> Calibrated:
+    """The string's damping from the hammer head's speed before and after it."""
+    d, u_d = model.calibration.damping_from_rebound(*speeds, *u)
+    line = f"string {STRING}: D = {d:.4g}  u {u_d:.2g}  s/m"
+    return Calibrated({"D": d, "u_D": u_d}, [line], {f"{STRING}.normal.D": (d, u_d)})
+
+
+def _pendulum(action: model.Action, body: str | None, swing: Sequence[float], u: Sequence[float]) -> Calibrated:
+    """A body's inertia from its mass, arm and period as a pendulum (eqs A.1, A.2)."""
+    if body is not None and body not in model.BODIES:
+        raise CommandInputError(f"--body {body}: not found; allowed {', '.join(model.BODIES)}")
+    u_of = dict(zip(("u_mass_kg", "u_arm_m", "u_period_s"), u, strict=True))
+    found = model.calibration.inertia_from_pendulum(*swing, **u_of, g=action["gravity.g"])
+    facts = {
+        "about_pivot_kg_m2": found.about_pivot,
+        "about_center_kg_m2": found.about_center,
+        "u_about_pivot_kg_m2": found.u_about_pivot,
+        "u_about_center_kg_m2": found.u_about_center,
+    }
+    line = (
+        f"inertia {body or ''}: {found.about_pivot:.4g}  u {found.u_about_pivot:.2g}  kg m^2 about the pivot, "
+        f"{found.about_center:.4g}  u {found.u_about_center:.2g}  about the centre of mass"
+    )
+    values = {f"{body}.inertia": (found.about_center, found.u_about_center)} if body else {}
+    return Calibrated(facts, [line], values)
+
+
+def _felt_laws(paths: Sequence[Path], contact: str | None, figure: Path | None) -> Calibrated:
+    """Every law fitted to all presses and judged by presses left out; values are those of the thesis's law."""
+    presses = [model.felt.read_pressing(path) for path in paths]
+    found = model.felt.compare_laws(presses)
+    speeds, peaks = [1e3 * p.speed_m_per_s for p in presses], [p.peak_n for p in presses]
+    lines = [
+        f"{contact or 'felt'}: {len(presses)} presses, {min(speeds):.3g} to {max(speeds):.3g} mm/s, peaks of "
+        f"{min(peaks):.3g} to {max(peaks):.3g} N",
+        f"  {'law':<14} {'left out':>9} {'fitted':>9} {'p':>7}   misfit, share of the peak force, typical press",
+    ]
+    for fit, left_out, p in zip(found.fits, found.overall, found.p_value, strict=True):
+        lines.append(f"  {fit.kind:<14} {left_out:>9.2%} {float(fit.misfit.mean()):>9.2%} {p:>7.2g}")
+    lines += [f"  {'noise':<14} {found.noise.mean():>9.2%}", f"  {found.verdict}"]
+    for fit in found.fits:
+        lines.append(f"  {fit.kind}: " + ", ".join(_value(fit, k) for k in range(len(fit.names))))
+    if figure is not None:
+        model.felt.figure.draw(presses, found, contact or "felt", figure)
+        lines.append(f"  {figure}")
+    values: dict[str, tuple[float, float]] = {}
+    if contact is not None:
+        thesis = next(fit for fit in found.fits if fit.kind == THESIS_LAW)
+        values = {
+            f"{contact}.normal.{name}": (value, u)
+            for name, value, u in zip(thesis.names, thesis.values, thesis.u, strict=True)
+        }
+        if THESIS_LAW not in found.supported:
+            lines.append(
+                f"  {contact} gets the values of {THESIS_LAW}, the law of the model, which these presses reject"
+            )
+    return Calibrated(_facts(found, contact, figure), lines, values)
+
+
+def _value(fit: model.felt.LawFit, k: int) -> str:
+    unit = "" if fit.units[k] == "1" else f" {fit.units[k]}"
+    return f"{fit.names[k]} = {fit.values[k]:.4g} u {fit.u[k]:.2g}{unit}"
+
+
+def _facts(found: model.felt.LawComparison, contact: str | None, figure: Path | None) -> dict[str, Any]:
+    laws = {
+        fit.kind: {
+            "values": nan_as_null(dict(zip(fit.names, fit.values, strict=True))),
+            "u": nan_as_null(dict(zip(fit.names, fit.u, strict=True))),
+            "units": dict(zip(fit.names, fit.units, strict=True)),
+            "misfit_left_out": dict(zip(found.presses, found.held_out[k].tolist(), strict=True)),
+            "misfit_fitted": dict(zip(found.presses, fit.misfit.tolist(), strict=True)),
+            "p_value": float(found.p_value[k]),
+        }
+        for k, fit in enumerate(found.fits)
+    }
+    return {
+        "contact": contact,
+        "laws": laws,
+        "noise": dict(zip(found.presses, found.noise.tolist(), strict=True)),
+        "supported": found.supported,
+        "verdict": found.verdict,
+        "figure": figure,
+    }

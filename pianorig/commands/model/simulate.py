@@ -1,9 +1,13 @@
-"""``pianorig simulate``: predict the motion of the action under a force table, and look inside it."""
+"""``pianorig simulate``: predict the motion of the action under a force, or the force that a motion of the key takes.
+
+With ``--inside`` the sums of the inside view are printed, as JSON or as text, and drawn.
+"""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -16,6 +20,10 @@ from pianorig.console.output import print_files, print_json
 from pianorig.console.overrides import load_changed
 from pianorig.console.progress import working
 from pianorig.errors import CommandInputError
+
+DRAWING_RATE_HZ = 10_000.0
+USELESS_SHARE = 0.5  # half the 95 % interval, of the force
+FAR_FROM_REST_RAD = 5e-4  # 0.1 mm at the key front; most records begin at rest, so a larger offset is mentioned
 
 
 def command(
@@ -93,22 +101,26 @@ def command(
         also = [name for name, given in (force_only | {"--animation": animation}).items() if given]
         if also:
             raise CommandInputError(f"--key-motion: found together with {', '.join(also)}; give one or the other")
+        times, angles = model.read_motion_table(key_motion, scene)
+        outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
         with working("simulating", quiet=as_json):
-            driven = workflows.drive_by_motion(
+            driven = model.simulate_motion(
                 chosen,
-                key_motion,
-                out,
+                times,
+                angles,
                 from_rest=from_rest,
                 tolerance=tolerance,
-                output_rate=output_rate,
+                output_time_s=outputs,
                 scene=scene,
                 method=method,
             )
+            attributes = run_attributes(chosen, tolerance, method, scene) | {"key_motion": str(key_motion)}
+            write_columns(out, driven.columns(), attributes | _reading(driven))
         if as_json:
-            print_json({"out": out, "tolerance_rad": tolerance} | workflows.motion_facts(driven))
+            print_json({"out": out, "tolerance_rad": tolerance} | _motion_facts(driven))
         else:
             print(f"{out}: {len(driven.time_s)} rows, {driven.counters['n_steps']} steps")
-            workflows.print_motion(driven)
+            _print_motion(driven)
         return
     if from_rest:
         raise CommandInputError("--from-rest: found without --key-motion, whose angles it is about; leave it out")
@@ -135,20 +147,25 @@ def command(
             estimate_error=True,
         )
     seen = solution.inside
-    words = {} if seen is None else workflows.described(chosen)
+    words = {} if seen is None else _described(chosen)
     effects = ", ".join([*choice.effects, *(f"{k}={v!r}" for k, v in choice.values)])
     write_columns(
         out,
         solution.columns(),
         run_attributes(chosen, tolerance, method, scene)
         | {"effects": effects, "force_table": str(force), "estimated_error_rad": solution.error_rad or 0.0}
-        | ({} if seen is None else workflows.lift_attributes(seen)),
+        | ({} if seen is None else _lift_attributes(seen)),
         None if seen is None else seen.long_names(words),
     )
     drawings = {"figures": figure, "animation": animation}
     if any(drawings.values()):
         with working("drawing", quiet=as_json):
-            workflows.draw_inside(chosen, times, values, **drawings, tolerance=tolerance, scene=scene, method=method)
+            # again, at a row rate for drawing
+            fine = model.output_times(times[0], times[-1], DRAWING_RATE_HZ)
+            moved = model.simulate(
+                chosen, times, values, output_time_s=fine, inside=True, tolerance=tolerance, scene=scene, method=method
+            )
+            _draw(chosen, moved, driving.at(fine), figure, animation)
     if as_json:
         facts: dict[str, object] = {
             "out": out,
@@ -158,11 +175,155 @@ def command(
             "tolerance_missed": solution.misses_tolerance,
             **solution.counters,
         }
-        facts |= {} if seen is None else workflows.inside_facts(seen)
+        facts |= {} if seen is None else _inside_facts(seen)
         print_json(facts | {name: path for name, path in drawings.items() if path is not None})
         return
     print(f"{out}: {len(solution.time_s)} rows, {solution.counters['n_steps']} steps")
-    workflows.print_error(solution)
+    if solution.error_rad is not None:
+        print(missed_request(solution) or f"largest error of an angle about {solution.error_rad:.1e} rad, requested "
+              f"{solution.tolerance:g}")  # fmt: skip
     if seen is not None:
-        workflows.print_inside(seen, words)
+        _print_inside(seen, words)
     print_files(drawings.values())
+
+
+def missed_request(solution: model.Solution) -> str:
+    """What to say where the request is missed by more than ten times; empty where it is not, or was not estimated."""
+    if solution.error_rad is None or not solution.misses_tolerance:
+        return ""
+    return (
+        f"requested error missed: angles are off by about {solution.error_rad:.1e} rad, "
+        f"{solution.error_rad / solution.tolerance:.0f} x the requested {solution.tolerance:g}: on this force small "
+        "errors grow; tighten --tolerance, and do not trust the motion in detail where the two differ"
+    )
+
+
+def _reading(driven: model.MotionDriven) -> dict[str, float]:
+    """How well the key's motion was known."""
+    return {
+        "coverage_factor_95": driven.coverage_factor,
+        "resolution_rad": driven.fit.resolution_rad,
+        "jitter_rad": driven.fit.jitter_rad,
+        "clock_jitter_s": driven.fit.clock_s,
+    }
+
+
+def _motion_facts(driven: model.MotionDriven) -> dict[str, Any]:
+    """First and largest force, their uncertainty and where the key would lift, for ``--json``."""
+    largest = int(abs(driven.force_n).argmax())
+    return {
+        "rows": len(driven.time_s),
+        "first_force_n": driven.force_n[0],
+        "largest_force_n": driven.force_n[largest],
+        "u_largest_force_n": driven.u_force_n[largest],
+        "half_width_share": driven.half_width_share(),
+        "interval_useless": bool(driven.half_width_share() > USELESS_SHARE),
+        **_reading(driven),
+        "key_would_lift": [{"start_s": lift.start_s, "end_s": lift.end_s} for lift in driven.key_tensions()],
+        **driven.counters,
+    }
+
+
+def _print_motion(driven: model.MotionDriven) -> None:
+    """Largest force with its uncertainty, and what makes it doubtful."""
+    largest = int(abs(driven.force_n).argmax())
+    half = driven.coverage_factor * driven.u_force_n[largest]
+    print(
+        f"largest force {driven.force_n[largest]:.2f} N +- {half:.2f} N (95 %) at {driven.time_s[largest]:.4f} s; "
+        f"key angle read to {driven.fit.resolution_rad:.3g} rad, jitter {driven.fit.jitter_rad:.2g} rad"
+    )
+    share = driven.half_width_share()
+    if share > USELESS_SHARE:
+        print(
+            f"this force is useless: its 95 % interval is +-{100.0 * share:.0f} % of it, because the key's angle is "
+            f"read only to {driven.fit.resolution_rad:.2g} rad; use an encoder with finer counts or a slower motion"
+        )
+    away = driven.fit.at(driven.time_s[:1])[0][0, 0] - driven.rest_rad
+    if abs(away) > FAR_FROM_REST_RAD:
+        print(
+            f"the first angle is {1e3 * away:+.2f} mrad from where it is in this action at rest: if it rested there, "
+            "shift the angles; for changes since rest add --from-rest"
+        )
+    for lift in driven.key_tensions():
+        print(
+            f"key would lift from its rail {1e3 * lift.start_s:.1f} to {1e3 * lift.end_s:.1f} ms: "
+            "do not trust the force there"
+        )
+
+
+def _described(action: model.Action) -> dict[str, str]:
+    """What each contact is, in the words of the action's file."""
+    ending = ".description"
+    return {path[: -len(ending)]: words for path, words in action.structure.items() if path.endswith(ending)}
+
+
+def _inside_facts(seen: model.inside.Inside) -> dict[str, object]:
+    """Sums of an inside view for ``--json``."""
+    contacts = [
+        {
+            "contact": name,
+            "largest_normal_n": seen.largest_normal_n[i],
+            "slid_m": seen.slid_m[-1, i],
+            "rubbed_j": seen.rubbed_j[-1, i],
+            "felt_j": seen.felt_j[-1, i],
+        }
+        for i, name in enumerate(seen.contacts)
+    ]
+    joints = [{"joint": body, "rubbed_j": seen.joint_j[-1, i]} for i, body in enumerate(seen.bodies)]
+    return {
+        "contacts": contacts,
+        "joints": joints,
+        "key_would_lift": [asdict(one) for one in seen.key_tensions()],
+        "key_lifts": [asdict(one) for one in seen.key_lifts()],
+    }
+
+
+def _lift_attributes(seen: model.inside.Inside) -> dict[str, list[float]]:
+    """Intervals in which the key lifts or would, as attributes of the output file; none where it stays."""
+    out = {}
+    for name, found in (("key_would_lift", seen.key_tensions()), ("key_lifts", seen.key_lifts())):
+        if found:
+            out[f"{name}_from_s"], out[f"{name}_to_s"] = [one.start_s for one in found], [one.end_s for one in found]
+    return out
+
+
+def _print_inside(seen: model.inside.Inside, words: dict[str, str]) -> None:
+    """Table of contacts and joints, then the intervals in which the key lifts or would."""
+    print(f"{'contact':<34}{'largest N':>10}{'rubbed mm':>11}{'friction mJ':>13}{'felt mJ':>9}")
+    for i, name in enumerate(seen.contacts):
+        title = f"{name.removeprefix('contact')} {words[name]}" if name in words else name.replace("_", " ")
+        print(
+            f"{title:<34}{seen.largest_normal_n[i]:>10.2f}"
+            f"{1e3 * seen.slid_m[-1, i]:>11.3f}{1e3 * seen.rubbed_j[-1, i]:>13.4f}{1e3 * seen.felt_j[-1, i]:>9.4f}"
+        )
+    for tip_n, tip_j in zip(seen.tip_n.T, seen.tip_j.T, strict=True):
+        print(f"{'tip of the motor arm':<34}{tip_n.max(initial=0.0):>10.2f}{'':>11}{'':>13}{1e3 * tip_j[-1]:>9.4f}")
+    joints = ", ".join(f"{body} {1e3 * seen.joint_j[-1, i]:.4f}" for i, body in enumerate(seen.bodies))
+    print(f"joints, friction mJ: {joints}")
+    for one in seen.key_tensions():
+        print(
+            f"key would lift from its balance rail {one.start_s:.4f} to {one.end_s:.4f} s: "
+            f"pull to {one.largest_n:.2f} N, {1e3 * one.impulse_ns:.2f} mN s"
+        )
+    for gone in seen.key_lifts():
+        print(
+            f"key off its balance rail {gone.start_s:.4f} to {gone.end_s:.4f} s: "
+            f"up to {1e3 * gone.largest_m:.3f} mm at {gone.largest_at_s:.4f} s"
+        )
+    if not seen.key_tensions() and not seen.key_lifts():
+        print("key stays on its balance rail")
+
+
+def _draw(
+    action: model.Action, solution: model.Solution, force_n: Any, figure: Path | None, animation: Path | None
+) -> None:
+    """A blow's sheet (needs matplotlib) and its animation."""
+    if figure is not None:
+        model.inside.draw_sheet(action, solution, force_n, figure)
+    if animation is not None and animation.suffix == ".html":
+        # start-up: the player's data need more of validation and vision than a run without animation
+        from pianorig.workflows.model.blow_animation import write_blow_animation
+
+        write_blow_animation(action, solution, force_n, animation)
+    elif animation is not None:
+        model.inside.write_animation(action, solution, force_n, animation)

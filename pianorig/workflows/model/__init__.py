@@ -1,5 +1,4 @@
-"""Work with the model alone or for the bench: inside view, key motion, studies, calibration, the dry run's prediction.
+"""What several commands do with the model: the force of a table or a trial, a cluster, a blow predicted or animated.
 
-In: an action and tables of force or motion; out: plain rows for JSON, lines for the terminal, figures and tables on
-disk. The mechanics is ``model``'s.
+In: an action, tables of force, a session or a bench; out: arrays, callables, files. The mechanics is ``model``'s.
 """

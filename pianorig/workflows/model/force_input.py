@@ -26,6 +26,10 @@ class DrivingForce:
     force_n: NDArray[np.float64]
     preload_n: float = 0.0
 
+    def at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The force (m,) at times (m,), linear between those of the table."""
+        return np.interp(time_s, self.time_s, self.force_n)
+
     def rest(self, action: model.Action, scene: model.SceneChoice) -> model.RestState | None:
         """Where the blow starts: at rest under the preload; None, the usual rest state, where there is none."""
         if not self.preload_n:

@@ -51,9 +51,9 @@ class Backwards(Executor):
         if len(self.held) == self.after:
             for waiting, function, values in reversed(self.held):
                 # as after a journey: new objects, read-only arrays
-                job, sha = pickle.loads(pickle.dumps(values))
+                (job,), hashes = pickle.loads(pickle.dumps(values))
                 job.run.scene.vector.setflags(write=False)
-                waiting.set_result(function(job, sha))
+                waiting.set_result(function([job], hashes))
         return future
 
 
@@ -118,7 +118,7 @@ def test_failures_are_members(action: model.Action) -> None:
 def test_lost_worker_is_the_error_of_its_member(action: model.Action) -> None:
     class Loses(ThreadPoolExecutor):
         def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Any:
-            if args[0].trial == "loud":
+            if args[0][0].trial == "loud":
                 future: Future[Any] = Future()
                 future.set_exception(MemoryError("worker lost"))
                 return future

@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 import model
-from model.regulation.bench import AT_REST_CLEAR, SCREW, TOLERANCE, TOO_FAR, Bench
+from model.regulation.screws import AT_REST_CLEAR, SCREW, TOLERANCE, TOO_FAR, Bench
 from model.regulation.turn_screw import turn_screw
 
 

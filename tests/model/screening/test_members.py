@@ -14,8 +14,7 @@ import pytest
 import model
 from model.screening import MARKS, Spread, Variants, spreads
 from model.screening import members as computing
-from model.screening.estimate import Estimate
-from model.screening.members import Interrupted, Study
+from model.screening.members import Estimate, Interrupted, Study
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +66,7 @@ def test_units_are_kept_and_not_computed_again(
     damaged, altered, _ = sorted((tmp_path / "kept").glob("*.npz"))
     damaged.write_bytes(damaged.read_bytes()[:50])
     with np.load(altered) as file:
-        np.savez(altered, marks=file["marks"] + 1e-9, sha256=file["sha256"])
+        np.savez(altered, marks=file["marks"] + 1e-9, about=file["about"])
     np.testing.assert_array_equal(study.run(variants, values), marks)
     assert len(computed) == 2  # neither half a file nor altered numbers are used
 
@@ -96,7 +95,7 @@ def test_a_study_is_estimated_before_it_goes_on(
 ) -> None:
     monkeypatch.setattr(computing, "UNIT", 64)
     monkeypatch.setattr(Variants, "marks", lambda self, rows: np.zeros((len(rows), len(MARKS))))
-    clock = iter([0.0, 100.0, 102.5])  # the first unit takes 100 s, the second 2.5
+    clock = iter([100.0, 102.5])  # begin and end of the second unit; the first also loads what is compiled
     told: list[Estimate] = []
     values = np.random.default_rng(1).random((20_000, 3))
     study = Study(workers=2, store=tmp_path, announce=told.append, clock=lambda: next(clock))
@@ -112,7 +111,7 @@ def test_a_study_is_estimated_before_it_goes_on(
     assert found.line() == f"19872 members: about 6.5 min on 2 workers, {found.size / 1e6:.1f} MB on disk"
     kept = len(list(tmp_path.glob("*.npz")))
     assert 20 <= kept < units  # stopped midway; goes on from there
-    clock = iter([0.0, 0.0, 0.0])
+    clock = iter([0.0, 0.0])
     study.progress = lambda done, total: begun.append(done)
     begun: list[int] = []
     study.run(variants, values)
@@ -187,5 +186,5 @@ def test_what_cannot_be_used(variants: Variants, values: np.ndarray, tmp_path: P
     with pytest.raises(model.InputError, match="workers: found 0"):
         Study(workers=0).run(variants, values)
     (tmp_path / "file").write_text("")
-    with pytest.raises(model.InputError, match="cannot be made"):
+    with pytest.raises(model.InputError, match="cannot be written"):
         Study(workers=1, store=tmp_path / "file" / "inside").run(variants, values)

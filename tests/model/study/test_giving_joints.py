@@ -11,7 +11,7 @@ import pytest
 import model
 from model.parameters.effects import PINS
 from model.study import joint_effects, joint_sweep
-from model.study.giving_joints import ALL, RIGID, loaded_as_at_rest
+from model.study.effects import ALL, RIGID, loaded_as_at_rest
 from tests.command_line import run
 
 BLOW = model.force_table("forte")
@@ -40,7 +40,7 @@ def test_the_hammers_joint_takes_rebound_and_the_rail_the_check() -> None:
     gives = [swept[f]["give_mm"] for f in (0.0, 400.0, 20.0, 1.0)]
     assert gives == sorted(gives) and gives[0] == 0.0
     assert abs(swept[400.0]["check_mm"] - rigid["check_mm"]) < 0.1 * abs(swept[1.0]["check_mm"] - rigid["check_mm"])
-    assert 100.0 * action["hammer_pin.stiffness"] < RIGID
+    assert 100.0 * action["hammer_pin.stiffness"] < RIGID["stiffness"]
 
 
 @pytest.mark.slow

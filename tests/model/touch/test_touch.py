@@ -10,9 +10,9 @@ import pytest
 
 import model
 from model.touch import Weights, fastest_repetition, feel, hammer_speeds, weigh
+from model.touch.feel import sounded
 from model.touch.figure import draw
 from model.touch.hammer_speed import approach_speed, touches
-from model.touch.repetition import sounded
 
 
 @pytest.fixture(scope="module")
