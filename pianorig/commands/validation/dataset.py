@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from pianorig.console.built_in_names import complete_scene
 from pianorig.console.options import AsJson
 from pianorig.console.output import print_json
 from pianorig.console.progress import say
@@ -37,6 +38,14 @@ def command(
         typer.Option("--sealed-truth", help="Of make: add a sealed split from fresh randomness, its truth kept here."),
     ] = None,
     films: Annotated[bool, typer.Option("--films/--no-films", help="Of make: film a stroke of each level.")] = True,
+    scene: Annotated[
+        str,
+        typer.Option(
+            "--scene",
+            help="Of make: what takes part in the specimens, a built-in scene or a TOML file.",
+            autocompletion=complete_scene,
+        ),
+    ] = "whole",
     as_json: AsJson = False,
 ) -> None:
     """Make the published data set, or score predictions on it.
@@ -45,19 +54,22 @@ def command(
     Example:  pianorig dataset make --out both --each 2 --sealed-truth truth/sealed.json
     """
     if job is Job.make:
-        _make(out, sealed_truth, as_json, seed=seed, each=each, films=films)
+        _make(out, sealed_truth, as_json, seed=seed, each=each, films=films, scene=scene)
     else:
         _score(predictions, data, as_json)
 
 
-def _make(out: Path | None, sealed_truth: Path | None, as_json: bool, *, seed: int, each: int, films: bool) -> None:
+def _make(
+    out: Path | None, sealed_truth: Path | None, as_json: bool, *, seed: int, each: int, films: bool, scene: str
+) -> None:
     from pianorig.workflows.dataset.make import make_dataset  # start-up: the virtual bench, which scoring needs not
 
     if out is None:
         raise CommandInputError("dataset make: --out is missing, the folder to create")
     made = make_dataset(
-        out, seed=seed, each=each, sealed_truth=sealed_truth, films=films, say=(lambda text: None) if as_json else say
-    )
+        out, seed=seed, each=each, sealed_truth=sealed_truth, films=films, scene=scene,
+        say=(lambda text: None) if as_json else say,
+    )  # fmt: skip
     if as_json:
         print_json({"dataset": made.folder, "trials": made.trials, "sealed_truth": made.sealed_truth})
         return

@@ -46,6 +46,7 @@ def make_dataset(
     each: int = EACH,
     sealed_truth: Path | None = None,
     films: bool = True,
+    scene: str = "whole",
     say: Callable[[str], None] = lambda text: None,
 ) -> Made:
     """Make the data set in a new folder.
@@ -62,6 +63,8 @@ def make_dataset(
         Where the truth of a sealed split is kept, outside ``out``; without it there is no sealed split.
     films : bool
         Film the first stroke of each level as pictures.
+    scene : str
+        Scene of the specimens, by name or file; only the truth states it.
     say : callable
         Told of the progress.
 
@@ -78,7 +81,7 @@ def make_dataset(
         raise CommandInputError(f"{sealed_truth}: exists, or lies in {out}, where it would be published")
     existed = out.is_dir()
     try:
-        return _make(out, seed, each, sealed_truth, _Told(films, say))
+        return _make(out, seed, each, sealed_truth, _Drawn(films, scene, say))
     except BaseException:
         if not existed:
             shutil.rmtree(out, ignore_errors=True)
@@ -86,14 +89,15 @@ def make_dataset(
 
 
 @dataclass(frozen=True)
-class _Told:
-    """Whether there are films, and who is told of the progress."""
+class _Drawn:
+    """Whether there are films, the specimens' scene, and who is told of the progress."""
 
     films: bool
+    scene: str
     say: Callable[[str], None]
 
 
-def _make(out: Path, seed: int, each: int, sealed_truth: Path | None, told: _Told) -> Made:
+def _make(out: Path, seed: int, each: int, sealed_truth: Path | None, told: _Drawn) -> Made:
     out.mkdir(parents=True, exist_ok=True)
     rows: dict[str, list[dict[str, Any]]] = {}
     seals: dict[str, str] = {}
@@ -126,13 +130,13 @@ def _make(out: Path, seed: int, each: int, sealed_truth: Path | None, told: _Tol
 
 
 def _split(
-    out: Path, split: str, random: np.random.Generator, each: int, told: _Told
+    out: Path, split: str, random: np.random.Generator, each: int, told: _Drawn
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Play and write one split; return the rows of its index and its truth."""
     (out / split).mkdir()
     rows: list[dict[str, Any]] = []
     trials, faults = {}, {}
-    specimens = [draw_specimen(name, random) for name in SPECIMENS]
+    specimens = [draw_specimen(name, random, told.scene) for name in SPECIMENS]
     number = 0
     for specimen in specimens:
         bench = SpecimenBench(specimen)

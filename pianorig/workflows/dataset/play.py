@@ -57,7 +57,7 @@ class SpecimenBench:
     """
 
     def __init__(self, specimen: Specimen) -> None:
-        bench = load_plant(DEFAULT_BENCH, seed=specimen.seed, sample_rate_hz=RATE_HZ)
+        bench = load_plant(DEFAULT_BENCH, specimen.seed, RATE_HZ, scene=specimen.scene)
         action = bench.choice.on(specimen.action())
         plant = ActionPlant(action, bench.choice, specimen.torque_per_volt_nm, SCATTER, specimen.seed, RATE_HZ)
         self.rig = rig.load_rig(RIG)

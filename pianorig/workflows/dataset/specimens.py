@@ -26,21 +26,22 @@ MOST = 2.0
 
 @dataclass(frozen=True)
 class Specimen:
-    """A specimen: its name, changed parameters, the true gain of the motor, and the seed of its scatter."""
+    """A specimen: its name, changed parameters, the true gain of the motor, the seed of its scatter, and its scene."""
 
     name: str
     changed: dict[str, float]
     torque_per_volt_nm: float
     seed: int
+    scene: str = "whole"
 
     def action(self) -> model.Action:
-        """The action with its parameters."""
-        return model.load_action(BASE).with_values(self.changed)
+        """The action with its parameters, in its scene."""
+        return model.load_scene(self.scene).on(model.load_action(BASE)).with_values(self.changed)
 
 
-def draw_specimen(name: str, random: np.random.Generator) -> Specimen:
+def draw_specimen(name: str, random: np.random.Generator, scene: str = "whole") -> Specimen:
     """Draw a specimen that can be played: one whose rest cannot be found is drawn again."""
-    base = model.load_action(BASE)
+    base = model.load_scene(scene).on(model.load_action(BASE))
     while True:
         changed = {path: base[path] + sd * _cut(random) for path, sd in SCREWS.items()}
         changed |= {path: base[path] * float(np.exp(sd * _cut(random))) for path, sd in FACTORS.items()}
@@ -50,7 +51,7 @@ def draw_specimen(name: str, random: np.random.Generator) -> Specimen:
             model.rest_state(base.with_values(changed))
         except model.ModelError:
             continue
-        return Specimen(name, changed, gain, seed)
+        return Specimen(name, changed, gain, seed, scene)
 
 
 def _cut(random: np.random.Generator) -> float:

@@ -13,12 +13,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import model
 import validation
 import vision
 from pianorig.errors import CommandInputError
 from pianorig.workflows.dataset import make
 from pianorig.workflows.dataset.conditions import CONDITIONS
-from pianorig.workflows.dataset.play import FAULTS, FILM_HZ, plant_fault
+from pianorig.workflows.dataset.play import FAULTS, FILM_HZ, SpecimenBench, plant_fault
+from pianorig.workflows.dataset.specimens import draw_specimen
 from tests.command_line import run
 from validation.dataset.files import CHANNELS
 from validation.dataset.score import SCORED, scored_trials
@@ -242,3 +244,14 @@ def test_every_fault_changes_something(fault) -> None:
     after = plant_fault(fault, time_s, film_s, values)
     changed = [name for name in values if not np.array_equal(values[name], before[name])]
     assert len(changed) + (not np.array_equal(after, film_s)) == 1
+
+
+def test_specimens_have_the_scene_that_was_asked_for(tmp_path) -> None:
+    specimen = draw_specimen("A", np.random.default_rng(1), "string")
+    assert specimen.action().scene == {"effects": ("string",)}
+    bench = SpecimenBench(specimen)
+    assert bench.backend.plant.choice.effects == ("string", "motor_arm")
+    bench.close()
+    with pytest.raises(model.InputError, match="did you mean string"):
+        make.make_dataset(tmp_path / "new", scene="strin")
+    assert not (tmp_path / "new").exists()
