@@ -1,8 +1,7 @@
 """A slow press of the key at a steady speed, as a technician examines an action; force and all motions come out.
 
 Built on the equations of motion with all friction, not on statics, so that the jack really slides out and the hammer
-really falls back. A stiff position servo moves a key of inertia `SERVO_INERTIA`; the force reported at the key front,
-per block of time, is what a hand on the real key would need for the same motion (momentum balance of the key, exact).
+really falls back. The front of the key is prescribed, in any scene; the force is what holds it there.
 Raises ``InputError`` where the key cannot reach a dip.
 """
 
@@ -16,32 +15,35 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
-from model.derived.load import kernels_of
+from model.derived.columns import NORMAL
+from model.derived.observe import contacts_at
 from model.errors import InputError
-from model.integrators.servo import STEP_LOOP, Followed, Servo, ServoRun, Wanted, follow
-from model.kernels.signatures import Outputs
+from model.motion_driven.prescribed_key import key_load
 from model.observables import hammer_height_m, key_dip_m
 from model.parameters.action import BODIES, Action
+from model.parameters.effects import SHANK
 from model.scene.build import build_scene
+from model.scene.key_motion import KeyMotion, with_moved
+from model.simulation.giving_motion import giving_motion
 from model.simulation.run import Simulation, State
+from model.simulation.statics import solve_rest
 
 Array = NDArray[np.float64]
 
-SERVO_INERTIA = 1.0  # kg m^2 about the key's pivot, some 300 keys: the action hardly disturbs the motion
-SERVO_RATE = 150.0  # 1/s, double pole of the servo
-BLOCK = 2e-3  # s, over which the force is constant
-SAMPLES = 4  # states recorded per block
+SAMPLE = 5e-4  # s, between states
 RAMP = 0.04  # s, in which the key accelerates and stops
+LONGEST_STEP_S = 2e-3
 KEY = BODIES.index("key")
 
 
 @dataclass(frozen=True)
 class Press:
-    """A slow press: states at (m,) times, force at the key front (m,) N, positive downwards, mean over its block.
+    """A slow press: states at (m,) times, force at the key front (m,) N, positive downwards.
 
     Attributes
     ----------
-    time_s, dip_m, hammer_height_m, force_n : (m,)
+    time_s, dip_m, hammer_height_m, force_n : (m,); the dip is that of the front, which the key's angle alone does not
+        tell where it lifts or gives
     angle_rad, speed_rad_per_s : (m, 5)
     contact_normal_n : contact name -> (m,) N
     leg : (m,) index of the waypoint the key is moving to
@@ -69,26 +71,31 @@ def key_angle_at_dip(action: Action, rest_rad: Array, dip_m: float) -> float:
     return math.asin(height / length) - offset
 
 
-def _speed_profile(
-    start: float, stops: Sequence[float], turn_rate: float, hold_s: float
-) -> tuple[Array, Array, list[float]]:
-    """Knots of the key's speed (times, speeds) through the stops, resting ``hold_s`` at each; times of arrival."""
-    times, speeds, arrived = [0.0], [0.0], []
-    here = start
+def _motion(start: float, stops: Sequence[float], turn_rate: float, hold_s: float) -> tuple[KeyMotion, list[float]]:
+    """The key's motion through the stops, resting ``hold_s`` at each, and the times of arrival, s.
+
+    Speeds rise and fall as 3 x^2 - 2 x^3, so that the acceleration has no jump.
+    """
+    at, rows, arrived, here = [0.0], list[list[float]](), list[float](), start
+
+    def go_on(time: float, *row: float) -> None:
+        at.append(at[-1] + time)
+        rows.append([*[0.0] * (6 - len(row)), *row])
+
     for stop in stops:
         way = abs(stop - here)
-        rate = min(turn_rate, way / RAMP)  # lower over a short distance
-        sign = math.copysign(1.0, stop - here)
-        if rate > 0.0:
-            t = times[-1]
-            cruise = way / rate - RAMP
-            times += [t + RAMP, t + RAMP + max(cruise, 1e-9), t + 2.0 * RAMP + max(cruise, 1e-9)]
-            speeds += [sign * rate, sign * rate, 0.0]
-        arrived.append(times[-1])
-        times.append(times[-1] + hold_s)
-        speeds.append(0.0)
+        rate = math.copysign(min(turn_rate, way / RAMP), stop - here)  # lower over a short distance
+        if rate != 0.0:
+            cruise = max(way / abs(rate) - RAMP, 1e-9)
+            ramp = -0.5 * rate / RAMP**3, rate / RAMP**2  # of time to the fourth and to the third
+            before = stop - 0.5 * rate * RAMP
+            go_on(RAMP, *ramp, 0.0, 0.0, here)
+            go_on(cruise, rate, before - rate * cruise)
+            go_on(RAMP, -ramp[0], -ramp[1], 0.0, rate, before)
+        arrived.append(at[-1])
+        go_on(hold_s, stop)
         here = stop
-    return np.array(times), np.array(speeds), arrived
+    return KeyMotion(np.array(at), np.array(rows)), arrived
 
 
 def slow_press(
@@ -105,7 +112,7 @@ def slow_press(
     Parameters
     ----------
     action : parameter set
-    rest_rad : (5,) rest state to start from
+    rest_rad : (n,) rest state of the action's scene to start from
     dips_m : where the key stops, e.g. ``[0.010]`` or, to press and let go, ``[0.010, 0.0]``
     speed_m_per_s : of the key front
     hold_s : rest at each stop, s
@@ -132,58 +139,37 @@ def slow_press(
     if not 0.0 < speed_m_per_s <= 1.0:
         raise InputError(f"speed of the press: found {speed_m_per_s:g} m/s, allowed above 0 to 1")
     rest, dips = as_numbers(rest_rad, "angles at rest", 1), as_numbers(dips_m, "dips of the key", 1)
-    if len(rest) != len(BODIES) or len(dips) == 0:
+    names = build_scene(action).bodies
+    if len(rest) != len(names) or len(dips) == 0:
         raise InputError(
-            f"slow press: found {len(rest)} angles at rest and {len(dips)} dips, allowed {len(BODIES)} and 1 or more"
+            f"slow press: found {len(rest)} angles at rest and {len(dips)} dips, allowed {len(names)} and 1 or more"
         )
-    lever = action["drive.point.x"]
+    begin = key_angle_at_dip(action, rest, 0.0)
     stops = [key_angle_at_dip(action, rest, float(dip)) for dip in dips]
-    knots, speeds, arrived = _speed_profile(float(rest[KEY]), stops, speed_m_per_s / abs(lever), hold_s)
-    ways = np.concatenate([[0.0], np.cumsum(np.diff(knots) * 0.5 * (speeds[1:] + speeds[:-1]))]) + rest[KEY]
-    servo = action.with_values({"key.inertia": SERVO_INERTIA})
-    run = Simulation(build_scene(servo), State(0.0, rest.copy(), np.zeros(len(BODIES))), tolerance)
-    count = math.ceil(knots[-1] / BLOCK)
-    middle = (np.arange(count) + 0.5) * BLOCK
-    wanted_speed = np.interp(middle, knots, speeds)
-    index = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(knots) - 2)
-    wanted = ways[index] + 0.5 * (speeds[index] + wanted_speed) * (middle - knots[index])
-    wanted_acceleration = np.gradient(wanted_speed, BLOCK) if count > 1 else np.zeros(count)
-    done = _follow(run, Wanted(wanted, wanted_speed, wanted_acceleration), lever, action["drive.point.y"])
-    extra = SERVO_INERTIA - action["key.inertia"]
-    force = done.pull + extra * done.gained / BLOCK / done.arm
-    times = (np.arange(1, count * SAMPLES + 1)) * (BLOCK / SAMPLES)
-    q_all, v_all = done.angle.reshape(-1, len(BODIES)), done.speed.reshape(-1, len(BODIES))
-    normal, _ = run.contact_forces(q_all, v_all)
+    motion, arrived = _motion(begin, stops, speed_m_per_s / abs(action["drive.point.x"]), hold_s)
+    scene = build_scene(action, key_motion=motion)
+    start = solve_rest(scene, 0.0, rest[[names.index(body) for body in scene.bodies[: scene.size]]])
+    run = Simulation(scene, State(0.0, start, np.zeros(scene.size)), tolerance, largest_step_s=LONGEST_STEP_S)
+    times = SAMPLE * np.arange(1, math.floor(motion.break_s[-1] / SAMPLE) + 1)
+    span = motion.break_s[[0, -1]]  # the input is the time itself
+    own = run.advance(float(times[-1]), span, span, output_time_s=times)
+    moved, memory = motion.at(times), run.remembered if scene.remembers else None
+    q, v = with_moved(scene.tables, scene.vector, own, moved, memory)
+    force, _ = key_load(scene, q, v, moved[:, 2], memory=memory)
+    normal = contacts_at(scene.tables, scene.vector, q, v, memory)[:, :, NORMAL]
+    order = [scene.bodies.index(body) for body in BODIES]
+    bend = q[:, scene.bodies.index(SHANK)] if SHANK in scene.bodies else None
+    give = giving_motion(scene, run.remembered)
+    front = np.tile(rest[: len(BODIES)], (len(times), 1))
+    front[:, KEY] = moved[:, 0]
     return Press(
         time_s=times,
-        dip_m=key_dip_m(action, q_all, rest),
-        hammer_height_m=hammer_height_m(action, q_all),
-        force_n=np.repeat(force, SAMPLES),
-        angle_rad=q_all,
-        speed_rad_per_s=v_all,
-        contact_normal_n={name: normal[:, i] for i, name in enumerate(run.scene.contacts)},
+        dip_m=key_dip_m(action, front, rest[: len(BODIES)]),
+        hammer_height_m=hammer_height_m(action, q[:, order], bend, None if give is None else give.of("hammer")[0]),
+        force_n=force,
+        angle_rad=q[:, order],
+        speed_rad_per_s=v[:, order],
+        contact_normal_n={name: normal[:, i] for i, name in enumerate(scene.contacts)},
         leg=np.minimum(np.searchsorted(np.array(arrived), times, side="left"), len(stops) - 1),
         arrived=tuple(arrived),
     )
-
-
-def _follow(run: Simulation, wanted: Wanted, front_x: float, front_y: float) -> Followed:
-    """States of every block; raises what stopped the run."""
-    count, n = len(wanted.angle), len(BODIES)
-    start, end = np.arange(count) * BLOCK, np.arange(1, count + 1) * BLOCK
-    at = start[:, None] + BLOCK * np.arange(1, SAMPLES + 1) / SAMPLES
-    at[:, -1] = end
-    shape = (count, SAMPLES, n)
-    pull, gained, arm = np.zeros((3, count))
-    z = len(run.state.memory)
-    memory = np.full((count, SAMPLES, z), np.nan)
-    done = Followed(at, np.full(shape, np.nan), np.full(shape, np.nan), memory, pull, gained, arm)
-    plan = run.plan(BLOCK, np.array([0.0, BLOCK]), np.zeros(2), output_time_s=at[0])  # the same numbers for all blocks
-    servo = Servo(SERVO_INERTIA, SERVO_RATE, BLOCK, front_x, front_y, KEY)
-    given = ServoRun(
-        STEP_LOOP, plan.scene, kernels_of(run.scene.tables), plan.method.coefficients, plan.limits, plan.account
-    )
-    reached = follow(servo, wanted, plan.span, done, given)
-    rows = at.ravel(), done.angle.reshape(-1, n), done.speed.reshape(-1, n), memory.reshape(count * SAMPLES, z)
-    run.reached(plan._replace(out=Outputs(*rows, plan.out.steps)), *reached)
-    return done
