@@ -22,8 +22,11 @@ from model.force_driven import simulate
 from model.motion_driven.slow_press import Press, slow_press
 from model.observables import hammer_height_m, key_dip_m
 from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, JACK_LEVER, KEY_FRONT, LEVER_KNUCKLE, Action
+from model.parameters.effects import KEY_LIFT, SHANK
+from model.scene.build import build_scene
 from model.simulation.hand_set_rest import hand_set_rest, slip_angle
 from model.simulation.run import State
+from model.simulation.statics import with_pins
 
 Array = NDArray[np.float64]
 
@@ -146,15 +149,30 @@ def _vector(action: Action, path: str) -> complex:
     return complex(action[f"{path}.x"], action[f"{path}.y"])
 
 
-def contact_gap(action: Action, contact: str, angle_rad: ArrayLike) -> Gap:
-    """Gap of a contact at the angles (5,) rad, whether or not the contact has any stiffness.
+def moved_pivots(action: Action, rest_rad: Array) -> dict[str, complex]:
+    """How far pivots are from their places in the set at rest, m: of joints that give, of a key that lifts."""
+    scene = build_scene(action)
+    out = dict.fromkeys((body for body, _ in scene.pins), 0j)
+    if scene.pins:
+        way = with_pins(scene, rest_rad, 0.0)[scene.size :]
+        for (body, axis), d in zip(scene.pins, way.tolist(), strict=True):
+            out[body] += d if axis == "x" else 1j * d
+    if KEY_LIFT in scene.bodies:
+        out["key"] = out.get("key", 0j) + 1j * float(rest_rad[scene.bodies.index(KEY_LIFT)])
+    return out
 
-    Geometry alone; points and directions are complex numbers in the world frame, x right, y up.
+
+def contact_gap(action: Action, contact: str, angle_rad: ArrayLike, moved: Mapping[str, complex] | None = None) -> Gap:
+    """Gap of a contact at angles (n,) rad, the five bodies' first, whether or not the contact has any stiffness.
+
+    Geometry alone; points and directions are complex numbers in the world frame, x right, y up. ``moved`` are
+    displacements of pivots, m.
     """
     frames = {"ground": (0j, 0.0)}  # pivot and angle of each body from ground
-    for body, angle in zip(BODIES, np.asarray(angle_rad, dtype=float), strict=True):
+    for body, angle in zip(BODIES, np.asarray(angle_rad, dtype=float)[: len(BODIES)], strict=True):
         pivot, turned = frames[action.structure[f"{body}.parent"]]
-        frames[body] = pivot + cmath.rect(1.0, turned) * _vector(action, f"{body}.pivot"), turned + float(angle)
+        pivot += cmath.rect(1.0, turned) * _vector(action, f"{body}.pivot") + (moved or {}).get(body, 0j)
+        frames[body] = pivot, turned + float(angle)
 
     def place(side: str) -> tuple[complex, float]:
         pivot, turned = frames[action.structure[f"{contact}.{side}.body"]]
@@ -181,13 +199,17 @@ def contact_gap(action: Action, contact: str, angle_rad: ArrayLike) -> Gap:
     return Gap(radius - abs(apart), apart / abs(apart), center)
 
 
-def first_touch_angle(action: Action, key_rest_rad: float) -> float:
-    """Angle of the key (rad) at which it first touches the felt under its front, without pressing it."""
+def first_touch_angle(action: Action, key_rest_rad: float, moved: complex = 0j) -> float:
+    """Angle of the key (rad) at which it first touches the felt under its front, without pressing it.
+
+    Its pivot is ``moved`` (m) from its place in the set.
+    """
     felt, line = f"{KEY_FRONT}.first", f"{KEY_FRONT}.second"
     nx, ny = action[f"{line}.normal.x"], action[f"{line}.normal.y"]
     length = math.hypot(nx, ny)
     nx, ny = nx / length, ny / length
-    ax, ay = action[f"{felt}.x"] - action["key.pivot.x"], action[f"{felt}.y"] - action["key.pivot.y"]
+    ax = action[f"{felt}.x"] - action["key.pivot.x"] - moved.real
+    ay = action[f"{felt}.y"] - action["key.pivot.y"] - moved.imag
     # touch: (felt centre) . R(angle) normal = line's own distance + radius
     along, across = ax * nx + ay * ny, ay * nx - ax * ny
     reach = action[f"{line}.x"] * nx + action[f"{line}.y"] * ny + action[f"{felt}.radius"]
@@ -200,18 +222,21 @@ def first_touch_angle(action: Action, key_rest_rad: float) -> float:
 
 
 def at_rest(action: Action, rest_rad: Array | None = None) -> dict[str, float]:
-    """Dip, hammer height, jack and repetition lever (m) of an action at rest, (5,) rad."""
+    """Dip, hammer height, jack and repetition lever (m) of an action at rest in its scene, (n,) rad."""
     q = hand_set_rest(action) if rest_rad is None else rest_rad
-    touch = q.copy()
-    touch[BODIES.index("key")] = first_touch_angle(action, float(q[BODIES.index("key")]))
+    moved, touch = moved_pivots(action, q), q.copy()
+    touch[BODIES.index("key")] = first_touch_angle(action, float(q[BODIES.index("key")]), moved.get("key", 0j))
+    hammer = moved.get("hammer", 0j)
     # the jack's right side is the line of its contact with the lever; the knuckle's right edge is measured square to it
-    line, knuckle = contact_gap(action, JACK_LEVER, q), contact_gap(action, JACK_KNUCKLE, q)
+    line, knuckle = contact_gap(action, JACK_LEVER, q, moved), contact_gap(action, JACK_KNUCKLE, q, moved)
     side = _along(line.center, line.normal) - action[f"{JACK_LEVER}.first.radius"] + line.penetration_m
     edge = _along(knuckle.center, line.normal) + action[f"{JACK_KNUCKLE}.first.radius"]
-    under_knuckle = contact_gap(action, LEVER_KNUCKLE, q).penetration_m
+    under_knuckle = contact_gap(action, LEVER_KNUCKLE, q, moved).penetration_m
+    bodies = build_scene(action).bodies
+    bend = q[bodies.index(SHANK)] if SHANK in bodies else None
     return {
         "dip": float(key_dip_m(action, touch[None, :], q)[0]),
-        "hammer_height": float(hammer_height_m(action, q)),
+        "hammer_height": float(hammer_height_m(action, q, bend, [hammer.real, hammer.imag])),
         "jack": side - edge,
         # gap under the knuckle; where the lever carries the hammer, how far it holds the knuckle off the jack
         "repetition": min(0.0, knuckle.penetration_m) - under_knuckle,
@@ -250,9 +275,9 @@ def medium_blow() -> tuple[Array, Array]:
 def in_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dict[str, str]]:
     """Height (m) at which the back check holds the hammer after a medium blow, and remarks."""
     times, force = medium_blow()
-    start = State(float(times[0]), np.array(rest_rad, dtype=float), np.zeros(len(BODIES)))
+    start = State(float(times[0]), np.array(rest_rad, dtype=float), np.zeros(len(rest_rad)))
     end = simulate(action, times, force, initial=start, output_time_s=times[-1:], contact_forces=True)
-    height = float(hammer_height_m(action, end.angle_rad)[0])
+    height = float(end.hammer_height_m(action)[0])
     if end.contact_normal_n is None or BACK_CHECK not in end.contacts:
         return {"check": math.nan}, {"check": "there is no back check"}
     push = float(end.contact_normal_n[0, end.contacts.index(BACK_CHECK)])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from model.errors import InputError, RegulationError, StaticsError
 from model.parameters.action import BACK_CHECK, BUTTON, DROP_SCREW, Action
 from model.parameters.quantity import allowed_range
-from model.regulation.measures import TARGETS, RegulationTarget, at_rest, contact_gap, in_blow, in_press
+from model.regulation.measures import TARGETS, RegulationTarget, at_rest, contact_gap, in_blow, in_press, moved_pivots
 from model.simulation.hand_set_rest import hand_set_rest
 
 TOLERANCE = 20e-6  # m, within which a target counts as met
@@ -137,7 +137,7 @@ class Bench:
         try:
             rest = hand_set_rest(action)
             contact, way = AT_REST_CLEAR[name]
-            if contact_gap(action, contact, rest).penetration_m > 0.0:
+            if contact_gap(action, contact, rest, moved_pivots(action, rest)).penetration_m > 0.0:
                 # what it holds at rest it neither lets off nor catches; the error of one turned much too far
                 return -math.copysign(TOO_FAR, way * SCREW[name].usual_effect)
             if kind == "press":
@@ -151,7 +151,8 @@ class Bench:
     def room(self, contact: str) -> float:
         """Gap (m) of a contact with the action at rest."""
         action = self.action()
-        return -contact_gap(action, contact, hand_set_rest(action)).penetration_m
+        rest = hand_set_rest(action)
+        return -contact_gap(action, contact, rest, moved_pivots(action, rest)).penetration_m
 
     def failure(self, name: str, error: float, why: str = "") -> RegulationError:
         """The error that says which target stays how far off with which screw where."""

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
-from model.parameters.effects import column
+from model.observables import hammer_height_m
+from model.parameters.action import Action
+from model.parameters.effects import SHANK, column
 from model.simulation.giving_motion import GivingMotion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.string_motion import StringMotion
@@ -86,6 +88,12 @@ class Solution(ArrayRecord):
     def misses_tolerance(self) -> bool:
         """Whether the estimated error is more than `MISSED` times the tolerance; False where it was not estimated."""
         return self.error_rad is not None and self.error_rad > MISSED * self.tolerance
+
+    def hammer_height_m(self, action: Action) -> NDArray[np.float64]:
+        """Distance (m,) of the hammer's head from the string, m, with what its shank bends and its joint gives."""
+        bend = self.angle_rad[:, self.bodies.index(SHANK)] if SHANK in self.bodies else None
+        give = None if self.give is None else self.give.of("hammer")[0]
+        return hammer_height_m(action, self.angle_rad, bend, give)
 
     def __repr__(self) -> str:
         """Bodies, rows and times, without the arrays."""

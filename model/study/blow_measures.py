@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.files.time_table import two_columns
-from model.observables import along_string_normal, hammer_height_m
+from model.observables import along_string_normal
 from model.parameters.action import BACK_CHECK, BODIES, LEVER_KNUCKLE, STRING, Action
 from model.simulation.solution import Solution
 from model.touch.hammer_speed import approach_speed, touches
@@ -82,8 +82,8 @@ def measure_blow(action: Action, solution: Solution, force_n: ArrayLike) -> Blow
     time, force_n = two_columns(solution.time_s, force_n, "force of the blow")
     normal = solution.contact_normal_n
     assert normal is not None, "a blow is measured with its contact forces"
-    give, gives = (None, None) if solution.give is None else solution.give.of("hammer")
-    height = hammer_height_m(action, solution.angle_rad, give_m=give)
+    gives = None if solution.give is None else solution.give.of("hammer")[1]
+    height = solution.hammer_height_m(action)
     met = touches(height) if STRING in solution.contacts else np.empty(0, dtype=np.int64)
     strike = speed = math.nan
     if len(met):

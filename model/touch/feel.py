@@ -23,8 +23,7 @@ from model.arrays import ArrayRecord, as_numbers
 from model.errors import InputError
 from model.force_driven import simulate
 from model.motion_driven.slow_press import Press, slow_press
-from model.observables import hammer_height_from_angle
-from model.parameters.action import BODIES, Action
+from model.parameters.action import Action
 from model.regulation.measures import at_rest
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
@@ -117,9 +116,9 @@ def sounded(
     force = peak_n * np.sin(np.pi * rate_hz * times) ** 2
     output = np.arange(math.floor(end / SAMPLE) + 1) * SAMPLE
     rest = hand_set_rest(action) if rest_rad is None else rest_rad
-    start = State(0.0, rest.copy(), np.zeros(len(BODIES)))
+    start = State(0.0, rest.copy(), np.zeros(len(rest)))
     played = simulate(action, times, force, initial=start, output_time_s=output[output <= end], tolerance=1e-4)
-    height = hammer_height_from_angle(action, played.angle_rad[:, BODIES.index("hammer")])
+    height = played.hammer_height_m(action)
     blow = np.minimum((output[touches(height)] * rate_hz).astype(int), BLOWS - 1)
     out = np.zeros(BLOWS, dtype=bool)
     out[blow] = True

@@ -73,13 +73,13 @@ def hammer_speeds(action: Action, forces_n: ArrayLike = FORCES) -> Array:
     times = np.arange(round(LONGEST / SAMPLE) + 1) * SAMPLE
     out = np.full(len(forces), math.nan)
     for i, force in enumerate(forces.tolist()):
-        start = State(0.0, rest.copy(), np.zeros(len(BODIES)))
+        start = State(0.0, rest.copy(), np.zeros(len(rest)))
         # a harder blow takes less time: 0.6 s at 1.5 N
         end = min(LONGEST, max(0.1, LONGEST * 1.5 / force))
         output = times[times <= end]
         blow = simulate(action, [0.0, RISE, end], [0.0, force, force], initial=start, output_time_s=output)
         hammer = blow.angle_rad[:, HAMMER]
-        height = hammer_height_from_angle(action, hammer)
+        height = blow.hammer_height_m(action)
         first = touches(height)
         if len(first):
             k = first[0]
