@@ -11,7 +11,7 @@ import typer
 import model
 from pianorig.console.built_in_names import complete_file
 from pianorig.console.column_file import check_writable
-from pianorig.console.options import BUILT_IN_ACTION, AsJson, Settings
+from pianorig.console.options import BUILT_IN_ACTION, AsJson, Scene, Settings
 from pianorig.console.output import nan_as_null, print_json
 from pianorig.console.overrides import load_changed, read_settings
 from pianorig.console.progress import working
@@ -31,6 +31,7 @@ def command(
         ),
     ] = None,
     set_: Settings = None,
+    scene: Scene = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure and regulate an action as a technician does.
@@ -42,7 +43,7 @@ def command(
     """
     if out is not None:
         check_writable(out, ".toml")
-    given = load_changed(action, set_)
+    given = load_changed(action, set_, scene=scene)
     wanted = {name: 1e-3 * length for name, length in read_settings(target_mm or [], "--target-mm").items()}
     targets = model.regulation.targets_at(wanted)
     if out is None:

@@ -16,7 +16,7 @@ import model
 from pianorig import workflows
 from pianorig.console import options
 from pianorig.console.column_file import make_folder, write_rows
-from pianorig.console.options import DEFAULT_ACTION, AsJson, Scale, Settings
+from pianorig.console.options import DEFAULT_ACTION, AsJson, Scale, Scene, Settings
 from pianorig.console.output import nan_as_null, print_files, print_json
 from pianorig.console.overrides import load_changed, read_settings
 from pianorig.console.progress import bar, say, working
@@ -71,6 +71,7 @@ def command(
     ] = None,
     set_: Settings = None,
     scale: Scale = None,
+    scene: Scene = None,
     seed: Annotated[int, typer.Option("--seed", help="Of the variants that are drawn.")] = 0,
     workers: Annotated[int | None, typer.Option("--workers", help="Threads; default one per processor.")] = None,
     cluster: Annotated[
@@ -93,7 +94,7 @@ def command(
             if given is not None:
                 raise CommandInputError(f"{name}: goes with --morris or --sobol; the local table varies nothing")
     names = None if parameters is None else [name.strip() for name in parameters.split(",") if name.strip()]
-    chosen = load_changed(action, set_, scale)
+    chosen = load_changed(action, set_, scale, scene)
     uncertainties = read_settings(u or [], "--u")
     if out is not None:
         make_folder(out)
@@ -111,7 +112,7 @@ def command(
     if names is not None and (morris is not None or sobol is not None):
         model.screening.spreads(chosen, names, uncertainties)  # refuses, before anything is computed, what cannot vary
     source = _trial_of(blow, trial)
-    driving = workflows.read_driving_force(source)
+    driving = workflows.read_driving_force(source, model.choice_of(chosen).input_column)
     with nullcontext() if cluster is None else workflows.cluster_executor(cluster) as executor:  # may not be there
         local = _local(chosen, driving, names, as_json)
         facts: dict[str, Any] = {"action": chosen.name, "blow": source, "local": [nan_as_null(r) for r in local.rows()]}

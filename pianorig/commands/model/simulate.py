@@ -71,16 +71,16 @@ def command(
         typer.Option("--animation", help="Draw the action moving, contacts lit by their force: .html or .svg."),
     ] = None,
     scene: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--scene",
             help="What takes part: whole, without-string, key, key-whippen; with effects lifting-key, flexible-shank, "
             "lifting-key-flexible-shank, motor-arm and compliant-tip (driven by torque_nm), "
             "motor-drive and motor-voltage (by command_v), finger (by finger_m), string, giving-hammer, giving-joints; "
-            "or a TOML file.",
+            "or a TOML file; default: what the action says.",
             autocompletion=complete_scene,
         ),
-    ] = "whole",
+    ] = None,
     method: Annotated[str, typer.Option("--method", help="Integration method.")] = "rodas4p",
     as_json: AsJson = False,
 ) -> None:
@@ -95,13 +95,15 @@ def command(
         check_writable(figure, *FIGURE_ENDINGS)
     if animation is not None:
         check_writable(animation, ".html", ".svg")
-    chosen = load_changed(action, set_, scale)
+    chosen = load_changed(action, set_, scale, scene)
+    choice = model.choice_of(chosen, scene)
+    named = scene or ", ".join(choice.effects) or "whole"
     if key_motion is not None:
         force_only = {"--force": force, "--forces": forces, "--inside": inside, "--figure": figure}
         also = [name for name, given in (force_only | {"--animation": animation}).items() if given]
         if also:
             raise CommandInputError(f"--key-motion: found together with {', '.join(also)}; give one or the other")
-        times, angles = model.read_motion_table(key_motion, scene)
+        times, angles = model.read_motion_table(key_motion, choice)
         outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
         with working("simulating", quiet=as_json):
             driven = model.simulate_motion(
@@ -111,10 +113,10 @@ def command(
                 from_rest=from_rest,
                 tolerance=tolerance,
                 output_time_s=outputs,
-                scene=scene,
+                scene=choice,
                 method=method,
             )
-            attributes = run_attributes(chosen, tolerance, method, scene) | {"key_motion": str(key_motion)}
+            attributes = run_attributes(chosen, tolerance, method, named) | {"key_motion": str(key_motion)}
             write_columns(out, driven.columns(), attributes | _reading(driven))
         if as_json:
             print_json({"out": out, "tolerance_rad": tolerance} | _motion_facts(driven))
@@ -126,9 +128,7 @@ def command(
         raise CommandInputError("--from-rest: found without --key-motion, whose angles it is about; leave it out")
     if force is None:
         raise CommandInputError("simulate: found neither --force nor --key-motion; give one of them")
-    choice = model.load_scene(scene)
     model.compile_ahead([choice])
-    chosen = choice.on(chosen)
     driving = workflows.read_driving_force(force, choice.input_column)
     times, values = driving.time_s, driving.force_n
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
@@ -152,7 +152,7 @@ def command(
     write_columns(
         out,
         solution.columns(),
-        run_attributes(chosen, tolerance, method, scene)
+        run_attributes(chosen, tolerance, method, named)
         | {"effects": effects, "force_table": str(force), "estimated_error_rad": solution.error_rad or 0.0}
         | ({} if seen is None else _lift_attributes(seen)),
         None if seen is None else seen.long_names(words),

@@ -17,7 +17,7 @@ import typer
 import model
 from pianorig import workflows
 from pianorig.console.column_file import make_folder, write_rows
-from pianorig.console.options import DEFAULT_ACTION, AsJson, Scale, Settings
+from pianorig.console.options import DEFAULT_ACTION, AsJson, Scale, Scene, Settings
 from pianorig.console.output import nan_as_null, print_files, print_json
 from pianorig.console.overrides import load_changed, read_variant
 from pianorig.console.progress import working
@@ -85,6 +85,7 @@ def command(
     ] = None,
     set_: Settings = None,
     scale: Scale = None,
+    scene: Scene = None,
     of: Annotated[
         str | None,
         typer.Option("--of", help=f"With one of the words: the action to study; default {DEFAULT_ACTION}."),
@@ -101,7 +102,9 @@ def command(
     if action in STUDIES:
         if variant:
             raise CommandInputError(f"study {action}: has its own variants; leave out --variant or name an action")
-        chosen = load_changed(of or DEFAULT_ACTION, set_, scale)
+        if scene is not None and action != "thesis":
+            raise CommandInputError(f"study {action}: has its own scenes; leave out --scene or name an action")
+        chosen = load_changed(of or DEFAULT_ACTION, set_, scale, scene)
         words, study, forte = STUDIES[action]
     else:
         if of is not None:
@@ -113,10 +116,10 @@ def command(
             raise CommandInputError(
                 "--force: missing; name a CSV file with the columns time_s,force_n, or a sealed trial"
             )
-        chosen = load_changed(action, set_, scale)
+        chosen = load_changed(action, set_, scale, scene)
         variants = [model.study.Variant(*read_variant(text)) for text in variant or []]
         words, study, forte = f"simulating {len(variants) + 1} blows", partial(_variants, variants), ""
-    driving = None if force is None else workflows.read_driving_force(force)
+    driving = None if force is None else workflows.read_driving_force(force, model.choice_of(chosen).input_column)
     blow = model.force_table(forte) if driving is None else (driving.time_s, driving.force_n)
     with working(words, as_json):
         found = study(chosen, *blow)

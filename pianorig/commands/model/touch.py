@@ -10,7 +10,7 @@ import typer
 import model
 from pianorig.console.built_in_names import complete_file
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, write_rows
-from pianorig.console.options import AsJson, Scale, Settings
+from pianorig.console.options import AsJson, Scale, Scene, Settings
 from pianorig.console.output import nan_as_null, print_files, print_json
 from pianorig.console.overrides import load_changed
 from pianorig.console.progress import working
@@ -22,6 +22,7 @@ def command(
     ],
     set_: Settings = None,
     scale: Scale = None,
+    scene: Scene = None,
     figure: Annotated[Path | None, typer.Option("--figure", help="Draw all in one sheet: .svg, .pdf or .png.")] = None,
     curve: Annotated[
         Path | None, typer.Option("--curve", help="Write the force-dip curves: .csv with action, way, dip_m, force_n.")
@@ -38,7 +39,7 @@ def command(
         check_writable(figure, *FIGURE_ENDINGS)
     if curve is not None:
         check_writable(curve, ".csv")
-    chosen = [load_changed(action, set_, scale) for action in actions]
+    chosen = [load_changed(action, set_, scale, scene) for action in actions]
     names = [a.name for a in chosen]
     names = [n if names.count(n) == 1 else given for n, given in zip(names, actions, strict=True)]
     feels = []

@@ -1,0 +1,63 @@
+"""``--scene`` means the same in every command that asks an action something."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import model
+from tests.command_line import run
+
+BLOW = "time_s,force_n\n0,0\n0.02,5\n0.12,5\n"
+
+
+@pytest.fixture
+def force(tmp_path: Path) -> Path:
+    path = tmp_path / "force.csv"
+    path.write_text(BLOW, encoding="utf-8")
+    return path
+
+
+def test_an_action_file_takes_its_scene_through_simulate(tmp_path: Path, force: Path, capsys) -> None:
+    own = tmp_path / "lifting.toml"
+    model.write_action(model.load_scene("lifting-key").on(model.load_action()), own)
+    blows = []
+    for name, options in (("own", ["--action", str(own)]), ("named", ["--scene", "lifting-key"])):
+        out = tmp_path / f"{name}.csv"
+        assert run("simulate", "--force", str(force), *options, "--out", str(out)) == 0
+        blows.append(out.read_text(encoding="utf-8").splitlines()[-1])
+    assert blows[0] == blows[1] and len(blows[0].split(",")) == 13
+    assert run("simulate", "--force", str(force), "--action", str(own), "--scene", "whole", "--out", str(out)) == 0
+    assert len(out.read_text(encoding="utf-8").splitlines()[-1].split(",")) == 11
+
+
+def test_regulate_writes_an_action_that_keeps_its_scene(tmp_path: Path, capsys) -> None:
+    out = tmp_path / "bends.toml"
+    assert run("regulate", "hirschkorn2004", "--scene", "flexible-shank", "--out", str(out)) == 0
+    found = model.load_action(out)
+    assert found.scene == {"effects": ("shank",)}
+    values = model.regulation.measure(found).value_m
+    assert values["let_off"] == pytest.approx(1e-3, abs=2e-5) and values["drop"] == pytest.approx(3e-3, abs=2e-5)
+
+
+def test_derivatives_and_variants_are_of_the_scene(force: Path, capsys) -> None:
+    asked = ["--scene", "lifting-key", "--parameters", "balance_rail,hammer.mass", "--json"]
+    assert run("sensitivity", str(force), *asked) == 0
+    assert {row["parameter"] for row in json.loads(capsys.readouterr().out)["local"]} == {"balance_rail", "hammer.mass"}
+    variant = ["--variant", "stiff: --scale balance_rail=2", "--json"]
+    assert run("study", "hirschkorn2004", "--scene", "lifting-key", "--force", str(force), *variant) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["touch", "hirschkorn2004", "--scene", "strin"], "scene 'strin': not found; did you mean string?"),
+        (["regulate", "hirschkorn2004", "--set", "string.modes=3"], "string.modes is set but the scene has no string"),
+        (["study", "string", "--scene", "string"], "study string: has its own scenes; leave out --scene"),
+    ],
+)
+def test_what_has_no_meaning_is_refused_in_one_line(words: list[str], said: str, capsys) -> None:
+    assert run(*words) == 2
+    assert said in capsys.readouterr().err
