@@ -73,7 +73,7 @@ class Store:
             return None
         return about, arrays
 
-    def put(self, sha256: str, about: dict[str, Any], arrays: dict[str, Array]) -> None:
+    def put(self, sha256: str, about: dict[str, Any], arrays: dict[str, Any]) -> None:
         """Keep facts and arrays under a hash.
 
         Raises

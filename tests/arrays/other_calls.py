@@ -12,6 +12,7 @@ import rig
 import rig.simulated
 import validation
 import vision
+from pianorig.workflows import DrivingForce
 from rig.session.channel_info import NO_FORCE
 from rig.simulated.backend import DEFAULT_BENCH
 from tests.arrays.forms import Gives, Out
@@ -84,6 +85,9 @@ def trial() -> rig.TrialData:
 
 
 CALLS: dict[str, Callable[[], Arguments]] = {
+    f"{WORKFLOWS}.DrivingForce.at": lambda: {
+        "self": DrivingForce(np.array([0.0, 1.0]), np.array([0.0, 4.0])), "time_s": ROWS / 32.0,
+    },
     "vision.ccw_to_picture": lambda: {"angle_rad": ROWS},
     "vision.picture_to_ccw": lambda: {"phi_rad": ROWS},
     "vision.ground_to_picture": lambda: {

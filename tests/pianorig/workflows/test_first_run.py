@@ -10,7 +10,7 @@ import pytest
 from model.null_model import time_stepping
 from pianorig.workflows import first_run
 from validation.scores import iso18571
-from vision.fitting import kernels
+from vision.frame_fit import compiled
 
 
 def test_kernels_of_null_model_tracking_and_scores_are_compiled_and_no_file_is_left(
@@ -28,5 +28,5 @@ def test_kernels_of_null_model_tracking_and_scores_are_compiled_and_no_file_is_l
     monkeypatch.setattr(first_run.vision, "track_film", tracked)
     first_run.call_once()
     assert len(folders) == 1 and not folders[0].exists()
-    for kernel in (time_stepping.integrate, kernels.fit_rigid, iso18571._best_shift, iso18571._warp):
+    for kernel in (time_stepping.integrate, compiled.fit_bodies, iso18571._best_shift, iso18571._warp):
         assert kernel.signatures
