@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
+from model.arrays import as_numbers
 from pianorig.errors import CommandInputError
 
 
@@ -28,7 +29,7 @@ class DrivingForce:
 
     def at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """The force (m,) at times (m,), linear between those of the table."""
-        return np.interp(time_s, self.time_s, self.force_n)
+        return np.interp(as_numbers(time_s, "times", 1), self.time_s, self.force_n)
 
     def rest(self, action: model.Action, scene: model.SceneChoice) -> model.RestState | None:
         """Where the blow starts: at rest under the preload; None, the usual rest state, where there is none."""
