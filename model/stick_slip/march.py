@@ -16,14 +16,20 @@ from model.calibration.parts import peak_ratio
 from model.derived.columns import NORMAL
 from model.derived.load import observer_of
 from model.derived.observe import contacts_at
+from model.elements.strings import AWAKE
 from model.errors import InputError, IntegrationError
 from model.files.force_table import check_force_table
-from model.integrators.stick_slip import SWEEPS, Forcing, FrictionLimits, Rows, step_along
+from model.integrators.stick_slip import SWEEPS, Forcing, FrictionLimits, Places, Rows, step_along
 from model.kernels import layout as L
 from model.parameters.action import Action
+from model.parameters.effects import MOTOR_DRIVE
 from model.scene.build import Scene, build_scene
+from model.scene.selection import choice_of
+from model.simulation.giving_motion import giving_motion
+from model.simulation.run import State, with_memory
 from model.simulation.solution import Solution
 from model.simulation.statics import solve_rest
+from model.simulation.string_motion import string_motion
 
 LARGEST_STEP_S = 5e-5
 
@@ -77,6 +83,11 @@ def simulate(action: Action, time_s: ArrayLike, force_n: ArrayLike, step_s: floa
     True
     """
     times, forces = check_force_table(time_s, force_n)
+    if MOTOR_DRIVE in choice_of(action).effects:
+        raise InputError(
+            "friction without a threshold speed: found the effect motor_drive, allowed motor_arm, whose input is a "
+            "torque"
+        )
     spacing = float(np.mean(np.diff(times)))
     if np.ptp(np.diff(times)) > 1e-6 * spacing:
         raise InputError("force table: times are not evenly spaced; resample it first")
@@ -85,21 +96,24 @@ def simulate(action: Action, time_s: ArrayLike, force_n: ArrayLike, step_s: floa
     every = max(1, int(np.ceil(spacing / step_s - 1e-9)))
     h = spacing / every
     scene = build_scene(action)
-    scene.refuse_memory("friction without a threshold speed")
-    q, v = solve_rest(scene), np.zeros(scene.size)
     n, c, m = scene.size, len(scene.contacts), len(times)
-    angle, speed, held = np.zeros((m - 1, n)), np.zeros((m - 1, n)), np.zeros((m - 1, c + n), dtype=np.int64)
-    first = q.copy()
+    began = with_memory(scene, State(float(times[0]), solve_rest(scene), np.zeros(n)))
+    places = _places(scene)
+    first = np.concatenate([began.angle_rad, began.speed_rad_per_s, began.memory])
+    if places.modes.size:
+        first[places.ways - L.STRING_STATES] = AWAKE  # its modes are marched from the start
+    states, held = np.zeros((m - 1, len(first))), np.zeros((m - 1, c + n), dtype=np.int64)
     middles = times[0] + h * (np.arange(every * (m - 1)) + 0.5)
-    u = np.interp(middles, times, forces)
+    u = np.interp(middles, *((times, forces) if scene.command is None else scene.command.table(times, forces, False)))
     smooth = _without_friction(scene)
-    limits = FrictionLimits(scene.vector, smooth, _static_ratio(action, scene), int(scene.tables.offset[1]))
+    limits = FrictionLimits(scene.vector, smooth, _static_ratio(scene), int(scene.tables.offset[1]))
     marched = observer_of(scene.tables, "marched")
-    sweeps = step_along(q, v, Forcing(u, h, every), limits, marched, Rows(angle, speed, held))
-    if not np.all(np.isfinite(angle)) or sweeps >= SWEEPS:
+    sweeps = step_along(first.copy(), Forcing(u, h, every), limits, marched, places, Rows(states, held))
+    if not np.all(np.isfinite(states)) or sweeps >= SWEEPS:
         raise IntegrationError(f"stick-slip march: no motion found with steps of {h:g} s; take a shorter step")
-    angles, speeds = np.vstack([first, angle]), np.vstack([np.zeros(n), speed])
-    normal = contacts_at(scene.tables, smooth, angles, speeds)[:, :, NORMAL]
+    states = np.vstack([first, states])
+    angles, speeds, memory = states[:, :n], states[:, n : 2 * n], states[:, 2 * n :]
+    normal = contacts_at(scene.tables, smooth, angles, speeds, memory)[:, :, NORMAL]
     sticks = np.vstack([np.zeros((1, c + n), dtype=bool), held.astype(bool)])
     return Marched(
         solution=Solution(
@@ -110,6 +124,8 @@ def simulate(action: Action, time_s: ArrayLike, force_n: ArrayLike, step_s: floa
             contacts=scene.contacts,
             contact_normal_n=normal,
             counters={"n_steps": len(u), "most_sweeps": int(sweeps)},
+            string=string_motion(scene, times, memory),
+            give=giving_motion(scene, memory),
         ),
         contact_sticks=sticks[:, :c],
         joint_sticks=sticks[:, c:],
@@ -128,6 +144,26 @@ def _without_friction(scene: Scene) -> Array:
     return p
 
 
-def _static_ratio(action: Action, scene: Scene) -> Array:
+def _static_ratio(scene: Scene) -> Array:
     """Static over kinetic coefficient (c,): the peak of eq. 2.10, which stays when its width goes to zero."""
-    return np.array([peak_ratio(action[f"{c}.friction.B1"], action[f"{c}.friction.B2"]) for c in scene.contacts])
+    start, rows = int(scene.tables.offset[1]), range(len(scene.contacts))
+    numbers = [scene.vector[start + L.CONTACT_SIZE * c + L.MU_A :][1:3].tolist() for c in rows]
+    return np.array([peak_ratio(b1, b2) for b1, b2 in numbers])
+
+
+def _places(scene: Scene) -> Places:
+    """Where a state row, angles, speeds, then what is remembered, has what the march moves."""
+    n, give, felt = scene.size, len(scene.pins), len(scene.tables.memory)
+    first, ways = 2 * n + felt, 2 * n + felt + 2 * give + L.STRING_STATES
+    strung, at = len(scene.tables.string) > 0, int(scene.tables.offset[7])
+    count = int(scene.vector[at]) if strung else 0
+    return Places(
+        np.array([*range(n), *range(first, first + give)]),
+        np.array([*range(n, 2 * n), *range(first + give, first + 2 * give)]),
+        n,
+        2 * n,
+        felt,
+        scene.vector[at + L.STRING_HEAD :][: 3 * count].reshape(3, count) if strung else np.zeros((3, 0)),
+        ways if strung else 2 * n,
+        int(scene.tables.string[0]) if strung else 0,
+    )

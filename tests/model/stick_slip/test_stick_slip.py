@@ -108,11 +108,29 @@ def test_bad_input(t: list[float], step: float, words: str) -> None:
         simulate(ACTION, t, [0.0, 0.0, 0.0], step)
 
 
-@pytest.mark.parametrize("law", ["stulov", "hysteresis"])
-def test_felt_that_remembers_is_refused_before_anything_is_computed(law: str) -> None:
-    """The march knows the thesis's law alone; a comparison says so at once, in one line."""
-    action = ACTION.with_laws({"contact04": law, "contact10": law})
+def test_the_command_of_a_drive_is_refused_before_anything_is_computed() -> None:
+    """Its winding has no friction to be set-valued in, and a comparison says so at once, in one line."""
+    action = model.load_scene("motor-drive").on(ACTION)
     for job in (simulate, compare):
-        with pytest.raises(InputError, match=r"found felt that remembers \(contact04, contact10\), allowed") as caught:
+        with pytest.raises(InputError, match="found the effect motor_drive, allowed motor_arm") as caught:
             job(action, *force_table("forte"))
         assert "\n" not in str(caught.value)
+
+
+@pytest.mark.slow  # compiles its own structures
+def test_without_friction_felt_and_string_follow_as_in_the_smooth_motion() -> None:
+    """Memories and modes beside the march: of second order in the step, as without them."""
+    free = {f"{b}.joint_friction.A": 0.0 for b in model.BODIES} | {
+        f"contact{i:02d}.friction": 0.0 for i in (1, 4, 7, 10)
+    }
+    string = model.load_scene("string").on(ACTION).with_effects({"string.modes": 12.0})
+    t, f = force_table("forte")
+    cut = t <= 0.12
+    for action in (ACTION.with_laws({"contact12": "hysteresis"}), string, model.load_scene("giving-hammer").on(ACTION)):
+        still = action.with_values(free)
+        exact = model.simulate(still, t[cut], f[cut], tolerance=1e-9)
+        errors = [
+            float(np.max(np.abs(simulate(still, t[cut], f[cut], h).solution.angle_rad - exact.angle_rad)))
+            for h in (1e-5, 5e-6)
+        ]
+        assert errors[1] < 5e-5 and errors[0] / errors[1] > 1.7
