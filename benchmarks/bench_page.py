@@ -36,7 +36,7 @@ from rig.session import Session
 from rig.session.channel_info import ChannelInfo
 from rig.session.journal.trial_head import TrialHead
 from rig.session.journal.writer import JournalWriter
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 
 EXAMPLE = Path(__file__).parents[1] / "sessions" / "example_forte"
 FURTHER, BLOCK, RATE_HZ = 4, 100, 5000.0  # force, three encoders and four more; samples

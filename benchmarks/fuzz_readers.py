@@ -31,7 +31,7 @@ os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 
 from vision.errors import FilmError, VisionWarning
 from vision.film.avi_writer import write_avi
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 
 CIH_LINES = """#Camera Information Header

@@ -20,7 +20,7 @@ from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
 from vision.film.avi_writer import write_avi
 from vision.film.mmap_window import FileWindow
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm
 from vision.fitting.template import design_columns

@@ -43,10 +43,7 @@ def test_unknown_names_are_errors() -> None:
         ("import vision.errors", ["numpy", "numba", "cv2"]),
         ("from vision import load_bodies, Body, FilmError", ["numba", "cv2", "pandas", "scipy"]),
         ("from vision import open_film, TrackResult, write_mraw", ["numba", "cv2", "pandas", "scipy"]),
-        (
-            "import vision.film.mraw_reader, vision.film.cih_header, vision.film.mraw_writer",
-            ["numba", "cv2", "pandas", "scipy"],
-        ),
+        ("import vision.film.mraw", ["numba", "cv2", "pandas", "scipy"]),
         ("from vision import estimate_offset, FrameFlag, ErrorBudget", ["numba", "cv2", "pandas", "scipy"]),
         ("from vision import CameraModel, load_calibration", ["numba", "cv2", "pandas", "scipy"]),
         ("from vision import cramer_rao_bound, write_overlay", ["numba", "pandas", "scipy", "matplotlib"]),

@@ -4,20 +4,125 @@ Every camera model contributes to the uncertainty of the angles; a calibrated on
 
 A model lists *variants*: projections one standard uncertainty away from the nominal one, each with a weight and
 the budget term it belongs to. The variance of an angle is the weighted sum of its squared differences.
+
+The file of a calibration is TOML; ``pianorig calibrate-camera`` writes it and ``track --calibration`` reads it. Lengths
+in m, pixels of the film, standard uncertainties as a covariance.
+
+From the plane of motion to the picture it is a planar homography, then radial distortion. Conventions: points (x, y) in
+pixels, y down. *Rectified* points are what a perfect camera, square to the plane, would show; *seen* points are those
+of the film. About the picture's centre c: ``h = H (q - c)`` (homogeneous, 3 x 3), then ``p = c + h (1 + k |h|^2 /
+R^2)`` with R half the picture's diagonal, so that ``k`` is the displacement at the corner as a fraction of its
+distance. Brown's radial model with its first term; the tilt is that of an ideal camera at a stated distance.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Protocol
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from vision.arrays import as_numbers
-from vision.camera.projection import MAX_DISTORTION, Projection, tilted
+from vision.arrays import as_numbers, as_points
+from vision.atomic_write import whole_file
 from vision.errors import VisionInputError
+
+MAX_DISTORTION = 0.25
+
+
+@dataclass(frozen=True)
+class Projection:
+    """How a camera shows the plane of motion.
+
+    Parameters
+    ----------
+    width, height : int
+        Of the picture, px.
+    homography : ndarray, shape (3, 3)
+        About the picture's centre, ``homography[2, 2] = 1``; the identity for a camera square to the plane.
+    radial : float
+        Displacement at the corner as a fraction of its distance from the centre; positive moves outwards.
+    """
+
+    width: int
+    height: int
+    homography: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    radial: float = 0.0
+
+    def __post_init__(self) -> None:
+        matrix = as_numbers(self.homography, "homography")
+        if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)) or abs(np.linalg.det(matrix)) < 1e-12:
+            raise VisionInputError("homography must be a finite, invertible 3 x 3 matrix")
+        if not abs(self.radial) <= MAX_DISTORTION:
+            raise VisionInputError(f"radial distortion {self.radial:g} at the corner; allowed up to {MAX_DISTORTION}")
+        object.__setattr__(self, "homography", matrix)
+
+    @property
+    def centre_px(self) -> NDArray[np.float64]:
+        """Middle of the picture (x, y)."""
+        return np.array([0.5 * (self.width - 1), 0.5 * (self.height - 1)])
+
+    @property
+    def half_diagonal_px(self) -> float:
+        """Distance from the centre to a corner pixel."""
+        return float(np.hypot(*self.centre_px))
+
+    def seen(self, rectified_px: ArrayLike) -> NDArray[np.float64]:
+        """Where points of the plane, shape (..., 2), appear in the picture."""
+        flat = _project(self.homography, as_points(rectified_px) - self.centre_px)
+        if self.radial:
+            flat *= 1.0 + self.radial / self.half_diagonal_px**2 * _square(flat)
+        flat += self.centre_px
+        return flat
+
+    def rectified(self, seen_px: ArrayLike) -> NDArray[np.float64]:
+        """Points of the plane that appear at the given points; undoes `seen`."""
+        bent = as_points(seen_px) - self.centre_px
+        flat: NDArray[np.float64] = bent.copy()
+        for _ in range(30):
+            better = bent / (1.0 + self.radial / self.half_diagonal_px**2 * _square(flat))
+            settled = bool(np.all(np.abs(better - flat) < 1e-11 * self.half_diagonal_px))
+            flat = better
+            if settled:
+                break
+        inverse = np.asarray(np.linalg.inv(self.homography), dtype=np.float64)
+        return np.asarray(self.centre_px + _project(inverse, flat))
+
+
+def tilted(tilt_rad: float, direction_rad: float, distance_px: float) -> NDArray[np.float64]:
+    """Homography of a camera whose axis leans by ``tilt_rad`` from the normal of the plane.
+
+    The plane recedes towards ``direction_rad`` (from x to y, picture axes); ``distance_px`` is the distance of
+    the lens over the size of a pixel on the plane. Points along the direction at u and across it at v appear
+    at ``(u cos tilt, v) / (1 + u sin tilt / distance)``.
+    """
+    c, s = math.cos(direction_rad), math.sin(direction_rad)
+    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    lean = np.array([[math.cos(tilt_rad), 0.0, 0.0], [0.0, 1.0, 0.0], [math.sin(tilt_rad) / distance_px, 0.0, 1.0]])
+    return turn.T @ lean @ turn
+
+
+def _project(homography: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """New points; one expression per coordinate, as NumPy's products with a 2-vector at the end are slow."""
+    x, y = points[..., 0], points[..., 1]
+    h = homography
+    depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
+    mapped = np.empty_like(points)
+    np.divide(h[0, 0] * x + h[0, 1] * y + h[0, 2], depth, out=mapped[..., 0])
+    np.divide(h[1, 0] * x + h[1, 1] * y + h[1, 2], depth, out=mapped[..., 1])
+    return mapped
+
+
+def _square(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Squared distance from the origin, shape (..., 1)."""
+    x, y = points[..., :1], points[..., 1:]
+    return np.asarray(x * x + y * y)
+
 
 DIRECTIONS = 8
 
@@ -165,3 +270,99 @@ def projection_of(parameters: NDArray[np.float64], width: int, height: int) -> P
     a, b, p, q, k = (float(v) for v in parameters)
     half = float(np.hypot(0.5 * (width - 1), 0.5 * (height - 1)))
     return Projection(width, height, np.array([[1 + a, b, 0.0], [b, 1 - a, 0.0], [p / half, q / half, 1.0]]), k)
+
+
+def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, notes: Mapping[str, Any]) -> None:
+    """Write a camera file, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+    camera : CalibratedCamera
+    notes : mapping
+        Numbers and texts that say how it was made; they are not read again.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vision
+    >>> seen = vision.CalibratedCamera(280, 212, np.zeros(5), np.zeros((5, 5)), 2240.0, 1.0)
+    >>> vision.save_calibration("camera.toml", seen, {"target": "checkerboard", "pitch_mm": 5.0})
+    """
+    path = Path(path)
+    lines = [
+        "# View of the plane of motion: homography [[1 + a, b, 0], [b, 1 - a, 0], [p / R, q / R, 1]] about the",
+        "# picture's centre, R half its diagonal; then radial distortion k, the displacement at the corner over R.",
+        "[camera]",
+        f"width_px = {camera.width}",
+        f"height_px = {camera.height}",
+        f"parameters = {[float(v) for v in camera.parameters]}  # a, b, p, q, k",
+        f"covariance = {[[float(v) for v in row] for row in camera.covariance]}",
+        f"scale_px_per_m = {float(camera.scale_px_per_m)!r}",
+        f"u_scale_px_per_m = {float(camera.u_scale_px_per_m)!r}",
+        "",
+        "[made_from]",
+    ]
+    for name, value in notes.items():
+        text = str(value).replace("\\", "\\\\").replace('"', '\\"')
+        number = isinstance(value, int | float)
+        lines.append(
+            f"{name} = {value if isinstance(value, int) else float(value)!r}" if number else f'{name} = "{text}"'
+        )
+    with whole_file(path, VisionInputError, "choose a writable folder") as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+
+
+def load_calibration(path: str | os.PathLike[str]) -> CalibratedCamera:
+    """Read a camera file.
+
+    Parameters
+    ----------
+    path : path
+        Written by `save_calibration` or ``pianorig calibrate-camera``.
+
+    Returns
+    -------
+    CalibratedCamera
+
+    Raises
+    ------
+    VisionInputError
+        The file is missing or incomplete; the message names the key.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vision
+    >>> seen = vision.CalibratedCamera(280, 212, np.zeros(5), np.zeros((5, 5)), 2240.0, 1.0)
+    >>> vision.save_calibration("camera.toml", seen, {"made": "by hand"})
+    >>> vision.load_calibration("camera.toml").scale_px_per_m
+    2240.0
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            document = tomllib.load(file)
+    except OSError as error:
+        raise VisionInputError(f"{path}: cannot be read ({error.strerror}); give a file of calibrate-camera") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise VisionInputError(f"{path}: not valid TOML ({error}); run calibrate-camera again") from None
+    table = document.get("camera")
+    if not isinstance(table, dict):
+        raise VisionInputError(f"{path}: holds no [camera] table; give a file of calibrate-camera")
+    try:
+        width, height = table["width_px"], table["height_px"]
+        if not (isinstance(width, int) and isinstance(height, int) and width > 0 and height > 0):
+            raise VisionInputError(f"width_px and height_px are {width!r} and {height!r}, need whole numbers above 0")
+        return CalibratedCamera(
+            width,
+            height,
+            table["parameters"],
+            table["covariance"],
+            float(table["scale_px_per_m"]),
+            float(table["u_scale_px_per_m"]),
+        )
+    except KeyError as error:
+        raise VisionInputError(f"{path}: key camera.{error.args[0]} is missing; run calibrate-camera again") from None
+    except (TypeError, ValueError) as error:
+        raise VisionInputError(f"{path}: {error}; run calibrate-camera again") from None

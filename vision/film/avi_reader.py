@@ -24,9 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
-from vision.film.compression import Compression, jpeg_steps
 from vision.film.mmap_window import FileWindow
-from vision.film.source import Film, NewestFrame, grey_of
+from vision.film.source import Compression, Film, NewestFrame, grey_of, jpeg_steps
 
 GREY_CODES = (b"Y800", b"GREY", b"Y8  ")
 MAX_DEPTH = 4

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.atomic_write import whole_file
 from vision.errors import FilmError
-from vision.film.frame_check import check_frame
+from vision.film.source import check_frame
 
 MAX_BYTES = 2**31 - 2**20
 HEADER_BYTES = 12 + 8 + 4 + (8 + 56) + (8 + 4 + (8 + 56) + (8 + 40)) + 12

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from vision.errors import FilmError
 from vision.film.mmap_window import FileWindow
-from vision.film.mraw_reader import unpack12_region
+from vision.film.mraw import unpack12_region
 from vision.film.source import Film, grey_of
 
 FILE_HEADER = struct.Struct("<2sHHHiIiIIIIQ")

@@ -8,7 +8,7 @@ from pathlib import Path
 from vision.errors import FilmError
 from vision.film.avi_reader import AviFilm
 from vision.film.cine_reader import CineFilm
-from vision.film.mraw_reader import MrawFilm
+from vision.film.mraw import MrawFilm
 from vision.film.opencv_video import VideoFilm
 from vision.film.picture_stack import PICTURE_SUFFIXES, PagedPicture, PictureFolder
 from vision.film.source import CHANNELS, Film

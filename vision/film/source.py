@@ -2,11 +2,20 @@
 
 Tracker, overlay and calibration see films only through `FrameSource`. Frames are grey, (height, width), row 0 on
 top; `read_region` returns only the wanted rectangle and, where the format allows, touches only its bytes.
+
+Compression is described by the quantisation table of JPEG frames, or as frames predicted from others. JPEG (ITU-T T.81,
+annex A.3) stores every block of 8 x 8 pixels as cosine coefficients rounded to multiples of a table's steps. What that
+adds to the error of an angle is in `vision.uncertainty.budget_terms`.
+
+A frame may repeat the one before, byte for byte: a camera's software fills a dropped frame with its neighbour. Two
+exposures differ by their noise in some of thousands of pixels, so equal bytes mean that no light was taken in between,
+and the frame says nothing about its own time.
 """
 
 from __future__ import annotations
 
 import threading
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol
@@ -15,8 +24,42 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.arrays import as_numbers
-from vision.errors import FilmError
-from vision.film.compression import Compression
+from vision.errors import FilmError, VisionInputError
+
+ZIGZAG = sorted(
+    ((row, column) for row in range(8) for column in range(8)),
+    key=lambda at: (sum(at), at[0] if sum(at) % 2 else at[1]),
+)
+"""Rows and columns of the 64 coefficients in the order in which a file stores them (T.81, figure A.6)."""
+
+
+@dataclass(frozen=True)
+class Compression:
+    """How a film was compressed.
+
+    Attributes
+    ----------
+    steps : ndarray, shape (8, 8), or None
+        Steps of the luminance table, grey, lowest frequency first; None when frames are predicted from others.
+    """
+
+    steps: NDArray[np.float64] | None
+
+
+def jpeg_steps(data: bytes) -> NDArray[np.float64] | None:
+    """Luminance steps of a JPEG picture, shape (8, 8); None when it holds no table."""
+    at = data.find(b"\xff\xdb")
+    if at < 0 or len(data) < at + 5:
+        return None
+    kind = np.dtype(">u2") if data[at + 4] >> 4 else np.dtype(np.uint8)
+    if len(data) < at + 5 + 64 * kind.itemsize:
+        return None
+    values = np.frombuffer(data, dtype=kind, count=64, offset=at + 5)
+    steps = np.empty((8, 8))
+    for (row, column), value in zip(ZIGZAG, values, strict=True):
+        steps[row, column] = value
+    return steps
+
 
 CHANNELS = ("blue", "green", "red")
 """In the order of OpenCV, AVI and Windows bitmaps."""
@@ -216,3 +259,71 @@ class ArrayFilm(Film):
             return None
         frames.flags.writeable = False
         return frames
+
+
+def check_frame(
+    path: Path, frame: ArrayLike, shape: tuple[int, ...] | None, bit_depth: int, number: int, colour: bool = False
+) -> NDArray[Any]:
+    """A frame that fits the film, as whole numbers; ``shape`` is that of the first frame, None for the first itself.
+
+    Raises
+    ------
+    FilmError
+        The frame has another shape, is not of whole numbers, or exceeds ``bit_depth`` bits.
+    """
+    if not (isinstance(frame, np.ndarray) and frame.dtype.kind in "iu"):
+        try:
+            frame = as_numbers(frame, f"{path}: frame {number}", dtype=np.int64)
+        except VisionInputError as error:
+            raise FilmError(str(error)) from None
+    if shape is not None and frame.shape != shape:
+        raise FilmError(f"{path}: frame {number} has shape {frame.shape}, the first has {shape}")
+    if shape is None and (frame.ndim not in (2, 3) or 0 in frame.shape or frame.shape[2:] not in ((), (3,) * colour)):
+        raise FilmError(f"{path}: frame {number} has shape {frame.shape}, needs (height, width)")
+    top = (1 << bit_depth) - 1
+    if 8 * frame.dtype.itemsize > bit_depth or frame.dtype.kind == "i":
+        low, high = int(frame.min()), int(frame.max())
+        if low < 0 or high > top:
+            raise FilmError(f"{path}: frame {number} holds {low}..{high}, {bit_depth} bit hold 0..{top}")
+    return frame
+
+
+Box = tuple[int, int, int, int]
+
+
+class Repeats:
+    """Compares frames with the one before, inside a rectangle (y0, y1, x0, x1)."""
+
+    def __init__(self, film: FrameSource, box: Box) -> None:
+        self._film, self._box = film, box
+        y0, y1 = box[:2]
+        # one row tells nearly all frames apart; the whole frame before is read again only where that is cheap
+        self._kept = (y0, y1) if getattr(film, "in_order", True) else ((y0 + y1) // 2, (y0 + y1) // 2 + 1)
+        self._newest: tuple[int, NDArray[Any]] | None = None
+        # a codec that predicts frames from others repeats what stands still
+        self.meaningful = film.compression is None or film.compression.steps is not None
+
+    @property
+    def line(self) -> tuple[int, int, int]:
+        """Row y and columns x0..x1-1 that differ between nearly all frames that are not repeated."""
+        return self._kept[0], self._box[2], self._box[3]
+
+    def at(self, index: int) -> bool:
+        """True when frame ``index`` repeats frame ``index - 1``."""
+        if not self.meaningful or index < 1:
+            return False
+        if self._newest is None or self._newest[0] != index - 1:
+            self._newest = (index - 1, self._read(index - 1, self._kept))
+        before, here = self._newest[1], self._read(index, self._kept)
+        self._newest = (index, here)
+        if not np.array_equal(here, before):
+            return False
+        rows = self._box[:2]
+        if self._kept != rows:
+            before, here = self._read(index - 1, rows), self._read(index, rows)
+        # without contrast (a dark or a saturated frame) equal bytes mean nothing
+        return bool(np.array_equal(here, before) and here.min() != here.max())
+
+    def _read(self, index: int, rows: tuple[int, int]) -> NDArray[Any]:
+        # a copy: some readers give a view of a window that moves
+        return np.array(self._film.read_region(index, *rows, *self._box[2:]))

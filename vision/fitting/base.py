@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.film.source import FrameSource
-from vision.fitting.coherence import UNKNOWN, Ratios
+from vision.fitting.assessment import UNKNOWN, Ratios
 from vision.fitting.template import Template
 
 MARGIN_PX = 14

@@ -5,30 +5,78 @@ composition); gain and offset are solved in the same 5 x 5 system as turn and sh
 the pose. The frame, not the template, is sampled, by cubic B-splines. Weights start from those of the previous frame
 and follow the residuals of each iteration. The loop itself is compiled (`vision.fitting.kernels`). A fit that breaks
 down or does not converge returns ``converged = False``; nothing is raised.
+
+What a fitter carries over from frame to frame lies in arrays that may be parts of larger ones: `vision.frame_fit` lays
+those of all bodies of a film side by side, so that compiled code and the fitters in Python work on the same.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.film.source import SATURATED_SHARE, FrameSource
-from vision.fitting.assessment import TOO_FEW, Assessed, BodyFacts, assess
+from vision.fitting.assessment import (
+    N_LEVELS,
+    TOO_FEW,
+    UNKNOWN,
+    Assessed,
+    BodyFacts,
+    Ratios,
+    assess,
+    blocks_of,
+    ratios_of,
+)
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
 from vision.fitting.bspline import noise_gain
-from vision.fitting.coherence import N_LEVELS, UNKNOWN, Ratios, blocks_of, ratios_of
-from vision.fitting.fit_memory import Begun, FitMemory
 from vision.fitting.frame_spline import FrameSpline
-from vision.fitting.kernel_records import Places, Region, RigidFit, Settings, State, Subset
-from vision.fitting.kernels import fit_rigid, place_pixels, sample, tukey_weights
-from vision.fitting.light.local_light import LocalLight
+from vision.fitting.kernels import (
+    Places,
+    Region,
+    RigidFit,
+    Settings,
+    State,
+    Subset,
+    fit_rigid,
+    place_pixels,
+    sample,
+    tukey_weights,
+)
+from vision.fitting.light import LocalLight
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
 from vision.fitting.slow_changes import FOCUS, LIGHT, TILT, UNCHANGED, Changes, SlowChanges, added, without_light
 from vision.fitting.template import Template
+
+
+class FitMemory(NamedTuple):
+    """What a fitter carries over, and works in: arrays of `kernels.State`; ``scale`` and ``apart`` (1,), the
+    last 1 where the next fit is not a plain one: a cautious start, or light or scale that have changed."""
+
+    weight: NDArray[np.float32]
+    work: NDArray[np.float32]
+    at: NDArray[np.int32]
+    scale: NDArray[np.float64]
+    apart: NDArray[np.uint8]
+
+    @classmethod
+    def empty(cls, n_pixels: int) -> FitMemory:
+        """For a body of so many pixels."""
+        weight, work = np.ones(n_pixels, dtype=np.float32), np.zeros((5, n_pixels), dtype=np.float32)
+        return cls(weight, work, np.zeros(n_pixels, dtype=np.int32), np.zeros(1), np.zeros(1, dtype=np.uint8))
+
+
+class Begun(NamedTuple):
+    """A first fit from the expected pose that compiled code has done and assessed, with the answer of `assess`."""
+
+    found: RigidFit
+    pose: NDArray[np.float64]
+    out: Assessed
+    lacking: int
+
 
 TOLERANCE_PX = 0.002
 """Last step of any pixel. With part of the body covered the weights converge slowly: at 0.02 px such fits stopped up
@@ -41,7 +89,7 @@ MAX_ITERATIONS = 80
 FAR_PX = MARGIN_PX - 9
 """A fit that ends further than this from where it began is repeated from there."""
 CHANGE_SUSPECTED = 2.0
-"""Ratio of `vision.fitting.coherence` over the largest blocks from which light and scale are looked at."""
+"""Ratio of `vision.fitting.assessment` over the largest blocks from which light and scale are looked at."""
 CHANGE_ROUNDS = 5
 LIGHT_ROUNDS = 4
 QUIET = 0.7

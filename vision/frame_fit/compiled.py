@@ -1,24 +1,319 @@
-"""The compiled call that takes all bodies through one frame: expect, cover, fit, assess, accept, go on to the children.
+"""The compiled frame fit: all bodies through one frame in one call, and through many frames of a film in memory.
 
-It does for a body of which nothing is doubtful what `tracking.body_tracker` and `fitting.icgn` do in Python, with the
-same arithmetic in the same order, so that the bits are the same. `vision.frame_fit.compiling` says how it is cached.
+A call expects, covers, fits, assesses, accepts a body and goes on to its children. It does for a body of which nothing
+is doubtful what `tracking.body_tracker` and `fitting.icgn` do in Python, with the same arithmetic in the same order, so
+that the bits are the same. Places are predicted as `tracking.body_tracker` has it.
+
+The walk does what `tracking.stretches.forward_step` does per frame, for frames of which nothing is doubtful: compare
+with the frame before, expect the bodies, filter the part of the frame that holds them, fit them, store the fits. At the
+first doubt it stops in the middle of the frame, and Python goes on there.
+
+Cache: functions here call compiled functions of other files, whose changes numba's disk cache does not notice. The
+digest of all their sources is closed over by the cached entries (`fit_bodies`, `walk`), which makes it part of the
+cache's key; what lies between is not cached itself. Elements of arrays are copied one by one: whole slices would
+compile messages about their shapes, for seconds.
+
+Records: arrays of all bodies of a film, in one order. Pixels of all bodies lie one after the other; those of body i are
+``start[i] .. start[i] + n_pixels[i] - 1``. Trackers and fitters keep their state in views of these arrays, so that
+nothing is copied between the two ways to fit a frame.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
+from vision import fitting
+from vision.bodies import occlusion
 from vision.bodies.occlusion import mark_covered
 from vision.fitting.assessment import Assessed, Blocks, BodyFacts, assess
-from vision.fitting.kernel_records import I64, Region, Settings, State, Subset
-from vision.fitting.kernels import fit_rigid
-from vision.frame_fit.compiling import digest_of_sources, inner, uncounted
-from vision.frame_fit.places import expect_body, parent_at, place_body
-from vision.frame_fit.records import Bodies, Found, Limits, States
+from vision.fitting.frame_spline import prefilter, saturated_inside
+from vision.fitting.kernels import F32, F64, I32, I64, Region, Settings, State, Subset, fit_rigid
+
+
+def digest_of_sources() -> str:
+    """Of all files whose compiled functions are called from here or by those."""
+    digest = hashlib.sha256()
+    for folder in (Path(__file__).parent, Path(fitting.__file__).parent):
+        for path in sorted(folder.rglob("*.py")):
+            digest.update(path.read_bytes())
+    digest.update(Path(occlusion.__file__).read_bytes())
+    return digest.hexdigest()
+
+
+def uncounted(function: Callable[..., Any]) -> Any:
+    """Compile a function that allocates nothing: counting references to the arrays it is given costs time twice."""
+    return inner(function, _nrt=False)
+
+
+def inner(function: Callable[..., Any], **options: bool) -> Any:
+    """Compile a function that only compiled code calls, without what Python would need to call it: a third less time.
+
+    From Python it cannot be called.
+    """
+    compile_with: Any = njit  # its types do not name all options
+    return compile_with(nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
+
+
+U8 = NDArray[np.uint8]
+
+
+class Bodies(NamedTuple):
+    """What does not change while a film is tracked, of m bodies.
+
+    ``order`` (m,) parents first, ``parent`` (m,) or -1; ``start``, ``n_pixels`` (m,); ``offset`` and ``columns``
+    of `fitting.template`, flat; ``centre`` (m, 2), ``radius`` (m,), ``box`` (m, 4) left, right, top, bottom;
+    ``noise_normal`` (m, 5, 5); ``averaged``, ``noise``, ``least_zncc``, ``contrast`` (m,); the blocks of
+    `fitting.assessment.Blocks`, ``first`` and ``groups`` flat, their numbers in ``runs`` (m, 2): start and count,
+    ``freedom`` (m, sizes); ``in_front`` (m, m), 1 where the second may hide the first; groups of pixels for
+    `bodies.occlusion`, ``around`` flat, ``arounds`` (m, 2) start and count; ``distance`` (m, height, width).
+    """
+
+    order: I64
+    parent: I64
+    start: I64
+    n_pixels: I64
+    offset: F32
+    columns: F32
+    centre: F64
+    radius: F64
+    box: F64
+    noise_normal: F64
+    averaged: F64
+    noise: F64
+    least_zncc: F64
+    contrast: F64
+    runs: I64
+    first: I64
+    groups: I32
+    freedom: F64
+    in_front: U8
+    arounds: I64
+    around: F64
+    distance: F32
+
+
+class Limits(NamedTuple):
+    """Up to where a fit is accepted without a second look: constants of `tracking.body_tracker`, `fitting.icgn` and
+    `fitting.assessment`."""
+
+    usual_share: float
+    noise_only: float
+    least_gain: float
+    least_inlier: float
+    most_turn: float
+    most_jump_px: float
+    most_shift_px: float
+    most_hidden: float
+    suspected: float
+    saturated_share: float
+    margin_px: int
+    quiet: float
+    excess: float
+    factor: float
+
+
+class History(NamedTuple):
+    """The last three places of each body, oldest first: ``known`` (m,) of them, ``step`` (m, 3), ``place`` (m, 3, 3); a
+    place is turn, x and y of the centre."""
+
+    known: I64
+    step: I64
+    place: F64
+
+
+class States(NamedTuple):
+    """What is carried over from frame to frame: ``weight``, ``work`` and ``at`` of `kernels.State`, and covered
+    pixels, flat; ``scale`` (m,); ``apart`` (m,), 1 where Python has to fit the body (light or scale have changed, a
+    cautious start); ``usual`` (m, 2) correlation and gain; places in the picture, and in the parents' axes; room for
+    the coefficients of a frame."""
+
+    weight: F32
+    work: F32
+    at: I32
+    covered: U8
+    scale: F64
+    apart: U8
+    usual: F64
+    absolute: History
+    relative: History
+    coefficient: F32
+
+
+class Found(NamedTuple):
+    """What is filled in, per body: expected pose and region (y0, y1, x0, x1; y0 = -1 where too little of the body is
+    inside), pose, covariance, coherence. ``figures`` (m, 5):
+    correlation, inlier, noise, gain, seen; ``sums`` (m, 10): the numbers of `kernels.RigidFit`; ``normal``,
+    ``inverse`` (m, 5, 5); ``lacking`` (m,) of `fitting.assessment.assess`, which gave ``variance`` (m, 2)."""
+
+    expected: F64
+    region: I64
+    pose: F64
+    covariance: F64
+    ratio: F64
+    blocks: F64
+    figures: F64
+    sums: F64
+    normal: F64
+    inverse: F64
+    variance: F64
+    lacking: I64
+
+
+class Film(NamedTuple):
+    """Frames ``first`` and following as they lie in memory, (n, height, width); from frame ``watched_from`` on a frame
+    is doubtful whose pixels ``watched_x0 .. watched_x1 - 1`` of row ``watched_y`` are those of the frame before;
+    ``saturated`` is the smallest grey value that says no more than "too bright"."""
+
+    frames: NDArray[Any]
+    first: int
+    saturated: int
+    watched_from: int
+    watched_y: int
+    watched_x0: int
+    watched_x1: int
+
+
+class Rows(NamedTuple):
+    """Columns of a `results.pose_table.PoseTable`, to be filled from row ``first`` on, which is step ``first_step`` of
+    the tracker; ``frame`` are their numbers."""
+
+    frame: I64
+    first: int
+    first_step: int
+    pose: F64
+    covariance: F64
+    zncc: F64
+    inlier: F64
+    noise_grey: F64
+    gain: F64
+    flag: NDArray[np.uint16]
+    ratio: F64
+    blocks: F64
+
+
+class Stop(NamedTuple):
+    """Where a walk ended: ``at`` (2,) place in the order of the bodies and step; ``expected`` and ``box`` (4,),
+    rectangle of all bodies and that of the newest filtered part, with its ``n_saturated`` (1,); ``begun`` (1,), how
+    the fits of the frame ended, 0 before them."""
+
+    at: I64
+    expected: I64
+    box: I64
+    n_saturated: I64
+    begun: I64
+
+
+SMALLEST_PX = 16
+"""Least side of the region of a body, as in `fitting.base.region_of`."""
+
+
+@uncounted
+def predict_place(history: History, body: int, step: int, place: F64) -> None:
+    """As `PlacementHistory.predict`."""
+    known, last = history.known[body], history.place[body]
+    for k in range(3):
+        if step != history.step[body, known - 1] + 1 or known < 2:
+            place[k] = last[known - 1, k]
+        elif known == 2:
+            place[k] = 2.0 * last[1, k] - last[0, k]
+        else:
+            place[k] = 3.0 * last[2, k] - 3.0 * last[1, k] + last[0, k]
+
+
+@uncounted
+def add_place(history: History, body: int, step: int, turn: float, x: float, y: float) -> None:
+    """As `PlacementHistory.add`."""
+    known = history.known[body]
+    if known > 0 and step != history.step[body, known - 1] + 1:
+        known = 0
+    if known == 3:
+        for k in range(2):
+            history.step[body, k] = history.step[body, k + 1]
+            for j in range(3):
+                history.place[body, k, j] = history.place[body, k + 1, j]
+        known = 2
+    history.step[body, known] = step
+    history.place[body, known, 0], history.place[body, known, 1], history.place[body, known, 2] = turn, x, y
+    history.known[body] = known + 1
+
+
+@uncounted
+def parent_at(bodies: Bodies, states: States, body: int, step: int) -> int:
+    """Number of the parent whose place at a step is known, else -1."""
+    parent, absolute = bodies.parent[body], states.absolute
+    if parent < 0 or absolute.known[parent] == 0 or absolute.step[parent, absolute.known[parent] - 1] != step:
+        return -1
+    return parent
+
+
+@uncounted
+def expect_body(bodies: Bodies, states: States, found: Found, margin: int, body: int, step: int) -> None:
+    """As `BodyTracker.predict` and `fitting.base.region_of`."""
+    pose, box = found.expected[body], bodies.box[body]
+    parent = parent_at(bodies, states, body, step)
+    if parent >= 0 and states.relative.known[body] > 0:
+        predict_place(states.relative, body, step, pose)
+        there = states.absolute.place[parent, states.absolute.known[parent] - 1]
+        cosine, sine = math.cos(there[0]), math.sin(there[0])
+        x, y = pose[1], pose[2]
+        pose[0], pose[1], pose[2] = (
+            pose[0] + there[0],
+            there[1] + cosine * x - sine * y,
+            there[2] + sine * x + cosine * y,
+        )
+    else:
+        predict_place(states.absolute, body, step, pose)
+    pose[1], pose[2] = pose[1] - bodies.centre[body, 0], pose[2] - bodies.centre[body, 1]
+    region = found.region[body]
+    region[0] = -1
+    x, y = bodies.centre[body, 0] + pose[1], bodies.centre[body, 1] + pose[2]
+    if not math.isfinite(pose[0] + x + y) or abs(x) + abs(y) > 1e9:
+        return
+    cosine, sine = math.cos(pose[0]), math.sin(pose[0])
+    left, right, top, bottom = box[0], box[1], box[2], box[3]
+    low_x, high_x = (left, right) if cosine >= 0.0 else (right, left)
+    low_y, high_y = (top, bottom) if cosine >= 0.0 else (bottom, top)
+    down_x, up_x = (left, right) if sine >= 0.0 else (right, left)
+    down_y, up_y = (top, bottom) if sine >= 0.0 else (bottom, top)
+    height, width = bodies.distance.shape[1], bodies.distance.shape[2]
+    x0 = max(0, int(math.floor(x + (cosine * low_x - sine * up_y))) - margin)
+    x1 = min(width, int(math.ceil(x + (cosine * high_x - sine * down_y))) + margin + 1)
+    y0 = max(0, int(math.floor(y + (sine * down_x + cosine * low_y))) - margin)
+    y1 = min(height, int(math.ceil(y + (sine * up_x + cosine * high_y))) + margin + 1)
+    if x1 - x0 >= SMALLEST_PX and y1 - y0 >= SMALLEST_PX:
+        region[0], region[1], region[2], region[3] = y0, y1, x0, x1
+
+
+@uncounted
+def place_body(bodies: Bodies, states: States, body: int, step: int, pose: F64) -> None:
+    """As `BodyTracker.place`."""
+    x, y = bodies.centre[body, 0] + pose[1], bodies.centre[body, 1] + pose[2]
+    add_place(states.absolute, body, step, pose[0], x, y)
+    parent = parent_at(bodies, states, body, step)
+    if parent >= 0:
+        there = states.absolute.place[parent, states.absolute.known[parent] - 1]
+        cosine, sine = math.cos(there[0]), math.sin(there[0])
+        x, y = x - there[1], y - there[2]
+        add_place(states.relative, body, step, pose[0] - there[0], cosine * x + sine * y, cosine * y - sine * x)
+
+
+@njit(cache=True, nogil=True)
+def expect_bodies(bodies: Bodies, states: States, found: Found, margin: int, step: int) -> bool:
+    """Fill in where all bodies are expected; False where one has never been placed."""
+    for body in range(bodies.order.size):
+        if states.absolute.known[body] == 0:
+            return False
+        expect_body(bodies, states, found, margin, body, step)
+    return True
+
 
 ALL_DONE, NOT_BEGUN, DOUBTFUL, OUTSIDE = 0, 1, 2, 3
 """How `go_on` ends: no body is left; Python must fit the next; the next is fitted, and Python must judge it; the next
@@ -193,3 +488,116 @@ def _compiled(digest: str) -> Callable[..., int]:
 
 
 fit_bodies = _compiled(digest_of_sources())
+
+
+@uncounted
+def repeats(film: Film, k: int) -> bool:
+    """Whether the watched pixels of a frame are those of the frame before."""
+    here, before = film.frames[k, film.watched_y], film.frames[k - 1, film.watched_y]
+    same = True
+    for x in range(film.watched_x0, film.watched_x1):
+        same &= here[x] == before[x]
+    return same
+
+
+@uncounted
+def union_of(found: Found, box: I64) -> bool:
+    """Fill in the rectangle that holds all expected regions; False where there is none."""
+    box[0], box[1], box[2], box[3] = 1 << 30, 0, 1 << 30, 0
+    for body in range(found.region.shape[0]):
+        region = found.region[body]
+        if region[0] >= 0:
+            box[0], box[1] = min(box[0], region[0]), max(box[1], region[1])
+            box[2], box[3] = min(box[2], region[2]), max(box[3], region[3])
+    return box[1] > 0
+
+
+@uncounted
+def copy_box(one: I64, other: I64) -> None:
+    """Copy a rectangle."""
+    for k in range(4):
+        other[k] = one[k]
+
+
+@inner
+def filtered(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
+    """Coefficients of a rectangle of a frame, in ``buffer``, and the number of its pixels inside saturated areas."""
+    y0, y1, x0, x1 = box[0], box[1], box[2], box[3]
+    height, width = y1 - y0, x1 - x0
+    picture = np.empty((height, width), film.frames.dtype)
+    for y in range(height):
+        line = film.frames[k, y0 + y]
+        for x in range(width):
+            picture[y, x] = line[x0 + x]
+    coefficient = buffer[: height * width].reshape(height, width)
+    brightest = prefilter(picture, coefficient)
+    return coefficient, saturated_inside(picture, film.saturated) if brightest >= film.saturated else 0
+
+
+@uncounted
+def store(rows: Rows, row: int, found: Found) -> None:
+    """Store the fits of all bodies."""
+    for body in range(found.pose.shape[0]):
+        figures, rows.flag[row, body] = found.figures[body], 0
+        for j in range(3):
+            rows.pose[row, body, j] = found.pose[body, j]
+            for k in range(3):
+                rows.covariance[row, body, j, k] = found.covariance[body, j, k]
+        for j in range(found.ratio.shape[1]):
+            for k in range(3):
+                rows.ratio[row, body, j, k] = found.ratio[body, j, k]
+                rows.blocks[row, body, j, k] = found.blocks[body, j, k]
+        rows.zncc[row, body], rows.inlier[row, body] = figures[0], figures[1]
+        rows.noise_grey[row, body], rows.gain[row, body] = figures[2], figures[3]
+
+
+def _compiled_walk(digest: str) -> Callable[..., int]:
+    """The compiled walk; ``digest`` is closed over, and thereby part of the key of numba's cache."""
+
+    @njit(cache=True, nogil=True)
+    def walk(
+        film: Film,
+        settings: Settings,
+        limits: Limits,
+        bodies: Bodies,
+        states: States,
+        found: Found,
+        rows: Rows,
+        stop: Stop,
+    ) -> int:
+        """Track the rows in turn; returns how many were done and says in ``stop`` where it ended."""
+        at, box, expected = stop.at, stop.box, stop.expected
+        for done in range(rows.frame.size):
+            index, row, at[0], at[1] = rows.frame[done], rows.first + done, 0, rows.first_step + done
+            k, stop.begun[0] = index - film.first, 0
+            if index >= film.watched_from and k >= 1 and repeats(film, k):
+                return done
+            for body in range(bodies.order.size):
+                if states.absolute.known[body] == 0:
+                    return done
+                expect_body(bodies, states, found, limits.margin_px, body, at[1])
+            first = found.region[bodies.order[0]]
+            if len(digest) == 0 or first[0] < 0 or not union_of(found, expected):
+                return done
+            copy_box(expected, box)
+            coefficient, stop.n_saturated[0] = filtered(film, k, box, states.coefficient)
+            while True:
+                part = Region(coefficient, float(box[2]), float(box[0]))
+                ended = go_on(part, stop.n_saturated[0], settings, limits, bodies, states, found, at)
+                if ended == ALL_DONE:
+                    break
+                stop.begun[0] = ended
+                if ended != OUTSIDE:
+                    return done
+                region = found.region[bodies.order[at[0]]]
+                inside = region[0] >= expected[0] and region[1] <= expected[1]
+                inside &= region[2] >= expected[2] and region[3] <= expected[3]
+                copy_box(expected if inside else region, box)
+                coefficient, stop.n_saturated[0] = filtered(film, k, box, states.coefficient)
+            store(rows, row, found)
+        return rows.frame.size
+
+    return walk
+
+
+walk = _compiled_walk(digest_of_sources())

@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from vision.errors import BodyError
 from vision.film.source import FrameSource
+from vision.fitting.assessment import blocks_of, ratios_of
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
 from vision.fitting.bspline import noise_gain
-from vision.fitting.coherence import blocks_of, ratios_of
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import QUIET, SCALE_FLOOR_GREY
-from vision.fitting.kernel_records import Places, Region, Subset
-from vision.fitting.kernels import mean_noise_gain, place_pixels, sample, tukey_weights
+from vision.fitting.kernels import Places, Region, Subset, mean_noise_gain, place_pixels, sample, tukey_weights
 from vision.fitting.pose_covariance import MOST_PATTERN, TUKEY_FACTOR
 from vision.fitting.template import Template, design_columns, noise_normal_of
 from vision.marks.mark import LineMark, Mark

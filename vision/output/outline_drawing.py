@@ -1,4 +1,7 @@
-"""Outlines drawn over a picture, and pictures written whole or not at all."""
+"""Outlines drawn over a picture, and pictures written whole or not at all.
+
+Frames to draw outlines on have film pixels along their sides and a grid.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from vision.arrays import as_numbers
 from vision.atomic_write import whole_file
 from vision.bodies.outlines import Body, signed_distance
 from vision.errors import FilmError
+from vision.film.source import FrameSource
 from vision.output.colours import bgr, colour_of
 
 MIN_WIDTH_PX = 800
@@ -145,3 +149,43 @@ def write_picture(path: Path, picture: ArrayLike) -> None:
         raise FilmError(f"{path}: the picture cannot be encoded as PNG")
     with whole_file(path, FilmError, "check the folder") as temporary:
         temporary.write_bytes(data.tobytes())
+
+
+COLUMNS = 2
+TITLE_PX = 26
+
+
+def draw_frames(film: FrameSource, count: int = 4) -> NDArray[np.uint8]:
+    """Frames spread over a film, from which to read the outlines of its bodies.
+
+    Parameters
+    ----------
+    film : FrameSource
+    count : int
+        Frames shown, the first among them, on which outlines are drawn.
+
+    Returns
+    -------
+    ndarray of uint8, shape (h, w, 3)
+        Colour in the order of OpenCV: two frames side by side, each with its number above it, scales in film pixels and
+        a grid.
+
+    Examples
+    --------
+    >>> import vision
+    >>> with vision.open_film("film.mraw") as film:
+    ...     drawn = vision.draw_frames(film)
+    >>> drawn.shape[2]
+    3
+    """
+    chosen = np.unique(np.linspace(0, film.n_frames - 1, count).astype(int))
+    tiles = []
+    for index in chosen:
+        drawn = draw_bodies(film.read(int(index)), [], film.bit_depth, grid=True)
+        title = np.zeros((TITLE_PX, drawn.shape[1], 3), dtype=np.uint8)
+        words = f"frame {index}" + (" (outlines are drawn on this one)" if index == 0 else "")
+        cv2.putText(title, words, (8, TITLE_PX - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.5, WHITE, 1, cv2.LINE_AA)
+        tiles.append(np.vstack([title, drawn]))
+    tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
+    strips = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
+    return np.asarray(np.vstack(strips), dtype=np.uint8)

@@ -3,28 +3,282 @@
 Meant for the first film of a camera setting; the tracker never uses a proposal that nobody has seen.
 
 Method: textured points are followed through the film (`point_tracks`) and sorted into rigid motions (`motion_groups`),
-which fits refine (`refined_motions`); the pixels that each motion explains become its region (`regions`); pins and
-overlaps tell parents and layers (`joints`). Where most points are lost before the film ends (large turns, glare), its
+which fits refine (`motion_groups.refined`); the pixels that each motion explains become its region; pins
+and overlaps tell parents and layers. Where most points are lost before the film ends (large turns, glare), its
 beginning is tried as well; where nothing moves by a pixel, smaller motions are looked for; the attempt whose outlines
 hold most points that move with them is given. Bodies that never move relative to each other are one outline; what shows
 no texture and no edge is not found.
+
+Parents and layers: two bodies are pinned where a point exists that both their motions take to the same places. What is
+pinned to the ground has no parent; what is pinned to a body already placed has it as parent. Where two regions come to
+overlap, the body whose reference agrees with the frame there lies in front.
+
+Regions: the frames turned back by a motion agree with the reference where the picture shows the body that moves so.
+Pixels that one motion explains clearly better than all others are sure; from them the regions grow over what is flat or
+uncertain up to the edges of the picture (watershed: F. Meyer, Color image segmentation, IEE Conf. 354, 1992; OpenCV's).
+An outline is simplified to at most `MOST_CORNERS` corners; where two overlap, the smaller body keeps its own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from vision.bodies.outlines import Body, signed_distance
 from vision.errors import TrackingError
 from vision.film.source import FrameSource
-from vision.proposals.joints import layers_of, parents_of
-from vision.proposals.motion_groups import USUAL, Distances, Groups, group_by_motion
+from vision.proposals.motion_groups import USUAL, Distances, Groups, Motion, group_by_motion, refined
 from vision.proposals.point_tracks import PointTracks, track_points
-from vision.proposals.refined_motions import refined
-from vision.proposals.regions import outlines, regions
+
+SMOOTH_PX = 2.0
+HIDDEN = 0.6
+"""Share of the frames in which a pixel may be hidden."""
+CLEARLY_BETTER = 0.6
+"""Difference left by the best motion over that of the next from which a pixel is sure."""
+LARGEST = 4.0
+"""Difference over the noise that may be left."""
+DIFFERENT = 25.0
+"""Largest difference over the noise that is counted, so that one frame does not decide."""
+AROUND_PX = 8
+"""Beyond this around the sure pixels of a body nothing belongs to it."""
+RIM_PX = 24.0
+"""Width of what may be taken off a region's rim because it is as flat as what lies beside it."""
+SLOPE, LEAST_SLOPE = 2.0, 2.0
+"""Slope up to which a picture is flat: over the noise, and grey of 255 per px."""
+MIN_AREA_PX = 400
+MOST_CORNERS = 20
+Mask = NDArray[np.uint8]
+
+
+def left_over(tracks: PointTracks, groups: Groups) -> NDArray[np.float32]:
+    """What each motion leaves of the frames at every pixel of the reference, over the noise, (m, height, width)."""
+    reference = tracks.reference.astype(np.float32)
+    left = []
+    for motion in groups.motions:
+        most = DIFFERENT * tracks.noise_grey
+        frames = [
+            _smooth(np.minimum(np.abs(turned_back(tracks.pictures[step], matrix) - reference), most))
+            for step, matrix in zip(groups.key, motion.matrices(), strict=True)
+        ]
+        left.append(np.quantile(np.stack(frames), 1.0 - HIDDEN, axis=0) / tracks.noise_grey)
+    return np.asarray(left, dtype=np.float32)
+
+
+def turned_back(picture: NDArray[np.uint8], matrix: NDArray[np.float64]) -> NDArray[np.float32]:
+    """A frame with the body where it is in the reference; far from any grey value where the frame does not show it."""
+    size, flags = picture.shape[::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    grey = picture.astype(np.float32)
+    return np.asarray(cv2.warpAffine(grey, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=1e4))
+
+
+def regions(tracks: PointTracks, groups: Groups) -> list[tuple[Motion, Mask]]:
+    """Each motion with its region, largest first; motions of which no region is left are left out."""
+    left = left_over(tracks, groups)
+    order = np.sort(left, axis=0)
+    sure = (order[0] < np.maximum(CLEARLY_BETTER * order[1], order[1] - LARGEST)) & (order[0] < LARGEST)
+    best = np.where(sure, np.argmin(left, axis=0), -1)
+    marks = np.zeros(best.shape, dtype=np.int32)
+    near = np.zeros(best.shape, dtype=np.uint8)
+    for i in range(1, len(groups.motions)):
+        own = _opened(np.asarray(best == i, dtype=np.uint8), 3)
+        points = tracks.place_px[groups.group == i, 0]
+        own = _with_points(own, points, tracks.spacing_px)
+        if np.count_nonzero(own) < MIN_AREA_PX // 8:
+            continue
+        marks[own > 0] = i + 1
+        hull = cv2.convexHull(np.argwhere(own > 0)[:, ::-1].astype(np.int32))
+        near |= _dilated(np.asarray(cv2.fillConvexPoly(np.zeros_like(near), hull, 1), dtype=np.uint8), AROUND_PX)
+    marks[(marks == 0) & ((best == 0) | (near == 0))] = 1
+    colour = cv2.cvtColor(cv2.GaussianBlur(tracks.reference, (0, 0), 1.0), cv2.COLOR_GRAY2BGR)
+    grown = cv2.watershed(colour, marks)
+    found = []
+    for i, motion in enumerate(groups.motions[1:], start=1):
+        own = grown == i + 1
+        mask = _whole(np.asarray(own & ~flat_rim(own, grown == 1, tracks), dtype=np.uint8), widened=True)
+        if mask is not None:
+            found.append((motion, mask))
+    found.sort(key=lambda item: -int(np.count_nonzero(item[1])))
+    return found
+
+
+def flat_rim(region: NDArray[np.bool_], rests: NDArray[np.bool_], tracks: PointTracks) -> NDArray[np.bool_]:
+    """What of a region is as flat as the rest beside it: there a body's edge lies further in."""
+    gx, gy = (cv2.Sobel(tracks.reference, cv2.CV_32F, *axes, scale=0.125) for axes in ((1, 0), (0, 1)))
+    flat = np.hypot(gx, gy) < max(SLOPE * tracks.noise_grey, LEAST_SLOPE)
+    far = cv2.distanceTransform(np.asarray(~rests, dtype=np.uint8), cv2.DIST_L2, 5)
+    count, labels = cv2.connectedComponents(np.asarray(region & flat & (far < RIM_PX), dtype=np.uint8), connectivity=4)
+    beside = np.zeros(count, dtype=bool)
+    beside[np.unique(labels[far < 3.0])] = True
+    beside[0] = False
+    return np.asarray(beside[labels])
+
+
+def outlines(masks: Sequence[Mask]) -> list[NDArray[np.float64] | None]:
+    """An outline (k, 2) for each region, largest first, simple and without overlap; None where too little is left."""
+    taken = np.zeros(masks[0].shape, dtype=bool) if masks else np.zeros((0, 0), dtype=bool)
+    result: list[NDArray[np.float64] | None] = []
+    for mask in reversed(masks):  # the smaller lies in front more often
+        polygon = None
+        for widened in (0, 3, 6, 9):
+            free = mask & ~_dilated(taken.astype(np.uint8), widened)
+            whole = _whole(free)
+            polygon = None if whole is None else _simple(whole)
+            if polygon is None or not np.any((signed_distance(polygon, *mask.shape) > 0.0) & taken):
+                break
+        else:
+            polygon = None
+        if polygon is not None:
+            taken |= signed_distance(polygon, *mask.shape) > 0.0
+        result.append(polygon)
+    return result[::-1]
+
+
+def _simple(mask: Mask) -> NDArray[np.float64] | None:
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    largest = max(contours, key=cv2.contourArea)
+    for tolerance in np.arange(1.0, 12.0, 0.5):
+        polygon = cv2.approxPolyDP(largest, float(tolerance), True)[:, 0].astype(float)
+        if len(polygon) <= MOST_CORNERS:
+            return polygon if len(polygon) >= 3 else None
+    return None
+
+
+def _whole(mask: Mask, widened: bool = False) -> Mask | None:
+    """The largest connected part, smoothed and without holes; None where it is too small. ``widened`` is what smoothing
+    has made too wide."""
+    narrow = np.asarray(cv2.erode(mask, _disc(5)), dtype=np.uint8) if widened else mask
+    smooth = _opened(np.asarray(cv2.morphologyEx(narrow, cv2.MORPH_CLOSE, _disc(5)), dtype=np.uint8), 5)
+    contours, _ = cv2.findContours(smooth, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not contours:
+        return None
+    largest = max(contours, key=cv2.contourArea)
+    if cv2.contourArea(largest) < MIN_AREA_PX:
+        return None
+    return np.asarray(cv2.drawContours(np.zeros_like(mask), [largest], -1, 1, cv2.FILLED), dtype=np.uint8)
+
+
+def _with_points(mask: Mask, points: NDArray[np.float64], spacing_px: float) -> Mask:
+    """Only the parts of a mask near points of the same motion."""
+    near = np.zeros_like(mask)
+    for x, y in np.rint(points).astype(int):
+        near[y, x] = 1
+    return mask & _dilated(near, int(max(3.0 * spacing_px, 16.0)))
+
+
+def _dilated(mask: Mask, by_px: int) -> Mask:
+    return np.asarray(cv2.dilate(mask, _disc(2 * by_px + 1)), dtype=np.uint8)
+
+
+def _opened(mask: Mask, size: int) -> Mask:
+    return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, _disc(size)), dtype=np.uint8)
+
+
+def _disc(size: int) -> Mask:
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
+
+
+def _smooth(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), SMOOTH_PX))
+
+
+PINNED_PX = 1.5
+"""Largest distance, root mean square over the frames, of the two places of a pin."""
+LEAST_TURN_RAD = 0.02
+"""Relative turn below which nothing tells a pin from a slide."""
+NEAR_PX = 30.0
+"""Distance of a pin from the regions of both bodies."""
+OVERLAP_PX = 300
+"""Pixels, over all frames, in which two regions must overlap to say which is in front."""
+CLEARLY = 1.5
+"""Ratio of the differences from the frame in the overlap."""
+Region = tuple[Motion, NDArray[np.uint8]]
+
+
+def parents_of(regions: Sequence[Region]) -> list[int | None]:
+    """Index of the body each is pinned to; None for the ground, or where no pin is found."""
+    rest = Motion(np.tile(np.eye(2), (len(regions[0][0].turn), 1, 1)), np.zeros((len(regions[0][0].turn), 2)))
+    outside = [cv2.distanceTransform(np.asarray(1 - mask, np.uint8), cv2.DIST_L2, 5) for _, mask in regions]
+
+    def miss(i: int, j: int | None) -> float:
+        found = pin(regions[i][0], rest if j is None else regions[j][0])
+        if found is None:
+            return np.inf
+        point, off = found
+        near = all(_at(outside[k], point) < NEAR_PX for k in (i, j) if k is not None)
+        return off if near else np.inf
+
+    # from the ground outwards, the surest pin first
+    placed: dict[int, int | None] = {}
+    while len(placed) < len(regions):
+        left = [i for i in range(len(regions)) if i not in placed]
+        best = min(((miss(i, j), i, j) for i in left for j in (None, *placed)), key=lambda found: found[0])
+        if best[0] < PINNED_PX:
+            placed[best[1]] = best[2]
+        elif placed:
+            break
+        else:
+            placed[0] = None  # nothing is pinned to the ground: from the largest
+    return [placed.get(i) for i in range(len(regions))]
+
+
+def pin(one: Motion, other: Motion) -> tuple[NDArray[np.float64], float] | None:
+    """The point of the reference (x, y) that two motions keep together best, and its distance, root mean square; None
+    where they do not turn against each other."""
+    turn, shift = one.turn - other.turn, other.shift - one.shift
+    if np.abs(turn[:, 1, 0]).max() < LEAST_TURN_RAD:
+        return None
+    point = np.asarray(np.linalg.lstsq(turn.reshape(-1, 2), shift.reshape(-1), rcond=None)[0], dtype=np.float64)
+    off = np.hypot(*(turn @ point - shift).T)
+    return point, float(np.sqrt(np.mean(off**2)))
+
+
+def layers_of(tracks: PointTracks, key: NDArray[np.intp], regions: Sequence[Region]) -> list[int]:
+    """Layer of each body, the larger in front; equal where the film does not tell."""
+    behind: list[set[int]] = [set() for _ in regions]
+    for i in range(len(regions)):
+        for j in range(i):
+            ratio = _difference_ratio(tracks, key, regions[i], regions[j])
+            if ratio > CLEARLY:
+                behind[j].add(i)
+            elif ratio < 1.0 / CLEARLY:
+                behind[i].add(j)
+    layers = [0] * len(regions)
+    for _ in regions:
+        layers = [max([layers[k] + 1 for k in lower], default=0) for lower in behind]
+    # as many rounds as bodies end unless the film contradicts itself
+    settled = [max([layers[k] + 1 for k in lower], default=0) for lower in behind]
+    return layers if settled == layers else [0] * len(regions)
+
+
+def _difference_ratio(tracks: PointTracks, key: NDArray[np.intp], one: Region, other: Region) -> float:
+    """Difference of the frames from the one body's reference where both regions overlap, over that from the other's; 1
+    where they hardly do."""
+    total, count = np.zeros(2), 0
+    for k, step in enumerate(key):
+        grey, masks = [], []
+        for motion, mask in (one, other):
+            matrix = motion.matrices()[k]
+            grey.append(cv2.warpAffine(tracks.reference, matrix, mask.shape[::-1]).astype(float))
+            masks.append(cv2.warpAffine(cv2.erode(mask, np.ones((5, 5), np.uint8)), matrix, mask.shape[::-1]) > 0)
+        overlap = masks[0] & masks[1]
+        frame = tracks.pictures[step].astype(float)
+        total += [float(np.abs(frame - part)[overlap].sum()) for part in grey]
+        count += int(np.count_nonzero(overlap))
+    return float(total[0] / max(total[1], 1e-9)) if count >= OVERLAP_PX else 1.0
+
+
+def _at(distance: NDArray[Any], point: NDArray[np.float64]) -> float:
+    """Distance at a point, which may lie outside the picture."""
+    height, width = distance.shape
+    inside = np.clip(np.rint(point), 0.0, [width - 1.0, height - 1.0])
+    return float(distance[int(inside[1]), int(inside[0])] + np.hypot(*(point - inside)))
+
 
 LEAST_FRAMES = 4
 LOST = 0.6

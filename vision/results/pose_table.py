@@ -10,8 +10,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.fitting.assessment import N_LEVELS
 from vision.fitting.base import Fit
-from vision.fitting.coherence import N_LEVELS
 from vision.results.flags import FAILURE, FrameFlag
 
 
@@ -30,7 +30,7 @@ class PoseTable:
     zncc, inlier, noise_grey, gain : ndarray, shape (n, m)
     flag : ndarray of uint16, shape (n, m)
     ratio, blocks : ndarray, shape (n, m, 3, 3)
-        Coherence of the residuals, see `vision.fitting.coherence.Ratios`.
+        Coherence of the residuals, see `vision.fitting.assessment.Ratios`.
     """
 
     frame: NDArray[np.int64]

@@ -6,9 +6,8 @@ tests and the benchmarks; nothing here is part of tracking.
 
 from __future__ import annotations
 
-from vision.camera.projection import Projection, tilted
-from vision.synthetic.scene import Scene, Sensor, SyntheticBody, background, total_noise
-from vision.synthetic.shapes import box, thick_line, turned
+from vision.camera.model import Projection, tilted
+from vision.synthetic.scene import Scene, Sensor, SyntheticBody, background, box, thick_line, total_noise, turned
 from vision.synthetic.textures import BlobTexture, speckle, wood_grain
 
 __all__ = [

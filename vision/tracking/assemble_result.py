@@ -9,22 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import picture_to_ccw
-from vision.camera.projection import Projection
+from vision.camera.model import Projection
 from vision.each import Each, in_turn
 from vision.errors import TrackingError
 from vision.fitting.pose_covariance import predicted_u_angle
-from vision.reference.grey_steps import in_coarse_steps
+from vision.reference.camera_faults import in_coarse_steps
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
 from vision.tracking.film_tracker import FilmTracker, first_poses
 from vision.tracking.options import FitSettings
-from vision.uncertainty.budget_terms import TrackedAngles, budget_of
-from vision.uncertainty.coherence_widening import variance_factor, widened
-from vision.uncertainty.compression_noise import UNDECLARED_FACTOR
-from vision.uncertainty.expected_coherence import expected_ratio
-from vision.uncertainty.pose_response import PoseResponse
+from vision.uncertainty.budget_terms import UNDECLARED_FACTOR, PoseResponse, TrackedAngles, budget_of
+from vision.uncertainty.coherence import expected_ratio, variance_factor, widened
 
 PRECISE_U_RAD = np.radians(0.05) / 4.0
 """Up to this an error of 0.05 degrees is at least four standard uncertainties away."""

@@ -4,6 +4,16 @@ Order of attempts in a frame: from the constant-acceleration prediction; from th
 parent; from the candidates of the wide search. The first fit that passes every test is accepted. A frame without one
 is lost: NaN with the reasons of the first attempt, and the body stays at its newest known placement until it is found
 again.
+
+Prediction: constant acceleration, seen from the parent. A child's placement is tracked in the axes of its parent, so
+that a jack that rides on a moving whippen is predicted with the whippen's motion in the same frame. A `Placement` is
+(phi, x, y) of the centre in the picture, or in the parent's axes.
+
+The wide search over turn and shift needs no good initial guess. Method: the template is turned in steps and slid over
+the region where the body is expected, at half the resolution, with normalised correlation under its mask (OpenCV
+`matchTemplate`). The best few, one per turn, are the initial guesses for a fit. A body that is not near its last place
+is looked for in the whole picture and at every turn, at a quarter of the resolution; the best places are then searched
+around as before.
 """
 
 from __future__ import annotations
@@ -12,15 +22,194 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.film.source import FrameSource
 from vision.fitting.base import FAILED, Fit, Fitter
 from vision.fitting.template import Template
-from vision.fitting.wide_search import far_candidates, search_candidates
 from vision.results.flags import FAILURE, FrameFlag
-from vision.tracking.pose_prediction import Placement, PlacementHistory, from_parent, in_parent
+
+TURN_STEP_RAD = math.radians(2.5)
+TURN_RANGE_RAD = math.radians(17.5)
+SHIFT_RANGE_PX = 40
+N_CANDIDATES = 4
+FAR_TURN_STEP_RAD = math.radians(6.0)
+"""A texture of grain some pixels wide, a quarter as large, still looks like itself half a step away."""
+FAR_LEAST_PX = 6
+"""Smallest side of a template at a quarter of the resolution."""
+FAR_PLACES = 2
+FAR_APART_RAD, FAR_APART_PX = math.radians(10.0), 12.0
+
+
+def far_candidates(film: FrameSource, index: int, template: Template, newest_rad: float) -> list[NDArray[np.float64]]:
+    """Poses anywhere in the picture from which to fit, best first; none for a body too small to be told so coarsely.
+
+    Turns are given within half a turn of the newest known one, ``newest_rad``, which the picture cannot tell.
+    """
+    picture = film.read(index).astype(np.float32)
+    border = 4 * (int(math.ceil(template.radius_px / 8.0)) + 1)
+    wide = cv2.copyMakeBorder(picture, border, border, border, border, cv2.BORDER_CONSTANT, value=float(picture.mean()))
+    small = _halve(_halve(np.asarray(wide, dtype=np.float32)))
+    found: list[tuple[float, NDArray[np.float64]]] = []
+    for phi in newest_rad + np.arange(-math.pi, math.pi - 1e-9, FAR_TURN_STEP_RAD):
+        patch, mask, offset_x, offset_y = _turned(template, float(phi), 4)
+        if min(patch.shape) < FAR_LEAST_PX or patch.shape[0] >= small.shape[0] or patch.shape[1] >= small.shape[1]:
+            return []
+        score = cv2.matchTemplate(small, patch, cv2.TM_CCOEFF_NORMED, mask=mask)
+        score[~np.isfinite(score)] = -1.0
+        _, best, _, (column, row) = cv2.minMaxLoc(score)
+        x, y = 4.0 * (column + offset_x) - border + 1.5, 4.0 * (row + offset_y) - border + 1.5
+        found.append((best, np.array([phi, x - template.centre_px[0], y - template.centre_px[1]])))
+    found.sort(key=lambda item: -item[0])
+    places: list[NDArray[np.float64]] = []
+    for _, pose in found:
+        apart = [np.abs(pose - other) for other in places]
+        if all(one[0] > FAR_APART_RAD or max(one[1:]) > FAR_APART_PX for one in apart):
+            places.append(pose)
+        if len(places) == FAR_PLACES:
+            break
+    return [pose for place in places for pose in search_candidates(film, index, template, place)[:2]]
+
+
+def search_candidates(
+    film: FrameSource, index: int, template: Template, expected: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Poses around the expected one from which to fit, best first; none when the body can only be outside the
+    picture."""
+    half = int(math.ceil(template.radius_px)) + 2
+    reach = half + SHIFT_RANGE_PX
+    centre_x = round(template.centre_px[0] + expected[1])
+    centre_y = round(template.centre_px[1] + expected[2])
+    x0, x1 = max(0, centre_x - reach), min(film.width, centre_x + reach + 1)
+    y0, y1 = max(0, centre_y - reach), min(film.height, centre_y + reach + 1)
+    if x1 - x0 < 16 or y1 - y0 < 16:
+        return []
+    picture = np.zeros((2 * reach + 1, 2 * reach + 1), dtype=np.float32)
+    view = film.read_region(index, y0, y1, x0, x1)
+    top, left = y0 - (centre_y - reach), x0 - (centre_x - reach)
+    picture[:] = float(view.mean())
+    picture[top : top + view.shape[0], left : left + view.shape[1]] = view
+    small = _halve(picture)
+    found: list[tuple[float, NDArray[np.float64]]] = []
+    for turn in np.arange(-TURN_RANGE_RAD, TURN_RANGE_RAD + 1e-9, TURN_STEP_RAD):
+        phi = float(expected[0] + turn)
+        patch, mask, offset_x, offset_y = _turned(template, phi, 2)
+        if patch.shape[0] >= small.shape[0] or patch.shape[1] >= small.shape[1]:
+            continue
+        score = cv2.matchTemplate(small, patch, cv2.TM_CCOEFF_NORMED, mask=mask)
+        score[~np.isfinite(score)] = -1.0
+        _, best, _, (column, row) = cv2.minMaxLoc(score)
+        x = 2.0 * (column + offset_x) + centre_x - reach + 0.5
+        y = 2.0 * (row + offset_y) + centre_y - reach + 0.5
+        found.append((best, np.array([phi, x - template.centre_px[0], y - template.centre_px[1]])))
+    found.sort(key=lambda item: -item[0])
+    return [pose for _, pose in found[:N_CANDIDATES]]
+
+
+def _halve(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
+    return picture[: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2).mean(axis=(1, 3))
+
+
+def _turned(
+    template: Template, phi: float, coarse: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], float, float]:
+    """Turned template at a ``coarse``-th of the resolution, its mask, and the position of the centre in it (of its
+    pixels)."""
+    cosine, sine = math.cos(phi), math.sin(phi)
+    dx, dy = template.offset_px
+    x = (cosine * dx - sine * dy) / coarse
+    y = (sine * dx + cosine * dy) / coarse
+    left, top = math.floor(float(x.min())), math.floor(float(y.min()))
+    columns = np.rint(x - left).astype(int)
+    rows = np.rint(y - top).astype(int)
+    shape = (int(rows.max()) + 1, int(columns.max()) + 1)
+    at, cells = rows * shape[1] + columns, shape[0] * shape[1]
+    count = np.bincount(at, minlength=cells).reshape(shape)
+    total = np.bincount(at, template.columns[3], cells).reshape(shape)
+    mask = (count >= 0.5 * coarse**2).astype(np.float32)
+    patch = (total / np.maximum(count, 1.0) * mask).astype(np.float32)
+    return patch, mask, float(-left), float(-top)
+
+
+Placement = NDArray[np.float64]
+
+
+def in_parent(child: Placement, parent: Placement) -> Placement:
+    """Placement of a child in the axes of its parent."""
+    cosine, sine = math.cos(parent[0]), math.sin(parent[0])
+    # plain numbers: arrays of three cost more than the sums
+    (turn, x, y), (turn0, x0, y0) = child.tolist(), parent.tolist()
+    return np.array([turn - turn0, cosine * (x - x0) + sine * (y - y0), cosine * (y - y0) - sine * (x - x0)])
+
+
+def from_parent(relative: Placement, parent: Placement) -> Placement:
+    """Placement in the picture of a child given in the axes of its parent; undoes `in_parent`."""
+    cosine, sine = math.cos(parent[0]), math.sin(parent[0])
+    (turn, x, y), (turn0, x0, y0) = relative.tolist(), parent.tolist()
+    return np.array([turn + turn0, x0 + cosine * x - sine * y, y0 + sine * x + cosine * y])
+
+
+class PlacementHistory:
+    """The last three placements of a body, for extrapolation; after a gap it starts anew.
+
+    They are kept in arrays (``known`` (1,), their steps (3,) and themselves (3, 3), oldest first), which may be parts
+    of larger ones, where compiled code finds them.
+    """
+
+    def __init__(
+        self,
+        known: NDArray[np.int64] | None = None,
+        steps: NDArray[np.int64] | None = None,
+        places: NDArray[np.float64] | None = None,
+    ) -> None:
+        self._known = np.zeros(1, dtype=np.int64) if known is None else known
+        self._steps = np.zeros(3, dtype=np.int64) if steps is None else steps
+        self._places = np.zeros((3, 3)) if places is None else places
+
+    def add(self, step: int, placement: Placement) -> None:
+        """Record the placement found at a step (the running number of the tracked frame)."""
+        known = int(self._known[0])
+        if known and step != self._steps[known - 1] + 1:
+            known = 0
+        if known == 3:
+            self._steps[:2], self._places[:2] = self._steps[1:].copy(), self._places[1:].copy()
+            known = 2
+        self._steps[known], self._places[known] = step, placement
+        self._known[0] = known + 1
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._known[0] = 0
+
+    def items(self) -> list[tuple[int, Placement]]:
+        """The placements, oldest first, with their steps."""
+        return [(int(self._steps[k]), self._places[k].copy()) for k in range(int(self._known[0]))]
+
+    def newest(self) -> Placement | None:
+        """The newest known placement."""
+        known = int(self._known[0])
+        return self._places[known - 1].copy() if known else None
+
+    def newest_step(self) -> int | None:
+        """Step of the newest known placement."""
+        known = int(self._known[0])
+        return int(self._steps[known - 1]) if known else None
+
+    def predict(self, step: int) -> Placement | None:
+        """Placement at a step: constant acceleration from three neighbours, else the newest known one."""
+        known = int(self._known[0])
+        if not known:
+            return None
+        if step != self._steps[known - 1] + 1 or known < 2:
+            return self._places[known - 1].copy()
+        if known == 2:
+            return np.asarray(2.0 * self._places[1] - self._places[0])
+        (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = self._places.tolist()
+        return np.array([3.0 * c0 - 3.0 * b0 + a0, 3.0 * c1 - 3.0 * b1 + a1, 3.0 * c2 - 3.0 * b2 + a2])
+
 
 GOOD = FrameFlag.GOOD
 """Compared by identity before its bits: arithmetic of flags costs more than all other tests of a good frame."""

@@ -14,25 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.bodies.outlines import parents_first
-from vision.film.repeats import Repeats
-from vision.film.source import SATURATED_SHARE, saturated_grey
+from vision.film.source import SATURATED_SHARE, Repeats, saturated_grey
 from vision.fitting.base import MARGIN_PX, Fit, region_of
 from vision.fitting.ecc import EccFitter
-from vision.fitting.fit_memory import Begun
 from vision.fitting.frame_spline import FrameSpline
-from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET, IcgnFitter
-from vision.fitting.light.local_light import HIDDEN_SUSPECTED
+from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET, Begun, IcgnFitter
+from vision.fitting.light import HIDDEN_SUSPECTED
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR
-from vision.frame_fit.compiled import DOUBTFUL, NOT_BEGUN, OUTSIDE
-from vision.frame_fit.frame_fit import FrameFit
-from vision.frame_fit.in_memory import Watch, frames_around
-from vision.frame_fit.records import Film, Limits, Rows
+from vision.frame_fit.compiled import DOUBTFUL, NOT_BEGUN, OUTSIDE, Film, Limits, Rows
+from vision.frame_fit.frame_fit import FrameFit, Watch, frames_around
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.tracking import body_tracker
-from vision.tracking.body_tracker import BodyTracker
-from vision.tracking.pose_prediction import PlacementHistory
+from vision.tracking.body_tracker import BodyTracker, PlacementHistory
 
 LIMITS = Limits(
     usual_share=body_tracker.USUAL_SHARE,

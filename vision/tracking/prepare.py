@@ -21,13 +21,16 @@ from vision.film.open import open_film
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import build_template
-from vision.reference.defect_pixels import WithoutDefects, without_defects
-from vision.reference.grey_steps import grey_step
+from vision.reference.camera_faults import (
+    WithoutDefects,
+    WithoutRowFlicker,
+    grey_step,
+    skips_blocks,
+    without_defects,
+    without_row_flicker,
+)
 from vision.reference.prepared_film import PreparedFilm
-from vision.reference.row_flicker import WithoutRowFlicker, without_row_flicker
-from vision.reference.skipped_blocks import skips_blocks
-from vision.reference.still_average import Reference, average_still_frames
-from vision.reference.stillness import still_count
+from vision.reference.still_average import Reference, average_still_frames, still_count
 from vision.tracking.film_tracker import FilmTracker, first_poses
 from vision.tracking.options import MAX_PIXELS
 from vision.tracking.sensor_pattern import WithoutPattern

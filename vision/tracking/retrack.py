@@ -17,13 +17,13 @@ from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import PATTERN_EXCESS
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
-from vision.rigidity.hidden_parts import confirm_hidden
 from vision.tracking.assemble_result import assemble_result, zero_of_still_frames
+from vision.tracking.moving_parts import confirm_hidden
 from vision.tracking.options import FitOptions, FitSettings
 from vision.tracking.passes import fit_alone
 from vision.tracking.prepare import frame_times, prepare
-from vision.tracking.scout import starts
 from vision.tracking.sensor_pattern import residual_variance
+from vision.tracking.stretches import starts
 
 Places = Mapping[str, tuple[float, float, float]]
 """Where bodies are, by name: angle (rad, counter-clockwise from the zero), x and y of the region's centre (px)."""

@@ -1,28 +1,95 @@
 """Which rows of a film are tracked together, and how stretches of them are joined.
 
 A film is cut into stretches that are tracked at the same time. Each starts some rows before its own first one, from
-where a quick walk (`vision.tracking.scout`) found the bodies. The rows it shares with the stretch before must agree;
+where a quick walk found the bodies. The rows it shares with the stretch before must agree;
 where they do not, the tracker of the stretch before goes on through it instead. Which rows make a stretch depends on
 the film alone, so that the result is the same to the bit however many threads there are.
+
+In the quick walk bodies are fitted by the pixels that tell most, in as few frames as their motion allows: the steps
+grow while they are where they were expected and are halved where a body is not found. What it finds is only where a
+stretch starts from; the stretch before confirms it. Where a body is lost even from one row to the next the walk ends.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.film.repeats import Repeats
-from vision.film.source import Film, FrameSource
-from vision.frame_fit.in_memory import watch
+from vision.film.source import Film, FrameSource, Repeats
+from vision.fitting.template import thinned
+from vision.frame_fit.frame_fit import watch
 from vision.reference.prepared_film import PreparedFilm
-from vision.results.flags import FrameFlag
+from vision.results.flags import FAILURE, FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.tracking.film_tracker import FilmTracker
-from vision.tracking.scout import Poses, starts
 from vision.tracking.workers import Workers
+
+PIXELS = 1500
+MOST_ROWS = 16
+NEAR_PX, FAR_PX = 1.0, 4.0
+"""Distance from the expected place below which the steps grow, and above which they shrink."""
+
+Poses = NDArray[np.float64]
+"""Of all bodies, (m, 3)."""
+
+
+def starts(ready: PreparedFilm, frame: NDArray[np.int64], rows: Sequence[int]) -> Iterator[tuple[Poses, Poses]]:
+    """Poses in the two rows before each of ``rows``, in order, as far as the walk gets; ``frame`` (n,) of every row."""
+    templates = [thinned(template, PIXELS) for template in ready.templates]
+    light = replace(ready, templates=templates, occlusion=ready.occlusion.with_templates(templates))
+    walk = _Walk(FilmTracker(light), frame)
+    for row in rows:
+        if not walk.to(row - 2):
+            return
+        before = walk.pose
+        if not walk.to(row - 1):
+            return
+        yield before, walk.pose
+
+
+class _Walk:
+    """Where the walk is: ``row``, the ``pose`` of all bodies, and how far they move per row."""
+
+    def __init__(self, tracker: FilmTracker, frame: NDArray[np.int64]) -> None:
+        self._tracker, self._frame = tracker, frame
+        self._radius = np.array([body.template.radius_px for body in tracker.trackers])
+        self.row, self.pose = 0, np.zeros((len(tracker.trackers), 3))
+        self._speed, self._stride = np.zeros_like(self.pose), 4
+
+    def to(self, row: int) -> bool:
+        """Go on to a row; False where a body is lost."""
+        while self.row < row:
+            step = min(self._stride, row - self.row)
+            expected = self.pose + step * self._speed
+            found = self._fit(int(self._frame[self.row + step]), expected)
+            if found is None:
+                if step == 1:
+                    return False
+                self._stride = max(1, step // 2)
+                continue
+            off = np.abs(found - expected)
+            off[:, 0] *= self._radius
+            if off.max() < NEAR_PX:
+                self._stride = min(2 * self._stride, MOST_ROWS)
+            elif off.max() > FAR_PX:
+                self._stride = max(1, self._stride // 2)
+            self._speed, self.pose = (found - self.pose) / step, found
+            self.row += step
+        return True
+
+    def _fit(self, index: int, expected: Poses) -> Poses | None:
+        """Poses of all bodies in a frame, None where one is not found."""
+        tracker = self._tracker
+        tracker.place(-1, expected)
+        tracker.step(index, 0, search=False)
+        if any(body.flag & FAILURE for body in tracker.trackers):
+            return None
+        return np.array([body.fit.pose for body in tracker.trackers])
+
 
 STRETCH_ROWS = 150
 """A film of fewer than twice as many rows is one stretch."""

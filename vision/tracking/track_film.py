@@ -22,27 +22,32 @@ from vision.errors import VisionWarning
 from vision.film.open import open_film
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import PATTERN_EXCESS, predicted_u_angle
-from vision.reference.defect_pixels import WithoutDefects
+from vision.reference.camera_faults import WithoutDefects, WithoutRowFlicker
 from vision.reference.prepared_film import PreparedFilm
-from vision.reference.row_flicker import WithoutRowFlicker
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
-from vision.rigidity.hidden_parts import confirm_hidden
-from vision.rigidity.moving_parts import moving_parts
 from vision.tracking.assemble_result import Zero, assemble_result, zero_of_rows, zero_of_still_frames
 from vision.tracking.checkpoint import Checkpoint, job_hash
 from vision.tracking.film_tracker import FilmTracker
+from vision.tracking.moving_parts import confirm_hidden, moving_parts
 from vision.tracking.options import TrackOptions, TrackSettings
-from vision.tracking.passes import Run, confirm_backward, track_forward
+from vision.tracking.passes import Run, confirm_backward, renew, track_forward
 from vision.tracking.prepare import frame_times, prepare
-from vision.tracking.renewed_reference import renew
-from vision.tracking.sensor_pattern import WithoutPattern, held_back, left_over, residual_variance
+from vision.tracking.sensor_pattern import (
+    TRACKED_AGAIN,
+    WithoutPattern,
+    better,
+    held_back,
+    left_over,
+    pattern_by_sample,
+    pattern_is_suspected,
+    residual_variance,
+)
 from vision.tracking.stretches import first_rows, several_may_read
-from vision.tracking.without_pattern import TRACKED_AGAIN, better, pattern_by_sample, pattern_is_suspected
 from vision.tracking.workers import usable_threads, workers
 from vision.uncertainty.budget_terms import expected_budget
-from vision.uncertainty.coherence_widening import widened
+from vision.uncertainty.coherence import widened
 
 FIRST_ORDER_RADIAL = 0.006
 """Beyond this distortion pixels of one body move so differently that the weights leave some of them out."""

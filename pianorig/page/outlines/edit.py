@@ -13,7 +13,7 @@ from pianorig.errors import CommandInputError
 from pianorig.page.outlines.film_subject import FilmSubject
 from pianorig.page.outlines.marks import marks_of
 from pianorig.workflows.film.retrack import retrack
-from vision.output.contact_sheet import reasons, worst_of
+from vision.output.overlay import reasons, worst_of
 from vision.results.flags import FAILURE
 
 MOST_BODIES, MOST_POINTS, LONGEST_NAME = 32, 500, 60

@@ -9,7 +9,7 @@ import numpy as np
 
 import vision
 from pianorig.workflows.film.session_film import SessionFilm
-from vision.output.contact_sheet import words_of
+from vision.output.overlay import words_of
 from vision.tracking.options import FitOptions
 
 COLUMNS = 3

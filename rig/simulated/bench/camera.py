@@ -28,7 +28,7 @@ from vision.angles import ccw_to_picture, ground_to_picture
 from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
 from vision.errors import InputError
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 from vision.fitting.pose_covariance import cramer_rao_bound
 from vision.synthetic import (
     Projection,

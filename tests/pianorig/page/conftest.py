@@ -21,7 +21,7 @@ import pytest
 import vision
 from rig.session import Session
 from rig.storage.atomic_write import sha256_of_file
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 from vision.results.flags import FAILURE
 
 Result = TypeVar("Result")

@@ -16,7 +16,7 @@ from rig.session import Session
 from tests.pianorig.page.conftest import FRAMES, HEIGHT, WIDTH, Page, film_frames
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 
 TRIAL = "/api/review/example_forte/1"
 

@@ -19,7 +19,7 @@ from rig.selftest import SelftestRecord
 from rig.session.film_record import FilmRecord
 from tests.rig.foreign.test_session_import import MAPPING
 from tests.rig.fuzz.damage import Case, same_values, text
-from vision.camera.file import load_calibration
+from vision.camera.model import load_calibration
 
 
 def rig_case(folder: Path) -> Case:

@@ -14,7 +14,7 @@ from rig.simulated.bench.camera import film_scene, poses
 from rig.simulated.device.fault_injection import FaultPlan, parse_faults
 from vision.bodies.masks import build_masks
 from vision.errors import InputError
-from vision.film.mraw_reader import MrawFilm
+from vision.film.mraw import MrawFilm
 from vision.film.open import open_film
 from vision.tracking.track_film import track_film
 

@@ -16,9 +16,7 @@ from tests.vision.camera.target_picture import target_picture
 from tests.vision.motion import smooth_step
 from vision.bodies.outlines import Body
 from vision.camera.calibrate import Calibration, Target, calibrate
-from vision.camera.file import load_calibration, save_calibration
-from vision.camera.model import AssumedCamera, CalibratedCamera
-from vision.camera.projection import Projection, tilted
+from vision.camera.model import AssumedCamera, CalibratedCamera, Projection, load_calibration, save_calibration, tilted
 from vision.errors import InputError
 from vision.film.source import ArrayFilm
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
@@ -178,7 +176,7 @@ def test_file_round_trip_and_damage(tmp_path: Path) -> None:
 
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., None]) -> None:
-    from vision.film.mraw_writer import write_mraw
+    from vision.film.mraw import write_mraw
 
     lens = Projection(WIDTH, HEIGHT, tilted(math.radians(3.0), 0.5, 12.0 * WIDTH), 0.005)
     film, out = tmp_path / "target.mraw", tmp_path / "camera.toml"

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vision.errors import FilmError
-from vision.film.cih_header import FilmHeader, cihx_bytes, read_header
+from vision.film.mraw import FilmHeader, cihx_bytes, read_header
 
 CIH = """#Camera Information Header
 Date : 2016/4/21

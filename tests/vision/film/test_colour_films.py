@@ -11,7 +11,7 @@ import pytest
 
 from tests.command_line import run
 from vision.errors import FilmError
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 from vision.film.source import CHANNELS
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vision.film.compression import Compression, jpeg_steps
+from vision.film.source import Compression, jpeg_steps
 
 
 def test_steps_of_damaged_jpeg_are_none() -> None:

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from vision.errors import VisionWarning
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 
 N, HEIGHT, WIDTH = 9, 48, 80

@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 
 import vision.film.mmap_window
 from vision.errors import FilmError
-from vision.film.cih_header import FilmHeader, cihx_bytes
-from vision.film.mraw_reader import MrawFilm
-from vision.film.mraw_writer import pack12, write_mraw
+from vision.film.mraw import FilmHeader, MrawFilm, cihx_bytes, pack12, write_mraw
 from vision.film.open import open_film
 
 REAL_FILM = Path(__file__).resolve().parents[4] / "shared" / "data" / "ball_12bit.mraw"

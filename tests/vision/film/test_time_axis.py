@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from vision.errors import FilmError, VisionWarning
-from vision.film.cih_header import FilmHeader, cihx_bytes
+from vision.film.mraw import FilmHeader, cihx_bytes
 from vision.film.open import open_film
-from vision.film.repeats import Repeats
-from vision.film.source import ArrayFilm
+from vision.film.source import ArrayFilm, Repeats
 
 FRAMES = np.random.default_rng(3).integers(0, 256, (12, 20, 30), dtype=np.uint8)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vision.errors import FilmError
 from vision.film.avi_writer import write_avi
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 
 GOOD = np.zeros((2, 6, 8), dtype=np.uint8)

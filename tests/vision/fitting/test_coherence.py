@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.fitting.coherence import LEAST_BLOCKS, N_LEVELS, blocks_of, ratios_of
+from vision.fitting.assessment import LEAST_BLOCKS, N_LEVELS, blocks_of, ratios_of
 from vision.fitting.template import build_template
 
 

@@ -8,8 +8,7 @@ import pytest
 from vision.film.source import ArrayFilm, saturated_areas
 from vision.fitting.assessment import inverse_and_covariance
 from vision.fitting.bspline import coefficients
-from vision.fitting.frame_spline import FrameSpline
-from vision.fitting.prefilter import prefilter, saturated_inside
+from vision.fitting.frame_spline import FrameSpline, prefilter, saturated_inside
 from vision.fitting.template import invert_normal
 
 

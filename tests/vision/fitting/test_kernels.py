@@ -9,12 +9,20 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from vision.fitting.assessment import Blocks, block_ratios
+from vision.fitting.assessment import Blocks, block_ratios, blocks_of
 from vision.fitting.bspline import coefficients, noise_gain
-from vision.fitting.coherence import blocks_of
 from vision.fitting.icgn import IcgnFitter
-from vision.fitting.kernel_records import Region, Settings, State, Subset
-from vision.fitting.kernels import accumulate, fit_rigid, robust_scale, solve5, weighted_sums
+from vision.fitting.kernels import (
+    Region,
+    Settings,
+    State,
+    Subset,
+    accumulate,
+    fit_rigid,
+    robust_scale,
+    solve5,
+    weighted_sums,
+)
 from vision.fitting.pose_covariance import TUKEY
 from vision.fitting.template import Template, build_template
 from vision.synthetic import Scene

@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 import vision.tracking.track_film
 from tests.vision.motion import smooth_step
 from vision.bodies.outlines import Body
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 from vision.film.open import open_film
-from vision.film.repeats import Repeats
-from vision.film.source import ArrayFilm
-from vision.frame_fit.frame_fit import FrameFit
-from vision.frame_fit.in_memory import NEVER, frames_around, watch
+from vision.film.source import ArrayFilm, Repeats
+from vision.frame_fit.frame_fit import NEVER, FrameFit, frames_around, watch
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle

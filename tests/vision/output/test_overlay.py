@@ -14,8 +14,7 @@ from vision.errors import InputError
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm
 from vision.output.colours import LOST, bgr, colour_of
-from vision.output.contact_sheet import words_of, worst_rows, write_contact_sheet
-from vision.output.overlay import OutlineDrawer, write_overlay
+from vision.output.overlay import OutlineDrawer, words_of, worst_rows, write_contact_sheet, write_overlay
 from vision.synthetic import Scene, box
 from vision.tracking.track_film import track_film
 

@@ -16,7 +16,7 @@ from tests.command_line import run
 from tests.vision.motion import smooth_step
 from vision.bodies.outlines import Body, load_bodies, signed_distance
 from vision.errors import TrackingError
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm
 from vision.proposals.point_tracks import frames_by_activity

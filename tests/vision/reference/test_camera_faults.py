@@ -11,8 +11,7 @@ from tests.vision.motion import smooth_step
 from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.source import ArrayFilm
-from vision.reference.defect_pixels import WithoutDefects, without_defects
-from vision.reference.skipped_blocks import skips_blocks
+from vision.reference.camera_faults import WithoutDefects, skips_blocks, without_defects
 from vision.tracking.track_film import track_film
 
 N, HEIGHT, WIDTH, STILL = 30, 128, 160, 12

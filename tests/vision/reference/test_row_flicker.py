@@ -9,8 +9,13 @@ from scipy import ndimage
 
 from vision.film.source import ArrayFilm, FrameSource
 from vision.fitting.template import build_template
-from vision.reference.grey_steps import grey_step, in_coarse_steps
-from vision.reference.row_flicker import WithoutRowFlicker, alternation, without_row_flicker
+from vision.reference.camera_faults import (
+    WithoutRowFlicker,
+    alternation,
+    grey_step,
+    in_coarse_steps,
+    without_row_flicker,
+)
 
 BOX = (10, 90, 15, 140)
 

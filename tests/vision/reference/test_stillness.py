@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from vision.film.source import ArrayFilm
-from vision.reference.still_average import average_still_frames
-from vision.reference.stillness import still_count
+from vision.reference.still_average import average_still_frames, still_count
 
 
 def test_noise_alone_is_still() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vision.tracking.pose_prediction import PlacementHistory, from_parent, in_parent
+from vision.tracking.body_tracker import PlacementHistory, from_parent, in_parent
 
 
 def test_prediction_follows_constant_acceleration_and_restarts_after_a_gap() -> None:

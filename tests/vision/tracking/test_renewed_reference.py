@@ -18,7 +18,7 @@ from vision.fitting.template import Template, build_template
 from vision.results.flags import FrameFlag
 from vision.synthetic import Scene, Sensor
 from vision.tracking.body_tracker import BodyTracker
-from vision.tracking.renewed_reference import _seen_from
+from vision.tracking.passes import _seen_from
 from vision.tracking.track_film import track_film
 
 RENEWED = np.uint16(int(FrameFlag.RENEWED))

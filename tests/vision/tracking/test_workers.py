@@ -9,7 +9,7 @@ import pytest
 
 from vision.bodies.outlines import Body
 from vision.film.source import ArrayFilm
-from vision.reference.defect_pixels import WithoutDefects
+from vision.reference.camera_faults import WithoutDefects
 from vision.tracking.prepare import prepare
 from vision.tracking.workers import workers
 

@@ -15,7 +15,7 @@ from tests.command_line import run
 from tests.vision.motion import smooth_step
 from vision.bodies.outlines import Body, save_bodies
 from vision.film.avi_writer import write_avi
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
 

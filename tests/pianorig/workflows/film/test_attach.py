@@ -17,7 +17,7 @@ from rig.session import Session
 from rig.session.film_record import read_record
 from tests.command_line import run
 from vision import open_film
-from vision.film.mraw_writer import write_mraw
+from vision.film.mraw import write_mraw
 
 STEP = Path(__file__).parents[3] / "rig" / "step.toml"
 

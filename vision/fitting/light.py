@@ -1,23 +1,68 @@
-"""Light that changes over a body in any way: the edge of a shadow, a reflection that stays while the body moves.
+"""Light that changes from place to place on a body, and what it does to a fit.
 
-Gradients (`vision.fitting.slow_changes`) do not follow an edge. Method: the body is cut into squares of `CELL_PX`; in
-each the median of the residuals over the grey value (a shade, which multiplies), or of the residuals themselves (a
-glow, which adds), is what the light has changed by. Between the middles of the squares it is interpolated, and the
-frame is brought back to even light. A square whose residuals scatter by much more than noise once that is taken out
-shows something else than the body under another light: it is left as it is, and loses its weight as before. The local
-light takes information from the pose; the covariance grows by that.
+It may change in any way: the edge of a shadow, a reflection that stays while the body moves. Gradients
+(`vision.fitting.slow_changes`) do not follow an edge. Method: the body is cut into squares of `CELL_PX`; in each the
+median of the residuals over the grey value (a shade, which multiplies), or of the residuals themselves (a glow, which
+adds), is what the light has changed by. Between the middles of the squares it is interpolated, and the frame is brought
+back to even light. A square whose residuals scatter by much more than noise once that is taken out shows something else
+than the body under another light: it is left as it is, and loses its weight as before. The local light takes
+information from the pose; the covariance grows by that.
+
+Light goes on from frame to frame, noise does not: a change of light is taken up when two fits in a row show the same
+one, so that noise that is smooth over the picture, which looks like light in any single frame, is left to the
+uncertainty.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.fitting.light.squares import among_others, filled, row_median
+from vision.fitting.base import Fit
+from vision.fitting.bspline import noise_gain
+from vision.fitting.slow_changes import Changes, light_factor
 from vision.fitting.template import Template
+
+F64 = NDArray[np.float64]
+
+
+def row_median(values: F64) -> F64:
+    """Median of what is known in each row; several times faster than `numpy.nanmedian` on rows this short."""
+    ordered, count = np.sort(values, axis=1), np.isfinite(values).sum(axis=1)
+    row = np.arange(len(values))
+    return np.asarray(0.5 * (ordered[row, (count - 1) // 2] + ordered[row, count // 2]))
+
+
+def among_others(change: F64) -> F64:
+    """Squares that are believed without most of their neighbours are flat by chance, not the body's texture."""
+    known = np.pad(np.isfinite(change).astype(int), 1)
+    rows, columns = change.shape
+    inside = np.pad(np.ones(change.shape, dtype=int), 1)
+    near, there = (
+        sum(one[y : y + rows, x : x + columns] for y in range(3) for x in range(3)) - one[1:-1, 1:-1]
+        for one in (known, inside)
+    )
+    return np.where(2 * near >= there, change, np.nan)
+
+
+def filled(change: F64) -> F64:
+    """Squares that say nothing get the value of the nearest ones that do, step by step."""
+    values = change.copy()
+    while np.isnan(values).any():
+        padded = np.pad(values, 1, constant_values=np.nan)
+        near = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
+        known = np.isfinite(near)
+        if not known.any():
+            return np.zeros_like(values)
+        mean = np.where(known, near, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        unknown = np.isnan(values) & known.any(axis=0)
+        values[unknown] = mean[unknown]
+    return values
+
 
 CELL_PX = 8
 LEAST_PIXELS = 20
@@ -44,7 +89,6 @@ DEAREST = 3.0
 """As in `vision.fitting.slow_changes`."""
 MOST = 0.6
 """Largest share by which a shade may change the light."""
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -275,3 +319,107 @@ def _pairs(template: Template) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]
 def _misfit(residual: F64, noise: float) -> float:
     """Mean square of residuals over the noise, each cut at `OUTLYING`."""
     return float(np.mean(np.minimum(np.abs(residual) / noise, OUTLYING) ** 2)) if residual.size else 0.0
+
+
+HIDDEN_SUSPECTED = 0.05
+"""Share of visible pixels that do not agree from which local light is looked for."""
+SUSPECTED = 2.0
+"""The same for the ratio of `vision.fitting.assessment` over the largest blocks."""
+ALIKE = 0.7
+"""Correlation of the changes that two fits show, from which they are the same light."""
+LEAST_NOISE_GREY = 0.5
+
+
+class LocalLight:
+    """What the light of one body is; even at first."""
+
+    def __init__(self, template: Template) -> None:
+        self._template = template
+        self._field: LightField | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the light of the frames before."""
+        self.light: Light | None = None
+        self._shown: F64 | None = None
+
+    @property
+    def is_looked_for(self) -> bool:
+        """Whether the next fit must be asked about the light, however good it is."""
+        return self.light is not None or self._shown is not None
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """The light, and what the newest fit showed of one that is not yet believed."""
+        light, nothing = self.light, np.zeros((0, 0))
+        return {
+            "shade": nothing if light is None else light.shade,
+            "glow": nothing if light is None else light.glow,
+            "glows": np.array(light is not None and light.glows),
+            "shown": nothing if self._shown is None else self._shown,
+        }
+
+    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Continue from the light of another frame."""
+        shade, shown = arrays["shade"], arrays["shown"]
+        self.light = Light(shade, arrays["glow"], bool(arrays["glows"])) if shade.size else None
+        self._shown = shown if shown.size else None
+
+    def changed(self, fit: Fit, work: NDArray[np.float32], slow: Changes, first: bool) -> bool:
+        """Whether the light, as the residuals of a fit show it, asks for another.
+
+        Parameters
+        ----------
+        fit : Fit
+        work : ndarray, shape (5, n)
+            Visible pixels and residuals in rows 1 and 2.
+        slow : Changes
+            What the fit took for light that changes slowly.
+        first : bool
+            Whether this is the frame's first question.
+        """
+        if self.light is None and not (first and _suspected(fit)):
+            if first:
+                self._shown = None
+            return False
+        field, noise = self._squares(), self._noise(fit.gain)
+        if self.light is not None:
+            light = field.followed(self.light, work[1], work[2], fit.gain, noise)
+        else:
+            change = field.shown(work[1], work[2], fit.gain, noise) if field.price()[0] <= DEAREST else None
+            before, self._shown = self._shown, change
+            if change is None or before is None or np.corrcoef(before.ravel(), change.ravel())[0, 1] < ALIKE:
+                return False
+            factor = light_factor(slow, *(field.middles_px() / self._template.radius_px))
+            light = field.begun(factor, work[1], work[2], fit.gain, noise)
+        if light is None:
+            return False
+        self.light, self._shown = light, None
+        return True
+
+    def taken_off(self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: F64) -> NDArray[np.float32]:
+        """Spline coefficients of a region, whose first pixel is at (y, x), under even light."""
+        if self.light is None:
+            return coefficient
+        return self._squares().taken_off(coefficient, corner, pose, self.light)
+
+    def widened(self, fit: Fit) -> Fit:
+        """A fit with what the local light takes from the pose in its covariance."""
+        if self.light is None:
+            return fit
+        root = np.sqrt(self._squares().price())
+        return replace(fit, covariance=fit.covariance * root[:, None] * root)
+
+    def _squares(self) -> LightField:
+        """Made when they are first asked for."""
+        if self._field is None:
+            self._field = LightField(self._template)
+        return self._field
+
+    def _noise(self, gain: float) -> float:
+        """Standard deviation of a residual that is noise, grey."""
+        noise = max(self._template.noise_grey, LEAST_NOISE_GREY)
+        return noise * math.sqrt(float(noise_gain().mean()) ** 2 + gain**2 / self._template.n_averaged)
+
+
+def _suspected(fit: Fit) -> bool:
+    return fit.seen - fit.inlier > HIDDEN_SUSPECTED or any(one > SUSPECTED for one in fit.coherence.ratio[-1].tolist())

@@ -111,7 +111,7 @@ KINDS = {
     "defocus": ("speckle", 1),
     "jpeg": ("speckle", 1),
 }
-"""Each with a film that other tests track too; `slow` has more: python -m pytest -m slow tests/vision/rigidity."""
+"""Each with a film that other tests track too; `slow` has more: python -m pytest -m slow tests/vision/tracking."""
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,13 @@ frame best, from its shift in the frame before. A hidden tile fits nowhere; one 
 more than its uncertainty and clearly better, moves. A common change of scale is allowed for. Only bodies whose
 residuals are coherent, or of which much does not agree, are looked at. A body that bends gently has no such part: its
 tiles are shifted across its length by the square of their place along it.
+
+Bodies of which something hides a part are fitted once more without it, and confirmed or widened. Weights suppress what
+hides a body, but not all of it: where it is like the body, some of its pixels keep their weight.
+Method: squares of the template in which many pixels do not agree are left out altogether, and the rest is fitted from
+the pose found. Where both poses agree within what leaving pixels out makes of noise, the first, which uses more of the
+body, stands without the flag, and its uncertainty is at least their difference; where they do not, the flag stays and
+their difference goes into the uncertainty.
 """
 
 from __future__ import annotations
@@ -16,13 +23,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.fitting.base import region_of
+from vision.fitting.assessment import blocks_of
+from vision.fitting.base import Fit, region_of
 from vision.fitting.frame_spline import FrameSpline
-from vision.fitting.kernel_records import Places, Region, Subset
-from vision.fitting.kernels import place_pixels, sample
+from vision.fitting.icgn import IcgnFitter
+from vision.fitting.kernels import Places, Region, Subset, place_pixels, sample
 from vision.fitting.template import Template
 from vision.reference.prepared_film import PreparedFilm
+from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
+from vision.uncertainty.coherence import widened
 
 TILE_PX = 24
 LEAST_PIXELS = 150
@@ -268,3 +278,69 @@ def _tiles(template: Template) -> list[_Tile]:
     number = y * 4096 + x
     tiles = [_Tile(template, np.flatnonzero(number == k)) for k in np.unique(number)]
     return [tile for tile in tiles if tile._nothing.size >= LEAST_PIXELS and LEAST_U * tile.u_px < 2.0]
+
+
+LEVEL = 1
+"""Squares of 16 px."""
+DOUBTED = 0.3
+"""A pixel of less weight does not agree; of normal noise 4 % have less."""
+MANY = 0.15
+"""Share of such pixels in a square that is left out."""
+AGREE_SIGMA = 2.5
+LEAST_SEEN = 0.35
+"""Share of the template that must be left."""
+STILL_COVERED = 0.05
+"""Share of the template that may disagree once the squares are left out; noise alone makes 0.003."""
+
+
+def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bool_]) -> int:
+    """Confirm or widen the rows flagged `COVERED`; those of bodies that are ``doubted`` (m,) keep the flag in any case.
+
+    Returns the number of rows and bodies without the flag.
+    """
+    covered = (table.flag & np.uint16(int(FrameFlag.COVERED))) != 0
+    cleared = 0
+    for i, template in enumerate(ready.templates):
+        rows = np.flatnonzero(covered[:, i] & ~table.failed[:, i])
+        if not rows.size:
+            continue
+        frames, squares = FrameSpline(ready.film), blocks_of(template.offset_px)
+        # each carries its weights from row to row
+        fitters = (IcgnFitter(template, frames), IcgnFitter(template, frames))
+        fitters[0].reset(cautious=True)
+        square = np.repeat(squares.groups[LEVEL], np.diff(squares.first))
+        for row in rows:
+            again = _without_squares(ready, table, int(row), i, (*fitters, square))
+            if again is None:
+                continue
+            apart = again.pose - table.pose[row, i]
+            variance = again.covariance.diagonal()
+            if np.any(apart**2 > AGREE_SIGMA**2 * variance):
+                table.covariance[row, i] += np.diag(apart**2)
+            elif again.seen - again.inlier < STILL_COVERED and not doubted[i]:
+                own = table.covariance[row, i]
+                table.covariance[row, i] = widened(own, np.maximum(apart**2 / own.diagonal(), 1.0))
+                table.flag[row, i] &= ~np.uint16(int(FrameFlag.COVERED))
+                cleared += 1
+    return cleared
+
+
+def _without_squares(
+    ready: PreparedFilm, table: PoseTable, row: int, i: int, with_what: tuple[IcgnFitter, IcgnFitter, NDArray[np.int32]]
+) -> Fit | None:
+    """Fit of a body in a row without the squares that do not agree; None where that fails or leaves too little."""
+    (fitter, second, square), pose, frame = with_what, table.pose[row, i], int(table.frame[row])
+    others = {j: table.pose[row, j] for j in ready.occlusion.in_front[i] if not table.failed[row, j]}
+    hidden = ready.occlusion.covered(i, pose, others)
+    first = fitter.fit(ready.film, frame, pose, hidden)
+    if not first.converged:
+        return None
+    seen = hidden == 0
+    doubtful = (fitter.state()["weight"] < DOUBTED) & seen
+    count = int(square.max()) + 1
+    share = np.bincount(square[doubtful], minlength=count) / np.maximum(np.bincount(square[seen], minlength=count), 1)
+    left_out = np.where(share[square] > MANY, np.uint8(1), hidden)
+    if np.count_nonzero(left_out == 0) < LEAST_SEEN * left_out.size:
+        return None
+    again = second.fit(ready.film, frame, first.pose, left_out)
+    return again if again.converged and np.isfinite(again.covariance).all() else None

@@ -13,8 +13,8 @@ from vision.errors import VisionWarning
 from vision.film.source import ArrayFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
-from vision.rigidity.hidden_parts import confirm_hidden
 from vision.tracking.film_tracker import FilmTracker
+from vision.tracking.moving_parts import confirm_hidden
 from vision.tracking.passes import Run, track_forward
 from vision.tracking.prepare import prepare
 

@@ -1,0 +1,261 @@
+"""What a camera does to all its frames: defect pixels, flicker of rows, coarse steps of grey, blocks a codec skips.
+
+Defect pixels, always bright or always dark, are replaced by their neighbours. In the reference such a pixel has by far
+the steepest slopes, which do not move with the body: the fit is held back and thinks itself more certain than it is. A
+pixel is taken for a defect where it differs from its neighbours by far more than pixels do, in the same sense in frames
+from all over the film. A film without any is not touched.
+
+Row flicker, light that differs between even and odd rows, is taken off before anything is fitted. A camera that reads
+two half pictures one after the other sees a flickering lamp twice: even rows are brighter by some per cent, or darker,
+another amount in each frame. No gain and no gradient follows that; it counts as noise, widens the uncertainty and ends
+the still frames. Method: what rows differ by from the mean of their neighbours, regressed on that mean, is the
+amplitude; texture adds the same to all frames at rest, so that a film is touched only where the amplitude changes among
+its first frames by far more than pixels explain.
+
+Coarse steps of grey: a film whose grey values were rounded to steps that its noise does not blur shows a contour where
+there was a slope; contours move with the body by whole pixels at a time, and residuals do not tell how far that moves
+the pose. Films in steps are known by the grey values that occur.
+
+Skipped blocks tell of heavy compression of which the file says nothing. Codecs that predict frames (MPEG-4, H.264)
+leave out squares of 16 pixels that hardly change: the next frame repeats them byte for byte, however noisy the camera
+is, and what moves slowly is shown standing still, which no residual tells. JPEG repeats squares of 8 pixels; four at
+once only where its quality is so low that the same care is needed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.film.source import Film, FrameSource, saturated_grey
+from vision.fitting.template import Template
+
+FAR = 2.5
+"""Difference from the median of three by three, over that which 98 of 100 pixels do not reach."""
+LEAST_GREY = 12.0
+"""Smallest such difference, of 255."""
+FRAMES, AGREE = 6, 5
+"""Frames that are looked at, and how many must show a defect."""
+MOST_SHARE = 0.01
+"""Of all pixels; more are a texture, not defects."""
+NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=np.uint8)
+"""A defect stands alone: beyond every one of them by half as much as beyond their median."""
+AROUND = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
+
+
+class WithoutDefects(Film):
+    """A film whose defect pixels (rows, columns) have the median grey value of their neighbours."""
+
+    def __init__(self, film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> None:
+        self.film, self.rows, self.columns = film, rows, columns
+        self.path, self.n_frames, self.height, self.width = film.path, film.n_frames, film.height, film.width
+        self.bit_depth, self.frame_rate_hz, self.exposure_s = film.bit_depth, film.frame_rate_hz, film.exposure_s
+        self.compression = film.compression
+        self.in_order = getattr(film, "in_order", True)
+
+    @property
+    def frame_time_s(self) -> NDArray[np.float64] | None:
+        """As of the film."""
+        return self.film.frame_time_s
+
+    def read(self, index: int) -> NDArray[Any]:
+        """Whole frame, shape (height, width)."""
+        return self.read_region(index, 0, self.height, 0, self.width)
+
+    def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
+        """Rectangle of a frame."""
+        grey = np.array(self.film.read_region(index, y0, y1, x0, x1))
+        inside = (self.rows >= y0) & (self.rows < y1) & (self.columns >= x0) & (self.columns < x1)
+        rows, columns = self.rows[inside] - y0, self.columns[inside] - x0
+        if rows.size:
+            last_y, last_x = grey.shape[0] - 1, grey.shape[1] - 1
+            near = [grey[np.clip(rows + dy, 0, last_y), np.clip(columns + dx, 0, last_x)] for dy, dx in AROUND]
+            grey[rows, columns] = np.median(np.stack(near), axis=0)
+        return grey
+
+
+def without_defects(film: FrameSource) -> FrameSource:
+    """The film itself, or less its defect pixels where it has any."""
+    first = _apart(film.read(0), film.bit_depth)
+    count = np.count_nonzero(first)
+    if not 0 < count <= MOST_SHARE * first.size:
+        return film
+    # of a film that must be decoded in order only the beginning is near
+    last = FRAMES - 1 if getattr(film, "in_order", True) else film.n_frames - 1
+    frames = np.unique(np.linspace(0, min(last, film.n_frames - 1), FRAMES).astype(int))
+    alike = sum((_apart(film.read(int(k)), film.bit_depth) == first).astype(int) for k in frames)
+    rows, columns = np.nonzero((first != 0) & (alike >= min(AGREE, frames.size)))
+    return WithoutDefects(film, rows, columns) if rows.size else film
+
+
+def _apart(frame: NDArray[Any], bit_depth: int) -> NDArray[np.int8]:
+    """1 where a pixel is far brighter than its neighbours, -1 where far darker, else 0."""
+    grey = np.ascontiguousarray(frame)
+    if grey.dtype not in (np.uint8, np.uint16):
+        return np.zeros(grey.shape, dtype=np.int8)
+    off = grey.astype(np.int32) - cv2.medianBlur(grey, 3)
+    above, below = (
+        grey.astype(np.int32) - cv2.dilate(grey, NEIGHBOURS),
+        cv2.erode(grey, NEIGHBOURS) - grey.astype(np.int32),
+    )
+    limit = max(FAR * float(np.percentile(np.abs(off), 98.0)), LEAST_GREY * 2.0 ** (bit_depth - 8))
+    bright, dark = (off > limit) & (above > 0.5 * limit), (off < -limit) & (below > 0.5 * limit)
+    return bright.astype(np.int8) - dark.astype(np.int8)
+
+
+FIRST = 8
+"""Frames at the start that are looked at."""
+SURE = 5.0
+"""Scatter of the amplitude over its standard uncertainty from which it is believed."""
+LEAST = 0.002
+"""Smallest scatter that matters: a quarter of a grey level in a hundred."""
+OUTLYING = 3.0
+"""Pixels that differ by more than this many times the usual difference are texture, not flicker."""
+ROUNDS = 3
+
+
+class WithoutRowFlicker(Film):
+    """A film whose even and odd rows are brought to the same light, frame by frame; saturated pixels stay so.
+
+    Grey values are float32. ``box`` (y0, y1, x0, x1) is where the light is looked at.
+    """
+
+    def __init__(self, film: FrameSource, box: tuple[int, int, int, int]) -> None:
+        self.film, self.box = film, box
+        self.path, self.n_frames, self.height, self.width = film.path, film.n_frames, film.height, film.width
+        self.bit_depth, self.frame_rate_hz, self.exposure_s = film.bit_depth, film.frame_rate_hz, film.exposure_s
+        self.compression = film.compression
+        self.in_order = getattr(film, "in_order", True)
+        self._top = saturated_grey(film.bit_depth)
+        self._amplitudes: dict[int, float] = {}
+
+    @property
+    def frame_time_s(self) -> NDArray[np.float64] | None:
+        """As of the film."""
+        return self.film.frame_time_s
+
+    def amplitude(self, index: int) -> float:
+        """By how much the even rows of a frame are brighter than the mean of all, as a share."""
+        if index not in self._amplitudes:
+            grey = self.film.read_region(index, *self.box)
+            self._amplitudes[index] = alternation(grey, self.box[0], self._top)[0]
+        return self._amplitudes[index]
+
+    def read(self, index: int) -> NDArray[Any]:
+        """Whole frame, shape (height, width)."""
+        return self.read_region(index, 0, self.height, 0, self.width)
+
+    def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
+        """Rectangle of a frame."""
+        grey = self.film.read_region(index, y0, y1, x0, x1)
+        factor = (1.0 / (1.0 + self.amplitude(index) * even_rows(y0, y1))).astype(np.float32)
+        return np.where(grey >= self._top, np.float32(self._top), grey * factor[:, None])
+
+
+def without_row_flicker(film: FrameSource, box: tuple[int, int, int, int]) -> FrameSource:
+    """The film itself, or with even light in its rows where that flickers inside a rectangle (y0, y1, x0, x1)."""
+    if film.n_frames < 3 or box[1] - box[0] < 8:
+        return film
+    top = saturated_grey(film.bit_depth)
+    frames = range(min(FIRST, film.n_frames))
+    amplitude, u = np.array([alternation(film.read_region(k, *box), box[0], top) for k in frames]).T
+    changing = float(np.std(amplitude))
+    return WithoutRowFlicker(film, box) if changing > max(LEAST, SURE * float(u.max())) else film
+
+
+def even_rows(y0: int, y1: int) -> NDArray[np.float64]:
+    """1 for the even and -1 for the odd of rows ``y0..y1-1``."""
+    return np.asarray(1.0 - 2.0 * (np.arange(y0, y1) % 2), dtype=np.float64)
+
+
+def alternation(grey: NDArray[Any], first_row: int, top: int) -> tuple[float, float]:
+    """Share by which the even rows of a rectangle are brighter than the mean of all, and its standard uncertainty.
+
+    Pixels at or above ``top`` are left out. Zero and infinite where nothing can be said.
+    """
+    light = np.asarray(grey, dtype=np.float64)
+    beside = light[:-2] + light[2:]
+    # of a row and its neighbours, the mean does not change with the amplitude and the difference is all of it
+    mean, off = 0.25 * (2.0 * light[1:-1] + beside), 0.25 * (2.0 * light[1:-1] - beside)
+    off *= even_rows(first_row + 1, first_row + grey.shape[0] - 1)[:, None]
+    below = light < top
+    use = below[1:-1] & below[:-2] & below[2:] & (mean > 0.0)
+    share = 0.0
+    for _ in range(ROUNDS):
+        left = off - share * mean
+        near = use & (np.abs(left) <= OUTLYING * max(float(np.median(np.abs(left[use]))), 1e-9) if use.any() else use)
+        power = float(np.sum(mean[near] ** 2))
+        if not power > 0.0:
+            return 0.0, float("inf")
+        share = float(np.sum(mean[near] * off[near])) / power
+    # row by row: what a row is read with is common to its pixels
+    left = np.sum(np.where(near, mean * (off - share * mean), 0.0), axis=1)
+    return share, float(np.sqrt(np.sum(left**2))) / power
+
+
+OF_TEXTURE = 0.25
+"""Step over the texture's standard deviation from which it is coarse."""
+OF_NOISE = 2.0
+"""Step over the noise from which it is not blurred."""
+LEAST_VALUES = 3
+"""Fewer grey values are no texture."""
+
+
+def grey_step(film: FrameSource, box: tuple[int, int, int, int]) -> float:
+    """Smallest difference of two grey values that occur in a rectangle (y0, y1, x0, x1) of the first frame."""
+    while hasattr(film, "film"):  # what was taken off a frame has no steps
+        film = film.film
+    values = np.unique(film.read_region(0, *box))
+    return float(np.diff(values.astype(np.float64)).min()) if values.size >= LEAST_VALUES else np.inf
+
+
+def in_coarse_steps(template: Template, step: float) -> bool:
+    """Whether a body is seen in steps of grey that neither its texture nor its noise make fine."""
+    return step > OF_TEXTURE * float(np.std(template.columns[3])) and step > OF_NOISE * template.noise_grey
+
+
+BLOCK_PX = 16
+PAIRS = 8
+TEXTURE_GREY = 3.0
+"""Least standard deviation in a square that is looked at: flat ones may repeat."""
+LEAST_SKIPPED = 0.015
+"""Share of repeated squares from which a codec is believed: MPEG-4 gave 0.02 to 0.2, JPEG of quality 50 and more 0."""
+NOISY_GREY = 0.3
+"""Below this noise pictures may repeat by themselves."""
+FIRST_PAIRS = 5
+"""Frames at rest of which none may then repeat as a whole."""
+
+
+def skips_blocks(film: FrameSource, box: tuple[int, int, int, int], noise_grey: float) -> bool:
+    """Whether frames repeat textured squares of the frame before, inside a rectangle (y0, y1, x0, x1)."""
+    if film.compression is not None or film.n_frames < 3:
+        return False
+    # and the squares next to it
+    y0, x0 = (max(0, (edge // BLOCK_PX - 1) * BLOCK_PX) for edge in (box[0], box[2]))
+    y1 = min(film.height // BLOCK_PX, -(-box[1] // BLOCK_PX) + 1) * BLOCK_PX
+    x1 = min(film.width // BLOCK_PX, -(-box[3] // BLOCK_PX) + 1) * BLOCK_PX
+    if y1 <= y0 or x1 <= x0:
+        return False
+    if noise_grey < NOISY_GREY:
+        # a codec may leave most pixels at rest unchanged, but never all of them for long
+        first = [film.read_region(k, y0, y1, x0, x1) for k in range(min(FIRST_PAIRS, film.n_frames))]
+        if any(np.array_equal(one, other) for one, other in zip(first, first[1:], strict=False)):
+            return False
+    shares = []
+    for index in np.unique(np.linspace(1, film.n_frames - 1, PAIRS).astype(int)):
+        before, here = (film.read_region(int(k), y0, y1, x0, x1) for k in (index - 1, index))
+        textured = _squares(here).std(axis=-1) > TEXTURE_GREY
+        # a frame that is repeated as a whole tells nothing
+        if textured.any() and not np.array_equal(before, here):
+            shares.append(float(np.mean(_squares(np.equal(before, here))[textured].all(axis=-1))))
+    return bool(shares) and float(np.mean(shares)) > LEAST_SKIPPED
+
+
+def _squares(picture: NDArray[Any]) -> NDArray[Any]:
+    """Pixels of every square, (rows, columns, 256)."""
+    rows, columns = (size // BLOCK_PX for size in picture.shape)
+    squares = picture.reshape(rows, BLOCK_PX, columns, BLOCK_PX).swapaxes(1, 2)
+    return squares.reshape(rows, columns, BLOCK_PX * BLOCK_PX)

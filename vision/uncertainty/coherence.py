@@ -1,0 +1,111 @@
+"""Residuals that go together: what they add to the stated uncertainty, and what of them a calibrated camera explains.
+
+The stated uncertainty is widened where residuals are not white noise: the ratios of `vision.fitting.assessment` scatter
+by ``sqrt(2 / blocks)`` even on white noise. They are therefore averaged over neighbouring rows, since what disturbs a
+film seldom lasts for one frame, and count only where they exceed what white noise gives by `SIGNIFICANT` standard
+deviations; a single row counts by itself when it exceeds by `ALONE`. A clean film keeps its uncertainty to the last
+digit.
+
+Tilt and distortion displace the pixels of a body in a way that no rigid motion follows; what is left is coherent, but
+known, and the angle is corrected for it (`vision.uncertainty.budget_terms`). It must not widen the uncertainty again.
+Method: the residuals of that displacement, to first order, are put through the blocks of `vision.fitting.assessment`;
+the ratio is found for `MOST_ROWS` rows and interpolated between them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.camera.model import Projection
+from vision.fitting.assessment import N_LEVELS, blocks_of, ratios_of
+from vision.fitting.template import Template, invert_normal
+from vision.uncertainty.budget_terms import displacement
+
+WHITE = np.array([0.66, 0.72, 1.12])
+"""Ratio on white noise per size of block: spline samples are correlated across the edges of blocks. Measured
+on clean films of speckle, wood and felt (0.61 to 0.66, 0.65 to 0.72, 1.08 to 1.20; 46 rows each)."""
+HALF_WINDOW = 8
+SIGNIFICANT, ALONE = 4.0, 7.0
+
+
+def variance_factor(ratio: NDArray[np.float64], blocks: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Factor of the variance of (turn, x, y), at least one.
+
+    Parameters
+    ----------
+    ratio, blocks : ndarray, shape (n, m, 3, 3)
+        As in `vision.fitting.assessment.Ratios`, per row and body; NaN where lost.
+
+    Returns
+    -------
+    ndarray, shape (n, m, 3)
+    """
+    over = ratio / WHITE[:, None]
+    known = np.isfinite(over)
+    total = _window_sum(np.where(known, over, 0.0))
+    share = _window_sum(np.where(known, blocks, 0.0))
+    count = _window_sum(known.astype(float))
+    mean = np.divide(total, count, out=np.ones_like(total), where=count > 0)
+    spread = np.sqrt(2.0 / np.maximum(share, 1.0))
+    factor = np.where(mean > 1.0 + SIGNIFICANT * spread, mean, 1.0)
+    single = np.sqrt(2.0 / np.maximum(np.where(known, blocks, 1.0), 1.0))
+    factor = np.maximum(factor, np.where(known & (over > 1.0 + ALONE * single), over, 1.0))
+    return np.asarray(factor.max(axis=2))
+
+
+def widened(covariance: NDArray[np.float64], factor: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariances (n, m, 3, 3) with their variances multiplied by ``factor`` (n, m, 3), correlations kept."""
+    root = np.sqrt(factor)
+    return covariance * root[..., :, None] * root[..., None, :]
+
+
+def _window_sum(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum over up to ``2 * HALF_WINDOW + 1`` rows around each."""
+    n = len(values)
+    total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    rows = np.arange(n)
+    return np.asarray(total[np.minimum(rows + HALF_WINDOW + 1, n)] - total[np.maximum(rows - HALF_WINDOW, 0)])
+
+
+MOST_ROWS = 60
+
+
+def expected_ratio(
+    template: Template, camera: Projection, pose: NDArray[np.float64], white_variance: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """What the camera adds to the ratio of each row.
+
+    Parameters
+    ----------
+    template : Template
+    camera : Projection
+        Calibrated.
+    pose, white_variance : ndarray, shape (n, 3)
+        Tracked poses and their variances by white noise; NaN where lost.
+
+    Returns
+    -------
+    ndarray, shape (n, 3, 3)
+        By size of block and direction; zero where nothing is known.
+    """
+    added = np.zeros((len(pose), N_LEVELS, 3))
+    known = np.flatnonzero(np.all(np.isfinite(pose), axis=1) & np.all(white_variance > 0.0, axis=1))
+    inverse = invert_normal(template.normal)
+    if not known.size or inverse is None:
+        return added
+    rows = known[np.unique(np.linspace(0, known.size - 1, MOST_ROWS).astype(int))]
+    design = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
+    blocks = blocks_of(template.offset_px)
+    work, weight = np.ones((3, template.n_pixels), dtype=np.float32), np.ones(template.n_pixels, dtype=np.float32)
+    found = np.empty((rows.size, N_LEVELS, 3))
+    for k, row in enumerate(rows):
+        along, across = displacement(template, camera, pose[row])
+        residual = design[1] * along + design[2] * across
+        residual -= (inverse @ (design @ residual)) @ design
+        work[2] = residual
+        found[k] = ratios_of(blocks, template.columns, work, weight, inverse[:3], white_variance[row]).ratio
+    for level in range(N_LEVELS):
+        for axis in range(3):
+            added[:, level, axis] = np.interp(np.arange(len(pose)), rows, found[:, level, axis])
+    return added
