@@ -270,7 +270,7 @@ class MrawFilm(Film):
                 stacklevel=3,
             )
         size = data_path.stat().st_size
-        expected = film_bytes(header)
+        expected = (header.n_frames * header.width * header.height * header.colour_bit + 7) // 8
         if size != expected:
             whole = 8 * size // (header.width * header.height * header.colour_bit)
             words = (
@@ -345,11 +345,6 @@ class MrawFilm(Film):
     def close(self) -> None:
         """Close the file; frames already read stay valid."""
         self._file.close()
-
-
-def film_bytes(header: FilmHeader) -> int:
-    """Size of the MRAW file that a header describes, bytes."""
-    return (header.n_frames * header.width * header.height * header.colour_bit + 7) // 8
 
 
 def unpack12_region(data: NDArray[np.uint8], skip: int, width: int, rows: int, x0: int, x1: int) -> NDArray[np.uint16]:

@@ -6,7 +6,7 @@ Compiled code reads frames itself where they lie in memory or in a mapped file.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,18 +215,14 @@ MOST_BYTES = 32 * 1024 * 1024
 NEVER = 2**62
 
 
-class Watch(NamedTuple):
-    """Which frames compiled code must not take for new ones: from frame ``first`` on those whose pixels x0 .. x1 - 1 of
-    row y, ``line`` (y, x0, x1), are those of the frame before; ``n_still`` frames at the start are at rest."""
-
-    n_still: int
-    first: int
-    line: tuple[int, int, int]
+Watch = tuple[int, int, tuple[int, int, int]]
+"""Which frames compiled code must not take for new ones, ``(n_still, first, (y, x0, x1))``: from frame ``first`` on
+those whose pixels x0 .. x1 - 1 of row y are those of the frame before; ``n_still`` frames at the start are at rest."""
 
 
 def watch(repeats: Repeats, n_still: int) -> Watch:
     """What finds the frames that are to be looked at for repeating the one before."""
-    return Watch(n_still, max(n_still, 1) if repeats.meaningful else NEVER, repeats.line)
+    return (n_still, max(n_still, 1) if repeats.meaningful else NEVER, repeats.line)
 
 
 def frames_around(film: FrameSource, index: NDArray[np.int64]) -> tuple[int, NDArray[Any], int] | None:

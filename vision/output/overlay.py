@@ -186,7 +186,7 @@ def write_contact_sheet(
     """
     path = Path(path)
     draw = OutlineDrawer(film, bodies, result)
-    rows = worst_rows(result, count)
+    rows = worst_of(result.failed, result.zncc, count)
     tiles = [_tile(draw.picture(row), words_of(result, row)) for row in rows]
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % columns)
     strips = [np.hstack(tiles[i : i + columns]) for i in range(0, len(tiles), columns)]
@@ -194,16 +194,12 @@ def write_contact_sheet(
     return [int(result.frame[row]) for row in rows]
 
 
-def worst_rows(result: TrackResult, count: int) -> list[int]:
-    """Rows of the result to inspect first: most bodies lost, then lowest correlation of any body.
-
-    Neighbours show the same, so rows that are not lost and close to one already chosen come last.
-    """
-    return worst_of(result.failed, result.zncc, count)
-
-
 def worst_of(failed: NDArray[np.bool_], zncc: NDArray[np.float64], count: int) -> list[int]:
-    """`worst_rows` of a table: whether each body (m) is lost in each row (n), and its correlation, both (n, m)."""
+    """Rows to inspect first: most bodies lost, then lowest correlation of any body.
+
+    Neighbours show the same, so rows that are not lost and close to one already chosen come last. Given is whether each
+    body (m) is lost in each row (n), and its correlation, both (n, m).
+    """
     lost = failed.sum(axis=1)
     correlation = np.where(np.isfinite(zncc), zncc, 1.0).min(axis=1)
     order = np.lexsort((correlation, -lost))

@@ -146,7 +146,8 @@ class FilmTracker:
         if self._together is None or span is None or self._frames.newest(int(index[0])) is not None:
             return 0
         together, (first, frames, n), stop = self._together, span, self._together.stop
-        film = Film(frames, first, saturated_grey(self.ready.film.bit_depth), watch.first, *watch.line)
+        n_still, watched_from, line = watch
+        film = Film(frames, first, saturated_grey(self.ready.film.bit_depth), watched_from, *line)
         columns = (getattr(table, name) for name in Rows._fields[3:])
         done = together.walk(film, Rows(index[:n], rows.start, first_step, *columns))
         if done:
@@ -157,7 +158,7 @@ class FilmTracker:
             self._fitted(together, self.order[:position])
             self._frames.expect(now, [expected])
             self._frames.take(now, box, together.states.coefficient, int(stop.n_saturated[0]))
-            self._finish(together, now, first_step + done, search and now >= watch.n_still, position, ended)
+            self._finish(together, now, first_step + done, search and now >= n_still, position, ended)
             self.store(table, rows.start + done)
             done += 1
         return done

@@ -18,7 +18,7 @@ templates. Such rows have the flag `RENEWED`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,6 @@ from vision.tracking.stretches import (
     forward_rows,
     later_stretches,
     several_may_read,
-    store,
 )
 from vision.tracking.workers import result_of, workers
 from vision.uncertainty.coherence import variance_factor, widened
@@ -56,26 +55,24 @@ SAME_PX = 0.5
 """Furthest that two fits of the same pixels are apart at the rim of a body."""
 
 
-@dataclass(frozen=True)
-class Run:
-    """How the forward pass runs: where its rows are kept, who is told of them, still frames and threads; ``at_rest`` is
-    called once the still frames are tracked."""
-
-    checkpoint: Checkpoint | None = None
-    progress: Callable[[int, int], None] | None = None
-    n_still: int = 0
-    threads: int = 1
-    at_rest: Callable[[], None] | None = None
-
-
-def track_forward(tracker: FilmTracker, table: PoseTable, run: Run) -> int:
+def track_forward(
+    tracker: FilmTracker,
+    table: PoseTable,
+    checkpoint: Checkpoint | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    n_still: int = 0,
+    threads: int = 1,
+    at_rest: Callable[[], None] | None = None,
+) -> int:
     """Track all bodies forward and fill the table; returns the number of rows resumed from a checkpoint.
 
     ``tracker`` is where the still frames are, and begins; its count of searches becomes that of the whole pass.
+    ``checkpoint`` is where rows are kept, ``progress`` is told of them, and ``at_rest`` is called once the still frames
+    are tracked.
     """
     ready, n = tracker.ready, table.frame.size
-    done = run.checkpoint.load(table, tracker) if run.checkpoint is not None else 0
-    keeper = _Keeper(run, table, done)
+    done = checkpoint.load(table, tracker) if checkpoint is not None else 0
+    keeper = _Keeper(table, done, n_still, checkpoint, progress, at_rest)
     rows = first_rows(ready.film, n)
     newest = tracker
 
@@ -84,13 +81,13 @@ def track_forward(tracker: FilmTracker, table: PoseTable, run: Run) -> int:
         row = max(start, done)
         while row < end:
             crew.check()
-            new = forward_rows(newest, repeats, table, range(row, end), row, run.n_still)
+            new = forward_rows(newest, repeats, table, range(row, end), row, n_still)
             row += new
             keeper.rows_done(row, newest, new)
 
-    with workers(run.threads if len(rows) > 1 else 1) as crew:
+    with workers(threads if len(rows) > 1 else 1) as crew:
         first = crew.submit(go_on, 0, rows[1] if len(rows) > 1 else n)
-        later = later_stretches(crew, ready, table.frame, run.n_still, done) if len(rows) > 1 else []
+        later = later_stretches(crew, ready, table.frame, n_still, done) if len(rows) > 1 else []
         result_of(first)
         for start, end, future in later:
             stretch = None if future is None else result_of(future)
@@ -110,26 +107,34 @@ def track_forward(tracker: FilmTracker, table: PoseTable, run: Run) -> int:
 class _Keeper:
     """Tells of the rows that are done, and keeps them."""
 
-    def __init__(self, run: Run, table: PoseTable, done: int) -> None:
-        self._run, self._table, self._kept = run, table, done
-        self._at_rest = run.at_rest
+    def __init__(
+        self,
+        table: PoseTable,
+        done: int,
+        n_still: int,
+        checkpoint: Checkpoint | None,
+        progress: Callable[[int, int], None] | None,
+        at_rest: Callable[[], None] | None,
+    ) -> None:
+        self._table, self._kept, self._n_still = table, done, n_still
+        self._checkpoint, self._progress, self._at_rest = checkpoint, progress, at_rest
         self._call_at_rest(done)
 
     def rows_done(self, rows: int, tracker: FilmTracker, new: int = 1) -> None:
         """The first ``rows`` rows are in the table, of which ``new`` are told of, and the tracker is where they end."""
         self._call_at_rest(rows)
-        n, checkpoint = self._table.frame.size, self._run.checkpoint
-        if self._run.progress is not None:
+        n, checkpoint = self._table.frame.size, self._checkpoint
+        if self._progress is not None:
             for before in range(rows - new + 1, rows):
-                self._run.progress(before, n)
+                self._progress(before, n)
         if checkpoint is not None and rows - self._kept >= EVERY_ROWS and rows < n:
             checkpoint.save(rows, self._table, tracker)
             self._kept = rows
-        if self._run.progress is not None:
-            self._run.progress(rows, n)
+        if self._progress is not None:
+            self._progress(rows, n)
 
     def _call_at_rest(self, rows: int) -> None:
-        if self._at_rest is not None and rows and int(self._table.frame[rows - 1]) + 1 >= self._run.n_still:
+        if self._at_rest is not None and rows and int(self._table.frame[rows - 1]) + 1 >= self._n_still:
             at_rest, self._at_rest = self._at_rest, None
             at_rest()
 
@@ -156,7 +161,7 @@ def fit_alone(ready: PreparedFilm, table: PoseTable, row: int, poses: Sequence[N
     for body in tracker.trackers:
         body.looks_far = False  # near where it was said to be, or not at all
     tracker.step(int(table.frame[row]), 0)
-    store(tracker, table, row)
+    tracker.store(table, row)
 
 
 def doubtful_stretches(table: PoseTable) -> list[tuple[int, int]]:
@@ -205,7 +210,7 @@ def _backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> Po
             tracker.skip(step, FrameFlag.REPEATED)
         else:
             tracker.step(int(table.frame[row]), step)
-        store(tracker, back, row)
+        tracker.store(back, row)
     return back
 
 

@@ -31,7 +31,6 @@ from vision.reference.camera_faults import in_coarse_steps
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.pose_table import PoseTable
 from vision.tracking.film_tracker import FilmTracker
-from vision.tracking.stretches import store
 
 MOVED_PX = 1.5
 LEAST_ROWS = 8
@@ -330,7 +329,7 @@ def fitted_from(ready: PreparedFilm, table: PoseTable) -> PoseTable:
         tracker.clear_histories()
         tracker.place(-1, table.pose[row])
         tracker.step(int(table.frame[row]), 0, search=False)
-        store(tracker, again, row)
+        tracker.store(again, row)
     return again
 
 

@@ -116,7 +116,7 @@ def forward_step(
         tracker.skip(step, FrameFlag.REPEATED)
     else:
         tracker.step(index, step, search=search and index >= n_still)
-    store(tracker, table, row)
+    tracker.store(table, row)
 
 
 def forward_rows(
@@ -129,11 +129,6 @@ def forward_rows(
         return done
     forward_step(tracker, repeats, table, rows.start, step, n_still, search)
     return 1
-
-
-def store(tracker: FilmTracker, table: PoseTable, row: int) -> None:
-    """Store the newest fits of all bodies."""
-    tracker.store(table, row)
 
 
 def agree(one: PoseTable, row: int, other: PoseTable, other_row: int, body: int, radius_px: float) -> bool:

@@ -32,7 +32,7 @@ from vision.tracking.checkpoint import Checkpoint, job_hash
 from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.moving_parts import confirm_hidden, moving_parts
 from vision.tracking.options import TrackOptions, TrackSettings
-from vision.tracking.passes import Run, confirm_backward, renew, track_forward
+from vision.tracking.passes import confirm_backward, renew, track_forward
 from vision.tracking.prepare import frame_times, prepare
 from vision.tracking.sensor_pattern import (
     TRACKED_AGAIN,
@@ -253,8 +253,8 @@ def _both_passes(
 
     threads = settings.threads or usable_threads()
     tracker = FilmTracker(ready)
-    run = Run(checkpoint, settings.progress, ready.reference.n_averaged, threads, at_rest)
-    resumed = track_forward(tracker, table, run)
+    n_still = ready.reference.n_averaged
+    resumed = track_forward(tracker, table, checkpoint, settings.progress, n_still, threads, at_rest)
     confirmed = confirm_backward(ready, table, settings.confirm, threads)
     renewed = renew(ready, table) if settings.method == "icgn" else 0
     return _Done(

@@ -14,7 +14,7 @@ from vision.errors import InputError
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm
 from vision.output.colours import LOST, bgr, colour_of
-from vision.output.overlay import OutlineDrawer, words_of, worst_rows, write_contact_sheet, write_overlay
+from vision.output.overlay import OutlineDrawer, words_of, worst_of, write_contact_sheet, write_overlay
 from vision.synthetic import Scene, box
 from vision.tracking.track_film import track_film
 
@@ -65,7 +65,7 @@ def test_contact_sheet_shows_lost_frames_first(tmp_path: Path, tracked: tuple) -
     row = int(np.flatnonzero(result.frame == 30)[0])
     assert words_of(result, row)[0].startswith("frame 30, ") and words_of(result, row)[1].startswith("bar lost: ")
     assert words_of(result, 40)[1].startswith(f"bar correlates {result.zncc[40, 0]:.3f}")
-    good = worst_rows(result, 44)[4:]
+    good = worst_of(result.failed, result.zncc, 44)[4:]
     correlation = result.zncc[good, 0]
     assert np.all(np.diff(correlation) >= 0)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["worst.png"]

@@ -15,7 +15,7 @@ from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.moving_parts import confirm_hidden
-from vision.tracking.passes import Run, track_forward
+from vision.tracking.passes import track_forward
 from vision.tracking.prepare import prepare
 
 COVERED = np.uint16(int(FrameFlag.COVERED))
@@ -34,7 +34,7 @@ def test_a_doubted_body_keeps_its_flag_and_a_wrong_pose_widens(stress: ModuleTyp
         warnings.simplefilter("ignore", VisionWarning)
         ready = prepare(ArrayFilm(film.frames, 2000.0), [Body("bar", film.outline_px)], n_still=stress.STILL)
     table = PoseTable.empty(np.arange(len(film.frames)), 1)
-    track_forward(FilmTracker(ready), table, Run(n_still=stress.STILL))
+    track_forward(FilmTracker(ready), table, n_still=stress.STILL)
     before = (table.flag & COVERED) != 0
     assert confirm_hidden(ready, table, np.array([True])) == 0
     np.testing.assert_array_equal((table.flag & COVERED) != 0, before)
