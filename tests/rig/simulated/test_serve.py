@@ -23,7 +23,8 @@ STIFFNESS_N_PER_RAD = 3e4
 STEP = Path(__file__).parents[1] / "step.toml"
 
 
-def test_a_session_recorded_over_tcp_is_the_one_recorded_in_process(serve, permitted, tmp_path) -> None:
+def test_a_session_recorded_over_tcp_is_the_one_recorded_in_process(serve, permitted_on_a_slow_link, tmp_path) -> None:
+    permitted = permitted_on_a_slow_link
     program, address = serve("--clock", "virtual", "--seed", "5")
     assert address.startswith("ni-grpc://127.0.0.1:")
     rig = load_rig(permitted[1])
@@ -37,7 +38,7 @@ def test_a_session_recorded_over_tcp_is_the_one_recorded_in_process(serve, permi
     for there, here in zip(far.trials, near.trials, strict=True):
         a, b = there.read(), here.read()
         n = min(a.n_valid, b.n_valid)
-        assert abs(a.n_valid - b.n_valid) <= 250  # blocks are longer on a busy machine, and end it later
+        assert abs(a.n_valid - b.n_valid) <= 2500  # blocks are longer on a busy machine, and end it later
         for name in ("time_s", "motor_command_v"):
             np.testing.assert_array_equal(getattr(a, name)[:n], getattr(b, name)[:n])
         # the plant is integrated from block to block, which are longer over TCP, most on a busy machine: angles move
