@@ -247,9 +247,9 @@ def _set_valued(action: model.Action, choice: model.SceneChoice) -> None:
     times, values = _blow(choice)
     at = np.round(np.arange(0.0, 0.13, 2e-4), 4)
     chosen = choice.on(action).with_effects({"string.modes": 20.0} if "string" in choice.effects else {})
-    limit = model.stick_slip.compare(chosen, at, np.interp(at, times, values), (1e-3, 1e-4), step_s=5e-6)
+    limit = model.stick_slip.compare(chosen, at, np.interp(at, times, values), (1e-3, 1e-5), step_s=5e-6)
     far, near = (limit.away_rad(solution) for solution in limit.smoothed)
-    assert near < max(0.35 * far, 2.0 * limit.march_error_rad) and near < 2e-3
+    assert near < max(0.15 * far, 2.0 * limit.march_error_rad) and near < 2e-3
 
 
 JOBS: dict[str, Callable[[model.Action, model.SceneChoice], None]] = {
