@@ -10,12 +10,11 @@ that turn forwards: where one changes the Jacobian jumps or turns.
 
 from __future__ import annotations
 
-from model.compiler.expressions import ONE, ZERO, Expression, local, make, parts, read, slopes, where
+from model.compiler.expressions import ONE, ZERO, Expression, local, make, parts, read, slopes
 from model.compiler.programs import Add, If, Program, Put, Statement, at, each, mapped, name
-from model.elements.contacts import Contact
 from model.elements.kinematics import State
 from model.elements.scene import Elements
-from model.elements.strings import AWAKE, Modes, StringContact
+from model.elements.strings import Modes, StringContact
 from model.elements.structure import Structure
 from model.kernels import layout as L
 from model.kernels import workspace as W
@@ -61,23 +60,7 @@ class Differentiated:
             q.append(read("w", way))
             v.append(read("w", speed))
         z = [read("w", W.Z + m) for m in range(len(s.memory))]
-        self._e = Elements(s, State(q, v, z, read("u", 0)), everywhere=True)
-
-    def _with_string(self) -> list[Statement]:
-        """The string's way and rate, where it is awake, as ``sway`` and ``swing``."""
-        out: list[Statement] = []
-        for c in self._s.string:
-            contact = self._e.contacts[c]
-            assert isinstance(contact, StringContact)
-            awake = read("w", W.Z + self._s.first_of_string() + L.SINCE) < 0.5 * AWAKE
-            out += [Put(name("awake"), where(awake, 1.0, 0.0)), If(awake, contact.modes.sums(W.Z))]
-        return out
-
-    @staticmethod
-    def _meets(contact: Contact) -> Expression:
-        if isinstance(contact, StringContact):
-            return (local("awake") > 0.0) & (contact.under[0] > 0.0)
-        return contact.touches
+        self._e = Elements(s, State(q, v, z, read("u", 0)), row=W.Z, everywhere=True)
 
     def numbers(self) -> Program:
         """Rows of ``y`` by number: of free coordinates d(f - M a)/dp, then of memories' rates and the string's force.
@@ -121,7 +104,7 @@ class Differentiated:
 
         added = mapped(lines, one)
         zeros: list[Statement] = [Put(at("y", k), ZERO) for k in sorted(touched)]
-        return self._program([*self._with_string(), *zeros, *added, *self._modes(size)])
+        return self._program([*self._e.string_seen(), *zeros, *added, *self._modes(size)])
 
     def _modes(self, size: int) -> list[Statement]:
         """Derivatives of the modes' rates by gain, stiffness and damping of each."""
@@ -146,13 +129,13 @@ class Differentiated:
     def normals(self) -> Program:
         """Rows as `normal_sizes` says."""
         s, e = self._s, self._e
-        out, start = self._with_string(), 0
+        out, start = e.string_seen(), 0
         for c, (places, size) in enumerate(zip(normal_places(s), normal_sizes(s), strict=True)):
             contact = e.contacts.get(c) or e.contact(c)
             pressing, force = contact.felt
             by = [*e.state.q, *e.state.v, *(e.state.z[m] for m in s.memories(c)), *(read("p", k) for k in places)]
             row = [Put(at("y", start + k), x) for k, x in enumerate([force, *(slopes({x: ONE})(force) for x in by)])]
-            out += [Put(at("y", start), ZERO), If(self._meets(contact), [If(pressing, list(row))])]
+            out += [Put(at("y", start), ZERO), If(contact.touches, [If(pressing, list(row))])]
             start += size
         return self._program(out)
 
@@ -162,7 +145,7 @@ class Differentiated:
         holds: list[Expression] = []
         for c in s.place:
             contact = e.contacts[c]
-            pushes = self._meets(contact) & contact.felt[0]
+            pushes = contact.touches & contact.felt[0]
             holds.append(pushes)
             if s.contact[c][2] == L.HYBRID:
                 holds.append(pushes & contact.beside_the_arc())
@@ -174,7 +157,7 @@ class Differentiated:
         holds += [(tip.depth > 0.0) & tip.felt[0] for tip in e.tips]
         holds += [make("differs", s.body(i, L.JF_A), ZERO) & (e.state.v[i] > 0.0) for i in s.bodies]
         assert len(holds) <= 64
-        return Program(dict.fromkeys("wp", "array"), self._with_string(), [(k, ~one) for k, one in enumerate(holds)])
+        return Program(dict.fromkeys("wp", "array"), e.string_seen(), [(k, ~one) for k, one in enumerate(holds)])
 
     def carried(self) -> Program:
         """Of each mode that was left free for the time ``u``, s: `CARRIED` numbers."""

@@ -39,7 +39,7 @@ from model.elements.contacts import Contact
 from model.elements.drives import Drives
 from model.elements.kinematics import Kinematics, State
 from model.elements.scene import Elements
-from model.elements.strings import AWAKE, StringContact
+from model.elements.strings import StringContact
 from model.elements.structure import Structure
 from model.kernels.layout import GRAVITY, MASS, Tables
 
@@ -71,20 +71,9 @@ class Watched:
     def _contacts(self) -> list[Contact]:
         return [self._e.contact(c) for c in range(len(self._s.contact))]
 
-    def _with_string(self) -> list[Statement]:
-        """The string's way and rate, where it is awake, as ``sway`` and ``swing``."""
-        out: list[Statement] = []
-        for c in self._s.string:
-            contact = self._e.contact(c)
-            assert isinstance(contact, StringContact)
-            since = read("x", self._memory + self._s.first_of_string())
-            out += [Put(name("awake"), where(since < 0.5 * AWAKE, 1.0, 0.0))]
-            out += [If(since < 0.5 * AWAKE, contact.modes.sums(self._memory))]
-        return out
-
     def contacts(self) -> Program:
         """Columns above for each contact."""
-        out = self._with_string()
+        out = self._e.string_seen()
         for c, contact in enumerate(self._contacts()):
             depth, (nx, ny) = contact.gap
             rate, slide = contact.closing
@@ -98,16 +87,10 @@ class Watched:
                 for k, e in {NORMAL: force, FRICTION: -(mu * force), RUBBED: mu * force * slide}.items()
             ]
             touch: list[Statement] = [Put(at("y", CONTACT * c + SLIDE), slide), If(pressing, list(pressed))]
-            out.append(If(self._touches(contact), touch))
+            out.append(If(contact.touches, touch))
             out += contact.energy(f" of {c}")
             out.append(Put(at("y", CONTACT * c + FELT), local(f"felt of {c}") + local(f"rail of {c}")))
         return self._given(out)
-
-    @staticmethod
-    def _touches(contact: Contact) -> Expression:
-        if isinstance(contact, StringContact):
-            return (local("awake") > 0.0) & (contact.under[0] > 0.0)
-        return contact.touches
 
     def tips(self) -> Program:
         """Columns above for each tip."""
@@ -122,7 +105,7 @@ class Watched:
     def bodies(self) -> Program:
         """Columns above for each body."""
         s, e = self._s, self._e
-        out = self._with_string()
+        out = e.string_seen()
         out += e.smooth_forces()
         for c, contact in enumerate(self._contacts()):
             pressing, force = contact.felt
@@ -132,7 +115,7 @@ class Watched:
             a, b, _, _ = s.contact[c]
             on = [(body, sign) for body, sign in ((a, 1.0), (b, -1.0)) if body >= 0]
             loads = [Add(name(f"{axis}{body}"), sign * world[k]) for body, sign in on for k, axis in enumerate("xy")]
-            out.append(If(self._touches(contact), [If(pressing, [*pushes, *loads])]))
+            out.append(If(contact.touches, [If(pressing, [*pushes, *loads])]))
         for which, tip in enumerate(e.tips):
             out += tip.forces()
             pressing, force = tip.felt
@@ -175,7 +158,7 @@ class Watched:
         starts anew where it is open has done so. Friction is as the parameter vector says.
         """
         s, e = self._s, self._e
-        n, out = s.n, [*self._with_string(), *e.smooth_forces()]
+        n, out = s.n, [*e.string_seen(), *e.smooth_forces()]
         start = n + n * n
         last = start + (1 + n) * len(s.contact)
 
@@ -196,7 +179,7 @@ class Watched:
             ended = [Put(at("y", last + 3 * m), constant(anew)) for m in contact.memories if anew is not None]
             cleared = [Put(at("y", at_row + k), ZERO) for k in range(1 + n)]
             out += [*cleared, *begun, *mapped(contact.forces(), with_slopes)]
-            out.append(If(self._touches(contact), [If(pressing, row)], list(ended)))
+            out.append(If(contact.touches, [If(pressing, row)], list(ended)))
         for tip in e.tips:
             out += tip.forces()
         a = solved(e.bodies.mass, {i: local(f"f{i}") for i in range(n)})

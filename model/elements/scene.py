@@ -26,7 +26,7 @@ class Elements:
     s: Structure
     state: State
     array: str = "w"
-    """Array and row of memories from which energies read a string's modes."""
+    """Array and row of memories that hold a string's modes at a single state."""
     row: int = W.AUDIT_Z
     everywhere: bool = False
     """Whether forces are to be differentiable by numbers that are 0, too."""
@@ -51,6 +51,11 @@ class Elements:
         if c in self.s.string:
             return StringContact(self.s, self.k, c, (self.array, self.row))
         return Contact(self.s, self.k, c)
+
+    def string_seen(self) -> list[Statement]:
+        """Where the string is at a single state, of scenes that have one."""
+        strings = [self.contact(c) for c in self.s.string]
+        return [line for one in strings if isinstance(one, StringContact) for line in one.seen()]
 
     def pressed_down(self) -> list[int]:
         """Bodies on which the input presses."""

@@ -150,7 +150,7 @@ class StringContact(Contact):
     """The contact in which a string stands for the bar; the string's ``sway`` and ``swing`` are names set before."""
 
     states: tuple[str, int] = ("w", W.AUDIT_Z)
-    """Array and row of memories in which an energy reads the modes."""
+    """Array and row of memories in which a single state holds the modes."""
 
     @cached_property
     def modes(self) -> Modes:
@@ -161,6 +161,21 @@ class StringContact(Contact):
     def under(self) -> tuple[Expression, Expression]:
         """Depth of the hammer in the string and its rate; m, m/s."""
         return self.gap[0] - local("sway"), self.closing[0] - local("swing")
+
+    @cached_property
+    def touches(self) -> Expression:
+        """Whether the hammer meets a string that is awake."""
+        return (local("awake") > 0.0) & (self.under[0] > 0.0)
+
+    @property
+    def awake(self) -> Expression:
+        """Whether the modes of a single state are stepped."""
+        return read(self.modes.array, self.modes.row + self.modes.first + L.SINCE) < 0.5 * AWAKE
+
+    def seen(self) -> list[Statement]:
+        """Way and rate of the string at a single state, where it is awake: sets ``sway``, ``swing``, ``awake``."""
+        sums = self.modes.sums(self.modes.row)
+        return [Put(name("awake"), where(self.awake, 1.0, 0.0)), If(self.awake, sums)]
 
     @cached_property
     def felt(self) -> tuple[Expression, Expression]:
@@ -200,13 +215,12 @@ class StringContact(Contact):
             u = modes.state(row, 1, i)
             return [Add(name("string" + label), modes.number(2, i) * u * u / modes.number(0, i))]
 
-        awake = read(modes.array, row + modes.first + L.SINCE) < 0.5 * AWAKE
         touch: list[Statement] = [
             Add(name("energy" + label), kept),
             Add(name("felt" + label), (pressed - held) * self.under[1]),
         ]
         inside = [each("lost", modes.count, lost), *modes.sums(row), If(self.under[0] > 0.0, touch)]
-        return [modes.stored(row, name("energy" + label)), If(awake, inside)]
+        return [modes.stored(row, name("energy" + label)), If(self.awake, inside)]
 
     # what a step does with the modes ------------------------------------------------------------------------------
 
