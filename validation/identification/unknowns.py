@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 import model
-from model.parameters.quantity import allowed_range
+from model.parameters.quantity import Quantity, allowed_range
 from validation.errors import ValidationInputError
 
 FELT = "felt:"
@@ -39,14 +39,19 @@ def single_names(action: model.Action) -> dict[str, tuple[str, ...]]:
     """Every single thing that can be free, name -> paths that move together; values of zero are left out."""
     values = {path: q.value for path, q in model.quantities_of(action).items()}
     names: dict[str, tuple[str, ...]] = {}
-    for path, value in values.items():
+    for path in values:
         owner, _, last = path.rpartition(".")
         if owner.endswith(".normal") and last in STIFFNESS:
             name = owner.removesuffix(".normal")
             names[name] = (*names.get(name, ()), path)
-        elif value != 0.0:
+        else:
             names[path] = (path,)
-    return names
+    return {name: paths for name, paths in names.items() if any(values[path] for path in paths)}
+
+
+def lead_of(quantities: Mapping[str, Quantity], paths: Sequence[str]) -> Quantity:
+    """The quantity whose u stands for paths that move together: the first that is not zero, as felt may have a = 0."""
+    return next(quantities[path] for path in paths if quantities[path].value != 0.0)
 
 
 def group_members(action: model.Action, group: str) -> list[str]:
@@ -241,7 +246,7 @@ def parameter_of(
     action: model.Action, name: str, paths: tuple[str, ...], given: float | None = None
 ) -> Parameter | None:
     """A single name with its paths and prior; None where nothing says how large it may be."""
-    lead = model.quantities_of(action)[paths[0]]
+    lead = lead_of(model.quantities_of(action), paths)
     value = abs(lead.value)
     law = any(belongs(name, paths) for belongs in BELONGS.values())
     if given is not None:

@@ -63,7 +63,8 @@ def add_law(law: FeltLaw) -> None:
     Examples
     --------
     >>> import model
-    >>> class Gel(model.FeltLaw):
+    >>> from model.elements.laws.felt_law import FeltLaw
+    >>> class Gel(FeltLaw):
     ...     '''Nothing is lost in it.'''
     ...     name = "gel"
     ...     def force(self, felt):

@@ -85,3 +85,13 @@ def test_priors_given_win_and_must_be_positive() -> None:
     known = replace(ACTION, quantities={**ACTION.quantities, "hammer.mass": certain})
     with pytest.raises(ValidationInputError, match="has no prior"):
         unknowns(known, ["hammer.mass"])
+
+
+def test_felt_whose_first_coefficient_is_zero_takes_its_prior_from_one_that_is_not() -> None:
+    lifting = replace(ACTION, scene={"effects": ("balance_rail",)})
+    washer = parameter_of(lifting, "balance_rail", single_names(lifting)["balance_rail"])
+    c = model.quantities_of(lifting)["balance_rail.normal.c"]
+    assert washer is not None and washer.factor
+    assert washer.u == pytest.approx(math.sqrt(math.log1p((c.u / c.value) ** 2)))
+    assert washer.values(lifting, 1.0)["balance_rail.normal.a"] == 0.0
+    assert "balance_rail" not in single_names(lifting.with_values({"balance_rail.normal.c": 0.0}))

@@ -25,6 +25,7 @@ from validation.identification.unknowns import (
     LAW_U,
     NORMAL,
     THRESHOLDS,
+    lead_of,
     single_names,
 )
 from validation.prediction.joint_draws import drawn_tolerance
@@ -88,7 +89,7 @@ def candidates(action: model.Action, trial: ObservedTrial) -> tuple[Candidate, .
     ]
     quantities = model.quantities_of(action)
     for name, paths in sorted(single_names(action).items()):
-        lead = quantities[paths[0]]
+        lead = lead_of(quantities, paths)
         relative = lead.u / abs(lead.value)
         law = len(paths) > 1 or name.endswith(LAWS)
         if law or name.endswith(MASSES):
