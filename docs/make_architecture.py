@@ -86,12 +86,9 @@ def draw_package(graph: grimp.ImportGraph, package: str, x: float, y: float, wid
             top = y + TITLE + i * (ROOM_HEIGHT + LEVEL_GAP)
             boxes[room] = (left + j * (room_width + ROOM_GAP), top, room_width, ROOM_HEIGHT)
     height = TITLE + len(rows) * (ROOM_HEIGHT + LEVEL_GAP) - LEVEL_GAP + MARGIN
-    total = len(graph.find_descendants(package))
-    loose = ", ".join(m.rpartition(".")[2] for m in rooms.get(TOP, []))
     out = [
         f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="8" fill="{COLOURS[package]}"/>',
-        f'<text x="{x + 12:g}" y="{y + 20:g}"><tspan class="name">{package}/</tspan>'
-        f'<tspan class="note" dx="8">{total} modules{"; top: " + loose if loose else ""}</tspan></text>',
+        f'<text x="{x + 12:g}" y="{y + 20:g}" class="name">{package}/</text>',
     ]
     for room, found in sorted(uses.items()):
         out += [_arrow(boxes[room], boxes[other]) for other in sorted(found)]
@@ -99,8 +96,7 @@ def draw_package(graph: grimp.ImportGraph, package: str, x: float, y: float, wid
         middle = left + room_width / 2
         out += [
             f'<rect class="room" x="{left:g}" y="{top:g}" width="{room_width:g}" height="{room_height:g}" rx="5"/>',
-            f'<text class="label" x="{middle:g}" y="{top + 16:g}">{room}</text>',
-            f'<text class="count" x="{middle:g}" y="{top + 29:g}">{len(rooms[room])}</text>',
+            f'<text class="label" x="{middle:g}" y="{top + 22:g}">{room}</text>',
         ]
     return out, height
 
@@ -130,7 +126,7 @@ def draw(package: str) -> str:
 <title>The subpackages of {package} and which of them import which</title>
 <style>
 text {{ font: 12px system-ui, sans-serif; fill: #222 }} .name {{ font-weight: 700; font-size: 15px }}
-.note, .count {{ fill: #666; font-size: 10px }} .label, .count {{ text-anchor: middle }}
+.label {{ text-anchor: middle }}
 .room {{ fill: #fff; stroke: #999 }}
 .arrow {{ fill: none; stroke: #777; stroke-width: 1; marker-end: url(#head) }}
 </style>

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from vision.errors import FilmError
@@ -13,8 +14,30 @@ from vision.film.opencv_video import VideoFilm
 from vision.film.picture_stack import PICTURE_SUFFIXES, PagedPicture, PictureFolder
 from vision.film.source import CHANNELS, Film
 
-MRAW_SUFFIXES = (".mraw", ".cih", ".cihx")
-VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v")
+
+def _avi(path: Path, *, allow_truncated: bool, channel: str | None) -> Film:
+    """By our own reader; what that cannot read, through OpenCV."""
+    film = AviFilm(path, allow_truncated=allow_truncated, channel=channel)
+    if film.readable:
+        return film
+    film.close()
+    return VideoFilm(path, allow_truncated=allow_truncated, channel=channel)
+
+
+def _grey(path: Path, *, allow_truncated: bool, channel: str | None) -> Film:
+    if channel is not None:
+        raise FilmError(f"{path}: films of this format are read in grey; leave the channel ({channel}) out")
+    return MrawFilm(path, allow_truncated=allow_truncated)
+
+
+READERS: dict[str, Callable[..., Film]] = {
+    **dict.fromkeys((".mraw", ".cih", ".cihx"), _grey),
+    ".cine": CineFilm,
+    ".avi": _avi,
+    **dict.fromkeys((".mp4", ".mov", ".mkv", ".m4v"), VideoFilm),
+    **dict.fromkeys(PICTURE_SUFFIXES, PagedPicture),
+}
+"""Reader of each suffix, called with the path, ``allow_truncated`` and ``channel``."""
 
 
 def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, channel: str | None = None) -> Film:
@@ -51,28 +74,12 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
     """
     path = Path(path)
     suffix = path.suffix.lower()
+    readable = f"{', '.join(READERS)}, or a folder of pictures"
     if not path.exists():
-        raise FilmError(
-            f"{path}: no such film; give an existing .mraw, .cine, .avi, .mp4, .tif file or a folder of pictures"
-        )
+        raise FilmError(f"{path}: no such film; readable: {readable}")
     if channel is not None and channel not in CHANNELS:
         raise FilmError(f"channel {channel!r} is not known; choose {', '.join(CHANNELS)}, or none")
-    if path.is_dir():
-        return PictureFolder(path, allow_truncated=allow_truncated, channel=channel)
-    if channel is not None and suffix in MRAW_SUFFIXES:
-        raise FilmError(f"{path}: films of this format are read in grey; leave the channel ({channel}) out")
-    if suffix in MRAW_SUFFIXES:
-        return MrawFilm(path, allow_truncated=allow_truncated)
-    if suffix == ".cine":
-        return CineFilm(path, allow_truncated=allow_truncated, channel=channel)
-    if suffix == ".avi":
-        avi = AviFilm(path, allow_truncated=allow_truncated, channel=channel)
-        if avi.readable:
-            return avi
-        avi.close()
-    if suffix in VIDEO_SUFFIXES:
-        return VideoFilm(path, allow_truncated=allow_truncated, channel=channel)
-    if suffix in PICTURE_SUFFIXES:
-        return PagedPicture(path, allow_truncated=allow_truncated, channel=channel)
-    known = ", ".join((*MRAW_SUFFIXES, ".cine", *VIDEO_SUFFIXES, ".tif", ".tiff"))
-    raise FilmError(f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {known}, picture folders")
+    if not path.is_dir() and suffix not in READERS:
+        raise FilmError(f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {readable}")
+    reader = PictureFolder if path.is_dir() else READERS[suffix]
+    return reader(path, allow_truncated=allow_truncated, channel=channel)

@@ -13,7 +13,7 @@ from pianorig.console.output import print_json
 
 
 def command(
-    film: Annotated[Path, typer.Argument(help="Film: .mraw (with its .cihx), .avi, .tif, .mp4.")],
+    film: Annotated[Path, typer.Argument(help="Film (.mraw, .cine, .avi, .mp4, .tif and others).")],
     session: Annotated[
         Path | None, typer.Argument(help="Session folder; default: this folder, else the newest below sessions/.")
     ] = None,

@@ -17,7 +17,7 @@ from pianorig.errors import CommandInputError
 
 def command(
     film: Annotated[
-        Path, typer.Argument(help="Film: .mraw (+ .cih/.cihx), .cine, .avi, .mp4, .tif, folder of pictures.")
+        Path, typer.Argument(help="Film (.mraw, .cine, .avi, .mp4, .tif and others) or folder of pictures.")
     ],
     bodies: Annotated[
         Path | None, typer.Option("--bodies", help="TOML file with the outlines; default: the session's.")
