@@ -26,16 +26,21 @@ AGAIN = 0.15
 
 @lru_cache(maxsize=64)
 def phases(stroke: Stroke) -> NDArray[np.int64]:
-    """Phase of each sample (n,), an index of `PHASES`.
+    """Phase of each sample (n,) of a stroke, see `key_phases`."""
+    return key_phases(stroke.key.value_m, stroke.interval_s)
+
+
+def key_phases(key: Array, step: float) -> NDArray[np.int64]:
+    """Phase of each sample (n,), an index of `PHASES`, of a key pressed by (n,) in any unit, ``step`` s apart.
 
     A strike begins when the key leaves its rest. It becomes a hold when the key has stayed down for a while, a release
     when the key has turned back by `AGAIN`, held or not; a key that turns round again by as much before it is up begins
     a new strike. So each note of a repetition is a strike of its own, though the key returns only part-way and is never
     held.
     """
-    share = stroke.key.value_m / max(float(stroke.key.value_m.max()), 1e-9)
+    share = key / max(float(key.max()), 1e-9)
     out = np.zeros(share.size, dtype=np.int64)
-    step, now, since, highest, lowest = stroke.interval_s, REST, 0.0, 0.0, 1.0
+    now, since, highest, lowest = REST, 0.0, 0.0, 1.0
     for k, x in enumerate(share):
         since += step
         if now == REST and x > STARTED:
@@ -86,13 +91,16 @@ def find(stroke: Stroke, hammer_m: Array) -> list[dict[str, float]]:
     Strikes are told by the key alone, so that a trial and its prediction have the same ones, in the same order. A key
     that bounces on its rest is no strike.
     """
-    struck = phases(stroke) == STRIKE
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], struck, [False]]).astype(np.int8)))
-    deep = STRUCK * float(stroke.key.value_m.max())
-    chosen = [stroke.key.value_m[a:b].max() > deep for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    starts, ends = edges[::2][chosen], edges[1::2][chosen]
-    nexts = [*starts[1:], stroke.time_s.size]
-    return [_of_strike(stroke, hammer_m, *at) for at in zip(starts.tolist(), ends.tolist(), nexts, strict=True)]
+    every = strikes(stroke.key.value_m, phases(stroke))
+    nexts = [*(start for start, _ in every[1:]), stroke.time_s.size]
+    return [_of_strike(stroke, hammer_m, *at, before) for at, before in zip(every, nexts, strict=True)]
+
+
+def strikes(key: Array, at: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """First sample and end of every strike of a key (n,) with these phases (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at == STRIKE, [False]]).astype(np.int8)))
+    pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    return [(a, b) for a, b in pairs if key[a:b].max() > STRUCK * float(key.max())]
 
 
 def _of_strike(stroke: Stroke, hammer_m: Array, first: int, end: int, before: int) -> dict[str, float]:

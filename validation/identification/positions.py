@@ -20,8 +20,10 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.events.strikes import RELEASE, phases
 from validation.measurement.positions import Stroke, measure_positions, smoothed
+from validation.prediction.black_boxes import Example, fit_black_boxes
 from validation.prediction.positions import FREE, NAMES, SENSORS, Predict, of_model, of_null
 from validation.statistics.bands import PredictedStroke, PredictionBand, prediction_band, spread
+from validation.statistics.domain import features_of
 
 SCATTER = 0.05
 """What the model is expected to miss the hammer by, in rulers."""
@@ -160,6 +162,11 @@ class Identified:
     release : dict
         RMS of the hammer in the release, rulers, of the fitted strokes: with which group of parameters left nominal,
         and with which group alone identified.
+    strokes : dict
+        Properties of each fitted stroke (`validation.statistics.domain`): how far another lies from them is told by
+        these. Empty in a file that does not know.
+    black_boxes : dict
+        Black boxes fitted to the same strokes (`validation.prediction.black_boxes`), by kind.
     """
 
     action: str
@@ -176,6 +183,8 @@ class Identified:
     bands: dict[str, PredictionBand]
     left_out: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     release: dict[str, dict[str, float]] = field(default_factory=dict)
+    strokes: dict[str, dict[str, Any]] = field(default_factory=dict)
+    black_boxes: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def fit(self) -> Fit:
         """The full model's parameters."""
@@ -310,7 +319,22 @@ def identify_session(
         bands=bands_of(strokes, action, left_z),
         left_out=left_z,
         release=explain_release(strokes, full, best.z),
+        **known_of(strokes),
     )
+
+
+def known_of(strokes: Sequence[Stroke]) -> dict[str, dict[str, dict[str, Any]]]:
+    """What a set keeps of the strokes it was fitted to: ``strokes`` and ``black_boxes`` of `Identified`."""
+    boxes = fit_black_boxes([example_of(stroke) for stroke in strokes])
+    return {
+        "strokes": {str(one.number): features_of(one.time_s, one.key.value_m, "m") for one in strokes},
+        "black_boxes": {kind: box.plain() for kind, box in boxes.items()},
+    }
+
+
+def example_of(stroke: Stroke) -> Example:
+    """A stroke as a black box sees it: displacement of the key in, of the hammer out, m."""
+    return Example(stroke.time_s, stroke.key.value_m, stroke.time_s, stroke.hammer.value_m[:, None])
 
 
 def bands_of(

@@ -95,7 +95,8 @@ def measure_positions(session: Session) -> tuple[tuple[Stroke, ...], dict[int, s
     ValidationInputError
         No trial is usable; the message has the first reason.
     """
-    strokes, refused = usable_trials(session, lambda _, data: measure_stroke(data))
+    # with which a recording begins or ends: what it shows can be compared where it shows the rest before
+    strokes, refused = usable_trials(session, lambda _, data: measure_stroke(data), ("complete", "incomplete"))
     if not strokes:
         number, reason = next(iter(refused.items()), (0, "it has no trials"))
         raise ValidationInputError(f"{session.path}: no usable stroke; trial {number}: {reason}")

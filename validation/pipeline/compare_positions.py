@@ -1,12 +1,9 @@
-"""Models against a session of positions: predictions, bands and scores of every stroke, and what can be said of it.
-
-Models against a session of positions: predictions, bands and scores of every stroke, and what can be said of it.
-"""
+"""Models against a session of positions: predictions, bands and scores of every stroke, and what can be said of it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,15 +14,19 @@ import model
 from rig.session import Session
 from validation.conventions import Array
 from validation.events.strikes import EVENTS, PHASES, find, phases
-from validation.identification.positions import FILE, MODELS, Fit, Identified, read_identified
+from validation.identification.positions import FILE, MODELS, Fit, Identified, example_of, read_identified
 from validation.measurement.positions import Stroke, measure_positions
+from validation.prediction.black_boxes import BlackBox, left_out_boxes
 from validation.prediction.positions import FREE, SENSORS, Predict, of_model, of_null
 from validation.statistics.bands import PredictedStroke, half_width, score, spread
+from validation.statistics.domain import features_of, left_out_distances, place
+from validation.statistics.rivals import CALLED, skill_of
 
 GOAL_COVER, GOAL_HALF_WIDTH = 0.9, 0.1
 """Share of each held-out stroke inside the 95 % band, and median half width in rulers."""
 GOALS_MET = (
-    "the goals (90 % inside, half width 10 %, closer and with a better interval score than the null model) are met."
+    "the goals (90 % inside, half width 10 %, closer than every rival and with a better interval score than the null "
+    "model) are met."
 )
 NO_PARAMETERS = "hirschkorn2004-regulated"
 
@@ -57,6 +58,11 @@ class PositionComparison:
         Events measured and predicted.
     repeatability : DataFrame
         Events of strokes of one condition: how many, mean, standard deviation.
+    rivals : DataFrame
+        One row a stroke: how far it lies from what was fitted (``distance``, infinite where a phase was never fitted,
+        NaN where it is not known; ``outside``, ``why``), RMSE (rulers) of every model and black box, ``nearest``.
+    training_distances : dict
+        Distance of each fitted stroke from the others.
     refused : dict
         Trials that were not used, with the reason.
     sentence : str
@@ -73,6 +79,8 @@ class PositionComparison:
     by_phase: pd.DataFrame
     events: pd.DataFrame
     repeatability: pd.DataFrame
+    rivals: pd.DataFrame
+    training_distances: dict[str, float]
     refused: dict[int, str]
     sentence: str
     verdict_lines: tuple[str, ...]
@@ -141,7 +149,8 @@ def compare_positions(
             phase_rows.append(_phase_row(predicted))
             event_rows += _event_rows(stroke, label, made)
     scores, events = pd.DataFrame(rows), pd.DataFrame(event_rows)
-    sentence, lines = _verdict(session.info.name, scores, record)
+    rivals = _rivals(strokes, scores, record)
+    sentence, lines = _verdict(session.info.name, scores, rivals, record)
     return PositionComparison(
         session.info.name or session.path.name,
         action.name,
@@ -151,6 +160,8 @@ def compare_positions(
         pd.DataFrame(phase_rows),
         events,
         _repeatability(events),
+        rivals,
+        left_out_distances(record.strokes) if record else {},
         refused,
         sentence,
         lines,
@@ -233,7 +244,81 @@ def _repeatability(events: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["condition", "event", "n", "mean", "s"])
 
 
-def _verdict(name: str, scores: pd.DataFrame, record: Identified | None) -> tuple[str, tuple[str, ...]]:
+def _rivals(strokes: Sequence[Stroke], scores: pd.DataFrame, record: Identified | None) -> pd.DataFrame:
+    """Where each stroke lies beside those fitted, and the error of every model and black box there."""
+    fitted = list(record.strokes.values()) if record is not None else []
+    if record is not None and record.black_boxes:
+        boxes = {kind: BlackBox.of(plain, FILE) for kind, plain in record.black_boxes.items()}
+        every = [boxes for _ in strokes]
+    else:
+        every = left_out_boxes([example_of(stroke) for stroke in strokes])
+    rows = []
+    for stroke, boxes in zip(strokes, every, strict=True):
+        own = scores[scores["trial"] == stroke.number].set_index("model")
+        errors = {str(name): float(value) for name, value in own["rmse_share"].items()}
+        for kind, box in boxes.items():
+            made = box.answers(stroke.time_s, stroke.key.value_m, stroke.time_s)[:, 0]
+            away = (made - stroke.hammer.value_m) / stroke.hammer.travel_m
+            errors[kind] = float(np.sqrt(np.mean(away**2)))
+        known = {name: value for name, value in errors.items() if math.isfinite(value)}
+        where = place(features_of(stroke.time_s, stroke.key.value_m, "m"), fitted)
+        rows.append(
+            {
+                "trial": stroke.number,
+                "condition": stroke.condition,
+                "fitted": bool(own["fitted"].eq(True).any()) if "fitted" in own else False,
+                "distance": where.distance if where else np.nan,
+                "outside": where.outside if where else None,
+                "why": where.why if where else "",
+                **{f"{name}_rmse_share": value for name, value in errors.items()},
+                "nearest": min(known, key=lambda name: known[name]) if known else "",
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+ENDING = "_rmse_share"
+
+
+def _nearer(row: pd.Series, tested: str) -> list[str]:
+    """Rivals that are nearer to a stroke than the model, the nearest first, with their error."""
+    errors = {name.removesuffix(ENDING): row[name] for name in row.index if name.endswith(ENDING)}
+    found = sorted((value, name) for name, value in errors.items() if name != tested and value < errors[tested])
+    return [f"{CALLED.get(name, name)} {100 * value:.1f} %" for value, name in found]
+
+
+def _beside(rivals: pd.DataFrame, tested: str, record: Identified | None) -> list[str]:
+    """Lines on where the strokes lie beside those fitted, and on the rivals of the model."""
+    lines = []
+    held = rivals[~rivals["fitted"]]
+    outside = held["outside"].eq(True)
+    if record is not None and not record.strokes:
+        lines.append(f"Domain: not known, {FILE} does not say what its strokes were like; identify it again.")
+    for row in held[outside].itertuples():
+        far = f"; distance {row.distance:.1f}, 1 is the limit" if math.isfinite(row.distance) else ""
+        lines.append(f"Domain: trial {row.trial} lies outside of what was fitted ({row.why}{far}).")
+    inside = held[held["outside"].eq(False)]
+    if len(inside):
+        named = ", ".join(f"{row.trial} (distance {row.distance:.1f})" for row in inside.itertuples())
+        lines.append(
+            f"Domain: trial{'s' if len(inside) > 1 else ''} {named}: inside of what was fitted (1 is the limit)."
+        )
+    for where, part in (("", held[~outside]), (" outside", held[outside])):
+        errors = {name.removesuffix(ENDING): part[name].to_numpy() for name in part if name.endswith(ENDING)}
+        skill = skill_of(errors.pop(tested), errors)
+        if skill is not None:
+            fitted = "" if record is not None and record.black_boxes else "; black boxes fitted to the other strokes"
+            lines.append(f"{tested}, strokes not fitted{where}: {skill.words}{fitted}.")
+    for _, row in held.iterrows():
+        if found := _nearer(row, tested):
+            own = f"{100 * row[tested + ENDING]:.1f} %"
+            lines.append(f"Trial {row['trial']}: nearer than {tested} ({own}): {', '.join(found)}.")
+    return lines
+
+
+def _verdict(
+    name: str, scores: pd.DataFrame, rivals: pd.DataFrame, record: Identified | None
+) -> tuple[str, tuple[str, ...]]:
     """One sentence, and the lines of the terminal."""
     lines = [
         f"{name}: key motion in, hammer motion predicted, {scores['trial'].nunique()} strokes; RMSE in % of the ruler"
@@ -244,32 +329,36 @@ def _verdict(name: str, scores: pd.DataFrame, record: Identified | None) -> tupl
             for row in part.itertuples()
         )
         lines.append(f"{label}: {values}")
+    tested = "identified" if "identified" in set(scores["model"]) else "regulated"
+    lines += _beside(rivals, tested, record)
     if record is None:
-        return f"{name}: no identified set; the regulated set and the null model are compared as they are.", tuple(
-            lines
-        )
+        return f"{name}: no identified set; the regulated set and its rivals are compared as they are.", tuple(lines)
     out = scores[(scores["model"] == "identified") & (scores["fitted"] == False)]  # noqa: E712
     null = scores[scores["model"] == "null"].set_index("trial")
     if not len(out):
         sentence = f"{name}: every stroke was fitted; nothing is held out."
         return sentence, (*lines, sentence)
+    beside = rivals.set_index("trial")
     missed = []
     for row in out.itertuples():
-        faults = []
+        faults, where = [], beside.loc[row.trial]
+        if where["outside"]:
+            faults.append(f"outside of what was fitted: {where['why']}")
         if not row.inside_band >= GOAL_COVER:
             faults.append(f"{100 * row.inside_band:.0f} % inside the band")
         if not row.half_width_share <= GOAL_HALF_WIDTH:
             faults.append(f"median half width {100 * row.half_width_share:.0f} %")
-        if not row.rmse_share < null.loc[row.trial, "rmse_share"]:
-            faults.append("no closer than the null model")
+        if found := _nearer(where, "identified"):
+            faults.append(f"off by {100 * row.rmse_share:.1f} %, nearer are {', '.join(found)}")
         if not row.interval_score_share < null.loc[row.trial, "interval_score_share"]:
             faults.append("a worse interval score than the null model")
         if faults:
-            missed.append(f"trial {row.trial} ({', '.join(faults)})")
+            missed.append(f"trial {row.trial} ({'; '.join(faults)})")
     least, widest = out["inside_band"].min(), out["half_width_share"].max()
+    n, low, high = len(out), 100 * out["rmse_share"].min(), 100 * out["rmse_share"].max()
     sentence = (
-        f"On {len(out)} strokes that were not fitted the identified set is off by "
-        f"{100 * out['rmse_share'].min():.1f} to {100 * out['rmse_share'].max():.1f} % of the ruler (RMS), at least "
+        f"On {n} stroke{'s that were' if n > 1 else ' that was'} not fitted the identified set is off by "
+        f"{f'{low:.1f} to {high:.1f}' if n > 1 else f'{low:.1f}'} % of the ruler (RMS), at least "
         f"{math.floor(100 * least)} % of each lies inside its 95 % band, whose median half width is at most "
         f"{100 * widest:.1f} %; " + (GOALS_MET if not missed else f"missed: {'; '.join(missed)}.")
     )

@@ -23,12 +23,13 @@ from rig.session import Session
 from validation.events.strikes import EVENTS, phases
 from validation.identification.scatter import jackknife_u
 from validation.measurement.positions import Stroke
-from validation.pipeline.compare_positions import PositionComparison, Predicted, compare_positions
+from validation.pipeline.compare_positions import ENDING, PositionComparison, Predicted, compare_positions
 from validation.prediction.positions import FREE, values_of
 from validation.report.figures.svg import STYLE, figure_svg
 from validation.report.files import check_folder, write_files
 from validation.report.page import style_text, templates
 from validation.report.write import records
+from validation.statistics.rivals import CALLED
 
 COLOURS = {"identified": "#00508c", "regulated": "#b35900", "null": "#6b6b6b"}
 SIZE_IN = (9.2, 5.4)
@@ -36,8 +37,11 @@ MOST_POINTS = 450
 AROUND_STRIKE_S, AROUND_RELEASE_S = (0.1, 0.15), (0.1, 0.45)
 
 
-def stroke_figure(stroke: Stroke, predicted: Sequence[Predicted]) -> str:
-    """One stroke as SVG: the whole above, strike and release below."""
+OUTSIDE = ", outside of what was fitted"
+
+
+def stroke_figure(stroke: Stroke, predicted: Sequence[Predicted], outside: bool = False) -> str:
+    """One stroke as SVG: the whole above, strike and release below; its title says where it lies outside."""
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE_IN, layout="constrained")
         grid = figure.add_gridspec(2, 2)
@@ -63,7 +67,7 @@ def stroke_figure(stroke: Stroke, predicted: Sequence[Predicted]) -> str:
         return figure_svg(
             figure,
             key,
-            f"Trial {stroke.number} {stroke.condition}",
+            f"Trial {stroke.number} {stroke.condition}{OUTSIDE if outside else ''}",
             f"Measured displacement of key and hammer over time, and the hammer as predicted by: {names}.",
             (float(time_s[0]), float(time_s[-1])),
         )
@@ -123,7 +127,11 @@ def render(result: PositionComparison, made: str, session: Path) -> str:
     by_number: dict[int, list[Any]] = {}
     for one in result.predictions:
         by_number.setdefault(one.stroke.number, []).append(one)
-    strokes = [(parts[0].stroke, Markup(stroke_figure(parts[0].stroke, parts))) for parts in by_number.values()]
+    outside = set(result.rivals["trial"][result.rivals["outside"] == True])  # noqa: E712
+    strokes = [
+        (parts[0].stroke, Markup(stroke_figure(parts[0].stroke, parts, number in outside)))
+        for number, parts in by_number.items()
+    ]
     notes = session / "limits.txt"
     return environment.get_template("positions_page.html.j2").render(
         result=result,
@@ -134,6 +142,14 @@ def render(result: PositionComparison, made: str, session: Path) -> str:
         by_phase=result.by_phase.to_dict("records"),
         events=result.events.to_dict("records"),
         repeatability=result.repeatability.to_dict("records"),
+        rivals=result.rivals.to_dict("records"),
+        called={
+            name: CALLED.get(short, short).removeprefix("the ")
+            for name in result.rivals
+            if (short := name.removesuffix(ENDING)) != name
+        },
+        outside=outside,
+        inf=math.inf,
         parameters=parameters(result),
         release=_release(result),
         bands=result.identified.bands if result.identified else {},
@@ -225,6 +241,8 @@ def _results(result: PositionComparison, made: str) -> dict[str, Any]:
         "rmse_by_phase": records(result.by_phase),
         "events": records(result.events),
         "repeatability": records(result.repeatability),
+        "rivals": records(result.rivals),
+        "training_distances": {k: v if math.isfinite(v) else None for k, v in result.training_distances.items()},
         "parameters": parameters(result),
         "release": _release(result),
         "bands": {name: asdict(band) for name, band in result.identified.bands.items()} if result.identified else {},

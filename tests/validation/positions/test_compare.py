@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from contextlib import redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +17,10 @@ from rig.session import Session
 from tests.command_line import run
 from validation.errors import ValidationInputError
 from validation.events.strikes import find
-from validation.identification.positions import read_identified
+from validation.identification.positions import read_identified, write_identified
 from validation.measurement.positions import measure_stroke
 from validation.pipeline.compare_positions import GOAL_COVER, compare_positions
+from validation.pipeline.validate_positions import render
 
 SHIPPED = Path(__file__).parents[3] / "sessions" / "kawai_kg3c"
 
@@ -29,7 +32,8 @@ def written(shared) -> tuple[Path, dict]:
     def make(folder: Path) -> tuple[Path, dict]:
         session, out = folder / "kawai_kg3c", folder / "real"
         shutil.copytree(SHIPPED, session, ignore=shutil.ignore_patterns("trial_0002.h5", "report.html", "results.json"))
-        assert run("validate", session, "--by-motion", "--out", out, "--json") == 0
+        with (folder / "said.txt").open("w") as said, redirect_stdout(said):
+            assert run("validate", session, "--by-motion", "--out", out) == 0
         return out, json.loads((out / "results.json").read_text())
 
     return shared(make)
@@ -49,6 +53,16 @@ def test_held_out_strokes_are_predicted_better_than_by_the_null_model(written) -
         assert row["rmse_share"] < 0.06 < null["rmse_share"]
         assert row["rmse_share"] < 0.5 * plain["rmse_share"]
         assert row["inside_band"] >= GOAL_COVER
+
+
+def test_each_stroke_says_how_far_it_lies_and_who_is_nearer(written) -> None:
+    results = written[1]
+    for row in results["rivals"]:
+        errors = {name: value for name, value in row.items() if name.endswith("_rmse_share")}
+        assert set(errors) == {f"{n}_rmse_share" for n in ("regulated", "null", "identified", "polynomial", "fir")}
+        assert row["nearest"] == "identified" and row["outside"] is False and row["distance"] < 1.0
+    assert results["training_distances"]["2"] > 1.0  # the only slow press
+    assert "than that of the FIR filter" in (written[0].parent / "said.txt").read_text()
 
 
 def same_scores(shipped, found) -> None:
@@ -124,14 +138,30 @@ def test_a_recording_it_has_not_seen_needs_no_hand_work(tmp_path, capsys) -> Non
     assert "2 models, allowed 1" in capsys.readouterr().err
 
 
-def test_without_an_identified_set_there_are_no_bands(tmp_path) -> None:
-    session = tmp_path / "one"
-    session.mkdir()
+def one_stroke(folder) -> Session:
+    session = folder / "one"
+    session.mkdir(exist_ok=True)
     for name in ("session.toml", "trial_0006.h5"):
         shutil.copy(SHIPPED / name, session / name)
-    result = compare_positions(Session.open(session))
+    return Session.open(session)
+
+
+def test_without_an_identified_set_there_are_no_bands(tmp_path) -> None:
+    result = compare_positions(one_stroke(tmp_path))
     assert set(result.scores["model"]) == {"regulated", "null"} and result.scores["inside_band"].isna().all()
     assert "no identified set" in result.sentence
+    (row,) = result.rivals.to_dict("records")  # alone it has nothing to fit a black box to
+    assert "fir_rmse_share" not in row and row["outside"] is None
+
+
+def test_a_set_that_does_not_know_its_strokes_says_so_and_a_stroke_unlike_them_is_outside(tmp_path) -> None:
+    record = read_identified(SHIPPED)
+    short = {n: {**one, "hold": 0.02, "phases": ["strike"]} for n, one in record.strokes.items()}
+    for strokes, words in (({}, "Domain: not known"), (short, "lies outside of what was fitted (release: no fitted")):
+        write_identified(tmp_path / "set.json", replace(record, strokes=strokes, black_boxes={}))
+        result = compare_positions(one_stroke(tmp_path), identified=tmp_path / "set.json")
+        assert any(words in line for line in result.verdict_lines)
+    assert "outside of what was fitted" in render(result, "now", tmp_path).split("<figcaption>")[1]
 
 
 def test_which_sessions_are_of_positions(tmp_path) -> None:

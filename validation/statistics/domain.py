@@ -1,0 +1,149 @@
+"""How far a stroke lies from those that a set was fitted to: its domain, by the motion of the key and the force.
+
+A stroke is described by seven properties and the phases it reaches. Along each property the set knows the range of its
+strokes, widened by a fixed share of the property on both sides; the distance of a stroke is the largest of its ways out
+of a range, in units of that widening, so that 1 is the limit. A phase that no fitted stroke reached has no distance.
+
+Why so: three to ten strokes are fitted, often of one kind or each of another. Their covariance has no inverse, and
+shrunk towards anything it says what the anything says; the scale of three strokes is off by a factor of two, and of
+strokes of three kinds it says nothing of a kind's own scatter. Fixed widths hold for any number and lie far beyond what
+strokes of one kind scatter by; the strokes' own distances, each from the others, stand beside
+(docs/explanation/null_model.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from validation.conventions import Array
+from validation.events.strikes import RELEASE, key_phases, strikes
+
+STEP_S = 1e-3
+"""Between the samples that are looked at."""
+SPEED_OVER_S = 5e-3
+DOWN = 0.8
+BRIEF_S = 0.1
+"""The key's time down counts as t / (t + this): whether a second or three, the hammer hangs in the back check."""
+REPEATED = "repetition"
+FEATURES = {
+    "speed": ("fastest way down of the key", "{}/s", math.log(1.25)),
+    "depth": ("deepest place of the key", "{}", math.log(1.12)),
+    "hold": ("time the key is down", "s", 0.15),
+    "release": ("fastest way up of the key", "{}/s", math.log(1.5)),
+    "rate": ("strikes a second", "1/s", math.log(1.25)),
+    "return": ("how far down the key stays between strikes", "of its depth", 0.15),
+    "force": ("largest force", "N", math.log(1.3)),
+}
+"""Words, unit and widening of each property: of its logarithm (speed, depth, release, rate, force) or as it is."""
+LOGARITHMIC = ("speed", "depth", "release", "rate", "force")
+Features = Mapping[str, Any]
+"""Properties by name, those that a stroke has, and its ``phases``: plain values that a file holds."""
+
+
+def features_of(time_s: Array, key: Array, unit: str, force_n: Array | None = None) -> dict[str, Any]:
+    """Properties of a stroke.
+
+    Parameters
+    ----------
+    time_s, key : ndarray, shape (n,)
+        Key from rest; its larger way from rest is down.
+    unit : str
+        Of the key, ``m`` or ``rad``; strokes of one unit can be compared.
+    force_n : ndarray, shape (n,), optional
+        Force on the key, N.
+
+    Returns
+    -------
+    dict
+        ``speed`` and ``release`` (unit of the key a second), ``depth``, ``hold`` (s), ``rate`` (1/s), ``return`` (share
+        of the depth), ``force`` (N), each where the stroke has it; ``phases``, which of
+        strike, release and repetition it reaches (a hold is told by its time); ``unit``. Empty where the
+        key is not known.
+    """
+    known = np.isfinite(key)
+    if known.sum() < 2:
+        return {}
+    at_s = np.arange(float(time_s[0]), float(time_s[-1]), STEP_S)
+    place = np.interp(at_s, time_s[known], key[known])
+    place = place * np.sign(place[int(np.argmax(np.abs(place)))])
+    reach, deepest = round(SPEED_OVER_S / STEP_S), float(place.max())
+    if place.size <= reach or not deepest > 0.0:
+        return {}
+    speed, phase = (place[reach:] - place[:-reach]) / SPEED_OVER_S, key_phases(place, STEP_S)
+    every = strikes(place, phase)
+    down = np.flatnonzero(np.diff(np.concatenate([[False], place > DOWN * deepest, [False]]).astype(np.int8)))
+    out: dict[str, Any] = {"speed": float(speed.max()), "depth": deepest,
+                           "hold": float((down[1::2] - down[::2]).max()) * STEP_S}  # fmt: skip
+    names = ["strike"] if every else []
+    if np.any(phase == RELEASE):
+        out["release"] = float(-speed.min())
+        names.append("release")
+    if len(every) > 1:
+        out["rate"] = (len(every) - 1) / ((every[-1][0] - every[0][0]) * STEP_S)
+        out["return"] = min(float(place[a:b].min()) for (a, _), (b, _) in zip(every, every[1:], strict=False)) / deepest
+        names.append(REPEATED)
+    if force_n is not None:
+        out["force"] = float(np.nanmax(force_n))
+    return {name: float(f"{value:.5g}") for name, value in out.items()} | {"phases": names, "unit": unit}
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a stroke lies: its distance (infinite where no fitted stroke reached a phase), and what sets it, in words.
+
+    ``out`` has the way out of each property's range, in units of its widening, negative inside.
+    """
+
+    distance: float
+    why: str
+    out: Mapping[str, float]
+
+    @property
+    def outside(self) -> bool:
+        """Whether it lies beyond what was fitted."""
+        return self.distance > 1.0
+
+
+def place(stroke: Features, fitted: Sequence[Features]) -> Place | None:
+    """Where a stroke lies beside those that were fitted; None where one of the two is not known."""
+    fitted = [one for one in fitted if one and one["unit"] == stroke.get("unit")]
+    if not stroke or not fitted:
+        return None
+    seen = {name for one in fitted for name in one["phases"]}
+    new = [name for name in stroke["phases"] if name not in seen]
+    if new:
+        return Place(math.inf, f"{', '.join(new)}: no fitted stroke has it", {})
+    out, words = {}, {}
+    for name, (meaning, unit, width) in FEATURES.items():
+        values = [_scaled(name, one[name]) for one in fitted if name in one]
+        if name not in stroke or not values:
+            continue
+        x, low, high = _scaled(name, stroke[name]), min(values), max(values)
+        out[name] = max(low - x, x - high) / width
+        end = min if x < low else max
+        beside = end(float(one[name]) for one in fitted if name in one)
+        words[name] = (
+            f"{meaning} {stroke[name]:.3g}, fitted {'from' if x < low else 'up to'} {beside:.3g} "
+            f"{unit.format(stroke['unit'])}"
+        )
+    worst = max(out, key=lambda name: out[name])
+    return Place(max(out[worst], 0.0), words[worst] if out[worst] > 0.0 else "", out)
+
+
+def left_out_distances(fitted: Mapping[str, Features]) -> dict[str, float]:
+    """Distance of each fitted stroke from the others; nothing of one alone."""
+    found = {
+        label: place(one, [other for name, other in fitted.items() if name != label]) for label, one in fitted.items()
+    }
+    return {label: where.distance for label, where in found.items() if where is not None}
+
+
+def _scaled(name: str, value: float) -> float:
+    if name in LOGARITHMIC:
+        return math.log(max(value, 1e-12))
+    return value / (value + BRIEF_S) if name == "hold" else value
