@@ -104,12 +104,17 @@ def strikes(key: Array, at: NDArray[np.int64]) -> list[tuple[int, int]]:
 
 
 def _of_strike(stroke: Stroke, hammer_m: Array, first: int, end: int, before: int) -> dict[str, float]:
-    """Events of the strike of samples ``first`` to ``end``, whatever follows up to ``before``."""
+    """Events of the strike of samples ``first`` to ``end``, whatever follows up to ``before``.
+
+    A hammer that is still rising when the recording ends has met nothing yet.
+    """
     out = dict.fromkeys(EVENTS, float("nan"))
     at, time_s = phases(stroke), stroke.time_s
     part = hammer_m[first : min(end + round(FLIES_ON_S / stroke.interval_s), before)]
     highest = float(part.max())
     top = first + int(np.argmax(part > highest - 0.005 * stroke.hammer.travel_m))
+    if first + int(np.argmax(part)) == time_s.size - 1:
+        return out
     out["impact_s"], out["top_m"] = float(time_s[top]), highest
     out["speed_m_per_s"] = _speed(time_s[first : top + 1], hammer_m[first : top + 1], highest)
     if out["speed_m_per_s"] < SLOW_M_PER_S:

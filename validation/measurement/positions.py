@@ -33,6 +33,8 @@ NOISE_M = {"key": 2e-5, "hammer": 4e-5}
 """Noise down to which a sample is averaged with its neighbours."""
 MOST_NEIGHBOURS = 40.0
 MAINS = "mains_frequency_hz"
+AS_FAR_AS_SEEN = ("complete", "incomplete")
+"""Of a recording of positions that can be used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,13 +92,15 @@ class Stroke:
 def measure_positions(session: Session) -> tuple[tuple[Stroke, ...], dict[int, str]]:
     """Usable strokes of a session, and by number the reason for each trial that is not.
 
+    A trial whose recording ends within it is used as far as it goes: what the key has not done yet moves nothing. One
+    whose recording begins within it has no rest and is refused.
+
     Raises
     ------
     ValidationInputError
         No trial is usable; the message has the first reason.
     """
-    # with which a recording begins or ends: what it shows can be compared where it shows the rest before
-    strokes, refused = usable_trials(session, lambda _, data: measure_stroke(data), ("complete", "incomplete"))
+    strokes, refused = usable_trials(session, lambda _, data: measure_stroke(data), AS_FAR_AS_SEEN)
     if not strokes:
         number, reason = next(iter(refused.items()), (0, "it has no trials"))
         raise ValidationInputError(f"{session.path}: no usable stroke; trial {number}: {reason}")
@@ -118,7 +122,9 @@ def measure_stroke(data: TrialData) -> Stroke:
             raise TrialError(f"{len(names)} position sensors of the {body}, allowed 1; found {data.position_names}")
         found[body] = _measure(data, names[0], body)
     origin = data.provenance
-    source = f"{float(origin['source_start_s']):.1f} s" if "source_start_s" in origin else ""
+    source = f"{float(origin['source_start_s']):.1f} s of the recording" if "source_start_s" in origin else ""
+    if data.status != "complete":
+        source = f"{source} ({data.reason})".strip()
     return Stroke(data.number, data.condition, source, data.time_s, found["key"], found["hammer"])
 
 

@@ -211,6 +211,8 @@ def test_a_stroke_that_is_cut_off_is_kept_and_named(tmp_path, capsys) -> None:
     session = import_session(tmp_path / "out", [file], load_mapping(tmp_path / "m.toml"))
     data = session.trial(1).read()
     assert (data.status, data.reason) == ("incomplete", "the recording ends during this stroke")
+    (stroke,), _ = measure_positions(session)
+    assert stroke.time_s.size == data.n_valid and "the recording ends during this stroke" in stroke.source
     begun = cut_strokes(strokes(time_s, (-0.2,))[:, None], np.array([0.01]), RATE, trigger=0.1, pre_s=0.3, rest_s=0.1)
     assert begun[0].cut_off == "the recording begins during this stroke"
 
