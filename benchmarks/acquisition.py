@@ -1,113 +1,143 @@
-"""Speed of the recorder on the virtual bench, and the cost of reading a session.
+"""The recorder on the virtual bench: lost samples, memory, processor time, delay to the journal, of eight channels.
 
-    python benchmarks/acquisition.py [--hours 0.02] [--real-time-trials 10]
+    python -m benchmarks acquisition [--hours 0.02] [--real-time-trials 10]
 
-Prints bench seconds per wall-clock second for the RPC layer alone, in process and over TCP on loopback, at the 20 ms
-block length used in real time, and for five forte trials with the plant. Also prints the size of a trial file, the
-time to check its seal and read it, and the cost of a long recording of eight channels (recording_numbers.py): lost
-samples, memory, processor time of the recording and of the virtual bench, delay from sample to journal, and the
-effect of a stalled disk; `--hours 1` is the full measurement.
+The figures cover client, service, device, recorder, journal and sealed files on the bench of `eight_channels`; every
+trial is checked against the plant's output, and against the motor command through the input wired to it. Processor time
+in real time is split: answering the client's calls counts as the virtual bench, the rest as recording. ``--hours 1`` is
+the full measurement.
 """
 
 from __future__ import annotations
 
-import argparse
+import os
 import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from recording_numbers import long_recording, real_time, real_time_elsewhere, stalled_disk
 
-from rig.backend import open_backend
-from rig.configuration.rig_file import load_rig
-from rig.daq import open_backend as open_remote
+from benchmarks.eight_channels import RAD_PER_VOLT, Timed, bench, eight
+from benchmarks.runner import Run
+from rig.configuration.profile import load_profile
+from rig.recording.options import Progress
 from rig.recording.recorder import record_session
-from rig.session import Session
-from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
-from rig.simulated.bench.plant_protocol import PlantBlock
-from rig.simulated.bench.sensors import load_sensors
-from rig.simulated.rpc.tcp_server import serve
+from rig.session import Session, Trial
+from rig.simulated.backend import SimulatedBackend
+from rig.simulated.bench.bench_time import PacedClock, VirtualClock
 
-BLOCK, BLOCKS = 100, 500
-
-
-class StillPlant:
-    """A plant without mechanics, so that only client, service and device are measured."""
-
-    sample_rate_hz = 5000.0
-
-    def start_trial(self, trial: int) -> None:
-        """Start at edge 0."""
-        self.edge = 0
-
-    def advance(self, command_v: np.ndarray) -> PlantBlock:
-        """Return a state at rest for n edges."""
-        n = command_v.size
-        time_s = (self.edge + np.arange(n)) / self.sample_rate_hz
-        self.edge += n
-        return PlantBlock(time_s, np.zeros(n), np.zeros((n, 3)), np.zeros(n))
-
-    def truth(self) -> None:
-        """Return no truth: there is no motion."""
+IN_ONE_SESSION = 100
+LEAST_TRIAL_S = 0.95
+"""A forte blow of this plant takes a little longer, to its end at rest."""
 
 
-def read_for(backend: Any, config: Any) -> tuple[float, float]:
-    """Return (bench seconds per wall-clock second, CPU seconds per bench second) of plain block reading."""
-    backend.configure(config, np.zeros(100))
-    backend.arm()
-    backend.start()
+def resident_mb() -> float:
+    """Memory of this process, MB."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def check_whole(trial: Trial, edges: int) -> int:
+    """Return a trial's sample count after checking that none is missing and that each follows from the command."""
+    data = trial.read()
+    turned = np.concatenate(([0.0], data.motor_command_v[:-1]))[:, None] * RAD_PER_VOLT
+    # a lost or repeated sample would shift everything after it
+    off = np.abs(data.angle_rad() - turned).max(axis=0) / np.abs([e.rad_per_count for e in data.encoders])
+    assert off.max() < 40, f"trial {trial.number}: angles are up to {off.max():.0f} counts off what the plant put out"
+    readback = data.channel_values[:, 0]  # just before the output changes
+    assert np.abs(readback[1:] - data.motor_command_v[:-1]).max() < 1e-3, f"trial {trial.number}: wrong read-back"
+    assert np.all(data.channel_values[:, 1:] == [0.0, 0.0, -20.0]), f"trial {trial.number}: open inputs"
+    assert data.status == "complete" and np.array_equal(data.time_s, np.arange(data.n_valid) / 5000.0)
+    assert edges - 5000 <= data.n_valid <= edges, (data.n_valid, edges)
+    return data.n_valid
+
+
+def long_recording(hours: float) -> None:
+    """Record on the virtual clock with the real-time block length; print speed, samples and memory."""
+    backend = bench(VirtualClock())
+    memory: list[float] = []
+    samples: list[int] = []
+
+    def after(trial: Trial) -> None:
+        samples.append(check_whole(trial, backend.plant.edge))  # type: ignore[attr-defined]
+        memory.append(resident_mb())
+
+    profile = load_profile("forte")
+    trials = max(int(np.ceil(hours * 3600 / LEAST_TRIAL_S)), 1)
     wall, cpu = time.perf_counter(), time.process_time()
-    for _ in range(BLOCKS):
-        backend.read_block(BLOCK, 10.0)
+    try:
+        for first in range(0, trials, IN_ONE_SESSION):  # each is deleted afterwards: an hour is a gigabyte
+            with tempfile.TemporaryDirectory() as folder:
+                record_session(
+                    Path(folder) / "s", profile=profile, rig_config=eight(), backend=backend,
+                    trials=min(trials - first, IN_ONE_SESSION), after_trial=after,
+                )  # fmt: skip
+    finally:
+        backend.close()
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    backend.safe_stop()
-    bench_s = BLOCK * BLOCKS / config.device.sample_rate_hz
-    return bench_s / wall, cpu / bench_s
+    bench_s = sum(samples) / 5000.0
+    passed = np.cumsum(samples) / 5000.0
+    later = np.array(memory)[passed >= min(60.0, bench_s / 2)]
+    print(
+        f"long recording       : {bench_s / 3600:.3f} h in {len(samples)} trials, {sum(samples)} samples of each "
+        f"of 8 channels, 0 lost; {bench_s / wall:.0f} x real time, {bench_s / cpu:.0f} x by CPU time"
+    )
+    print(f"memory               : {later[0]:.0f} MB after the first minute, then {later.min() - later[0]:+.1f} to "
+          f"{later.max() - later[0]:+.1f} MB")  # fmt: skip
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--hours", type=float, default=0.02)
-    parser.add_argument("--real-time-trials", type=int, default=10)
-    asked = parser.parse_args()
-    config = load_rig("virtual").config
-    sensors = load_sensors(DEFAULT_BENCH)
+class Answering:
+    """Processor time that a virtual bench in the same process spends answering calls."""
 
-    near = SimulatedBackend(build_device(config, StillPlant(), sensors))
-    speed, cpu = read_for(near, config)
-    print(f"RPC layer in process : {speed:6.0f} x real time, {100 * cpu:5.2f} % of one core at real time")
+    def __init__(self, backend: SimulatedBackend) -> None:
+        self.cpu_s = 0.0
+        self._handle = backend.service.handle
+        backend.service.handle = self._timed  # type: ignore[method-assign]
 
-    far = SimulatedBackend(build_device(config, StillPlant(), sensors))
-    server, port = serve(far.service)
-    remote = open_remote(f"ni-grpc://127.0.0.1:{port}", config)
-    speed, cpu = read_for(remote, config)
-    remote.close()
-    server.stop(None).wait()
-    print(f"RPC layer over TCP   : {speed:6.0f} x real time, {100 * cpu:5.2f} % of one core (client and server)")
+    def _timed(self, call: str, request: Any, *more: Any) -> Any:
+        began = time.thread_time()
+        try:
+            return self._handle(call, request, *more)
+        finally:
+            self.cpu_s += time.thread_time() - began
+
+
+def real_time(trials: int) -> None:
+    """Record at wall-clock speed; print processor time and the delay from sample to journal."""
+    backend = bench(PacedClock(1.0))
+    answering = Answering(backend)
+    behind: list[float] = []
+    Timed.log = []
+
+    def see(at: Progress) -> None:
+        behind.append(at.time_s - at.committed_s)
 
     with tempfile.TemporaryDirectory() as folder:
-        backend = open_backend("sim://", config)
-        record_session(Path(folder) / "warm", backend=backend, trials=1)
-        start = time.perf_counter()
-        session = record_session(Path(folder) / "forte", backend=backend, trials=5)
-        wall = time.perf_counter() - start
+        wall, cpu = time.monotonic(), time.process_time()
+        session = record_session(
+            Path(folder) / "s", rig_config=eight(), backend=backend, trials=trials, progress=see, open_journal=Timed
+        )
+        wall, cpu = time.monotonic() - wall, time.process_time() - cpu
         backend.close()
-        trials = Session.open(session.path).trials
-        bench_s = sum(trial.read().n_valid for trial in trials) / config.device.sample_rate_hz
-        print(f"five forte trials    : {bench_s / wall:6.0f} x real time, {bench_s:.2f} s in {wall:.2f} s")
-        start = time.perf_counter()
-        for trial in trials:
-            trial.read()
-        per_trial_ms = (time.perf_counter() - start) / len(trials) * 1e3
-        size = trials[0].path.stat().st_size / 1024
-        print(f"trial file           : {size:.0f} KiB, checked and read in {per_trial_ms:.1f} ms")
-    long_recording(asked.hours)
-    real_time(asked.real_time_trials)
-    real_time_elsewhere(asked.real_time_trials)
-    stalled_disk()
+        stored = sum(trial.read().n_valid for trial in Session.open(session.path).trials)
+    assert stored == sum(n for _, n, _, _ in Timed.log)
+    age_ms = 1e3 * Timed.ages_s()
+    share = 100 * answering.cpu_s / wall
+    print(
+        f"real time            : recording {100 * cpu / wall - share:.1f} % of one core, virtual bench {share:.1f} %, "
+        f"together {100 * cpu / wall:.1f} % ({wall:.0f} s)"
+    )
+    print(
+        f"sample to journal    : median {np.median(age_ms):.1f} ms, 99 % within {np.percentile(age_ms, 99):.1f} ms, "
+        f"longest {age_ms.max():.1f} ms (a block is 20 ms)"
+    )
+    print(
+        f"read, not committed  : at most {1e3 * max(behind):.0f} ms when an observer is told, and one block under way"
+    )
 
 
-if __name__ == "__main__":
-    main()
+def main(run: Run) -> None:
+    """Print all rows; every sample is checked."""
+    long_recording(run.hours)
+    real_time(run.real_time_trials)

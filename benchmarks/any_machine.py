@@ -1,17 +1,15 @@
 """Does the test suite pass on other processors than this one, and in other states of this machine?
 
-    python benchmarks/any_machine.py [--only NAME,A+B,…] [--list] [--keep FOLDER] [-- PYTEST OPTIONS]
+    python -m benchmarks any_machine [--only NAME,A+B,…] [--list] [--keep FOLDER] [-- PYTEST OPTIONS]
 
 Each row runs ``python -m pytest`` once: as another processor would (kernels compiled for it into a cache of their own,
 NumPy, BLAS, the C library and OpenCV held to its instructions), or with this machine in another state. A processor
 this one cannot stand in for is said and left out. ``--only nehalem+busy`` is one run as that processor in that state.
 One run after the other, each with all cores; prints a table in Markdown, and on standard error the tests that failed.
-Exit code 1: a row failed.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import platform
 import re
@@ -29,7 +27,8 @@ from pathlib import Path
 
 from llvmlite import binding
 
-ROOT = Path(__file__).resolve().parents[1]
+from benchmarks.runner import ROOT, Run
+
 SSE = ("sse3", "ssse3", "sse4.1", "sse4.2", "popcnt", "cx16")
 AVX2 = (*SSE, "avx", "avx2", "fma", "bmi", "bmi2", "lzcnt", "movbe", "f16c")
 NO_WIDE = "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512BW,-AVX512DQ"
@@ -195,37 +194,29 @@ def run(row: Row, extra: list[str]) -> tuple[str, int, float]:
         return done.stdout + done.stderr, done.returncode, time.perf_counter() - start
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", help="rows whose names contain one of these words; A+B: both at once")
-    parser.add_argument("--list", action="store_true", help="the names of all rows")
-    parser.add_argument("--keep", type=Path, help="folder for what pytest printed in rows that failed")
-    parser.add_argument("options", nargs="*", help="handed to pytest, after --")
-    chosen = parser.parse_args()
-    rows = chosen_rows("" if chosen.list else chosen.only)
-    if chosen.list or not rows:
+def main(asked: Run) -> bool:
+    """Run the rows asked for and print their table; whether all pass."""
+    rows = chosen_rows("" if asked.list else asked.only)
+    if asked.list or not rows:
         print("\n".join([*PROCESSORS, *STATES]))
-        sys.exit(0 if chosen.list else "no row has such a name; the names are above")
+        return asked.list or sys.exit("--only: no row has such a name; the names are above")
     print(f"{platform.processor() or platform.machine()} ({binding.get_host_cpu_name()}), {os.cpu_count()} cores\n")
     print("| processor or state | result | seconds |\n|---|---|---:|", flush=True)
-    failures: dict[str, list[str]] = {}
+    good = True
     for name in rows:
         if why := missing(rows[name]):
             print(f"| {name} | not run: {why} | |", flush=True)
             continue
-        said, code, seconds = run(rows[name], chosen.options)
+        said, code, seconds = run(rows[name], asked.more)
         last = re.findall(r"^(?:=+ )?(\d+ (?:passed|failed|error|deselected).*?)(?: in [\d.]+s.*)?$", said, re.M)
         result = f"{last[-1] if last else 'no result'}{f', exit code {code}' if code > 1 else ''}"
         print(f"| {name} | {result} | {seconds:.0f} |", flush=True)
-        failed = re.findall(r"^(?:FAILED|ERROR) .*$", said, re.M)
         if code:
-            failures[name] = failed or said.splitlines()[-20:]
-            print(f"\n{name}:", *failures[name], sep="\n  ", file=sys.stderr, flush=True)
-            if chosen.keep:
-                chosen.keep.mkdir(parents=True, exist_ok=True)
-                (chosen.keep / f"{re.sub(r'[^A-Za-z0-9.]+', '_', name)}.txt").write_text(said, encoding="utf-8")
-    sys.exit(1 if failures else 0)
-
-
-if __name__ == "__main__":
-    main()
+            good = False
+            failed = re.findall(r"^(?:FAILED|ERROR) .*$", said, re.M) or said.splitlines()[-20:]
+            print(f"\n{name}:", *failed, sep="\n  ", file=sys.stderr, flush=True)
+            if asked.keep:
+                Path(asked.keep).mkdir(parents=True, exist_ok=True)
+                kept = Path(asked.keep) / f"{re.sub(r'[^A-Za-z0-9.]+', '_', name)}.txt"
+                kept.write_text(said, encoding="utf-8")
+    return good

@@ -5,18 +5,17 @@ and the roughness fourfold along the curve, as after the impact of a blow; ``lon
 counts of an encoder.  The seed was fixed
 before the first run.  Exit code 1 if a coverage lies outside 0.925 to 0.97.
 
-Run:  python benchmarks/band_coverage.py [--sessions N]
+    python -m benchmarks band_coverage [--sessions N]
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
-import time
+from itertools import product
 
 import numpy as np
 from scipy import stats
 
+from benchmarks.runner import Run, Table, interval
 from validation.statistics.bands import repeatability_band
 
 SEED = 18571
@@ -70,30 +69,17 @@ def coverage(kind: str, n: int, sessions: int) -> tuple[float, float, float, flo
         band = repeatability_band(KINDS[kind](rng, n), u_sample=U_SAMPLE.get(kind, 0.0))
         held += band.covers(np.zeros(band.mean.size))
         factors.append(band.factor)
-    interval = stats.binomtest(held, sessions).proportion_ci(0.95, "exact")
-    return held / sessions, float(interval.low), float(interval.high), float(np.median(factors))
+    return held / sessions, *interval(held, sessions), float(np.median(factors))
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sessions", type=int, default=10_000)
-    sessions = parser.parse_args().sessions
-    print(f"{'curves':>9} {'n':>3} {'covered':>8} {'95 % interval':>17} {'u (median)':>11} {'t':>6}")
+def main(run: Run) -> bool:
+    """Print a row for each kind of curve and number of trials."""
     good = True
-    for kind in KINDS:
-        for n in (5, 10, 20):
-            start = time.perf_counter()
-            share, low, high, factor = coverage(kind, n, sessions)
-            inside = ALLOWED[0] <= share <= ALLOWED[1]
-            good &= inside
-            t = stats.t.ppf(0.975, n - 1)
-            print(
-                f"{kind:>9} {n:3d} {share:8.4f} {low:8.4f}–{high:.4f} {factor:11.2f} {t:6.2f}"
-                f"   {'' if inside else 'OUTSIDE '}({time.perf_counter() - start:.0f} s)"
-            )
-    print(f"seed {SEED}; allowed {ALLOWED[0]} to {ALLOWED[1]}")
-    return 0 if good else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    table = Table("curves:>9s", "n:3d", "covered:.4f", "low:.4f", "high:.4f", "u (median):.2f", "t:6.2f", "outside:s")
+    for kind, n in product(KINDS, (5, 10, 20)):
+        share, low, high, factor = coverage(kind, n, run.sessions)
+        inside = ALLOWED[0] <= share <= ALLOWED[1]
+        good &= inside
+        table.row(kind, n, share, low, high, factor, stats.t.ppf(0.975, n - 1), "" if inside else "OUTSIDE")
+    print(f"seed {SEED}; allowed {ALLOWED[0]} to {ALLOWED[1]}; 95 % intervals")
+    return good

@@ -1,6 +1,6 @@
 """Coverage of the trials' own band on the virtual bench, whose blows scatter in time and amplitude.
 
-    python benchmarks/band_on_bench.py [--sessions 2000] [--others 2000] [--strokes forte,piano,double,staccato]
+    python -m benchmarks band_on_bench [--sessions 2000] [--others 2000] [--strokes forte,piano,double,staccato]
                                        [--seed 1] [--pace 1.0] [--strength 1.0] [--drawn]
 
 Every session is ten trials of one stroke with a seed of its own, read by encoders; the band of its first five and of
@@ -13,18 +13,13 @@ share of all encoders together lies outside 0.93 to 0.97.
 
 from __future__ import annotations
 
-import argparse
-import sys
-import time
 from collections.abc import Iterator
-from pathlib import Path
+from itertools import product
 
 import numpy as np
-from scipy import stats
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.bench_strokes import AFTER_S, BEFORE_S, BENCH, KINDS
+from benchmarks.runner import Run, Table, interval
 from rig.configuration.rig_file import load_rig
 from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.conventions import ENCODER_CHANNELS, Array
@@ -59,7 +54,7 @@ class Strokes:
         return np.asarray(((count - count[0]) * self.count_rad)[self.first :])
 
 
-def sessions(strokes: Strokes, options: argparse.Namespace) -> Iterator[tuple[Array, Array]]:
+def sessions(strokes: Strokes, options: Run) -> Iterator[tuple[Array, Array]]:
     """Curves of each session, (n_samples, 3, n), and the mean of the other trials, (n_samples, 3)."""
     # the others have one seed, the sessions the following ones
     first, n = 1_000_000 * options.seed, max(TRIALS)
@@ -75,61 +70,33 @@ def sessions(strokes: Strokes, options: argparse.Namespace) -> Iterator[tuple[Ar
         yield mine, (total - mine.sum(axis=2)) / (options.others - n)
 
 
-def line(name: str, n: int, held: Array, by_value: Array, width: float) -> str:
-    low, high = stats.binomtest(int(held.sum()), held.size).proportion_ci(0.95, "exact")
-    return (
-        f"{name:18s} {n:3d} {held.size:7d} {held.mean():8.3f}  {low:.3f} to {high:.3f} {by_value.mean():10.3f} "
-        f"{100 * width:9.2f} %"
-    )
-
-
-def coverage(kind: str, options: argparse.Namespace) -> bool:
+def coverage(kind: str, options: Run, table: Table) -> bool:
     """Print the rows of one stroke; whether all of them are within the allowed shares."""
-    start = time.perf_counter()
     strokes = Strokes(kind, options.pace, options.strength, options.seed)
     u = strokes.count_rad / np.sqrt(6)
-    held = {n: np.zeros((options.sessions, 3), dtype=bool) for n in TRIALS}
-    by_value = {n: np.zeros((options.sessions, 3), dtype=bool) for n in TRIALS}
-    width = {n: np.zeros((options.sessions, 3)) for n in TRIALS}
+    # by number of trials: covered, covered by the band of values alone, half width over the range
+    found = {n: np.zeros((3, options.sessions, 3)) for n in TRIALS if n >= FEWEST_FOR_BAND}
     for k, (curves, others) in enumerate(sessions(strokes, options)):
         extent = np.ptp(others, axis=0)
-        for n in TRIALS:
-            for c in range(3) if n >= FEWEST_FOR_BAND else ():
-                band = repeatability_band(curves[:, c, :n], u_sample=float(u[c]))
-                s = np.maximum(curves[:, c, :n].std(axis=1, ddof=1), u[c])
-                held[n][k, c] = band.covers(others[:, c])
-                by_value[n][k, c] = np.all(np.abs(others[:, c] - band.mean) <= band.factor * s / np.sqrt(n))
-                width[n][k, c] = np.sqrt(np.mean(band.half_width**2)) / extent[c]
+        for (n, cells), c in product(found.items(), range(3)):
+            band = repeatability_band(curves[:, c, :n], u_sample=float(u[c]))
+            s = np.maximum(curves[:, c, :n].std(axis=1, ddof=1), u[c])
+            by_value = np.all(np.abs(others[:, c] - band.mean) <= band.factor * s / np.sqrt(n))
+            cells[:, k, c] = band.covers(others[:, c]), by_value, np.sqrt(np.mean(band.half_width**2)) / extent[c]
     good = True
-    for n in TRIALS:
-        if n < FEWEST_FOR_BAND:
-            print(f"{kind:18s} {n:3d} too few for a band")
-            continue
+    for n, (held, by_value, width) in found.items():
         for c, name in enumerate(ENCODER_CHANNELS):
-            print(line(f"{kind} {name}", n, held[n][:, c], by_value[n][:, c], width[n][:, c].mean()))
-        share = held[n].mean()
-        inside = ALLOWED[0] <= share <= ALLOWED[1]
+            limits = interval(held[:, c].sum(), options.sessions)
+            table.row(f"{kind} {name}", n, held[:, c].mean(), *limits, by_value[:, c].mean(), 100 * width[:, c].mean())
+        inside = ALLOWED[0] <= held.mean() <= ALLOWED[1]
         good &= bool(inside)
-        print(f"{kind + ' all':18s} {n:3d} {'':7s} {share:8.3f}  {'' if inside else 'OUTSIDE'}")
-    print(f"({time.perf_counter() - start:.0f} s)", flush=True)
+        table.row(f"{kind} all" + ("" if inside else " OUTSIDE"), n, held.mean(), *[None] * 4)
     return good
 
 
-def main() -> int:
+def main(run: Run) -> bool:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sessions", type=int, default=2000)
-    parser.add_argument("--others", type=int, default=2000)
-    parser.add_argument("--strokes", default="forte,piano,double,staccato")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--pace", type=float, default=1.0)
-    parser.add_argument("--strength", type=float, default=1.0)
-    parser.add_argument("--drawn", action="store_true", help="draw the sessions from the other trials")
-    options = parser.parse_args()
-    print(f"{'stroke, encoder':18s} {'n':>3s} {'of':>7s} {'covered':>8s}  95 % interval   by values  half width")
-    found = [coverage(kind, options) for kind in options.strokes.split(",")]
-    return 0 if all(found) else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    table = Table(
+        "stroke, encoder:24s", "n:3d", "covered:.3f", "low:.3f", "high:.3f", "by value:.3f", "half width %:.2f"
+    )
+    return all([coverage(kind, run, table) for kind in run.strokes])

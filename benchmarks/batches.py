@@ -1,41 +1,33 @@
-"""Batches: trials per second, lanes beside scalar runs, parallel efficiency on two processors, overhead.
+"""Batches: trials per second, lanes beside scalar runs, parallel efficiency on two processors.
 
-Run:  python benchmarks/batches.py [--trials N] [--workers W] [--rounds R] [--processes] [--only-lanes]
+    python -m benchmarks batches [--trials N] [--workers W] [--rounds R] [--only-lanes]
+
 Forte trials of 3,501 rows that differ by up to 2 % in force, at 1e-4 rad, all angles and speeds at all rows. Runs
 with one worker and with W workers alternate; the ratio is taken within a round, and the best and median rounds are
-printed. Efficiency is the time of one worker over W times the time of W. Spread is that of single members on one
-worker. Work outside the step loop holds Python's global interpreter lock and limits thread scaling. Wall times are
+printed. Efficiency is the time of one worker over W times the time of W. Work outside the step loop holds Python's
+global interpreter lock and limits thread scaling. Wall times are
 meaningful only on an idle machine; the ratio of processor time to wall time is printed and approaches W when idle.
 Lanes and scalar runs alternate on one worker, for members that are alike (those above) and unlike (four kinds of
 blow, half to one and a half times as strong, in random order); the ratio is of processor times within a round.
-Exit code 1: a scalar member differs from a single run in any bit, or from a run at 1e-9 rad by more than 10
+Wrong is: a scalar member differs from a single run in any bit, or from a run at 1e-9 rad by more than 10
 tolerances; lanes differ from scalar runs by more than a tolerance and that run's own error, or 95 % of them by more
 than twice what the last digit of the force moves scalar runs (step control amplifies rounding, in both alike).
 """
 
 from __future__ import annotations
 
-import argparse
 import os
-import sys
 import time
-from concurrent.futures import Executor, ProcessPoolExecutor
 from functools import partial
-from itertools import product
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))  # measure the checkout that contains this file
+import numpy as np
 
-import numpy as np  # noqa: E402
-from peers.forces import force_table  # noqa: E402
-
-import model  # noqa: E402
-from model import batch  # noqa: E402
-from model.batch.run import workers_here  # noqa: E402
-from model.integrators.methods import RosenbrockTableau  # noqa: E402
-from model.kernels.lanes import LANES, lanes_pay  # noqa: E402
-from model.simulation.options import ForceDrivenOptions  # noqa: E402
+import model
+from benchmarks.peers.forces import force_table
+from benchmarks.runner import Run, Table
+from model import batch
+from model.batch.run import workers_here
+from model.kernels.lanes import LANES, lanes_pay
 
 TOLERANCE = 1e-4
 TARGET_EFFICIENCY, TARGET_RATE = 0.90, 300.0
@@ -57,15 +49,6 @@ def unlike(count: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     return out
 
 
-def memory_mb() -> float:
-    """Peak memory of this process, MB; NaN where the system does not report it."""
-    try:
-        import resource
-    except ImportError:
-        return float("nan")
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-
-
 def timed(many: dict[str, tuple[np.ndarray, np.ndarray]], **how: object) -> tuple[float, float]:
     """Wall and processor time of a batch, s."""
     start, work = time.perf_counter(), time.process_time()
@@ -75,50 +58,6 @@ def timed(many: dict[str, tuple[np.ndarray, np.ndarray]], **how: object) -> tupl
     if failed:
         raise SystemExit(f"member {failed[0].trial}: {failed[0].error}")
     return seconds, work
-
-
-def beside_the_kernels(job: batch.Job) -> tuple[float, float]:
-    """Processor time (ms) of one member, and the part outside the step loop; best of many."""
-    inner = RosenbrockTableau.loop
-    spent = [0.0]
-
-    def watched(*values: object) -> object:
-        start = time.thread_time()
-        out = inner(*values)
-        spent[0] += time.thread_time() - start
-        return out
-
-    best = (np.inf, np.inf)
-    RosenbrockTableau.loop = staticmethod(watched)
-    try:
-        for _ in range(40):
-            spent[0] = 0.0
-            start = time.thread_time()
-            batch.run_job(job, "")
-            whole = time.thread_time() - start
-            best = min(best, (whole, whole - spent[0]))
-    finally:
-        RosenbrockTableau.loop = staticmethod(inner)
-    return best[0] * 1e3, best[1] * 1e3
-
-
-def after_rest() -> tuple[float, float]:
-    """Ratios of processor time and right-hand sides of a blow followed by 60 s of rest to those of the blow alone."""
-    times, force = force_table("forte")
-    action = model.load_action()
-    rest = model.rest_state(action)
-    quiet = np.append(times, times[-1] + 1.5), np.append(force, 0.0)  # by then the action has come to rest
-    long = np.append(quiet[0], quiet[0][-1] + 60.0), np.append(quiet[1], 0.0)
-    ratios, work = [], [0, 0]
-    for _ in range(15):
-        spent = []
-        for k, (t, f) in enumerate((quiet, long)):
-            start = time.thread_time()
-            solution = model.simulate(action, t, f, tolerance=TOLERANCE, output_time_s=t[-1:], initial=rest)
-            spent.append(time.thread_time() - start)
-            work[k] = int(solution.counters["n_rhs"])
-        ratios.append(spent[1] / spent[0])
-    return float(np.median(ratios)), work[1] / work[0]
 
 
 def check(many: dict[str, tuple[np.ndarray, np.ndarray]], workers: int) -> float:
@@ -187,71 +126,29 @@ def lanes_beside_scalar(name: str, many: dict[str, tuple[np.ndarray, np.ndarray]
         )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--trials", type=int, default=400)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--processes", action="store_true", help="also with a pool of processes")
-    parser.add_argument("--only-lanes", action="store_true", help="only lanes beside scalar runs")
-    chosen = parser.parse_args()
-    count, workers = chosen.trials, chosen.workers
+def main(run: Run) -> None:
+    """Print lanes beside scalar runs, efficiency on several workers, and what is spent beside the kernels."""
+    count, workers = run.trials, run.workers
     many = trials(count)
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     print(f"{count} forte trials at {TOLERANCE:g} rad on {workers} of {workers_here()} processors{load}")
     print(f"largest error {check(many, workers):.2g} rad; members equal single runs to the last bit")
-
-    lanes_beside_scalar("alike", many, chosen.rounds)
-    lanes_beside_scalar("unlike", unlike(count), chosen.rounds)
-    if chosen.only_lanes:
+    lanes_beside_scalar("alike", many, run.rounds)
+    lanes_beside_scalar("unlike", unlike(count), run.rounds)
+    if run.only_lanes:
         return
-
-    pools: dict[str, Executor | None] = {"threads": None}
-    if chosen.processes:
-        pools["processes"] = ProcessPoolExecutor(workers)
-    for (name, pool), lanes in product(pools.items(), (False, True)):
-        name = f"{name}{', lanes' if lanes else ''}"
-        run = partial(timed, many, workers=workers, executor=pool, lanes=lanes)
-        run()
-        rounds = [(timed(many, workers=1, lanes=lanes), run()) for _ in range(chosen.rounds)]
+    table = Table(
+        "members:8s", "trials/s on 1:.0f", "on all:.0f", "efficiency best:.1%", "median:.1%", "reached:s",
+        "ms on 1:.2f", "ms on all:.2f", "at work:.2f",
+    )  # fmt: skip
+    for name, lanes in (("scalar", False), ("in lanes", True)):
+        alone, together = (partial(timed, many, workers=w, lanes=lanes) for w in (1, workers))
+        together()
+        rounds = [(alone(), together()) for _ in range(run.rounds)]
         efficiency = sorted(one[0] / (workers * more[0]) for one, more in rounds)
-        best = count / min(more[0] for _, more in rounds)
-        alone, together = (1e3 * min(r[k][1] for r in rounds) / count for k in (0, 1))
-        got = max(more[1] / more[0] for _, more in rounds)
-        verdict = "reached" if efficiency[-1] >= TARGET_EFFICIENCY and best >= TARGET_RATE else "missed"
-        print(
-            f"{name:16}  {count / min(one[0] for one, _ in rounds):6.0f} trials/s on 1, {best:6.0f} on {workers}; "
-            f"efficiency best {efficiency[-1]:.1%}, median {efficiency[len(efficiency) // 2]:.1%}  ({verdict}: wanted "
-            f"{TARGET_RATE:.0f} trials/s, {TARGET_EFFICIENCY:.0%})"
-        )
-        if pool is None:
-            print(
-                f"           processor time {alone:.2f} ms a trial on 1, {together:.2f} on {workers}; at work {got:.2f}"
-            )
-
-    for pool in pools.values():
-        if pool is not None:
-            pool.shutdown()
-    jobs = batch.make_jobs(model.load_action(), many, {"": {}}, ForceDrivenOptions(tolerance=TOLERANCE))
-    each = []
-    for job in jobs:
-        start = time.thread_time()
-        batch.run_job(job, "")
-        each.append(1e3 * (time.thread_time() - start))
-    low, middle, high = np.percentile(each, [5, 50, 95])
-    print(
-        f"one member {min(each):.2f} ms at best, {middle:.2f} median, 5-95 % {low:.2f} to {high:.2f} (processor time)"
-    )
-    whole, beside = beside_the_kernels(jobs[0])
-    start = time.thread_time()
-    for job in jobs:
-        job.sha256()
-    hashing = 1e3 * (time.thread_time() - start) / len(jobs)
-    print(f"beside the step loop {beside:.3f} of {whole:.2f} ms ({beside / whole:.1%}); content hash {hashing:.3f} ms")
-    ratio, work = after_rest()
-    print(f"60 s of rest after the blow: time x {ratio:.3f}, right-hand sides x {work:.4f} (wanted below 1.02)")
-    print(f"most memory {memory_mb():.0f} MB, of which {len(jobs) * 11 * 8 * 3501 / 1e6:.0f} MB are the answers")
-
-
-if __name__ == "__main__":
-    main()
+        rates = [count / min(r[k][0] for r in rounds) for k in (0, 1)]
+        costs = [1e3 * min(r[k][1] for r in rounds) / count for k in (0, 1)]
+        reached = "yes" if efficiency[-1] >= TARGET_EFFICIENCY and rates[1] >= TARGET_RATE else "no"
+        at_work = max(more[1] / more[0] for _, more in rounds)
+        table.row(name, *rates, efficiency[-1], efficiency[len(efficiency) // 2], reached, *costs, at_work)
+    print(f"wanted {TARGET_RATE:.0f} trials/s and {TARGET_EFFICIENCY:.0%}")

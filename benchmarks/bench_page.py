@@ -1,6 +1,6 @@
 """What the page of `pianorig bench` costs and how quickly it follows: scope, film, slider.
 
-Run:  python benchmarks/bench_page.py [--seconds 60] [--reload 60] [--only scope film slider]
+    python -m benchmarks bench_page [--seconds 60] [--reload 60] [--only scope,film,slider]
 
 A journal of eight channels at 5 kHz is written in real time, a block of 20 ms at once, as a recorder writes it; its
 force is the time at which each sample was taken, so that a drawn picture tells how old its newest sample is. In
@@ -11,7 +11,6 @@ and a Chromium. Figures depend on what else the machine does; the load is printe
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import shutil
@@ -31,6 +30,7 @@ import numpy as np
 import psutil
 from playwright.sync_api import sync_playwright
 
+from benchmarks.runner import ROOT, Run
 from rig.backend import Block
 from rig.session import Session
 from rig.session.channel_info import ChannelInfo
@@ -38,7 +38,7 @@ from rig.session.journal.trial_head import TrialHead
 from rig.session.journal.writer import JournalWriter
 from vision.film.mraw import write_mraw
 
-EXAMPLE = Path(__file__).parents[1] / "sessions" / "example_forte"
+EXAMPLE = ROOT / "sessions" / "example_forte"
 FURTHER, BLOCK, RATE_HZ = 4, 100, 5000.0  # force, three encoders and four more; samples
 FRAMES, HEIGHT, WIDTH = 1780, 304, 400
 MINUTE_S = 60.0
@@ -186,12 +186,8 @@ def slider(tab: Any, address: str) -> None:
     print(f"slider to curves: median {np.median(found):.0f} ms, p90 {np.quantile(found, 0.9):.0f} ms")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=60.0, help="of live data")
-    parser.add_argument("--reload", type=float, default=1e9, help="seconds between reloads of the page")
-    parser.add_argument("--only", nargs="+", choices=("scope", "film", "slider"), default=("scope", "film", "slider"))
-    options = parser.parse_args()
+def main(run: Run) -> None:
+    """Measure the views asked for."""
     with tempfile.TemporaryDirectory() as work:
         shutil.copytree(EXAMPLE, Path(work) / "mine", ignore=shutil.ignore_patterns("derived"))
         session = Session.open(Path(work) / "mine")
@@ -204,14 +200,10 @@ def main() -> None:
             tab = browser.new_page(viewport={"width": 1280, "height": 1000})
             tab.set_default_timeout(120_000)
             print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores", flush=True)
-            if "scope" in options.only:
-                scope(tab, address, session, server, options.seconds, options.reload)
-            if "film" in options.only:
+            if "scope" in run.only:
+                scope(tab, address, session, server, run.seconds, run.reload)
+            if "film" in run.only:
                 film(tab, address)
-            if "slider" in options.only:
+            if "slider" in run.only:
                 slider(tab, address)
             browser.close()
-
-
-if __name__ == "__main__":
-    main()

@@ -7,7 +7,7 @@ times finer than the samples; the truth is read from that run, the trial from th
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -112,22 +112,16 @@ def record(truth: PlantTruth, seed: int, number: int, rate_hz: float, jitter_cou
     count = count + np.round(rng.normal(0, jitter_counts, count.shape)).astype(np.int64) * (jitter_counts > 0)
     delayed = np.interp(time - GROUP_DELAY_S, truth.time_s, truth.force_n, left=truth.force_n[0])
     raw = ForceSignal(sensors.force, seed, number).millivolts_per_volt(delayed, time)
-    encoders = tuple(
-        EncoderInfo(
-            e.name, e.counts_per_revolution, e.sign, "", e.certificate.u_relative, e.u_interpolation_rad,
-            e.u_eccentricity_rad, e.u_pivot_shift_rad,
-        )
-        for e in config.encoders
-    )  # fmt: skip
     f = config.force
-    info = ForceInfo(
-        f.sensor, f.calibration, f.electrical, f.physical_n, group_delay_s=GROUP_DELAY_S,
-        u_group_delay_s=f.u_group_delay_s, u_noise_n=f.u_noise_n, u_gain_relative=f.u_gain_relative,
-        preload_n=f.preload_n, u_preload_n=f.u_preload_n, mains_frequency_hz=config.mains_frequency_hz,
-    )  # fmt: skip
+    encoders = tuple(
+        replace(EncoderInfo.of(e), u_scale_relative=e.certificate.u_relative if e.certificate else 0.0)
+        for e in config.encoders
+    )
     per_unit = (f.physical_n[1] - f.physical_n[0]) / (f.electrical[1] - f.electrical[0])
     return TrialData(
         number=number, status="complete", started_utc="2026-11-21T09:00:00Z", simulated=True, sample_rate_hz=rate_hz,
         time_s=time, force_n=raw * per_unit, force_raw=raw, motor_command_v=np.zeros(time.size),
-        encoder_count=count - count[0], encoders=encoders, force_info=info, blow_start_s=BEFORE_S,
+        encoder_count=count - count[0],
+        encoders=encoders, force_info=ForceInfo.of(config, GROUP_DELAY_S),
+        blow_start_s=BEFORE_S,
     )  # fmt: skip

@@ -1,6 +1,6 @@
 """Five baselines on the open split of the data set: null model, printed, regulated, identified set, and a black box.
 
-Run:  pianorig dataset make --out dataset && python benchmarks/dataset_baselines.py dataset [--out FOLDER]
+    pianorig dataset make --out dataset && python -m benchmarks dataset_baselines --dataset dataset [--out FOLDER]
 
 Each predicts the angles of every test trial from its force; scores as `pianorig dataset score` gives them, cost in
 processor seconds. The black box knows nothing of actions: ridge regression of the angles on the force filtered by
@@ -11,11 +11,13 @@ trials without a planted fault; it does not know which were changed.
 
 from __future__ import annotations
 
-import argparse
-import json
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,6 +25,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 import model
+from benchmarks.runner import Run, Table
 from validation.dataset.files import Array, DataTrial, check_truth, read_index, trials_of
 from validation.dataset.score import SCORED, score_curves, scored_trials
 
@@ -122,18 +125,27 @@ def black_box(train: list[DataTrial]) -> Callable[[DataTrial], Array]:
     return predict
 
 
-def main() -> None:
-    """Score all five and print the table."""
+def main(run: Run) -> bool:
+    """Score all five and print the table; whether the null model is the worst of all."""
     global WINDOW_S
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("dataset", type=Path)
-    parser.add_argument("--out", type=Path, help="Folder for a CSV of each baseline's predictions.")
-    given = parser.parse_args()
-    index = read_index(given.dataset)
-    WINDOW_S = float(index["window_s"])
-    faults = check_truth(given.dataset, given.dataset / index["open_truth"], "open")["faults"]
-    train = [one for one in trials_of(given.dataset, "open", "train") if str(one.facts["trial"]) not in faults]
-    tests = scored_trials(given.dataset)
+    with tempfile.TemporaryDirectory() as place:
+        dataset = Path(run.dataset or _made(Path(place) / "dataset"))
+        index = read_index(dataset)
+        WINDOW_S = float(index["window_s"])
+        return _scored(dataset, index, run)
+
+
+def _made(folder: Path) -> Path:
+    """A small data set, where none is given."""
+    command = [sys.executable, "-m", "pianorig", "dataset", "make", "--each", "2", "--no-films", "--out", str(folder)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return folder
+
+
+def _scored(dataset: Path, index: dict[str, Any], run: Run) -> bool:
+    faults = check_truth(dataset, dataset / index["open_truth"], "open")["faults"]
+    train = [one for one in trials_of(dataset, "open", "train") if str(one.facts["trial"]) not in faults]
+    tests = scored_trials(dataset)
     printed, regulated = model.load_action("hirschkorn2004"), model.load_action("hirschkorn2004-regulated")
     makers: dict[str, Callable[[list[DataTrial]], Callable[[DataTrial], Array]]] = {
         "null model": lambda _: by_model(regulated, model.null_model.simulate),
@@ -144,22 +156,25 @@ def main() -> None:
     }
     for warm in ("null model", "printed set"):  # compiled before the clock runs
         makers[warm]([])(tests[0])
-    rows = []
-    for name, maker in makers.items():
-        begun = time.process_time()
+    table = Table("baseline:15s", *(f"{name}:.2f" for name in SCORED), "score:.2f", "cpu s:.2f", "cpu ms a trial:.2f")
+    scores = {}
+    for name in run.only or makers:
         curves: dict[int, Array] = {}
+        fitting = predicting = 0.0
         for specimen in sorted({str(one.facts["specimen"]) for one in tests}):
-            predict = maker([one for one in train if one.facts["specimen"] == specimen])
+            begun = time.process_time()
+            predict = makers[name]([one for one in train if one.facts["specimen"] == specimen])
             fitted = time.process_time()
             for trial in (one for one in tests if one.facts["specimen"] == specimen):
                 curves[int(trial.facts["trial"])] = predict(trial)
-        cost, found = time.process_time() - begun, score_curves(given.dataset, curves)
-        rows.append({"baseline": name, **found.by_channel, "score": found.overall, "cpu_s": cost,
-                     "cpu_ms_a_trial": 1e3 * (time.process_time() - fitted) / max(len(tests) // 2, 1)})  # fmt: skip
-        print(json.dumps({k: round(v, 3) if isinstance(v, float) else v for k, v in rows[-1].items()}), flush=True)
-        if given.out is not None:
-            _write(given.out / f"{name.replace(' ', '_')}.csv", tests, curves)
-    print(pd.DataFrame(rows).round(2).to_string(index=False))
+            fitting, predicting = fitting + fitted - begun, predicting + time.process_time() - fitted
+        found = score_curves(dataset, curves)
+        scores[name] = found.overall
+        costs = fitting + predicting, 1e3 * predicting / len(tests)
+        table.row(name, *(found.by_channel[channel] for channel in SCORED), found.overall, *costs)
+        if run.out:
+            _write(Path(run.out) / f"{name.replace(' ', '_')}.csv", tests, curves)
+    return max(scores.values()) == scores["null model"]
 
 
 def _write(path: Path, tests: list[DataTrial], curves: dict[int, Array]) -> None:
@@ -174,6 +189,3 @@ def _write(path: Path, tests: list[DataTrial], curves: dict[int, Array]) -> None
 
 
 WINDOW_S = 0.2
-
-if __name__ == "__main__":
-    main()

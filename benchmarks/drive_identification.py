@@ -1,6 +1,6 @@
 """Motor drives planted in the virtual bench and identified from its log: error over uncertainty of each number.
 
-    python benchmarks/drive_identification.py --cases 16 --seed 100
+    python -m benchmarks drive_identification --drives 16 --seed 100
 
 Each case draws resistance, inductance, torque constant, gains and arm, in torque or voltage mode, with the current
 recorded or a gain known instead; half meet the limit of current, a sixth that of the supply as well. Sensors err as
@@ -9,16 +9,15 @@ those of the virtual bench: noise of the load cell, counts of the encoder, scale
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import model
+from benchmarks.runner import Run, Table
 from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.plant import load_plant
 
@@ -98,27 +97,14 @@ def errors(planted: Planted) -> dict[str, tuple[float, float]]:
     return {e.name: ((e.value - planted.truth[e.name]) / e.u, e.u / e.value) for e in wanted}
 
 
-def _row(values: NDArray[np.float64], relative: NDArray[np.float64], cases: int) -> str:
-    inside, rms, worst = np.mean(np.abs(values) <= 1.0), np.sqrt(np.mean(values**2)), np.abs(values).max()
-    shares = f"{100 * inside:4.0f} %   {100 * np.median(relative):5.1f} %"
-    return f"{len(values):3d} of {cases:2d}   {rms:5.2f}   {worst:5.2f}   {shares}"
-
-
-def main() -> None:
+def main(run: Run) -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--cases", type=int, default=16)
-    parser.add_argument("--seed", type=int, default=100)
-    given = parser.parse_args()
     all_found: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    for seed in range(given.seed, given.seed + given.cases):
+    for seed in range(run.seed, run.seed + run.drives):
         for name, pair in errors(draw(seed)).items():
             all_found[name].append(pair)
-    print(f"{'':26s}determined  rms e/u  worst   within u  median u")
+    table = Table("number:26s", "determined:d", "of:d", "rms e/u:.2f", "worst:.2f", "within u %:.0f", "median u %:.1f")
     for name, pairs in all_found.items():
-        values, relative = np.array(pairs).T
-        print(f"{name:26s}{_row(values, relative, given.cases)}")
-
-
-if __name__ == "__main__":
-    main()
+        z, relative = np.array(pairs).T
+        rms, worst, inside = np.sqrt(np.mean(z**2)), np.abs(z).max(), np.mean(np.abs(z) <= 1.0)
+        table.row(name, len(z), run.drives, rms, worst, 100 * inside, 100 * np.median(relative))

@@ -1,21 +1,19 @@
 """Fuzz the film readers: every mutated film must give a typed error or correct data.
 
-    python benchmarks/fuzz_readers.py [--count 12000] [--seed 1]
+    python -m benchmarks fuzz_readers [--count 12000] [--seed 1]
 
 Mutates CIH, CIHX, MRAW (length) and AVI (uncompressed and MJPEG) films of about 1 MB: bytes overwritten, digits
 changed, ranges cut, duplicated or swapped. A film that opens must give frames of the size it states, and the
 original grey values if its header is unchanged. No step may allocate more than the film's own size (the file or its
 grey values, whichever is larger), nor more than `MOST_FRAMES` frames of it. Allocations by Python, NumPy and
-OpenCV's images count; FFmpeg's internal memory does not, but the growth of the whole process is printed. Prints per
-kind: counts, and the largest allocation relative to the film's size and to one frame's. The exit code is 1 if any
+OpenCV's images count; FFmpeg's internal memory does not. Prints per kind:
+counts, and the largest allocation relative to the film's size and to one frame's. The exit code is 1 if any
 film behaves otherwise.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
-import sys
 import tempfile
 import tracemalloc
 import warnings
@@ -29,6 +27,7 @@ from numpy.typing import NDArray
 # decoders report damage on standard error themselves; here every film is damaged
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 
+from benchmarks.runner import Run, Table
 from vision.errors import FilmError, VisionWarning
 from vision.film.avi_writer import write_avi
 from vision.film.mraw import write_mraw
@@ -179,35 +178,18 @@ def fuzz(folder: Path, count: int, seed: int) -> dict[str, Tally]:
     return tallies
 
 
-def peak_megabytes() -> float:
-    """Peak memory of this process."""
-    import resource
-
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-
-
-def main() -> int:
-    """Fuzz and print."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--count", type=int, default=12_000)
-    parser.add_argument("--seed", type=int, default=1)
-    arguments = parser.parse_args()
-    at_start = peak_megabytes()
+def main(run: Run) -> bool:
+    """Fuzz and print; whether all films are refused or read right."""
     with tempfile.TemporaryDirectory() as folder:
-        tallies = fuzz(Path(folder), arguments.count, arguments.seed)
-    names = ("films", "refused", "read", "other size", "allocation / film", "/ frame")
-    print(f"{'kind':14s}" + "".join(f"{name:>19s}" for name in names) + "  wrong")
+        tallies = fuzz(Path(folder), run.count, run.seed)
+    table = Table(
+        "kind:14s", "films:d", "refused:d", "read:d", "other size:d", "allocation / film:.2f", "/ frame:.2f", "wrong:d"
+    )
     for name, t in tallies.items():
-        total = t.refused + t.same + t.other
-        counts = "".join(f"{n:19d}" for n in (total, t.refused, t.same, t.other))
-        print(f"{name:14s}{counts}{t.largest:19.2f}{t.largest_frames:19.2f}  {len(t.wrong)}")
+        counts = t.refused + t.same + t.other, t.refused, t.same, t.other
+        table.row(name, *counts, t.largest, t.largest_frames, len(t.wrong))
         for words in t.wrong[:5]:
             print(f"  {words}")
-    print(f"the process grew by {peak_megabytes() - at_start:.1f} MB in all, decoders and modules loaded included")
     bad = any(t.wrong or t.largest > 1.0 or t.largest_frames > MOST_FRAMES for t in tallies.values())
     print("FAILED" if bad else "all refused or read right")
-    return 1 if bad else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return not bad

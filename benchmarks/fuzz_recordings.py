@@ -1,6 +1,6 @@
 """Fuzz the readers of the rig's files: damaged input must give a one-line error or the correct values.
 
-    python benchmarks/fuzz_recordings.py [--count 10000] [READER ...]
+    python -m benchmarks fuzz_recordings [--count 10000] [--readers plan,journal]
 
 The cases and the meaning of "correct" are those of `tests/rig/fuzz`: settings (rig, profile, plan, mapping, film and
 self-test record, bodies, camera), recordings (CSV, LVM, TDMS), session with annotations and trial, journal. Prints per
@@ -10,34 +10,23 @@ traceback, hangs or is misread ends the script with an exception.
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 import time
 from pathlib import Path
 
+from benchmarks.runner import Run, Table
 from tests.rig.fuzz.damage import survive
 from tests.rig.fuzz.test_recordings_survive import CASES as BINARY
 from tests.rig.fuzz.test_texts_survive import CASES as TEXTS
 
 
-def main() -> int:
+def main(run: Run) -> None:
     """Fuzz each reader and print the counts."""
     cases = {**TEXTS, **BINARY}
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("readers", nargs="*", choices=[*cases, []], default=[])
-    parser.add_argument("--count", type=int, default=10_000)
-    arguments = parser.parse_args()
-    print(f"{'reader':18s}{'inputs':>8s}{'refused':>9s}{'read right':>12s}{'s of CPU':>10s}")
-    for name in arguments.readers or cases:
+    table = Table("reader:18s", "inputs:d", "refused:d", "read right:d", "s of CPU:.1f")
+    for name in run.readers or cases:
         with tempfile.TemporaryDirectory() as folder:
             whole, read, check = cases[name](Path(folder))
             began = time.process_time()
-            refused = survive(whole, read, check, arguments.count)
-        took = time.process_time() - began
-        print(f"{name:18s}{arguments.count:8d}{refused:9d}{arguments.count - refused:12d}{took:10.1f}", flush=True)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+            refused = survive(whole, read, check, run.count)
+        table.row(name, run.count, refused, run.count - refused, time.process_time() - began)

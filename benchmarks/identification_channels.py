@@ -1,6 +1,6 @@
 """Do values identified from motion-driven trials, films and mixed sessions hold? On virtual strokes with known truth.
 
-    python benchmarks/identification_channels.py [--ways force,motion,film,mixed] [--kinds forte,double] [--trials 5]
+    python -m benchmarks identification_channels [--ways force,motion,film,mixed] [--kinds forte,double] [--trials 5]
                                                  [--free 5] [--spread 0.5] [--seeds 1,2] [--results FILE]
 
 The specimen is the model with N laws drawn from their priors (those of them that act between whippen and hammer), all
@@ -12,34 +12,18 @@ filmed, in one fit. Printed: error over u of every law, how many 95 % intervals 
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import model
-from benchmarks.bench_strokes import BEFORE_S, KINDS
-from benchmarks.identification_coverage import (
-    AFTER_S,
-    LAWS,
-    RATE_HZ,
-    RUNS,
-    STRENGTH,
-    TOLERANCE,
-    Sensors,
-    drawn_truth,
-    scattered,
-)
+from benchmarks.identification_coverage import LAWS, RUNS, Sensors, drawn_truth, played, tested
+from benchmarks.runner import Run, Table
 from rig.session import CameraInfo, TrialData
-from validation.conventions import ENCODER_BODIES, FILM_CHANNELS, JACK, REPETITION
+from validation.conventions import FILM_CHANNELS, JACK, REPETITION, Array
 from validation.identification.estimates import estimate_all
 from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
 from validation.identification.minima import search
@@ -55,9 +39,7 @@ from validation.identification.problem import Problem
 from validation.identification.scatter import lacking
 from validation.identification.unknowns import Unknowns, unknowns
 from validation.measurement.trial import MeasuredTrial, measure
-from validation.prediction.model_under_test import ModelUnderTest
 
-WAYS = ("force", "motion", "film", "mixed")
 FRAMES_HZ, FILM_NOISE_RAD, FILM_SCALE, U_CLOCK_S, LOST = 2000.0, 3e-4, 1e-3, 2e-5, 0.02
 
 
@@ -82,22 +64,17 @@ class Camera:
         return camera, pd.DataFrame(columns)
 
 
-def played(
+def filmed(
     specimen: model.Action, kind: str, n: int, bench: tuple[Sensors, Camera], rng: np.random.Generator
 ) -> list[tuple[TrialData, pd.DataFrame]]:
     """Filmed trials of one kind on a specimen that the model can be."""
-    (sensors, camera), (at, newton) = bench, KINDS[kind]
-    out = []
-    for number in range(1, n + 1):
-        own = scattered(specimen, rng)
-        t = np.arange(int((BEFORE_S + at[-1] + AFTER_S) * RATE_HZ)) / RATE_HZ
-        corners = BEFORE_S + rng.uniform(0, 1e-3) + rng.uniform(0.99, 1.01) * np.array(at)
-        force = sensors.preload_n + (1 + STRENGTH * rng.uniform(-1, 1)) * np.interp(t, corners, newton)
-        rest = model.rest_state(own, force_n=sensors.preload_n)
-        turn = model.simulate(own, t, force, tolerance=TOLERANCE, initial=rest).angle_rad - rest.angle_rad
+    sensors, camera = bench
+
+    def read(number: int, t: Array, force: Array, turn: Array, rng: np.random.Generator) -> Any:
         info, film = camera.film(t, turn[:, [JACK, REPETITION]], rng)
-        out.append((replace(sensors.read(number, t, force, turn[:, ENCODER_BODIES], rng), camera=info), film))
-    return out
+        return replace(sensors.read(number, t, force, turn, rng), camera=info), film
+
+    return played(specimen, kind, n, sensors, rng, read)
 
 
 def seen_as(way: str, by_kind: dict[str, list[MeasuredTrial]]) -> list[ObservedTrial]:
@@ -136,70 +113,43 @@ def fitted(start: model.Action, free: Unknowns, trials: list[ObservedTrial], tru
     return out | {"steps": best.steps}
 
 
-def experiment(seed: int, options: argparse.Namespace) -> dict[str, Any]:
+def experiment(seed: int, options: Run) -> dict[str, Any]:
     """One specimen, fitted in every way."""
     rng = np.random.default_rng([seed, 160])
     start = model.load_action()
     bench = Sensors(rng), Camera(rng)
-    tested, kinds = ModelUnderTest(start, 1e-6), options.kinds.split(",")
-    ways = options.ways.split(",")
 
     def measured(specimen: model.Action, n: int, random: np.random.Generator) -> dict[str, list[MeasuredTrial]]:
         return {
-            kind: [measure(d, film, tested.geometry_at(d.force_info.preload_n)) for d, film in some]
-            for kind in kinds
-            for some in [played(specimen, kind, n, bench, random)]
+            kind: [measure(d, film, tested().geometry_at(d.force_info.preload_n)) for d, film in some]
+            for kind in options.kinds
+            for some in [filmed(specimen, kind, n, bench, random)]
         }
 
     names = acting(start, seen_as("motion", measured(start, 1, np.random.default_rng(0))))
     free = unknowns(start, [str(name) for name in rng.choice(names, options.free, replace=False)], ["*"])
     truth, specimen = drawn_truth(start, free, options.spread, rng)
     by_kind = measured(specimen, options.trials, rng)
-    return {way: fitted(start, free, seen_as(way, by_kind), truth) for way in ways}
+    return {way: fitted(start, free, seen_as(way, by_kind), truth) for way in options.ways}
 
 
-def main() -> int:
+def main(run: Run) -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--ways", default=",".join(WAYS))
-    parser.add_argument("--kinds", default="forte,double")
-    parser.add_argument("--trials", type=int, default=5)
-    parser.add_argument("--free", type=int, default=5)
-    parser.add_argument("--spread", type=float, default=0.5, help="of the truth, in prior standard uncertainties")
-    parser.add_argument("--seeds", default="1")
-    parser.add_argument("--results", type=Path, help="file of outcomes, a JSON line per seed; kept ones are not redone")
-    options = parser.parse_args()
-    key = f"{options.ways} {options.kinds} {options.trials} {options.free} {options.spread:g}"
-    kept: dict[str, dict[str, Any]] = {}
-    if options.results is not None and options.results.exists():
-        for line in options.results.read_text(encoding="utf-8").splitlines():
-            kept |= json.loads(line)
+    same = [run.ways, run.kinds, run.trials, run.free, run.spread]
     errors: dict[str, list[tuple[float, bool]]] = {}
-    for seed in options.seeds.split(","):
-        name = f"{key} seed {seed}"
-        if name not in kept:
-            kept[name] = experiment(int(seed), options)
-            if options.results is not None:
-                with options.results.open("a", encoding="utf-8") as sheet:
-                    sheet.write(json.dumps({name: kept[name]}) + "\n")
-        for way, found in kept[name].items():
+    for (seed, *_), ways in run.cases([(seed, *same) for seed in run.seeds], lambda seed, *_: experiment(seed, run)):
+        for way, found in ways.items():
             settled = "settled" if found["converged"] else "NOT settled"
             print(
                 f"seed {seed}, {way}: {settled} in {found['steps']} steps, discrepancy {found['lacking']:.3f}, "
                 f"{found['processor_s']:.0f} s of processor time"
             )
+            table = Table("law:30s", "true z:+6.2f", "found z:+6.2f", "u:.3f", "error/u:+5.2f")
             for e in found["estimates"]:
                 ratio = (e["z"] - e["true"]) / e["u"]
                 errors.setdefault(way, []).append((ratio, e["inside"]))
-                print(
-                    f"  {e['name']:30s} true z {e['true']:+6.2f}  found {e['z']:+6.2f}  u {e['u']:.3f}  {ratio:+5.2f} u"
-                )
+                table.row(e["name"], e["true"], e["z"], e["u"], ratio)
     for way, some in errors.items():
         rms = float(np.sqrt(np.mean([r**2 for r, _ in some])))
         hold = sum(inside for _, inside in some)
         print(f"{way:7s} {len(some)} laws: error over u {rms:.2f} RMS, {hold} of {len(some)} 95 % intervals hold")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,37 +1,30 @@
 """How often do the 95 % intervals of an identification hold the truth? Virtual experiments with random true parameters.
 
-    python benchmarks/identification_coverage.py [--sessions 10] [--cells nothing,lacking] [--kinds forte,piano]
+    python -m benchmarks identification_coverage [--sessions 10] [--cells nothing,lacking] [--kinds forte,piano]
                                                  [--trials 5] [--free 5 | --asked friction,felt:contact02]
-                                                 [--spread 0.5] [--seed 1] [--from-truth] [--results FILE] [--minutes M]
+                                                 [--spread 0.5] [--seed 1] [--from-truth] [--results FILE]
 
 Cells: ``nothing``: the specimen is the model; what is free and the errors of force and encoders are drawn from
 their priors, all frictions scatter from trial to trial. ``lacking``: the same on the bench with motor arm, balance
 rail and shank, which the model lacks. ``--free N``: N laws drawn at random for each experiment are free, and all else
 is as the model has it; ``--free 0``: those of ``--asked``, and all else is free, drawn, and fitted beside them. One
 randomly drawn asked parameter is profiled in each experiment. ``--from-truth``: one fit that starts at the
-truth, which shows whether sizes of noise are right, whatever the search. A line per experiment is kept in
-``--results``; what it holds is not computed again, so that a long run can be stopped.
+truth, which shows whether sizes of noise are right, whatever the search.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
 import time
 from collections.abc import Sequence
 from functools import cache
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import model
 from benchmarks.bench_strokes import BEFORE_S, BENCH, FINE, KINDS, command_n, record
+from benchmarks.runner import Run, Table, interval
 from model.errors import ModelError
 from rig.configuration.rig_file import load_rig
 from rig.errors import RigError
@@ -91,9 +84,8 @@ class Sensors:
         self.change = np.array([e.u_change_rad for e in self.encoders]) * rng.standard_normal(len(self.encoders))
 
     def read(self, number: int, t: np.ndarray, force_n: np.ndarray, turn: np.ndarray, rng: Any) -> TrialData:
-        """A trial of this force and these turns of key, whippen and hammer since rest."""
-        order = [("key", "whippen", "hammer").index(e.name) for e in self.encoders]
-        true = turn[:, order]
+        """A trial of this force and these turns (n, 5) since rest."""
+        true = turn[:, [model.BODIES.index(e.name) for e in self.encoders]]
         read = true * (1 + self.turn) + self.change * (1 - np.exp(-np.abs(true) / 1e-3))
         per = np.array([e.rad_per_count for e in self.encoders])
         count = np.floor(read / per + rng.uniform(0, 1, len(per))).astype(np.int64)
@@ -108,8 +100,13 @@ class Sensors:
         )  # fmt: skip
 
 
-def played(specimen: model.Action, kind: str, n: int, sensors: Sensors, rng: np.random.Generator) -> list[TrialData]:
-    """Trials of one kind on a specimen that the model can be: its force is prescribed."""
+def played(
+    specimen: model.Action, kind: str, n: int, sensors: Sensors, rng: np.random.Generator, read: Any = None
+) -> list[Any]:
+    """Trials of one kind on a specimen that the model can be: its force is prescribed.
+
+    ``read`` makes a trial of its number, times, force and turns (n, 5) since rest; by default the sensors do.
+    """
     at, newton = KINDS[kind]
     out = []
     for number in range(1, n + 1):
@@ -118,9 +115,8 @@ def played(specimen: model.Action, kind: str, n: int, sensors: Sensors, rng: np.
         corners = BEFORE_S + rng.uniform(0, 1e-3) + rng.uniform(0.99, 1.01) * np.array(at)
         force = sensors.preload_n + (1 + STRENGTH * rng.uniform(-1, 1)) * np.interp(t, corners, newton)
         rest = model.rest_state(own, force_n=sensors.preload_n)
-        solution = model.simulate(own, t, force, tolerance=TOLERANCE, initial=rest)
-        turn = (solution.angle_rad - rest.angle_rad)[:, [0, 1, 4]]
-        out.append(sensors.read(number, t, force, turn, rng))
+        turn = model.simulate(own, t, force, tolerance=TOLERANCE, initial=rest).angle_rad - rest.angle_rad
+        out.append((read or sensors.read)(number, t, force, turn, rng))
     return out
 
 
@@ -139,25 +135,45 @@ def played_on_bench(specimen: model.Action, kind: str, n: int, seed: int, rng: n
 
 
 @cache
-def acting_laws(kinds: str) -> tuple[str, ...]:
-    """Laws of the printed action that move an encoder in strokes of these kinds."""
-    start, rng = model.load_action(), np.random.default_rng(0)
-    free = unknowns(start, LAWS, ["*"])
-    tested, sensors = ModelUnderTest(start, 1e-6), Sensors(rng)
-    found = np.zeros(len(free.moved))
-    for i, kind in enumerate(kinds.split(",")):
-        data = played(start, kind, 1, sensors, rng)
-        trials = observe(kind, i, [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data])
-        (jacobian,) = ForceRuns(start, free.moved, trials).jacobian(np.zeros(found.size), range(found.size))
+def tested() -> ModelUnderTest:
+    """The printed action under test."""
+    return ModelUnderTest(model.load_action(), 1e-6)
+
+
+def observed(kind: str, session: int, data: Sequence[TrialData]) -> list[ObservedTrial]:
+    """Trials as a fit sees them."""
+    return observe(kind, session, [measure(d, None, tested().geometry_at(d.force_info.preload_n)) for d in data])
+
+
+def problem_of(start: model.Action, free: Unknowns, trials: Sequence[ObservedTrial]) -> Problem:
+    """The fit of these trials."""
+    response = ForceRuns(start, (*free.moved, *free.held), trials, RUNS)
+    return Problem(start, free, tuple(trials), response, held_columns(response, free))
+
+
+def acting(start: model.Action, free: Sequence[Any], kinds: Sequence[str]) -> tuple[str, ...]:
+    """Those of the parameters that move an encoder in strokes of these kinds."""
+    rng = np.random.default_rng(0)
+    sensors, found = Sensors(rng), np.zeros(len(free))
+    for i, kind in enumerate(kinds):
+        trials = observed(kind, i, played(start, kind, 1, sensors, rng))
+        (jacobian,) = ForceRuns(start, free, trials).jacobian(np.zeros(found.size), range(found.size))
         found = np.maximum(found, np.abs(jacobian).max(axis=(0, 1)))
-    return tuple(p.name for p, size in zip(free.asked, found, strict=False) if size > LEAST_EFFECT_RAD)
+    return tuple(p.name for p, size in zip(free, found, strict=True) if size > LEAST_EFFECT_RAD)
 
 
-def freed(start: model.Action, options: argparse.Namespace, rng: np.random.Generator) -> Unknowns:
+@cache
+def acting_laws(kinds: tuple[str, ...]) -> tuple[str, ...]:
+    """Laws of the printed action that act in strokes of these kinds."""
+    start = model.load_action()
+    return acting(start, unknowns(start, LAWS, ["*"]).asked, kinds)
+
+
+def freed(start: model.Action, options: Any, rng: np.random.Generator) -> Unknowns:
     """What is free in one experiment."""
     if not options.free:
-        return unknowns(start, options.asked.split(","))
-    some = rng.choice(acting_laws(options.kinds), options.free, replace=False)
+        return unknowns(start, options.asked)
+    some = rng.choice(acting_laws(tuple(options.kinds)), options.free, replace=False)
     return unknowns(start, [str(name) for name in some], ["*"])
 
 
@@ -177,28 +193,23 @@ def truth_z(problem: Problem, truth: dict[str, float], sensors: Sensors) -> np.n
     return np.array([truth[p.name] if p.paths else force[p.name] for p in problem.unknowns.moved])
 
 
-def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]:
+def experiment(cell: str, k: int, options: Any) -> dict[str, Any]:
     """One experiment as plain data; ``failed`` says why it has no estimates."""
-    kinds = options.kinds.split(",")
-    out: dict[str, Any] = {"cell": cell, "session": k} | {name: getattr(options, name) for name in SAME}
     rng = np.random.default_rng([options.seed, k, len(cell), options.free])
     start = model.load_action()
     free = freed(start, options, rng)
     truth, specimen = drawn_truth(start, free, options.spread, rng)
     sensors, seed, began = Sensors(rng), int(rng.integers(1, 10**6)), time.process_time()
     profiled = str(rng.choice([p.name for p in free.asked]))
-    tested = ModelUnderTest(start, 1e-6)
     trials: list[ObservedTrial] = []
     try:
-        for i, kind in enumerate(kinds):
+        for i, kind in enumerate(options.kinds):
             if cell == "lacking":
                 data = played_on_bench(specimen, kind, options.trials, seed, rng)
             else:
                 data = played(specimen, kind, options.trials, sensors, rng)
-            measured = [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data]
-            trials += observe(kind, i, measured)
-        response = ForceRuns(start, (*free.moved, *free.held), trials, RUNS)
-        problem = Problem(start, free, tuple(trials), response, held_columns(response, free))
+            trials += observed(kind, i, data)
+        problem = problem_of(start, free, trials)
         fits = (
             [refine(problem, fit(problem, truth_z(problem, truth, sensors)))]
             if options.from_truth
@@ -208,7 +219,7 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
         fit_s = time.process_time() - began
         found = estimate_all(problem, fitted, [] if options.from_truth else [profiled], lambda text: None)
     except (ModelError, RigError, ValidationError) as error:
-        return out | {"failed": str(error)}
+        return {"failed": str(error)}
     rows = []
     for e in found:
         p = next(p for p in free.asked if p.name == e.name)
@@ -220,73 +231,35 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
                 "interval": e.interval, "verdict": e.verdict,
             }
         )  # fmt: skip
-    return out | {
+    return {
         "estimates": rows, "converged": fitted.converged, "steps": sum(f.steps for f in fits), "fits": len(fits),
         "lacking": lacking(fitted),
         "processor_s": time.process_time() - began, "fit_s": fit_s,
     }  # fmt: skip
 
 
-def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Coverage by cell: of all, of those called identified, of those profiled."""
-    out = [f"{'cell':10s} {'of':14s} {'intervals':>9s} {'hold':>5s} {'share':>6s} {'99 % interval':>16s}"]
-    for cell in dict.fromkeys(r["cell"] for r in rows):
-        here = [e for r in rows if r["cell"] == cell and "failed" not in r for e in r["estimates"]]
-        kinds = {
-            "all": here,
-            "identified": [e for e in here if e["verdict"] == IDENTIFIED],
-            "profiled": [e for e in here if e["profiled"]],
-        }
-        for name, some in kinds.items():
-            if some:
-                hold = sum(e["inside"] for e in some)
-                low, high = stats.binomtest(hold, len(some)).proportion_ci(0.99, "exact")
-                share = hold / len(some)
-                out.append(f"{cell:10s} {name:14s} {len(some):9d} {hold:5d} {share:6.3f} {low:7.3f} to {high:.3f}")
-        narrow = [e for e in here if e["u"] < 0.5]
-        if narrow:
-            off = np.sqrt(np.mean([((e["z"] - e["true_z"]) / e["u"]) ** 2 for e in narrow]))
-            out.append(f"{cell:10s} root mean square of error over u, of those below half the prior: {off:.2f}")
-            called = sum(e["verdict"] == IDENTIFIED for e in narrow)
-            out.append(f"{cell:10s} interval below half the prior: {len(narrow)}, called identified {called}")
-        told = [r for r in rows if r["cell"] == cell]
-        failed = sum("failed" in r for r in told)
-        settled = sum(r.get("converged", False) for r in told)
-        out.append(f"{cell:10s} experiments {len(told)}, settled {settled}, could not be played or fitted {failed}")
-    return "\n".join(out)
+def table(cell: str, rows: Sequence[dict[str, Any]]) -> None:
+    """Print the coverage of a cell: of all, of those called identified, of those profiled."""
+    here = [e for r in rows for e in r.get("estimates", ())]
+    kinds = {"all": here, "identified": [e for e in here if e["verdict"] == IDENTIFIED]}
+    shown = Table(f"{cell}, of:24s", "intervals:d", "hold:d", "share:.3f", "99 % low:.3f", "high:.3f")
+    for name, some in (kinds | {"profiled": [e for e in here if e["profiled"]]}).items():
+        if some:
+            hold = sum(e["inside"] for e in some)
+            shown.row(name, len(some), hold, hold / len(some), *interval(hold, len(some), 0.99))
+    narrow = [e for e in here if e["u"] < 0.5]
+    if narrow:
+        off = np.sqrt(np.mean([((e["z"] - e["true_z"]) / e["u"]) ** 2 for e in narrow]))
+        called = sum(e["verdict"] == IDENTIFIED for e in narrow)
+        print(f"interval below half the prior: {len(narrow)}, called identified {called}; error over u {off:.2f} RMS")
+    failed, settled = sum("failed" in r for r in rows), sum(r.get("converged", False) for r in rows)
+    print(f"experiments {len(rows)}, settled {settled}, could not be played or fitted {failed}")
 
 
-def main() -> int:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sessions", type=int, default=10, help="experiments of each cell")
-    parser.add_argument("--cells", default="nothing,lacking")
-    parser.add_argument("--kinds", default="forte,piano")
-    parser.add_argument("--trials", type=int, default=5)
-    parser.add_argument("--free", type=int, default=5, help="laws that are free, all else known; 0: all of --asked")
-    parser.add_argument("--asked", default="friction,joint_friction,felt:contact02")
-    parser.add_argument("--spread", type=float, default=0.5, help="of the truth, in prior standard uncertainties")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--from-truth", action="store_true", help="no search: one fit that starts at the truth")
-    parser.add_argument("--results", type=Path, help="file of outcomes, a JSON line per experiment")
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="start none after this time")
-    options = parser.parse_args()
-    until = time.monotonic() + 60 * options.minutes
-    kept: list[dict[str, Any]] = []
-    if options.results is not None and options.results.exists():
-        kept = [json.loads(line) for line in options.results.read_text(encoding="utf-8").splitlines()]
-    kept = [r for r in kept if all(r.get(name) == getattr(options, name) for name in SAME)]
-    done = {(r["cell"], r["session"]) for r in kept}
-    for k, cell in product(range(options.sessions), options.cells.split(",")):
-        if (cell, k) in done or time.monotonic() > until:
-            continue
-        kept.append(experiment(cell, k, options))
-        if options.results is not None:
-            with options.results.open("a", encoding="utf-8") as sheet:
-                sheet.write(json.dumps(kept[-1]) + "\n")
-    print(table(kept))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def main(run: Run) -> None:
+    """Print the table of each cell."""
+    same = [getattr(run, name) for name in SAME]
+    keys = [(cell, k, *same) for k, cell in product(range(run.sessions), run.cells)]
+    kept = list(run.cases(keys, lambda cell, k, *_: experiment(cell, k, run)))
+    for cell in run.cells:
+        table(cell, [row for key, row in kept if key[0] == cell])

@@ -1,6 +1,6 @@
 """How long an identification takes, by number of parameters and of trials, and where the time goes.
 
-    python benchmarks/identification_scaling.py [--free 3,6,12] [--trials 2,5,10] [--kinds forte] [--seed 1]
+    python -m benchmarks identification_scaling [--free 3,6,12] [--trials 2,5,10] [--kinds forte] [--seed 1]
                                                 [--profiles] [--results FILE]
 
 Strokes as in `benchmarks.identification_coverage`: the specimen is the model with that many laws drawn, all else known,
@@ -9,40 +9,33 @@ and geometry that act are free, too. Processor time in seconds, one row per fit:
 model (steps, checks of derivatives), columns of what each trial has of its own (force noise), learning of the sizes of
 noise, the end with each trial at its own scatter, and the rest. Processor time of all threads is counted, so that other
 work on the machine does not; on an idle one with two cores the model's share takes about half of it by the clock. "off"
-is the root mean square of error over u of those known to half their prior. A row in ``--results`` is not made again.
+is the root mean square of error over u of those known to half their prior.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import re
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import model
-from benchmarks.identification_coverage import RUNS, Sensors, acting_laws, drawn_truth, played
+from benchmarks.identification_coverage import RUNS, Sensors, acting, acting_laws, drawn_truth, observed, played
+from benchmarks.runner import Run, Table
 from validation.conventions import Array
 from validation.identification import fit as fitting
 from validation.identification import minima
 from validation.identification.estimates import estimate_all
 from validation.identification.force_runs import ForceRuns, Own
-from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
+from validation.identification.identify import held_columns
 from validation.identification.minima import search
-from validation.identification.observations import ObservedTrial, observe
+from validation.identification.observations import ObservedTrial
 from validation.identification.problem import Problem
 from validation.identification.unknowns import unknowns
-from validation.measurement.trial import measure
-from validation.prediction.model_under_test import ModelUnderTest
 
 IN_A_SESSION = 5
 KNOWN = 0.5  # of the prior
@@ -94,37 +87,29 @@ class Timed:
 
 
 @cache
-def acting_beside(kinds: str) -> tuple[str, ...]:
+def acting_beside(kinds: tuple[str, ...]) -> tuple[str, ...]:
     """Masses and geometry of the printed action that move an encoder in strokes of these kinds."""
-    start, rng = model.load_action(), np.random.default_rng(0)
+    start = model.load_action()
     names = [p.name for p in unknowns(start, ["friction"]).small if p.paths and not FIXED.search(p.name)]
-    free, found = unknowns(start, names, ["*"]), np.zeros(len(names))
-    tested, sensors = ModelUnderTest(start, 1e-6), Sensors(rng)
-    for i, kind in enumerate(kinds.split(",")):
-        data = played(start, kind, 1, sensors, rng)
-        trials = observe(kind, i, [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data])
-        (jacobian,) = ForceRuns(start, free.asked, trials).jacobian(np.zeros(found.size), range(found.size))
-        found = np.maximum(found, np.abs(jacobian).max(axis=(0, 1)))
-    return tuple(name for name, size in zip(names, found, strict=True) if size > LEAST_EFFECT_RAD)
+    return acting(start, unknowns(start, names, ["*"]).asked, kinds)
 
 
-def one(free_laws: int, n: int, options: argparse.Namespace) -> dict[str, Any]:
+def one(free_laws: int, n: int, options: Run) -> dict[str, Any]:
     """One fit as plain data."""
     rng = np.random.default_rng([options.seed, free_laws])
-    start, clock, kinds = model.load_action(), Clock(), options.kinds.split(",")
-    laws = acting_laws(options.kinds)
+    start, clock, kinds = model.load_action(), Clock(), tuple(options.kinds)
+    laws = acting_laws(kinds)
     names = list(rng.choice(laws, min(free_laws, len(laws)), replace=False))
     if free_laws > len(laws):
-        names += list(rng.choice(acting_beside(options.kinds), free_laws - len(laws), replace=False))
+        names += list(rng.choice(acting_beside(kinds), free_laws - len(laws), replace=False))
     free = unknowns(start, [str(name) for name in names], ["*"])
     truth, specimen = drawn_truth(start, free, 0.5, rng)
-    tested, sensors = ModelUnderTest(start, 1e-6), Sensors(rng)
+    sensors = Sensors(rng)
     trials: list[ObservedTrial] = []
     for session, first in enumerate(range(0, n, IN_A_SESSION)):
         kind = kinds[session % len(kinds)]
         data = played(specimen, kind, min(IN_A_SESSION, n - first), sensors, rng)
-        measured = [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data]
-        trials += observe(f"{kind} {session + 1}", session, measured)
+        trials += observed(f"{kind} {session + 1}", session, data)
     minima.refine = counted(minima.refine, clock, "each trial")
     for name in ("learn", "likeliest"):
         setattr(fitting, name, counted(getattr(fitting, name), clock))
@@ -158,36 +143,12 @@ def counted(function: Any, clock: Clock, name: str = "learning") -> Any:
     return timed
 
 
-def main() -> int:
+def main(run: Run) -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--free", default="3,6,12", help="numbers of parameters that are free")
-    parser.add_argument("--trials", default="2,5,10", help="numbers of trials")
-    parser.add_argument("--kinds", default="forte", help="of strokes, in turn by session")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--profiles", action="store_true", help="intervals by profile, not from the linear model alone")
-    parser.add_argument("--results", type=Path, help="file of rows, a JSON line per fit")
-    options = parser.parse_args()
-    kept: dict[str, dict[str, Any]] = {}
-    if options.results is not None and options.results.exists():
-        for line in options.results.read_text(encoding="utf-8").splitlines():
-            kept |= json.loads(line)
     heads = ("free", "trials", "fits", "steps", "fit", "fixed laws", *PARTS, "rest", "intervals", "known", "off")
-    print("  ".join(f"{head:>11s}" for head in heads))
-    for free_laws in map(int, options.free.split(",")):
-        for n in map(int, options.trials.split(",")):
-            key = f"{options.kinds} {options.seed} {options.profiles} {free_laws} {n}"
-            if key not in kept:
-                kept[key] = one(free_laws, n, options)
-                if options.results is not None:
-                    with options.results.open("a", encoding="utf-8") as sheet:
-                        sheet.write(json.dumps({key: kept[key]}) + "\n")
-            row = kept[key]
-            row["rest"] = row["fit"] - row["fixed laws"] - sum(row[part] for part in PARTS)
-            cells = [f"{row[head]:11.1f}" if isinstance(row[head], float) else f"{row[head]:11d}" for head in heads]
-            print("  ".join(cells) + ("" if row["settled"] else "  not settled"), flush=True)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    whole = ("free", "trials", "fits", "steps", "known")
+    table = Table(*(f"{head}:{'6d' if head in whole else '6.1f'}" for head in heads), "settled:s")
+    keys = [(n, k, run.kinds, run.seed, run.profiles) for n in run.free for k in run.trials]
+    for _, row in run.cases(keys, lambda n, k, *_: one(n, k, run)):
+        row["rest"] = row["fit"] - row["fixed laws"] - sum(row[part] for part in PARTS)
+        table.row(*(row[head] for head in heads), "yes" if row["settled"] else "NO")

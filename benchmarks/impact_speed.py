@@ -1,6 +1,6 @@
 """Why the hammer of a real piano came out too slow before its impact: the way it is measured, or the model?
 
-    python benchmarks/impact_speed.py [--seeds 5]
+    python -m benchmarks impact_speed [--seeds 5]
 
 First table: recordings with known truth (`planted_positions`) go the whole way from sensors to prediction: speeds as
 the sensors show them and as predicted from the key, over the true ones. Second: the training strokes of the real piano,
@@ -9,17 +9,14 @@ predicted with one parameter of the identified set moved at a time. Why: docs/ex
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import model
 from benchmarks.planted_positions import SHIPPED, Specimen, compare, identified_specimen
+from benchmarks.runner import Run
 from rig.session import Session
 from validation.events.strikes import find
 from validation.identification.positions import read_identified
@@ -43,19 +40,19 @@ HALF = 0.7
 """Parameters are moved by so many standard deviations of their priors, up or down; factors of e by half."""
 
 
-def main() -> None:
+def main(run: Run) -> None:
     """Print both tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=5, help="Planted recordings of each specimen.")
-    planted(parser.parse_args().seeds)
-    parameters()
+    planted(run.seeds, run.specimens)
+    parameters(run.parameters)
 
 
-def planted(seeds: int) -> None:
+def planted(seeds: int, names: list[str]) -> None:
     """Print speeds over the true ones, of every specimen and kind of stroke."""
     print(f"speed from 60 to 90 % of the way over the true one, mean (sd) of {seeds} recordings: seen; predicted")
     print(f"{'specimen':40s}" + "".join(f"{kind:>28s}" for kind in KINDS))
     for name, (moved, effects) in MOVED.items():
+        if names and name not in names:
+            continue
         rows = [_speeds(identified_specimen(moved, effects, seed)) for seed in range(seeds)]
         cells = []
         for k in range(len(KINDS)):
@@ -74,16 +71,16 @@ def _speeds(specimen: Specimen) -> list[tuple[float, float]]:
     ]
 
 
-def parameters() -> None:
+def parameters(names: list[str]) -> None:
     """Print what each parameter does to the training strokes of the real piano."""
     session, record = Session.open(SHIPPED), read_identified(SHIPPED)
     strokes = [measure_stroke(session.trial(number).read()) for number in TRAINING]
     predict, z = of_model(model.load_action(record.action)), np.array(record.z)
-    names = "; ".join(f"trial {s.number} {s.condition}" for s in strokes)
-    print(f"\nspeed before the impact, mm/s, and hammer at {1e3 * AT_KEY_M:g} mm of the key, mm: {names}")
+    heads = "; ".join(f"trial {s.number} {s.condition}" for s in strokes)
+    print(f"\nspeed before the impact, mm/s, and hammer at {1e3 * AT_KEY_M:g} mm of the key, mm: {heads}")
     print(f"{'measured':64s}{_row([(s, s.hammer.value_m) for s in strokes])}")
     print(f"{'identified':64s}{_row([(s, predict(z, s, None)) for s in strokes])}")
-    for one in ACTION:
+    for one in (one for one in ACTION if not names or one.name in names):
         for by in (-HALF, HALF):
             moved = z.copy()
             moved[NAMES.index(one.name)] += by
@@ -105,7 +102,3 @@ def _row(made: list[tuple[Stroke, np.ndarray]]) -> str:
         at = int(np.argmax(stroke.key.value_m > AT_KEY_M))
         cells.append(f"{1e3 * find(stroke, hammer_m)[0]['speed_m_per_s']:7.1f} {1e3 * hammer_m[at]:6.2f}")
     return "  ".join(cells)
-
-
-if __name__ == "__main__":
-    main()

@@ -4,19 +4,15 @@ Prints, for curves without ties in the warping path and for curves with flat end
 their ratio, and the largest difference of any of the five scores.  Exit code 1 if a target is missed: 20 ms,
 100 times faster, 1e-9 without ties, 1e-3 with them.
 
-Run:  python benchmarks/iso18571.py [--samples 3500]
+    python -m benchmarks iso18571 [--samples 3500]
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
-import time
-from collections.abc import Callable
-
 import numpy as np
 from objective_rating_metrics.rating import ISO18571
 
+from benchmarks.runner import Run, Table, least
 from validation.scores.iso18571 import iso_score
 
 STEP = 1e-4
@@ -44,15 +40,6 @@ def with_ties(n: int) -> tuple[np.ndarray, np.ndarray]:
     return test, cae
 
 
-def best(run: Callable[[], object], times: int) -> float:
-    found = []
-    for _ in range(times):
-        start = time.perf_counter()
-        run()
-        found.append(time.perf_counter() - start)
-    return min(found)
-
-
 def theirs(test: np.ndarray, cae: np.ndarray) -> list[float]:
     axis = np.arange(test.size) * STEP
     rating = ISO18571(
@@ -61,23 +48,18 @@ def theirs(test: np.ndarray, cae: np.ndarray) -> list[float]:
     return [getattr(rating, f"{name}_rating")(ndigits=15) for name in NAMES]
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--samples", type=int, default=3500)
-    n = parser.parse_args().samples
+def main(run: Run) -> bool:
+    """Print run times and differences; whether the targets are met."""
     short = without_ties(200)
     iso_score(*short, STEP), theirs(*short)  # compile both
-    good = True
-    print(f"{'curves':>13} {'ours':>9} {'package':>9} {'ratio':>6} {'largest difference':>19}")
-    for label, pair, allowed in (("without ties", without_ties(n), 1e-9), ("flat ends", with_ties(n), 1e-3)):
-        ours_s, theirs_s = best(lambda p=pair: iso_score(*p, STEP), 7), best(lambda p=pair: theirs(*p), 2)
-        score = iso_score(*pair, STEP)
-        off = max(abs(getattr(score, name) - value) for name, value in zip(NAMES, theirs(*pair), strict=True))
+    good, table = True, Table("curves:>13s", "ours ms:.1f", "package s:.2f", "ratio:.0f", "largest difference:.1e")
+    for label, pair, allowed in (("without ties", without_ties, 1e-9), ("flat ends", with_ties, 1e-3)):
+        curves = pair(run.samples)
+        ours_s = least(lambda c=curves: iso_score(*c, STEP), 7)
+        theirs_s = least(lambda c=curves: theirs(*c), run.turns)
+        score = iso_score(*curves, STEP)
+        off = max(abs(getattr(score, name) - value) for name, value in zip(NAMES, theirs(*curves), strict=True))
         good &= ours_s <= LIMIT_S and theirs_s >= FASTER * ours_s and off <= allowed
-        print(f"{label:>13} {1e3 * ours_s:6.1f} ms {theirs_s:7.2f} s {theirs_s / ours_s:6.0f} {off:19.1e}")
-    print(f"N = {n}; wanted: at most 20 ms, at least 100 times faster, within 1e-9 without ties and 1e-3 otherwise")
-    return 0 if good else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        table.row(label, 1e3 * ours_s, theirs_s, theirs_s / ours_s, off)
+    print("wanted: at most 20 ms, at least 100 times faster, within 1e-9 without ties and 1e-3 otherwise")
+    return good

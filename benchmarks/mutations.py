@@ -1,6 +1,6 @@
 """How many planted faults do the tests find? Each mutation of `mutations.toml` is made in a copy of a checkout, alone.
 
-    python benchmarks/mutations.py [--checkout FOLDER] [--out FILE] [--only 3,17] [--near]
+    python -m benchmarks mutations [--against CHECKOUT] [--only 3,17] [--near]
 
 A mutation is killed when a test of its own package fails: the file of tests of its name first, then the folders above
 it, up to all the package's tests, each until the first failure. What hangs for HANG_S is killed, too. ``--out`` keeps
@@ -9,8 +9,6 @@ each outcome as a line of JSON; what stands there is not run again. Prints a lin
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import shutil
 import subprocess
@@ -20,7 +18,8 @@ import tomllib
 from collections import Counter
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from benchmarks.runner import ROOT, Run
+
 HANG_S = 1800.0
 LARGE = 3
 """Folders less than this deep under ``tests`` are shared out to two processes."""
@@ -71,42 +70,27 @@ def outcome(checkout: Path, mutation: dict[str, str], near: bool) -> tuple[str, 
     return "survived", ""
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--checkout", type=Path, default=ROOT)
-    parser.add_argument("--list", type=Path, default=Path(__file__).with_suffix(".toml"))
-    parser.add_argument("--out", type=Path)
-    parser.add_argument("--only", default="", help="numbers of mutations")
-    parser.add_argument("--near", action="store_true", help="leave out the tests of the whole package: minutes each")
-    chosen = parser.parse_args()
-    mutations = tomllib.loads(chosen.list.read_text(encoding="utf-8"))["mutation"]
-    wanted = [int(n) for n in chosen.only.split(",") if n] or range(len(mutations))
-    kept = {}
-    if chosen.out and chosen.out.is_file():
-        lines = map(json.loads, chosen.out.read_text(encoding="utf-8").splitlines())
-        kept = {row["number"]: row for row in lines if row["near"] == chosen.near}
-    rows = []
+def main(run: Run) -> bool:
+    """Print a line for each mutation and the share killed; whether as many are killed as are stated."""
+    checkout, told = run.against or ROOT, Counter[str]()
+    mutations = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["mutation"]
     with tempfile.TemporaryDirectory(prefix="mutations_") as place:
         copy = Path(place) / "checkout"
-        shutil.copytree(chosen.checkout, copy, ignore=shutil.ignore_patterns(".git", "__pycache__", "_build"))
-        for number in wanted:
-            mutation = mutations[number]
-            row = kept.get(number)
-            if row is None:
-                before = mutate(copy, mutation)
-                said, by = outcome(copy, mutation, chosen.near) if before is not None else ("gone", "")
-                if before is not None:
-                    (copy / mutation["file"]).write_text(before, encoding="utf-8")
-                row = {"number": number, "outcome": said, "by": by, "near": chosen.near}
-                if chosen.out:
-                    with chosen.out.open("a", encoding="utf-8") as file:
-                        file.write(json.dumps(row) + "\n")
-            rows.append({**mutation, **row})
-            print(f"{number:2} {row['outcome']:9}{mutation['kind']:11}{mutation['file']}  {row['by']}", flush=True)
-    told = Counter(row["outcome"] for row in rows)
+        shutil.copytree(checkout, copy, ignore=shutil.ignore_patterns(".git", "__pycache__", "_build"))
+
+        def planted(number: int, near: bool, _: str) -> tuple[str, str]:
+            before = mutate(copy, mutations[number])
+            if before is None:
+                return "gone", ""
+            try:
+                return outcome(copy, mutations[number], near)
+            finally:
+                (copy / mutations[number]["file"]).write_text(before, encoding="utf-8")
+
+        numbers = run.only or range(len(mutations))
+        for (number, *_), (said, by) in run.cases([(n, run.near, str(checkout)) for n in numbers], planted):
+            told[said] += 1
+            print(f"{number:2} {said:9}{mutations[number]['kind']:11}{mutations[number]['file']}  {by}", flush=True)
     ran = told["killed"] + told["survived"]
     print(f"killed {told['killed']} of {ran}" + (f", {told['gone']} no longer in the code" if told["gone"] else ""))
-
-
-if __name__ == "__main__":
-    main()
+    return told["killed"] >= run.least * ran

@@ -1,6 +1,6 @@
 """NI's own component tests of nidaqmx-python, run over gRPC against the virtual device, as a table.
 
-``python benchmarks/ni_component_tests.py CHECKOUT [--out TABLE.md]`` takes a checkout of ni/nidaqmx-python by path;
+``python -m benchmarks ni_component_tests --checkout CHECKOUT`` takes a checkout of ni/nidaqmx-python by path;
 nothing of it is part of this project. Tests that assert the waveforms NI's simulated devices make (a sine on every
 analog input, counting bits on digital ones) are left out by name: ``ni_component_tests_left_out.txt``. Tests for
 devices that the virtual bench is not (other cards, network modules, saved tasks) skip by themselves.
@@ -8,7 +8,6 @@ devices that the virtual bench is not (other cards, network modules, saved tasks
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import subprocess
@@ -20,8 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-HERE = Path(__file__).resolve()
-LEFT_OUT = HERE.with_name("ni_component_tests_left_out.txt")
+from benchmarks.runner import ROOT, Run
+
+LEFT_OUT = Path(__file__).with_name("ni_component_tests_left_out.txt")
 PORT = "PIANORIG_COMPONENT_TESTS_PORT"
 TIMEOUT_S = 1500
 
@@ -46,7 +46,7 @@ def pytest_configure(config: Any) -> None:
     utils.GrpcServerProcess.__exit__ = lambda self, *exception: None
 
 
-def run(checkout: Path, rig_name: str = "pcie6363", select: str = "grpc_init_kwargs") -> list[Outcome]:
+def run_tests(checkout: Path, rig_name: str = "pcie6363", select: str = "grpc_init_kwargs") -> list[Outcome]:
     """Run NI's component tests against a device of its own; return what came of each."""
     from rig.configuration.rig_file import load_rig  # start-up: the plugin must not import the bench
     from rig.simulated.backend import open_backend
@@ -56,10 +56,9 @@ def run(checkout: Path, rig_name: str = "pcie6363", select: str = "grpc_init_kwa
     server, port = serve(backend.service)
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"
-        path = os.pathsep.join(map(str, (checkout, HERE.parent)))
-        found = {**os.environ, "PYTHONPATH": f"{path}{os.pathsep}{HERE.parents[1]}", PORT: str(port)}
+        found = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (checkout, ROOT))), PORT: str(port)}
         command = [
-            sys.executable, "-m", "pytest", "tests/component", "-q", "-p", HERE.stem, "-p", "no:cacheprovider",
+            sys.executable, "-m", "pytest", "tests/component", "-q", "-p", __name__, "-p", "no:cacheprovider",
             "-k", select, "--continue-on-collection-errors",
             f"--junitxml={report}", "-o", "faulthandler_timeout=60", "-W", "ignore",
         ]  # fmt: skip
@@ -130,18 +129,11 @@ def table(found: list[Outcome]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main() -> None:
-    """Run the tests and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("checkout", type=Path, help="folder with NI's tests/component")
-    parser.add_argument("--out", type=Path, help="write the table here, too")
-    parser.add_argument("--rig", default="pcie6363")
-    given = parser.parse_args()
-    text = table(run(given.checkout.resolve(), given.rig))
-    if given.out is not None:
-        given.out.write_text(text, encoding="utf-8")
-    print(text)
-
-
-if __name__ == "__main__":
-    main()
+def main(run: Run) -> bool:
+    """Run the tests and print the table; whether as many pass as are stated."""
+    if not run.checkout:
+        print("skipped: --checkout is missing: a checkout of ni/nidaqmx-python with its tests/component")
+        return True
+    found = table(run_tests(Path(run.checkout).resolve(), run.rig, run.select))
+    print(found)
+    return int(re.findall(r"\| passed \| (\d+)", found)[0]) >= run.least

@@ -1,6 +1,6 @@
 """NI's example programs of nidaqmx-python, each run as it stands against the virtual device, as a table.
 
-``python benchmarks/ni_examples.py CHECKOUT [--out TABLE.md] [--only NAME]`` takes a checkout of ni/nidaqmx-python by
+``python -m benchmarks ni_examples --checkout CHECKOUT [--only NAME]`` takes a checkout of ni/nidaqmx-python by
 path; nothing of it is part of this project. A program runs in a process of its own; its tasks are given the virtual
 device's channel where it names none, Enter is pressed after a second, Ctrl-C after some. The device is a card with the
 rig file's name, so that examples for other devices end with the driver's refusal.
@@ -8,7 +8,6 @@ rig file's name, so that examples for other devices end with the driver's refusa
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import re
@@ -22,6 +21,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from benchmarks.runner import Run
 
 PORT = "PIANORIG_EXAMPLES_PORT"
 SIGNAL_HZ, FED = 1000.0, ("PFI0", "PFI8", "PFI9")
@@ -175,19 +176,11 @@ def table(outcomes: list[Outcome]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main() -> None:
-    """Run the programs and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("checkout", type=Path, help="folder with NI's examples")
-    parser.add_argument("--out", type=Path, help="write the table here, too")
-    parser.add_argument("--only", default="", help="part of a program's name")
-    parser.add_argument("--rig", default="pcie6363")
-    given = parser.parse_args()
-    text = table(run((given.checkout / "examples").resolve(), given.only, given.rig))
-    if given.out is not None:
-        given.out.write_text(text, encoding="utf-8")
-    print(text)
-
-
-if __name__ == "__main__":
-    main()
+def main(asked: Run) -> bool:
+    """Run the programs and print the table; whether as many run as are stated."""
+    if not asked.checkout:
+        print("skipped: --checkout is missing: a checkout of ni/nidaqmx-python with its examples")
+        return True
+    found = run((Path(asked.checkout) / "examples").resolve(), asked.only, asked.rig)
+    print(table(found))
+    return sum(one.result == RAN for one in found) >= asked.least

@@ -1,6 +1,6 @@
 """Random forces on the null model: do key and hammer stay within their stops, and how often does it decline to predict?
 
-    python benchmarks/null_model_stops.py [--forces 1000] [--seed 2014]
+    python -m benchmarks null_model_stops [--forces 1000] [--seed 2014]
 
 Forces are those the virtual rig allows: 0 to 120 N, at most 2,000 N/s, half of them soft (below 4 N), 3 to 12 corners
 over one second, on both shipped actions. Prints the extremes beside those of the five-body model on every 20th force.
@@ -9,15 +9,10 @@ Exit code 1 when a body leaves its stops without a word.
 
 from __future__ import annotations
 
-import argparse
-import sys
-from pathlib import Path
-
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import model
+from benchmarks.runner import Run
 from model.errors import ModelError
 from model.null_model.reduction import HAMMER, KEY
 
@@ -39,19 +34,16 @@ def random_force(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     return time, force
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--forces", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=2014)
-    options = parser.parse_args()
-    silent = 0
+def main(run: Run) -> bool:
+    """Print extremes; whether no body leaves its stops."""
+    good = True
     for name in ("hirschkorn2004", "hirschkorn2004-regulated"):
         action = model.load_action(name)
-        rng = np.random.default_rng([options.seed, len(name)])
+        rng = np.random.default_rng([run.seed, len(name)])
         reduced = model.null_model.reduce_action(action)
-        extremes = {"null": [np.inf, -np.inf, np.inf, -np.inf], "five bodies": [np.inf, -np.inf, np.inf, -np.inf]}
+        extremes = {which: [np.inf, -np.inf, np.inf, -np.inf] for which in ("null", "five bodies")}
         declined = 0
-        for n in range(options.forces):
+        for n in range(run.forces):
             time, force = random_force(rng)
             runs = {"null": model.null_model.simulate}
             if n % BESIDE == 0:
@@ -65,16 +57,11 @@ def main() -> int:
                     continue
                 key = reduced.joined.ratio[0, KEY] * (angle[:, KEY] - reduced.rest_rad[KEY])
                 hammer = reduced.up * (angle[:, HAMMER] - reduced.rest_rad[HAMMER])
-                e = extremes[which]
                 new = key.min(), key.max(), hammer.min(), hammer.max()
-                extremes[which] = [f(a, b) for f, a, b in zip((min, max, min, max), e, new, strict=True)]
-        print(f"{name}: {options.forces} forces, {declined} declined; string at {reduced.string_rad:.4f} rad")
+                extremes[which] = [f(a, b) for f, a, b in zip((min, max, min, max), extremes[which], new, strict=True)]
+        print(f"{name}: {run.forces} forces, {declined} declined; string at {reduced.string_rad:.4f} rad")
         for which, (a, b, c, d) in extremes.items():
             print(f"  {which:12s} key {a:+.4f} to {b:+.4f} rad, hammer {c:+.4f} to {d:+.4f} rad")
         a, b, c, d = extremes["null"]
-        silent += a < reduced.sigma[0] or b > reduced.sigma[-1] or c < -0.01 or d > reduced.string_rad + 1e-9
-    return int(silent > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        good &= a >= reduced.sigma[0] and b <= reduced.sigma[-1] and c >= -0.01 and d <= reduced.string_rad + 1e-9
+    return good

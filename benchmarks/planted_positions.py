@@ -1,6 +1,6 @@
 """Recordings of positions with a known truth: an action is played by force and seen by two sensors like the Kawai's.
 
-    python benchmarks/planted_positions.py [--seeds 3]     # strokes of the kinds kept aside: cut, counted, predicted
+    python -m benchmarks planted_positions [--seeds 3]     # strokes of the kinds kept aside: cut, counted, predicted
 
 The specimen is the set identified on `sessions/kawai_kg3c`, some of its parameters moved. Its key and hammer go through
 the readings of both rulers (drawn anew within their uncertainty), drift, hum, noise, 17 bit and 2 kHz into a table, and
@@ -9,8 +9,6 @@ from there the way of any recording: import, smoothing, prediction by the key (d
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,10 +17,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import model
 import rig
+from benchmarks.runner import Run
 from model.scene.selection import SceneChoice
 from rig.foreign.mapping import ImportMapping
 from rig.session.channel_info import RulerInfo
@@ -214,8 +211,9 @@ OFF = {"let_off": 0.1, "check": 0.05, "hammer_friction": 0.5, "knuckle_friction"
 """How the specimen of `strokes_table` differs from the set: as another day's regulation and weather would."""
 
 
-def strokes_table(seeds: int) -> None:
-    """Print how strokes of the kinds kept aside are cut, counted, and covered by the shipped band."""
+def strokes_table(seeds: int) -> bool:
+    """Print how strokes of the kinds kept aside are cut, counted, and covered by the shipped band; were all cut?"""
+    whole = True
     for seed in range(seeds):
         specimen = identified_specimen(
             {name: by * (-1) ** (seed + k) for k, (name, by) in enumerate(OFF.items())}, (), seed
@@ -223,6 +221,7 @@ def strokes_table(seeds: int) -> None:
         with tempfile.TemporaryDirectory() as folder:
             truths, found = compare(specimen, KEPT_ASIDE, Path(folder))
         cut = found.scores["trial"].nunique()
+        whole &= cut == len(truths)
         print(f"recording {seed}: {len(truths)} strokes played, {cut} cut; refused {found.refused}")
         strikes = found.events[found.events["source"] == "measured"].groupby("trial").size()
         for row in found.scores.itertuples():
@@ -232,14 +231,9 @@ def strokes_table(seeds: int) -> None:
                 f"{100 * row.half_width_share:4.1f} %, interval score {100 * row.interval_score_share:3.0f} %",
                 flush=True,
             )
+    return whole
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=3, help="Recordings.")
-    strokes_table(parser.parse_args().seeds)
-
-
-if __name__ == "__main__":
-    main()
+def main(run: Run) -> bool:
+    """Print the table; whether every stroke was cut."""
+    return strokes_table(run.seeds)

@@ -1,41 +1,32 @@
 """Held-out planted faults: what does a report name, and does it name anything in sessions without faults?
 
-    python benchmarks/planted_sweep.py [--only sign,swap] [--seed 800] [--strokes forte,piano] [--specimen bench]
-    python benchmarks/planted_sweep.py --clean 17 --seed 9100 --strokes forte,piano,double,staccato,slow,fortissimo
+    python -m benchmarks planted_sweep [--only sign,swap] [--seed 800] [--strokes forte,piano] [--specimen bench]
+    python -m benchmarks planted_sweep --clean 17 --seed 9100 --strokes forte,piano,double,staccato,slow,fortissimo
 
 Every session has six strokes of the virtual bench, one of them filmed; one trial, or all of them, or the specimen has
-one fault of `benchmarks/planted_kinds.py`. Prints a line per session that is not as expected, and a confusion table:
+one fault of `planted_faults`. Prints a line per session that is not as expected, and a confusion table:
 kinds planted against what was found. ``named``: the fault, or the set of causes it belongs to; ``flagged``: a symptom,
-in the right trial; ``wrong``: any finding else. ``--largest`` plants the largest size of each kind only. ``--results``
-keeps a line per session: what it holds is not computed again, so that a long run can be stopped (``--minutes``) and go
-on.
+in the right trial; ``wrong``: any finding else. ``--largest`` plants the largest size of each kind only.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
-import sys
 import tempfile
-import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import model
-from benchmarks.bench_strokes import BENCH, KINDS, Stroke, play
-from benchmarks.planted_faults import FROM, Fault
-from benchmarks.planted_kinds import FILMED, faults
+from benchmarks.bench_strokes import BENCH, Stroke, play
+from benchmarks.planted_faults import FILMED, FROM, Fault, faults
+from benchmarks.runner import Run, Table
 from rig.session import CameraInfo, Session, SessionInfo
 from rig.session.info import FileInfo
 from rig.simulated.bench.plant import load_plant
@@ -44,7 +35,6 @@ from validation import compare_session
 TRIALS = 6
 QUICK = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False}
 VERDICTS = ("named", "flagged", "silent", "wrong")
-SPECIMENS = ("printed", "bench")
 
 
 def specimen_change(which: str, friction: tuple[str, float] | None) -> dict[str, float]:
@@ -134,86 +124,40 @@ def judged(fault: Fault | None, said: set[tuple[str, int]]) -> str:
     return "named" if any(kind in fault.named for kind, _ in said) else "flagged"
 
 
-def confusion(rows: Iterable[tuple[str, str, set[tuple[str, int]]]]) -> str:
-    """Planted against found: a line per fault with its sizes, the verdicts counted, and the kinds that were found."""
+def confusion(rows: Iterable[tuple[str, str, set[tuple[str, int]]]]) -> None:
+    """Print planted against found: a line per fault with its sizes, the verdicts counted, and the kinds found."""
     lines: dict[str, tuple[Counter[str], Counter[str]]] = {}
     for name, verdict, said in rows:
         verdicts, kinds = lines.setdefault(name, (Counter(), Counter()))
         verdicts[verdict] += 1
         kinds.update({kind for kind, _ in said})
-    head = f"{'planted':42s}" + "".join(f"{v:>9s}" for v in VERDICTS) + "   found"
-    out = [head]
+    table = Table("planted:42s", *(f"{verdict}:d" for verdict in VERDICTS), "found:s")
     for name, (verdicts, kinds) in lines.items():
-        found = ", ".join(f"{k} {n}" for k, n in kinds.most_common())
-        out.append(f"{name:42s}" + "".join(f"{verdicts[v]:9d}" for v in VERDICTS) + f"   {found}")
-    return "\n".join(out)
+        table.row(name, *(verdicts[v] for v in VERDICTS), ", ".join(f"{k} {n}" for k, n in kinds.most_common()))
 
 
-Case = tuple[str, str, int, str]  # name of the fault, specimen, seed, kind of stroke
-
-
-def cases(planted: Sequence[Fault], clean: int, seed: int, strokes: str, specimens: str) -> Iterator[Case]:
-    """The sessions asked for; those without a fault have an empty name."""
-    for specimen, kind in product(specimens.split(","), strokes.split(",")):
-        if clean:
-            yield from (("", specimen, seed + n, kind) for n in range(clean))
-        else:
-            yield from ((fault.name, specimen, seed, kind) for fault in planted)
-
-
-def results(
-    asked: Iterable[Case], planted: Sequence[Fault], file: Path | None, until: float
-) -> Iterator[dict[str, Any]]:
-    """What was said of each session: kept in the file, or found now as long as there is time."""
-    by_name = {fault.name: fault for fault in planted}
-    kept: dict[Case, dict[str, Any]] = {}
-    if file is not None and file.exists():
-        rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
-        kept = {(r["fault"], r["specimen"], r["seed"], r["kind"]): r for r in rows}
-    for case in asked:
-        if case not in kept:
-            if time.monotonic() > until:
-                continue
-            name, specimen, seed, kind = case
-            found = findings(by_name.get(name), seed, kind, specimen)
-            said = sorted((str(f.kind), 0 if math.isnan(f.trial) else int(f.trial)) for f in found.itertuples())
-            kept[case] = {"fault": name, "specimen": specimen, "seed": seed, "kind": kind, "said": said}
-            if file is not None:
-                with file.open("a", encoding="utf-8") as sheet:
-                    sheet.write(json.dumps(kept[case]) + "\n")
-        yield kept[case]
-
-
-def main() -> None:
+def main(run: Run) -> None:
     """Print what is not as expected, and the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", help="parts of the names of faults")
-    parser.add_argument("--largest", action="store_true", help="the largest size of each kind only")
-    parser.add_argument("--clean", type=int, default=0, help="sessions without faults of each stroke and specimen")
-    parser.add_argument("--seed", type=int, default=800)
-    parser.add_argument("--strokes", "--kinds", default="forte", help=f"some of {', '.join(KINDS)}")
-    parser.add_argument("--specimen", default=",".join(SPECIMENS))
-    parser.add_argument("--results", type=Path, help="file of what was found, a JSON line per session")
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="start no session after this time")
-    options = parser.parse_args()
-    planted = [f for f in faults() if not options.only or any(word in f.name for word in options.only.split(","))]
-    if options.largest:
+    planted = [f for f in faults() if not run.only or any(word in f.name for word in run.only)]
+    if run.largest:
         planted = list({fault.kind: fault for fault in reversed(planted)}.values())[::-1]  # the first of each kind
-    by_name = {fault.name: fault for fault in planted}
-    asked = cases(planted, options.clean, options.seed, options.strokes, options.specimen)
+    by_name: dict[str, Fault | None] = {"": None} if run.clean else {fault.name: fault for fault in planted}
+    keys = [
+        (name, specimen, run.seed + n, kind)
+        for specimen, kind, name, n in product(run.specimen, run.strokes, by_name, range(run.clean or 1))
+    ]
+
+    def said_of(name: str, specimen: str, seed: int, kind: str) -> list[tuple[str, int]]:
+        found = findings(by_name[name], seed, kind, specimen)
+        return sorted((str(f.kind), 0 if math.isnan(f.trial) else int(f.trial)) for f in found.itertuples())
+
     rows = []
-    for r in results(asked, planted, options.results, time.monotonic() + 60 * options.minutes):
-        fault = by_name.get(r["fault"])
-        said = {(kind, trial) for kind, trial in r["said"]}
-        verdict = judged(fault, said)
-        where = f"{r['kind']} {r['specimen']}"
-        rows.append((f"clean {where}" if fault is None else fault.name, verdict, said))
+    for (name, specimen, seed, kind), kept in run.cases(keys, said_of):
+        fault, said = by_name[name], {(what, trial) for what, trial in kept}
+        verdict, where = judged(fault, said), f"{kind} {specimen}"
+        rows.append((name or f"clean {where}", verdict, said))
         if verdict == "wrong":
             words = ", ".join(f"{k} {t or ''}".strip() for k, t in sorted(said))
-            print(f"wrong: {where} seed {r['seed']} {r['fault'] or 'clean'}: {words}", flush=True)
-    print(confusion(rows))
+            print(f"wrong: {where} seed {seed} {name or 'clean'}: {words}", flush=True)
+    confusion(rows)
     print(dict(Counter(verdict for _, verdict, _ in rows)))
-
-
-if __name__ == "__main__":
-    main()

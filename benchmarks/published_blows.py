@@ -1,6 +1,6 @@
 """What is published about hammers and strings beside what the model gives: figures that could be read, else trends.
 
-    python benchmarks/published_blows.py
+    python -m benchmarks published_blows
 
 - S. Birkett, Experimental investigation of the piano hammer-string interaction (J. Acoust. Soc. Am., 2013): eight
   levels of impact speed from 1.06 to 2.98 m/s, an upright. Read: the abstract, so the levels alone; here evenly spaced.
@@ -14,32 +14,27 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import model
+from benchmarks.runner import Run, Table
 from model.string import C4, C4_HAMMER, Hammer, hammer_at_the_string, strike
 from model.study import measure_blow
 
-LEVELS = np.linspace(1.06, 2.98, 8)
 FORCES_N = (1.5, 2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 25.0)
 RISE_S = 0.01
 UP_TO_HZ = 5000.0
 
 
-def string_table(name: str, hammer: Hammer) -> None:
+def string_table(name: str, hammer: Hammer, levels: int) -> None:
     """Contact, touches and spectrum against impact speed."""
-    print(f"\n{name}\n{'m/s':>6}{'contact ms':>12}{'touches':>9}{'peak N':>8}{'slope dB/octave':>17}")
-    seen = []
-    for speed in LEVELS:
+    print(f"\n{name}")
+    table, seen = Table("m/s:6.2f", "contact ms:.2f", "touches:d", "peak N:.1f", "slope dB/octave:.1f"), []
+    for speed in np.linspace(1.06, 2.98, levels):
         blow = strike(C4, hammer, float(speed), tolerance=1e-3, seconds=0.02)
         seen.append(1e3 * blow.contact_time_s)
         slope = blow.slope_db_per_octave(UP_TO_HZ)
-        print(f"{speed:>6.2f}{seen[-1]:>12.2f}{len(blow.contacts):>9}{blow.peak_n:>8.1f}{slope:>17.1f}")
+        table.row(speed, seen[-1], len(blow.contacts), blow.peak_n, slope)
     middle = 0.5 * (seen[0] + seen[-1])
     print(f"contact {100 * (seen[0] / middle - 1):+.0f} and {100 * (seen[-1] / middle - 1):+.0f} % about its middle")
 
@@ -48,7 +43,7 @@ def timing_table() -> None:
     """From force on key to hammer on string, and key bottom against it, over held forces."""
     action = model.load_action("hirschkorn2004-regulated")
     print(f"\naction, force risen within {1e3 * RISE_S:g} ms and held; key bottom: front felt pressed with 1 N")
-    print(f"{'N':>6}{'hammer m/s':>12}{'on string ms':>14}{'key bottom, later ms':>22}")
+    shown = Table("N:6.1f", "hammer m/s:.2f", "on string ms:.1f", "key bottom, later ms:+.1f")
     speeds, times = [], []
     for force in FORCES_N:
         table = [0.0, 0.02, 0.02 + RISE_S, 0.6], [0.0, 0.0, force, force]
@@ -56,27 +51,22 @@ def timing_table() -> None:
         found = model.simulate(action, *table, output_time_s=at, contact_forces=True)
         marks = measure_blow(action, found, np.interp(at, *table))
         if not marks.strikes:
-            print(f"{force:>6.1f}{'-':>12}")
+            shown.row(force, None, None, None)
             continue
         assert found.contact_normal_n is not None
         front = found.contact_normal_n[:, found.contacts.index("contact02")] > 1.0
         bottom = 1e3 * (at[int(np.argmax(front))] - marks.strike_s)
         speeds.append(marks.strike_m_per_s)
         times.append(1e3 * (marks.strike_s - 0.02))
-        print(f"{force:>6.1f}{speeds[-1]:>12.2f}{times[-1]:>14.1f}{bottom:>+22.1f}")
+        shown.row(force, speeds[-1], times[-1], bottom)
     power, level = np.polyfit(np.log(speeds), np.log(times), 1)
     print(f"time on string = {np.exp(level):.0f} ms x (m/s)^{power:.2f}")
 
 
-def main() -> None:
+def main(run: Run) -> None:
     """Print the tables."""
-    print(__doc__.splitlines()[0])
-    string_table("C4 and hammer of Chaigne and Askenfelt, at Birkett's levels", C4_HAMMER)
+    string_table("C4 and hammer of Chaigne and Askenfelt, at Birkett's levels", C4_HAMMER, run.levels)
     action = model.load_action("hirschkorn2004-regulated")
     hammer, _ = hammer_at_the_string(action, *model.force_table("forte"))
-    string_table("C4 and the hammer of the action with the felt of contact12", hammer)
+    string_table("C4 and the hammer of the action with the felt of contact12", hammer, run.levels)
     timing_table()
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """How often are predicted shrinks realised, and their 95 % limits right? Many experiments, without fits.
 
-    python benchmarks/record_next_sizes.py [--sessions 20] [--first forte] [--next double] [--numbers 5,10]
+    python -m benchmarks record_next_sizes [--sessions 20] [--first forte] [--next double] [--numbers 5,10]
                                            [--more 5] [--sensors NAMES] [--seed 1] [--results FILE] [--minutes M]
 
 Specimen = model; five to nine laws drawn at random are free, their truth and the errors of force and encoders drawn
@@ -13,51 +13,42 @@ after over u before is compared with what was predicted. A sensor known twice as
 There is no fit: what it shows is how well sizes of noise are known, not where a fit ends. ``told``: parameters whose u
 is to shrink by more than a tenth; all others are easily right. ``linear``: these by the Fisher information alone,
 without the rehearsal (`validation.identification.further`); ``clear``: those of ``told`` where after the
-first trials the model is not said to lack anything. A line per experiment is kept in ``--results``.
+first trials the model is not said to lack anything.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from scipy import stats
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import model
 from benchmarks.identification_coverage import (
-    RUNS,
     Sensors,
     drawn_truth,
     force_errors,
     freed,
+    observed,
     played,
+    problem_of,
 )
+from benchmarks.runner import Run, Table, interval
 from model.errors import ModelError
 from validation.conventions import Array
 from validation.errors import ValidationError
 from validation.identification.blocks import INSTRUMENT, Block
 from validation.identification.estimates import LACKING
 from validation.identification.fit import Fitted
-from validation.identification.force_runs import ForceRuns
 from validation.identification.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
-from validation.identification.identify import held_columns
 from validation.identification.noise import Sizes, likeliest
-from validation.identification.observations import ObservedTrial, observe
+from validation.identification.observations import ObservedTrial
 from validation.identification.problem import Columns, Problem, linear_residuals
 from validation.identification.scatter import factors
 from validation.identification.unknowns import Unknowns
-from validation.measurement.trial import measure
-from validation.prediction.model_under_test import ModelUnderTest
 
 NEAR = 0.2
 SAME = ("seed", "first", "next", "numbers", "more")
@@ -76,11 +67,11 @@ Part = tuple[Problem, list[Block], list[Array]]
 class Experiment:
     """One specimen, its sensors, and its trials with their linear model at the truth."""
 
-    def __init__(self, k: int, options: argparse.Namespace) -> None:
+    def __init__(self, k: int, options: Run) -> None:
         self.rng = np.random.default_rng([options.seed, k, 163])
         self.start = model.load_action()
         n = int(self.rng.integers(FREE[0], FREE[1] + 1))
-        self.free: Unknowns = freed(self.start, SimpleNamespace(free=n, kinds=options.first), self.rng)  # type: ignore[arg-type]
+        self.free: Unknowns = freed(self.start, SimpleNamespace(free=n, kinds=[options.first]), self.rng)  # type: ignore[arg-type]
         truth, self.specimen = drawn_truth(self.start, self.free, 0.5, self.rng)
         self.sensors = Sensors(self.rng)
         force = force_errors(self.sensors)
@@ -88,18 +79,11 @@ class Experiment:
 
     def trials(self, kind: str, session: int, n: int) -> list[ObservedTrial]:
         """Played and observed."""
-        data = played(self.specimen, kind, n, self.sensors, self.rng)
-        tested = ModelUnderTest(self.start, 1e-6)
-        return observe(kind, session, [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data])
-
-    def problem(self, trials: Sequence[ObservedTrial]) -> Problem:
-        """Of some trials."""
-        response = ForceRuns(self.start, (*self.free.moved, *self.free.held), trials, RUNS)
-        return Problem(self.start, self.free, tuple(trials), response, held_columns(response, self.free))
+        return observed(kind, session, played(self.specimen, kind, n, self.sensors, self.rng))
 
     def part(self, kind: str, session: int, n: int) -> Part:
         """Trials with their linear model and residuals at z = 0 of it."""
-        problem = self.problem(self.trials(kind, session, n))
+        problem = problem_of(self.start, self.free, self.trials(kind, session, n))
         (curves,) = problem.response.curves([self.z])
         if curves is None:
             raise ValidationError("the model cannot run at the true values")
@@ -137,24 +121,23 @@ class Experiment:
         return blocks, linear
 
 
-def experiment(k: int, options: argparse.Namespace) -> dict[str, Any]:
+def experiment(k: int, options: Run) -> dict[str, Any]:
     """One experiment as plain data; ``failed`` says why it has none."""
-    out: dict[str, Any] = {"session": k} | {name: getattr(options, name) for name in SAME}
-    numbers, began = [int(n) for n in options.numbers.split(",")], time.process_time()
+    numbers, began = options.numbers, time.process_time()
     try:
         one = Experiment(k, options)
         first = one.part(options.first, 0, max(numbers))
         later = {kind: one.part(kind, 1, options.more) for kind in dict.fromkeys((options.first, options.next))}
         dry = one.trials(options.next, 0, 1)[0]
-        better = [x for x in SENSORS if x in options.sensors.split(",")]
+        better = [x for x in SENSORS if x in options.sensors]
         rows = []
         for n in numbers:
             rows += predicted_and_realised(
                 one, n, first, later, Candidate(options.next, dry), better if n == numbers[0] else []
             )
     except (ModelError, ValidationError) as error:
-        return out | {"failed": str(error)}
-    return out | {"rows": rows, "processor_s": time.process_time() - began}
+        return {"failed": str(error)}
+    return {"rows": rows, "processor_s": time.process_time() - began}
 
 
 def predicted_and_realised(
@@ -198,14 +181,13 @@ def compared(what: str, n: int, told: Prospect, before: Fitted, after: Fitted) -
     ]  # fmt: skip
 
 
-def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Within a fifth, and inside the limits, by what is done and by the number of first trials."""
-    out = [
-        f"{'next':7s} {'trials':>6s} {'of':6s} {'shrinks':>7s} {'within 20 %':>11s} {'share':>6s} {'median of':>9s} "
-        f"{'their':>6s} {'limits':>6s} {'share':>6s} {'99 % interval':>15s} {'half as wide':>12s}",
-        f"{'':7s} {'':6s} {'':6s} {'':7s} {'':11s} {'':6s} {'real/told':>9s} {'spread':>6s} {'hold':>6s}",
-    ]
-    whole = [r for kept in rows if "rows" in kept for r in kept["rows"]]
+def table(rows: Sequence[dict[str, Any]]) -> None:
+    """Print what is within a fifth, and inside the limits, by what is done and by the number of first trials."""
+    shown = Table(
+        "next:7s", "trials:d", "of:6s", "shrinks:d", "within 20 %:d", "share:.2f", "real/told:.2f", "spread:.2f",
+        "limits hold:d", "share:.2f", "99 % low:.2f", "high:.2f", "half as wide:.0%",
+    )  # fmt: skip
+    whole = [r for kept in rows for r in kept.get("rows", ())]
     for what, n in dict.fromkeys((r["what"], r["n"]) for r in whole):
         for name, by, most in CLASSES:
             here = [r for r in whole if (r["what"], r["n"]) == (what, n) and r["fisher"] < most]
@@ -214,48 +196,17 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
                 continue
             off = np.log([r["realised"] / r[by] for r in here])
             near = int(np.sum((off <= np.log(1 + NEAR)) & (off >= np.log(1 - NEAR))))
-            line = f"{what:7s} {n:6d} {name:6s} {len(here):7d} {near:11d} {near / len(here):6.2f} "
-            line += f"{np.exp(np.median(off)):9.2f} {np.std(off):6.2f} "
+            limits: list[Any] = [None] * 5
             if by == "predicted" and any(r["limits"][0] < r["limits"][1] for r in here):
                 hold = sum(r["limits"][0] <= r["realised"] <= r["limits"][1] for r in here)
-                low, high = stats.binomtest(hold, len(here)).proportion_ci(0.99, "exact")
                 wide = np.median([np.log(r["limits"][1] / r["limits"][0]) / 2 for r in here])
-                line += f"{hold:6d} {hold / len(here):6.2f} {low:6.2f} to {high:4.2f} {np.expm1(wide):11.0%}"
-            out.append(line)
-    failed = sum("failed" in r for r in rows)
-    out.append(f"experiments {len(rows)}, could not be played {failed}")
-    return "\n".join(out)
+                limits = [hold, hold / len(here), *interval(hold, len(here), 0.99), np.expm1(wide)]
+            shown.row(what, n, name, len(here), near, near / len(here), np.exp(np.median(off)), np.std(off), *limits)
+    print(f"experiments {len(rows)}, could not be played {sum('failed' in r for r in rows)}")
 
 
-def main() -> int:
+def main(run: Run) -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sessions", type=int, default=20, help="experiments")
-    parser.add_argument("--first", default="forte")
-    parser.add_argument("--next", default="double")
-    parser.add_argument("--numbers", default="5,10", help="trials of the first kind")
-    parser.add_argument("--more", type=int, default=5, help="trials played next")
-    parser.add_argument("--sensors", default="load cell's gain,hammer encoder", help="after the fewest trials")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--results", type=Path, help="file of outcomes, a JSON line per experiment")
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="start none after this time")
-    options = parser.parse_args()
-    until = time.monotonic() + 60 * options.minutes
-    kept: list[dict[str, Any]] = []
-    if options.results is not None and options.results.exists():
-        kept = [json.loads(line) for line in options.results.read_text(encoding="utf-8").splitlines()]
-    kept = [r for r in kept if all(r.get(name) == getattr(options, name) for name in SAME)]
-    done = {r["session"] for r in kept}
-    for k in range(options.sessions):
-        if k in done or time.monotonic() > until:
-            continue
-        kept.append(experiment(k, options))
-        if options.results is not None:
-            with options.results.open("a", encoding="utf-8") as sheet:
-                sheet.write(json.dumps(kept[-1]) + "\n")
-    print(table(kept))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    same = [getattr(run, name) for name in SAME]
+    found = run.cases([(k, *same) for k in range(run.sessions)], lambda k, *_: experiment(k, run))
+    table([row for _, row in found])

@@ -1,36 +1,34 @@
 """Random actions regulated: which can be, which cannot, and whether a search of another kind agrees.
 
-Run:  python benchmarks/regulation_sweep.py [--count 200] [--first 0] [--seeds 15,34] [--no-search] [--again]
+    python -m benchmarks regulation_sweep [--count 200] [--first 0] [--seeds 15,34] [--no-search] [--again]
+                                          [--scene string,giving-joints]
+
 Each seed is an action: the printed or the regulated set, all its points and radii off by up to 0.05 to 0.5 mm (the
 amplitude varies from action to action), masses within 5 %, felts within 20 %. Prints a line each. What `regulate`
 refuses is searched by SciPy's least squares over all screws and the rest rail, from several starts. "missed": it
 found screws that meet all targets. "confirmed": it did not, and it succeeds once the screw that the message names may
 go further, or the target that the message names does not count. "unconfirmed": neither. The search takes minutes for an
 action; ``--no-search`` says "refused" instead, and ``--seeds`` names those to search. With ``--again`` each regulated
-action is regulated once more, and must come back as it is ("turned again").
+action is regulated once more, and must come back as it is ("turned again"). ``--scene`` regulates the same actions
+in these scenes, one after the other.
 Exits with 1 if an action was missed or an obstacle is unconfirmed.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
 import time
 from collections import Counter
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))  # measure the checkout that contains this file
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
-import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
-from scipy.optimize import least_squares  # noqa: E402
-
-import model  # noqa: E402
-from model.regulation.measures import TARGETS, measure  # noqa: E402
-from model.regulation.measures import at_rest as rest_measures  # noqa: E402
-from model.regulation.screws import REST_RAIL, SCREWS, limits  # noqa: E402
+import model
+from benchmarks.runner import Run
+from model.regulation.measures import TARGETS, measure
+from model.regulation.measures import at_rest as rest_measures
+from model.regulation.screws import REST_RAIL, SCREWS, limits
 
 Array = NDArray[np.float64]
 
@@ -42,6 +40,7 @@ SPREAD_MM = 0.3, 1.2  # of the starts at rest, near and far
 RAIL_MM = (0.0, -1.0, -2.0, -0.5, -3.0, -4.0)
 LOST_MM = 20.0  # residual of what cannot be measured
 ALL = (*SCREWS, REST_RAIL)
+BAD = ("missed", "unconfirmed", "off target", "turned again")
 
 
 def random_action(seed: int) -> tuple[model.Action, float]:
@@ -144,34 +143,30 @@ def judge(action: model.Action, refusal: str, seed: int) -> str:
     return "unconfirmed"
 
 
-def main() -> int:
-    p = argparse.ArgumentParser(description="Random actions regulated.")
-    p.add_argument("--count", type=int, default=200)
-    p.add_argument("--first", type=int, default=0, help="first seed")
-    p.add_argument("--seeds", type=lambda text: [int(seed) for seed in text.split(",")], help="these instead")
-    p.add_argument("--no-search", action="store_true", help="do not search what is refused")
-    p.add_argument("--again", action="store_true", help="regulate what was regulated once more")
-    args = p.parse_args()
+def regulated(scene: str, seed: int, again: bool, search: bool) -> list[str]:
+    """What became of one action in a scene: the verdict, its set and how far it is off, words, seconds."""
+    action, off = random_action(seed)
+    action, start = model.load_scene(scene).on(action), time.process_time()
+    try:
+        done = model.regulation.regulate(action)
+        worst = max(abs(measure(done.action).value_m[t.name] - t.wanted_m) for t in TARGETS)
+        verdict = "regulated" if 1e3 * worst <= TOLERANCE_MM else "off target"
+        if again and model.regulation.regulate(done.action).action is not done.action:
+            verdict = "turned again"
+        words = f"worst {1e6 * worst:.1f} um, rail {1e3 * done.rest_rail_m:+.2f} mm"
+    except model.ModelError as problem:
+        words = str(problem).partition(": ")[2]
+        verdict = judge(action, words, seed) if search else "refused"
+    return [verdict, f"+-{1e3 * off:.2f} mm {action.name}", words, f"{time.process_time() - start:.1f} s"]
+
+
+def main(run: Run) -> bool:
+    """Print a line for each action; whether none was missed, and every obstacle is confirmed."""
     seen: Counter[str] = Counter()
-    for seed in args.seeds or range(args.first, args.first + args.count):
-        action, off = random_action(seed)
-        start = time.process_time()
-        try:
-            done = model.regulation.regulate(action)
-            worst = max(abs(measure(done.action).value_m[t.name] - t.wanted_m) for t in TARGETS)
-            verdict = "regulated" if 1e3 * worst <= TOLERANCE_MM else "off target"
-            if args.again and model.regulation.regulate(done.action).action is not done.action:
-                verdict = "turned again"
-            words = f"worst {1e6 * worst:.1f} um, rail {1e3 * done.rest_rail_m:+.2f} mm"
-        except model.ModelError as problem:
-            words = str(problem).partition(": ")[2]
-            verdict = "refused" if args.no_search else judge(action, words, seed)
-        seen[verdict] += 1
-        taken = time.process_time() - start
-        print(f"{seed:4d} +-{1e3 * off:.2f} mm {action.name:25} {verdict:18} {taken:6.1f} s  {words}", flush=True)
-    print(", ".join(f"{count} {verdict}" for verdict, count in sorted(seen.items())))
-    return 1 if any(seen[bad] for bad in ("missed", "unconfirmed", "off target", "turned again")) else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    seeds = run.seeds or range(run.first, run.first + run.count)
+    keys = [(scene, seed, run.again, not run.no_search) for scene in run.scene for seed in seeds]
+    for (scene, seed, *_), (verdict, what, words, taken) in run.cases(keys, regulated):
+        seen[f"{scene}: {verdict}"] += 1
+        print(f"{scene:15} {seed:4d} {what:36} {verdict:18} {taken:>8}  {words}", flush=True)
+    print("\n".join(f"{count} {verdict}" for verdict, count in sorted(seen.items())))
+    return not any(verdict.endswith(BAD) for verdict in seen)

@@ -1,4 +1,4 @@
-"""Size, time and memory of the report against the number of trials: `python benchmarks/report.py [--trials 200]`.
+"""Size, time and memory of the report against the number of trials: `python -m benchmarks report [--trials 200]`.
 
 Sessions are made from the shipped example: its trials are copied in turn, with the force of each copy slightly scaled.
 Film tracking is not included.  Each run is a separate `pianorig validate` process, as started by a user; memory is the
@@ -12,19 +12,20 @@ Last, one trial is added to them: the line below the row counts what was compute
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from benchmarks.runner import ROOT, Run, Table
 from rig.session import Session
 
-EXAMPLE = Path(__file__).parent.parent / "sessions" / "example_forte"
+EXAMPLE = ROOT / "sessions" / "example_forte"
 SEED = 100
 SCATTER = 0.005
 LIMITS = {  # name → (seconds, MB of page, GB of memory)
@@ -63,26 +64,23 @@ def make_session(folder: Path, n_trials: int) -> Path:
     return folder
 
 
-def run(folder: Path) -> dict[str, object]:
+def validate(folder: Path) -> dict[str, Any]:
     """Run ``pianorig validate`` once: seconds, memory, and its output."""
     done = subprocess.run([sys.executable, "-c", RUN, str(folder)], capture_output=True, text=True, check=True)
-    result: dict[str, object] = json.loads(done.stdout)
+    result: dict[str, Any] = json.loads(done.stdout)
     if result["code"] != 0:
         raise SystemExit(f"validate failed: {result['err']}")
     return result
 
 
-def main() -> int:
-    """Print the table; return 1 if a limit is not met."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--trials", type=int, default=200, help="trials of the large session")
-    n_many = parser.parse_args().trials
-    met = True
-    titles = f"{'time s':>8}{'limit':>7}{'processor s':>13}{'memory GB':>11}{'limit':>7}{'page MB':>9}{'limit':>7}"
-    print(f"{'session':<28}{titles}")
+def main(run: Run) -> bool:
+    """Print the table; whether the limits are met."""
+    n_many, met = run.trials, True
+    heads = "time s:.2f", "limit:.1f", "processor s:.2f", "memory GB:.3f", "limit:.1f", "page MB:.2f", "limit:.1f"
+    table = Table("session:28s", *heads)
     with tempfile.TemporaryDirectory() as place:
         few, many = make_session(Path(place) / "few", 5), make_session(Path(place) / "many", n_many)
-        run(make_session(Path(place) / "compiles", 1))
+        validate(make_session(Path(place) / "compiles", 1))
         for name, folder, title in (
             ("cold", few, "5 trials, cold"),
             ("unchanged", few, "5 trials, unchanged"),
@@ -96,24 +94,16 @@ def main() -> int:
                 session = Session.open(folder)
                 trial = session.trials[0].read()
                 session.add_trial(replace(trial, number=n_many + 1, force_n=1.001 * trial.force_n))
-            result = run(folder)
-            page = folder / "report.html"
+            result = validate(folder)
             n = n_many + (name == "added") if folder == many else 5 - (name == "rejected")
-            said = json.loads(str(result["out"]))
+            said = json.loads(result["out"])
             if f"against {n} trials" not in said["verdict"]:
                 raise SystemExit(f"{title}: not all trials were compared: {said['verdict'][:200]}")
-            found = (float(str(result["s"])), page.stat().st_size / 1e6, float(str(result["kb"])) * 1024 / 1e9)
-            limits = LIMITS[name]
-            taken = (float(str(result["cpu_s"])) if name in BY_PROCESSOR_TIME else found[0], *found[1:])
-            met &= all(value <= limit for value, limit in zip(taken, limits, strict=True))
-            print(
-                f"{title:<28}{found[0]:>8.2f}{limits[0]:>7.1f}{float(str(result['cpu_s'])):>13.2f}"
-                f"{found[2]:>11.3f}{limits[2]:>7.1f}{found[1]:>9.2f}{limits[1]:>7.1f}\n  reused: {said['reused']}",
-                flush=True,
-            )
+            (most_s, most_mb, most_gb), gigabytes = LIMITS[name], result["kb"] * 1024 / 1e9
+            page_mb = (folder / "report.html").stat().st_size / 1e6
+            taken = result["cpu_s"] if name in BY_PROCESSOR_TIME else result["s"]
+            met &= taken <= most_s and page_mb <= most_mb and gigabytes <= most_gb
+            table.row(title, result["s"], most_s, result["cpu_s"], gigabytes, most_gb, page_mb, most_mb)
+            print(f"  reused: {said['reused']}", flush=True)
     print("all limits met" if met else "NOT all limits met")
-    return 0 if met else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return met

@@ -1,23 +1,19 @@
 """Do two checkouts give the same results? Every scene with every method, and the reports of the shipped sessions.
 
-Run:  python benchmarks/same_results.py OTHER_CHECKOUT [--methods rodas4p,rodas5p]
+    python -m benchmarks same_results --against CHECKOUT [--methods rodas4p,rodas5p]
 
 Each job runs ``pianorig`` in a separate process, once from each checkout. Columns of angles, speeds and forces are
 compared numerically: the largest difference of any angle in rad, and of any other column relative to its largest
 value. ``results.json`` and ``report.html`` are compared value by value and line by line, after masking hashes, dates,
-run times, versions and paths. Exit code 0: angles within 1e-13 rad and all else identical.
+run times, versions and paths. Right: angles within 1e-13 rad and all else identical.
 """
 
 from __future__ import annotations
 
-import argparse
 import difflib
 import json
-import os
 import re
 import shutil
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -25,7 +21,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-ROOT = Path(__file__).resolve().parents[1]
+from benchmarks.runner import ROOT, Checkout, Run, checkouts
+
 SCENES = (
     "whole",
     "without-string",
@@ -36,7 +33,6 @@ SCENES = (
     "lifting-key-flexible-shank",
     "motor-arm",
 )
-SESSIONS = ("planted_faults", "example_forte")
 LARGEST_ANGLE_DIFFERENCE = 1e-13
 MASKS = (
     (re.compile(r"\b[0-9a-f]{16,64}\b"), "HASH"),
@@ -47,21 +43,10 @@ MASKS = (
 UNSTABLE_KEYS = re.compile(r"sha256|hash|version|created|date|elapsed|seconds|wall_time|path|origin|reused")
 
 
-def pianorig(checkout: Path, *arguments: str | Path) -> str:
-    """Run one command from the source of ``checkout``; return its standard output."""
+def pianorig(checkout: Checkout, *arguments: str | Path) -> None:
+    """Run one command from the source of ``checkout``."""
     code = "import sys; from pianorig.cli import main; main(sys.argv[1:])"
-    environment = os.environ | {"PYTHONPATH": str(checkout), "SOURCE_DATE_EPOCH": "0"}
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", code, *map(str, arguments)],
-        cwd=tempfile.gettempdir(),
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        raise SystemExit(f"{checkout}: pianorig {' '.join(map(str, arguments))}: exit {done.returncode}\n{done.stderr}")
-    return done.stdout
+    checkout.run("-c", code, *arguments, SOURCE_DATE_EPOCH="0")
 
 
 def input_tables(folder: Path) -> dict[str, Path]:
@@ -121,14 +106,14 @@ def differences(a: Any, b: Any, where: str = "") -> list[str]:
     return [] if a == b or (a != a and b != b) else [f"{where}: {str(a)[:80]!r} became {str(b)[:80]!r}"]
 
 
-def compare_simulations(other: Path, methods: list[str], folder: Path) -> bool:
+def compare_simulations(both: tuple[Checkout, Checkout], run: Run, folder: Path) -> bool:
     """Compare every scene with every method; print a row for each."""
     tables, fine = input_tables(folder), True
-    for scene in SCENES:
+    for scene in run.scenes or SCENES:
         table = tables["torque" if scene == "motor-arm" else "force"]
-        for method in methods:
+        for method in run.methods:
             out = [folder / f"{scene}_{method}_{side}.csv" for side in "ab"]
-            for checkout, path in zip((other, ROOT), out, strict=True):
+            for checkout, path in zip(both, out, strict=True):
                 options = ["--scene", scene, "--method", method, "--forces", "--inside"]
                 pianorig(checkout, "simulate", "--force", table, *options, "--out", path)
             angle, rest = compare_columns(*out)
@@ -138,19 +123,19 @@ def compare_simulations(other: Path, methods: list[str], folder: Path) -> bool:
     return fine
 
 
-def compare_reports(other: Path, folder: Path) -> bool:
+def compare_reports(both: tuple[Checkout, Checkout], names: list[str], folder: Path) -> bool:
     """Compare the reports of the shipped sessions; print the differences."""
     fine = True
-    for name in SESSIONS:
+    for name in names:
         found: list[tuple[Any, list[str]]] = []
-        for side, checkout in zip("ab", (other, ROOT), strict=True):
+        for side, checkout in zip("ab", both, strict=True):
             session = folder / side / name
             shutil.copytree(ROOT / "sessions" / name, session, ignore=shutil.ignore_patterns("derived"))
             report = folder / side / f"report_{name}"
             pianorig(checkout, "validate", session, "--out", report)
             here = folder / side
-            results = stable(json.loads((report / "results.json").read_text("utf-8")), checkout, here)
-            page = masked((report / "report.html").read_text("utf-8"), checkout, here)
+            results = stable(json.loads((report / "results.json").read_text("utf-8")), checkout.root, here)
+            page = masked((report / "report.html").read_text("utf-8"), checkout.root, here)
             found.append((results, page.splitlines()))
         lines = differences(found[0][0], found[1][0])
         changed = [d for d in difflib.unified_diff(found[0][1], found[1][1], lineterm="", n=0) if d[:1] in "+-"]
@@ -161,18 +146,11 @@ def compare_reports(other: Path, folder: Path) -> bool:
     return fine
 
 
-def main() -> int:
+def main(run: Run) -> bool:
     """Compare this checkout with another one."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("other", type=Path)
-    parser.add_argument("--methods", default="rodas4p,rodas5p")
-    given = parser.parse_args()
+    both = checkouts(run)
     with tempfile.TemporaryDirectory() as folder:
-        fine = compare_simulations(given.other.resolve(), given.methods.split(","), Path(folder))
-        fine &= compare_reports(given.other.resolve(), Path(folder))
+        fine = compare_simulations(both, run, Path(folder))
+        fine &= compare_reports(both, run.sessions, Path(folder))
     print("the same" if fine else "NOT the same")
-    return 0 if fine else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return fine

@@ -1,6 +1,7 @@
-"""Error against time of derivatives of a blow: integrated beside it, or by differences of runs, steps frozen or not.
+"""Error against time of derivatives of a blow: integrated beside it, or by differences of runs.
 
-Run: python benchmarks/sensitivities.py
+    python -m benchmarks sensitivities [--tangents | --scenes [--only string,shank]]
+
 Errors are those of the angles' derivatives over a forte of 0.7 s, of each angle's largest derivative, the worst of all
 angles and parameters, against Richardson's limit of central differences of runs at 1e-11 rad. Times are processor time
 in runs of `simulate` at its default tolerance; those of 60 columns are measured, differences of 60 columns are taken as
@@ -9,26 +10,19 @@ largest derivative or of 1e-4 rad per change of the parameter by all of its valu
 (`--tangents`: these rows alone). Then the same columns with events and contact forces at all times: forces' errors are
 of each force's largest derivative, or of 1e-3 of its largest value per such change, away from kinks (no contact begins
 or ceases to push within a sample) and anywhere; events' of their derivatives, or of 1e-4 of the largest of one by any
-parameter per such change. With frozen steps (the sequence of the unchanged run, nothing rejected) eight members
-go through a core's lanes together; that such a study of 60 columns takes 22 runs is an estimate.
+parameter per such change.
 """
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 import model
-from model.derived.load import kernels_of
+from benchmarks.runner import Run, least
 from model.sensitivity import find_parameters
-from model.sensitivity.parameter_names import directions
-from model.sensitivity.tangents import Recorded
-from model.simulation.statics import solve_rest
 
 Array = NDArray[np.float64]
 
@@ -56,55 +50,19 @@ def sixty(action: model.Action) -> list[str]:
     return names
 
 
-def seconds(work: Callable[[], object], times: int = 2) -> float:
-    """Least processor time of some repetitions, after one that warms up."""
-    work()
-    spent = []
-    for _ in range(times):
-        began = time.process_time()
-        work()
-        spent.append(time.process_time() - began)
-    return min(spent)
-
-
-class Frozen:
-    """Runs of changed actions with the steps of the unchanged one."""
-
-    def __init__(self, action: model.Action, blow: tuple[Array, Array], tolerance: float) -> None:
-        self.blow, self.tolerance = blow, tolerance
-        slopes = directions(action, model.SceneChoice(), find_parameters(action, ["hammer.mass"]))
-        simulation = self._at_rest(slopes.scene)
-        end = float(blow[0][-1])
-        self.steps = Recorded(slopes, simulation, end, blow, (solve_rest(slopes.scene), 0.0)).motion.step[:, :2]
-        self.ends = np.append(self.steps[1:, 0], end)
-
-    def _at_rest(self, scene: model.Scene) -> model.Simulation:
-        state = model.State(float(self.blow[0][0]), solve_rest(scene), np.zeros(scene.size))
-        return model.Simulation(scene, state, self.tolerance, "rodas5p")
-
-    def angles(self, action: model.Action) -> Array:
-        """Angles at the ends of the steps."""
-        simulation = self._at_rest(model.build_scene(action))
-        plan = simulation.plan(float(self.ends[-1]), *self.blow)
-        free = plan.limits._replace(angle=np.inf, speed=np.inf, rest=0.0, longest_step=np.inf, most_steps=3)
-        kernels, out = kernels_of(simulation.scene.tables), np.empty((len(self.ends), simulation.scene.size))
-        for row, (start, step), end in zip(out, self.steps, self.ends, strict=True):
-            span = plan.span._replace(time=float(start), end=float(end), step=float(step))
-            plan.method.loop(
-                span, plan.drive, plan.out, plan.scene, kernels, plan.method.coefficients, free, plan.account
-            )
-            row[:] = span.angle
-        return out
-
-
 def far(found: Array, truth: Array) -> float:
     """Largest difference of any angle's derivative (m, n), of that angle's largest."""
     return float(np.max(np.max(np.abs(found - truth), axis=0) / np.max(np.abs(truth), axis=0)))
 
 
-def off(found: Array, limit: Array, least: Array) -> Array:
-    """Differences of derivatives (m, c, P) from their limit, of their largest values, or of ``least``, (c, P)."""
-    return np.asarray(np.abs(found - limit) / np.maximum(np.max(np.abs(limit), axis=0), least))
+def each(errors: list[float]) -> str:
+    """Errors of parameters, one after the other."""
+    return " ".join(f"{e:.0e}" for e in errors)
+
+
+def off(found: Array, limit: Array, smallest: Array) -> Array:
+    """Differences of derivatives (m, c, P) from their limit, of their largest values, or of ``smallest``, (c, P)."""
+    return np.asarray(np.abs(found - limit) / np.maximum(np.max(np.abs(limit), axis=0), smallest))
 
 
 def all_asked(action: model.Action, blow: tuple[Array, Array], limit: model.Sensitivities, run: float) -> None:
@@ -118,25 +76,25 @@ def all_asked(action: model.Action, blow: tuple[Array, Array], limit: model.Sens
     for events, forces in ((True, False), (False, True), (True, True)):
         options = model.SensitivityOptions(events=events, contact_forces=forces, allow_idle=True)
         found = model.sensitivities(action, blow, names, options=options)
-        spent = seconds(lambda o=options: model.sensitivities(action, blow, names, options=o), 5)  # type: ignore[misc]
+        spent = least(lambda o=options: model.sensitivities(action, blow, names, options=o), 5)
         words = ["60 columns", *["events"] * events, *["contact forces"] * forces]
         line = f"{', '.join(words):<52} {spent / run:>6.1f}"
         if found.d_contact_forces is not None:
-            least = 1e-3 * np.max(normal, axis=0)[:, None] / scale
-            apart = off(found.d_contact_forces, d_normal, least)
+            smallest = 1e-3 * np.max(normal, axis=0)[:, None] / scale
+            apart = off(found.d_contact_forces, d_normal, smallest)
             line += f"  forces {np.max(apart[~near]):.1e} ({np.max(apart):.1e} anywhere)"
         if found.d_events:
-            each = []
+            worst = 0.0
             for name, d in limit.d_events.items():
                 size = np.maximum(np.abs(d), 1e-4 * np.max(np.abs(d * scale)) / scale)
-                each.append(float(np.max(np.abs(found.d_events[name] - d) / size)))
-            line += f"  events {max(each):.1e}"
+                worst = max(worst, float(np.max(np.abs(found.d_events[name] - d) / size)))
+            line += f"  events {worst:.1e}"
         print(line)
 
 
 def tangents(action: model.Action, blow: tuple[Array, Array], names: list[str], truth: dict[str, Array]) -> float:
     """Print the rows of derivatives integrated beside the motion; returns the time of a run, s."""
-    run = seconds(lambda: model.simulate(action, *blow), 9)
+    run = least(lambda: model.simulate(action, *blow), 9)
     print(f"a run at 1e-5 rad: {1e3 * run:.1f} ms")
     print(f"{'60 columns':<52} {'runs':>6} {'own runs':>9} {'worst error':>12}  worst of 60 columns, per parameter")
     limit = model.sensitivities(action, blow, names, options=ALL)
@@ -150,18 +108,15 @@ def tangents(action: model.Action, blow: tuple[Array, Array], names: list[str], 
         if truth:
             known = model.sensitivities(action, blow, [*truth], options=options).d_angles
             errors = [far(known[:, :, j], truth[name]) for j, name in enumerate(truth)]
-        spent = seconds(lambda o=options: model.sensitivities(action, blow, names, options=o))  # type: ignore[misc]
-        own = seconds(lambda t=tolerance: model.simulate(action, *blow, tolerance=t, method="rodas5p"))  # type: ignore[misc]
+        spent = least(lambda o=options: model.sensitivities(action, blow, names, options=o))
+        own = least(lambda t=tolerance: model.simulate(action, *blow, tolerance=t, method="rodas5p"))
         words = f"tangents, tolerance {tolerance:g} rad, relative {relative:g}"
-        print(
-            f"{words:<52} {spent / run:>6.1f} {spent / own:>9.1f} {max(errors):>12.1e}  {worst:.1e}, "
-            + " ".join(f"{e:.0e}" for e in errors)
-        )
+        print(f"{words:<52} {spent / run:>6.1f} {spent / own:>9.1f} {max(errors):>12.1e}  {worst:.1e}, {each(errors)}")
     all_asked(action, blow, limit, run)
     return run
 
 
-def scenes() -> None:
+def scenes(only: list[str]) -> None:
     """Print what 60 columns cost in each scene, in runs of that scene at 1e-5 rad, alone and with all that is asked.
 
     Errors are those of sampled columns against differences of whole runs: the slow tests of
@@ -174,15 +129,17 @@ def scenes() -> None:
     cases |= {
         law: (action.with_laws(dict.fromkeys(some, law)), model.SceneChoice()) for law in ("stulov", "hysteresis")
     }
-    cases |= {"string, 30 modes": (thirty, model.SceneChoice(effects=("string",)))}
+    cases |= {"string of 30 modes": (thirty, model.SceneChoice(effects=("string",)))}
     named = ("lifting-key", "flexible-shank", "giving-hammer", "giving-joints", "motor-arm", "motor-drive")
     cases |= {name: (action, model.load_scene(name)) for name in named}
     print(f"{'60 columns':<20} {'run, ms':>8} {'runs':>6} {'with events, forces':>20}  steps of motion, of tangents")
     for name, (chosen, choice) in cases.items():
+        if only and name not in only:
+            continue
         per = {"motor_drive": 0.1 / 1.2, "motor_arm": 0.1}
         time_s, force = model.force_table("forte")
         blow = time_s, force * next((x for effect, x in per.items() if effect in choice.effects), 1.0)
-        run = seconds(lambda a=chosen, b=blow, c=choice: model.simulate(a, *b, scene=c), 5)  # type: ignore[misc]
+        run = least(lambda a=chosen, b=blow, c=choice: model.simulate(a, *b, scene=c), 5)
         spent = []
         for asked in (False, True):
             options = model.SensitivityOptions(scene=choice, allow_idle=True, events=asked, contact_forces=asked)
@@ -192,67 +149,40 @@ def scenes() -> None:
             def work(a=chosen, b=blow, x=columns, o=options) -> None:  # type: ignore[no-untyped-def]
                 model.sensitivities(a, b, x, options=o)
 
-            spent.append(seconds(work, 3))
+            spent.append(least(work, 3))
         steps = found.counters["n_steps"], found.counters["n_tangent_steps"] + found.counters["n_tangent_rejected"]
         print(f"{name:<20} {1e3 * run:>8.1f} {spent[0] / run:>6.1f} {spent[1] / run:>20.1f}  {steps[0]}, {steps[1]}")
 
 
-def main() -> None:
+def main(run: Run) -> None:
     """Print the table."""
-    if "--scenes" in sys.argv:
-        scenes()
+    if run.scenes:
+        scenes(run.only)
         return
     action, blow = model.load_action(), model.force_table("forte")
-
-    def changed(name: str, change: float) -> model.Action:
-        (parameter,) = find_parameters(action, [name])
-        return action.with_values({path: action[path] + change * w for path, w in parameter.paths.items()})
-
-    def angles(name: str, change: float, tolerance: float) -> Array:
-        return model.simulate(changed(name, change), *blow, tolerance=tolerance, method="rodas5p").angle_rad
-
-    def central(name: str, step: float, tolerance: float) -> Array:
-        return (angles(name, step, tolerance) - angles(name, -step, tolerance)) / (2.0 * step)
-
-    names = sixty(action)
-    if "--tangents" in sys.argv:
+    names = sixty(action)[: run.columns]
+    if run.tangents:
         tangents(action, blow, names, {})
         return
+
+    def central(name: str, step: float, tolerance: float) -> Array:
+        (parameter,) = find_parameters(action, [name])
+        high, low = (
+            model.simulate(
+                action.with_values({path: action[path] + sign * step * w for path, w in parameter.paths.items()}),
+                *blow, tolerance=tolerance, method="rodas5p",
+            ).angle_rad
+            for sign in (1.0, -1.0)
+        )  # fmt: skip
+        return (high - low) / (2.0 * step)
+
     truth = {name: (4.0 * central(name, 0.5 * h, 1e-11) - central(name, h, 1e-11)) / 3.0 for name, h in STEPS.items()}
-
-    def error(found: Array, name: str) -> float:
-        return far(found, truth[name])
-
-    run = tangents(action, blow, names, truth)
+    run_s = tangents(action, blow, names, truth)
     for tolerance in (1e-9, 1e-7, 1e-5):
-        own = seconds(lambda t=tolerance: model.simulate(action, *blow, tolerance=t, method="rodas5p"))  # type: ignore[misc]
+        own = least(lambda t=tolerance: model.simulate(action, *blow, tolerance=t, method="rodas5p"))
         errors = []
         for name in STEPS:
             (parameter,) = find_parameters(action, [name])
-            errors.append(min(error(central(name, s * parameter.scale, tolerance), name) for s in SHARES))
+            errors.append(min(far(central(name, s * parameter.scale, tolerance), truth[name]) for s in SHARES))
         words = f"central differences of runs at {tolerance:g}, best of four steps"
-        print(
-            f"{words:<52} {120 * own / run:>6.1f} {120.0:>9.1f} {max(errors):>12.1e}  "
-            + " ".join(f"{e:.0e}" for e in errors)
-        )
-    for tolerance in (1e-8, 1e-6):
-        frozen = Frozen(action, blow, tolerance)
-        unchanged = frozen.angles(action)
-        at = np.clip(np.searchsorted(blow[0], frozen.ends), 0, len(blow[0]) - 1)
-        on_table = np.abs(blow[0][at] - frozen.ends) < 1e-12  # where the truth is known
-        errors = []
-        for name in STEPS:
-            (parameter,) = find_parameters(action, [name])
-            found = []
-            for share in SHARES[:2]:
-                step = share * parameter.scale
-                slope = (frozen.angles(changed(name, step)) - unchanged)[on_table] / step
-                known = truth[name][at[on_table]]
-                found.append(float(np.max(np.max(np.abs(slope - known), 0) / np.max(np.abs(truth[name]), 0))))
-            errors.append(min(found))
-        words = f"forward differences, frozen steps of {tolerance:g}, best of two steps"
-        print(f"{words:<52} {'':>6} {22.0:>9.1f} {max(errors):>12.1e}  " + " ".join(f"{e:.0e}" for e in errors))
-
-
-if __name__ == "__main__":
-    main()
+        print(f"{words:<52} {120 * own / run_s:>6.1f} {120.0:>9.1f} {max(errors):>12.1e}  {each(errors)}")

@@ -1,6 +1,7 @@
 """Derivatives at the default tolerances on random parameter sets and forces, against tight ones (1e-12 rad, 1e-8).
 
-Run: python benchmarks/sensitivities_random.py [--sets 24] [--seed 200] [--scene whole]
+    python -m benchmarks sensitivities_random [--sets 24] [--seed 200] [--scene whole]
+
 A set has half of its laws and masses changed by some 15 %, a third of its pivots by 0.1 mm; forces are half sines, slow
 ramps, repeated blows, steps and triangles of 3 to 20 N. Errors are those of the worst of 60 columns, as in
 `sensitivities.py`; of contact forces also the quantile 0.9999, which leaves out the samples next to a kink.
@@ -8,14 +9,15 @@ ramps, repeated blows, steps and triangles of 3 to 20 N. Errors are those of the
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sensitivities import ALL, off, sixty
 
 import model
+from benchmarks.runner import Run, Table
+from benchmarks.sensitivities import ALL, off, sixty
 from model.sensitivity import find_parameters
 
 Array = NDArray[np.float64]
@@ -78,29 +80,23 @@ def errors(action: model.Action, blow: tuple[Array, Array], scene: str) -> tuple
     return float(np.max(angles)), float(np.max(forces)), float(np.quantile(forces, 0.9999)), max(events)
 
 
-def main() -> None:
+def main(run: Run) -> None:
     """Print one line a set, then medians and largest."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--sets", type=int, default=24)
-    parser.add_argument("--seed", type=int, default=200)
-    parser.add_argument("--scene", default="whole")
-    wanted = parser.parse_args()
-    rows = []
-    print("seed  force       angles   forces   0.9999   events")
-    for seed in range(wanted.seed, wanted.seed + wanted.sets):
+
+    def case(seed: int, scene: str) -> dict[str, Any]:
         random = np.random.default_rng(seed)
         action = random_set(random)
         kind, blow = random_blow(random)
         try:
-            rows.append(errors(action, blow, wanted.scene))
+            return {"kind": kind, "errors": errors(action, blow, scene)}
         except model.ModelError as error:
-            print(f"{seed}  {kind}: refused, {error}")
-            continue
-        print(f"{seed}  {kind:<10}  " + "  ".join(f"{x:.1e}" for x in rows[-1]), flush=True)
+            return {"kind": f"{kind}: refused, {error}"}
+
+    rows = []
+    table = Table("force:10s", "seed:d", "angles:.1e", "forces:.1e", "0.9999:.1e", "events:.1e")
+    for (seed, _), row in run.cases([(run.seed + k, run.scene) for k in range(run.sets)], case):
+        rows += [row["errors"]] if "errors" in row else []
+        table.row(row["kind"], seed, *row.get("errors", [None] * 4))
     for word, of in (("median", np.median(rows, axis=0)), ("largest", np.max(rows, axis=0))):
-        print(f"{word:<16}" + "  ".join(f"{x:.1e}" for x in of))
+        table.row(word, None, *of)
     print(f"angles within 1e-5: {sum(row[0] <= 1e-5 for row in rows)} of {len(rows)}")
-
-
-if __name__ == "__main__":
-    main()

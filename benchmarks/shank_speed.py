@@ -1,29 +1,23 @@
 """Hammer speed on a bench with a bending shank: error relative to the head's true speed, and coverage by the stated u.
 
-    python benchmarks/shank_speed.py [--seeds 30] [--first 3000] [--kinds forte,piano]
+    python -m benchmarks shank_speed [--seeds 30] [--first 3000] [--kinds forte,piano]
 
 The encoder sits at the butt and picks up the vibration; the truth is the motion of the head beyond the hinge.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections import defaultdict
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import model
 from benchmarks.bench_strokes import Stroke, play
 from benchmarks.event_coverage import nominal
+from benchmarks.runner import Run, Table
 from validation.events.definitions import Event
 from validation.events.detect import find_events
 from validation.measurement.trial import measure
-
-KINDS = ("forte", "piano", "double", "staccato", "slow", "fortissimo")
 
 
 def head_height_m(stroke: Stroke) -> np.ndarray:
@@ -56,28 +50,26 @@ def speeds(kind: str, seed: int) -> list[tuple[Event, float]]:
     return list(zip((found["hammer_speed"], found["rebound_speed"]), true_speeds(stroke), strict=True))
 
 
-def main() -> None:
+def main(run: Run) -> None:
     """Print a row per kind, speed and detection method."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=30)
-    parser.add_argument("--first", type=int, default=3000)
-    parser.add_argument("--kinds", default=",".join(KINDS))
-    options = parser.parse_args()
-    print("kind         speed           found as             n  in 2 u  worst z  rms error  median u")
-    for kind in options.kinds.split(","):
+    table = Table(
+        "kind:12s",
+        "speed:15s",
+        "found as:20s",
+        "n:3d",
+        "in 2 u:.2f",
+        "worst z:.1f",
+        "rms error %:.2f",
+        "u %:.2f",
+    )
+    for kind in run.kinds:
         rows = defaultdict(list)
-        for seed in range(options.first, options.first + options.seeds):
+        for seed in range(run.first, run.first + run.seeds):
             for event, true in speeds(kind, seed):
                 rows[event.name, event.note.split(" of ")[0][:20]].append(
                     ((event.value - true) / event.u, event.value / true - 1, event.u / true)
                 )
         for (name, how), values in sorted(rows.items()):
             z, error, u = np.array(values).T
-            print(
-                f"{kind:12s} {name:15s} {how:20s} {z.size:3d}   {np.mean(np.abs(z) < 2):.2f}  {np.abs(z).max():7.1f} "
-                f"{100 * np.sqrt(np.mean(error**2)):8.2f} % {100 * np.median(u):8.2f} %"
-            )
-
-
-if __name__ == "__main__":
-    main()
+            shares = 100 * np.sqrt(np.mean(error**2)), 100 * np.median(u)
+            table.row(kind, name, how, z.size, np.mean(np.abs(z) < 2), np.abs(z).max(), *shares)

@@ -1,28 +1,27 @@
 """Is this checkout as fast as another? Jobs alternate between the two; the ratio of their medians is printed.
 
-Run:  python benchmarks/speed_of_two_checkouts.py OTHER_CHECKOUT [--turns 20] [--only simulate,forte]
+    python -m benchmarks speed_of_two_checkouts --against CHECKOUT [--turns 20] [--only simulate,forte]
 
 Jobs: start-up and whole run of ``--help``, ``simulate``, an unchanged and a cold ``validate`` (wall time of a process);
 a forte at 1e-5 rad in a warm process, tracking a rendered film of 300 frames, the first compilation of the kernels
 (processor time inside the process). The first turn of each is not counted. The upper limit is that of a 95 % bootstrap
-interval of the ratio of medians; above 1.05 the exit code is 1. Each result is checked: a job prints a figure that
+interval of the ratio of medians; above 1.05 is wrong. Each result is checked: a job prints a figure that
 must be equal in both checkouts.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
 import shutil
-import subprocess
-import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
+import vision
+from benchmarks.runner import ROOT, Checkout, Run, Table, checkouts
+from benchmarks.tracking_cases import blow
+from rig.simulated import CameraSettings, film_bodies, film_trial
+
 LARGEST_RATIO = 1.05
 LONG = {"compile": 5, "cold-validate": 10}
 """Jobs of many seconds get fewer turns."""
@@ -62,34 +61,21 @@ print(time.process_time() - start, repr(float(blow.angle_rad[-1, 4])))
 """
 
 
-def run(checkout: Path, arguments: list[str], **variables: str) -> tuple[float, str]:
-    """Wall time of a Python process running the source of ``checkout``, and its output."""
-    environment = os.environ | {"PYTHONPATH": str(checkout)} | variables
-    start = time.perf_counter()
-    done = subprocess.run(
-        [sys.executable, "-P", *arguments], env=environment, cwd=tempfile.gettempdir(), capture_output=True, text=True
-    )
-    elapsed = time.perf_counter() - start
-    if done.returncode:
-        raise SystemExit(f"{checkout}: {arguments[:4]}: exit {done.returncode}\n{done.stderr}")
-    return elapsed, done.stdout
-
-
-def measured(job: str, checkout: Path, folder: Path) -> tuple[float, str]:
+def measured(job: str, checkout: Checkout, folder: Path) -> tuple[float, str]:
     """Seconds for one turn of a job, and the figure that must be the same in both checkouts."""
     if job in ("forte", "track", "compile"):
         code = {"forte": FORTE, "track": TRACK, "compile": COMPILE}[job]
         more = [str(folder / "film.mraw"), str(folder / "bodies.toml")] if job == "track" else []
         with tempfile.TemporaryDirectory() as cache:
             variables = {"PIANORIG_CACHE_DIR": cache} if job == "compile" else {}
-            seconds, figure = run(checkout, ["-c", code, *more], **variables)[1].split()
+            seconds, figure = checkout.run("-c", code, *more, **variables)[2].split()
         return float(seconds), figure
-    session = folder / checkout.name / "session"
+    session = folder / checkout.root.name / "session"
     if job == "cold-validate":
         shutil.rmtree(session.parent, ignore_errors=True)
     if job.endswith("validate") and not session.exists():
         shutil.copytree(ROOT / "sessions" / "example_forte", session, ignore=shutil.ignore_patterns("derived"))
-    out = folder / checkout.name / "out.csv"
+    out = folder / checkout.root.name / "out.csv"
     out.parent.mkdir(exist_ok=True)
     arguments = {
         "help": ["--help"],
@@ -97,7 +83,7 @@ def measured(job: str, checkout: Path, folder: Path) -> tuple[float, str]:
         "validate": ["validate", str(session)],
         "cold-validate": ["validate", str(session)],
     }[job]
-    seconds, _ = run(checkout, ["-c", COMMAND, *arguments])
+    seconds, _, _ = checkout.run("-c", COMMAND, *arguments)
     return seconds, out.read_text("utf-8") if job == "simulate" else ""
 
 
@@ -115,51 +101,31 @@ def upper_limit(old: np.ndarray, new: np.ndarray) -> float:
 
 def render_film(folder: Path) -> None:
     """Render a film of three moving bodies with this checkout's virtual camera."""
-    code = (
-        "import sys; from pathlib import Path; import numpy as np; sys.path.insert(0, 'benchmarks');"
-        "from filmed_blow import blow;"
-        "from rig.simulated import CameraSettings, film_bodies, film_trial; import vision;"
-        "s = CameraSettings(); t = np.arange(300) / s.frame_rate_hz; d = Path(sys.argv[1]);"
-        "film_trial(d / 'film.mraw', t, blow, settings=s);"
-        "vision.save_bodies(d / 'bodies.toml', film_bodies(settings=s))"
-    )
-    subprocess.run([sys.executable, "-c", code, str(folder)], cwd=ROOT, check=True)
+    settings = CameraSettings()
+    film_trial(folder / "film.mraw", np.arange(300) / settings.frame_rate_hz, blow, settings=settings)
+    vision.save_bodies(folder / "bodies.toml", film_bodies(settings=settings))
 
 
-def main() -> int:
-    """Measure every job in turns; print a row for each."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("other", type=Path)
-    parser.add_argument("--turns", type=int, default=20)
-    parser.add_argument("--only", default="help,simulate,validate,cold-validate,forte,track,compile")
-    given = parser.parse_args()
-    other, fine = given.other.resolve(), True
-    print("job            turns  other (s)  this (s)  ratio  upper 95 %")
+def main(run: Run) -> bool:
+    """Measure every job in turns; print a row for each; whether none is slower."""
+    both, fine = checkouts(run), True
+    table = Table("job:14s", "turns:d", "other s:.4f", "this s:.4f", "ratio:.3f", "upper 95 %:.3f", "limit:s")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        jobs = given.only.split(",")
-        if "track" in jobs:
+        if "track" in run.only:
             render_film(folder)
-        for job in jobs:
-            turns = min(given.turns, LONG.get(job, given.turns))
-            times: tuple[list[float], list[float]] = ([], [])
+        for job in run.only:
+            turns = min(run.turns, LONG.get(job, run.turns))
+            times = np.empty((turns + 1, 2))
             for turn in range(turns + 1):
-                figures = []
-                for side, checkout in enumerate((other, ROOT)):
-                    seconds, figure = measured(job, checkout, folder)
-                    figures.append(figure)
-                    if turn:
-                        times[side].append(seconds)
+                found = [measured(job, checkout, folder) for checkout in both]
+                times[turn] = [seconds for seconds, _ in found]
+                figures = [figure for _, figure in found]
                 if not agree(job, *figures):
                     raise SystemExit(f"{job}: different answers: {figures[0][:80]} and {figures[1][:80]}")
-            old, new = np.array(times[0]), np.array(times[1])
-            limit = upper_limit(old, new)
-            fine &= limit <= LARGEST_RATIO
-            ratio = np.median(new) / np.median(old)
-            row = f"{job:14} {turns:5d} {np.median(old):10.4f} {np.median(new):9.4f} {ratio:6.3f} {limit:8.3f}"
-            print(row + ("" if limit <= LARGEST_RATIO else "  ABOVE 1.05"), flush=True)
-    return 0 if fine else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+            old, new = times[1:].T
+            limit, ratio = upper_limit(old, new), np.median(new) / np.median(old)
+            slower = limit > LARGEST_RATIO
+            fine &= not slower
+            table.row(job, turns, np.median(old), np.median(new), ratio, limit, "ABOVE 1.05" if slower else "")
+    return fine

@@ -1,35 +1,31 @@
-"""Do plausible and absurd actions run with felt that remembers, a string and other effects, and are they right?
+"""Do plausible and absurd actions run with felt that remembers, strings, joints that give, and are they right?
 
-    python benchmarks/stability_felt.py [--set A|B] [--with stulov|hysteresis|string|all] [--count 10000] [--seed 1]
-                                        [--seconds 240] [--out FILE] [--case N]
+    python -m benchmarks stability_felt [--set A|B] [--with stulov|hysteresis|string|joints|all] [--count 10000]
+                                        [--seed 1] [--first 0] [--case N]
 
-The cases are those of `stability.py`; the numbers of laws, string and effects vary by half as well. Felt that softens
+The cases are those of `stability`; the numbers of laws, string and effects vary by half as well. Felt that softens
 as it is pressed, which laws with memory refuse, is given the least b that does not soften. ``all``: a law with memory
-on every felt (Stulov's on every third), string, balance rail and shank. Right means: the energy audit, integrated with
+on every felt (Stulov's on every third), string, balance rail and shank. ``joints``: each case has bushings of its own,
+stiffness 1e4 to 1e7 N/m, damping 0 to critical, loads of up to 5 N. Right means: the energy audit, integrated with
 the motion at 1e-9, closes to 1e-6 of what was turned over (input and losses), and the angles at the tolerance 1e-5
 stay within ten times that of those at 1e-9; a miss counts as said where the estimated error says so, and as explained
-where a disturbance of the tolerance grows as much. Every case is a line of ``--out``; started again, the benchmark goes
-on where it stopped, and prints the outcomes of all lines, with the upper bound of the rate of failures (95 %).
+where a disturbance of the tolerance grows as much. Prints the outcomes, with the upper bound of the rate of failures
+(95 %).
 """
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
-import time
 import warnings
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
-from scipy.stats import beta
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import model
+from benchmarks.runner import Run, at_most
 from benchmarks.stability_cases import KICK_S, MAKERS, Case
 from model.parameters.action import CONTACTS, STRING
+from model.parameters.effects import PINS
 from model.parameters.quantity import allowed_range
 from model.scene.selection import SceneChoice
 from model.simulation.statics import solve_rest
@@ -42,9 +38,22 @@ FIXED = ("string.modes", "shank.frequency_hz", "shank.hinge", "shank.near")  # w
 Row = dict[str, str | int | float]
 
 
+def bushings(case: Case, action: model.Action) -> dict[str, float]:
+    """Numbers of the bushings of a case."""
+    random, out = np.random.default_rng([case.seed, case.number]), {}
+    for effect, body in PINS.items():
+        stiffness = 10.0 ** random.uniform(4.0, 7.0)
+        out[f"{effect}.stiffness"] = stiffness
+        out[f"{effect}.damping"] = random.uniform(0.0, 2.0) * float(np.sqrt(stiffness * action[f"{body}.mass"]))
+        out |= {f"{effect}.load.{axis}": random.uniform(-5.0, 5.0) for axis in "xy"}
+    return out
+
+
 def changed(case: Case, what: str) -> tuple[model.Action, SceneChoice]:
     """The action and the scene with what is under test."""
     action = model.load_action().with_values(case.overrides)
+    if what == "joints":
+        return action.with_effects(bushings(case, action)), model.load_scene("giving-joints")
     choice = SceneChoice(effects=EFFECTS.get(what, ()))
     felts = () if what == "string" else tuple(c for c in CONTACTS if not (choice.effects and c == STRING))
     of = {c: what if what != "all" else ("stulov" if k % 3 == 1 else "hysteresis") for k, c in enumerate(felts)}
@@ -115,9 +124,9 @@ class Runs:
         return largest
 
 
-def judge(case: Case, what: str) -> Row:
+def judged(name: str, what: str, seed: int, number: int) -> Row:
     """Outcome of one case, with its figures."""
-    row: Row = {"set": case.set, "seed": case.seed, "with": what, "number": case.number}
+    case, row = MAKERS[name](seed, number), Row(number=number)
     try:
         runs = Runs(case, what)
         fine = runs.solve(TIGHT, energy=True)
@@ -156,45 +165,20 @@ def report(rows: list[Row]) -> bool:
         print("  " + ", ".join(f"{k} {v:.2e}" if isinstance(v, float) else f"{k} {v}" for k, v in row.items()))
     ran = sum("Error" not in str(row["outcome"]) for row in rows)
     if ran:
-        top = float(beta.ppf(0.95, len(bad) + 1, max(1, ran - len(bad)))) if ran > len(bad) else 1.0
+        top = at_most(len(bad), ran)
         print(f"  {len(bad)} of {ran} that ran are wrong or silent: at most {100 * top:.2g} % (95 %, one-sided)")
         worst = max(float(row.get("residual", 0.0)) for row in rows)
         print(f"  worst energy residual {worst:.1e} of what was turned over")
     return not bad
 
 
-def main() -> int:
-    """Run what is missing of the cases asked for, then report all that are there."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=10_000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--set", choices=["A", "B"], default="A")
-    parser.add_argument("--with", dest="what", choices=["hysteresis", "stulov", "string", "all"], default="all")
-    parser.add_argument("--seconds", type=float, default=240.0, help="time after which to stop, to go on another time")
-    parser.add_argument("--out", type=Path, help="file of results, one JSON line a case")
-    parser.add_argument("--case", type=int, help="run this case alone and print its line")
-    given = parser.parse_args()
+def main(run: Run) -> bool:
+    """Run the cases asked for, then report all that are there; whether none is wrong."""
     warnings.simplefilter("ignore")
-    make = MAKERS[given.set]
-    if given.case is not None:
-        print(json.dumps(judge(make(given.seed, given.case), given.what)))
-        return 0
-    out = given.out or Path(f"stability_felt_{given.what}_{given.set}_{given.seed}.jsonl")
-    rows = [json.loads(line) for line in out.read_text().splitlines()] if out.is_file() else []
-    done = {row["number"] for row in rows}
-    begin = time.monotonic()
-    with out.open("a", encoding="utf-8") as lines:
-        for number in range(given.count):
-            if number in done:
-                continue
-            if time.monotonic() - begin > given.seconds:
-                break
-            rows.append(judge(make(given.seed, number), given.what))
-            lines.write(json.dumps(rows[-1]) + "\n")
-            lines.flush()
-    print(f"set {given.set}, {given.what}: {len(rows)} of {given.count}")
-    return 0 if report(rows) else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    if run.case >= 0:
+        print(json.dumps(judged(run.set, getattr(run, "with"), run.seed, run.case)))
+        return True
+    keys = [(run.set, getattr(run, "with"), run.seed, number) for number in range(run.first, run.first + run.count)]
+    rows = [row for _, row in run.cases(keys, judged, run.workers)]
+    print(f"set {run.set}, {getattr(run, 'with')}: {len(rows)} of {run.count}")
+    return report(rows)

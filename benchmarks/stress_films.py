@@ -7,9 +7,10 @@ counter-clockwise, in rad.
 
 from __future__ import annotations
 
-import sys
+import io
+import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
@@ -17,24 +18,86 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-sys.path.append(str(Path(__file__).resolve().parent))  # tests load this file by its path
-from stress_kinds import FURTHER
-from stress_shot import (
-    F64,
-    HALF_X,
-    HALF_Y,
-    HEIGHT,
-    OUTLINE,
-    PIVOT,
-    STILL,
-    TEXTURES,
-    WIDTH,
-    N,
-    Plate,
-    Shot,
-    progress,
-    texture,
-)
+try:
+    import av
+except ImportError:
+    av = None  # the only one that writes H.264; OpenCV's wheel has no encoder
+
+FINE = 6
+HEIGHT, WIDTH = 190, 240
+HALF_X, HALF_Y = 58.0, 36.0
+PIVOT = (100.0, 95.0)
+OUTLINE = [(-HALF_X, -HALF_Y), (HALF_X, -HALF_Y), (HALF_X, HALF_Y), (-HALF_X, HALF_Y)]
+N, STILL = 60, 14
+TEXTURES = ("speckle", "wood", "fine")
+F64 = NDArray[np.float64]
+Y, X = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+
+
+def filtered_noise(rng: np.random.Generator, half: tuple[float, float], width: tuple[float, float]) -> F64:
+    """Unit-variance Gaussian field over a box of half size ``half``, correlated over ``width`` px along x and y."""
+    rows, columns = (int(2 * FINE * (size + 6.0)) for size in (half[1], half[0]))
+    field_ = ndimage.gaussian_filter(rng.normal(size=(rows, columns)), (width[1] * FINE, width[0] * FINE))
+    return np.asarray(field_ / field_.std())
+
+
+def texture(kind: str, half: tuple[float, float], rng: np.random.Generator) -> F64:
+    """Grey values of a surface on the fine grid: sprayed dots, bare wood along x, or fine felt of low contrast."""
+    if kind == "speckle":
+        return 110.0 + 45.0 * np.tanh(1.5 * filtered_noise(rng, half, (1.8, 1.8)))
+    if kind == "wood":
+        grain, fibre = filtered_noise(rng, half, (25.0, 2.2)), filtered_noise(rng, half, (6.0, 1.2))
+        return 120.0 + 10.0 * grain + 5.0 * fibre
+    return 100.0 + 9.0 * filtered_noise(rng, half, (1.1, 1.1))
+
+
+@dataclass
+class Plate:
+    """A textured rectangle of half size ``half``, sampled by a cubic spline."""
+
+    grid: F64
+    half: tuple[float, float]
+    coefficient: F64 = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.coefficient = ndimage.spline_filter(self.grid, 3, mode="mirror")
+
+    def over(self, picture: F64, pose: F64, scale: float = 1.0, squeeze: float = 1.0) -> F64:
+        """Draw the plate at (turn ccw, x, y) over a picture, its edge blended over one pixel; ``squeeze`` is a further
+        scale along its length."""
+        c, s = np.cos(pose[0]), -np.sin(pose[0])
+        dx, dy = (X - pose[1]) / scale, (Y - pose[2]) / scale
+        u, v = (c * dx + s * dy) / squeeze, c * dy - s * dx
+        inside = np.clip(np.minimum(self.half[0] - abs(u), self.half[1] - abs(v)) + 0.5, 0.0, 1.0)
+        where = inside > 0.0
+        rows, columns = ((axis[where] + size + 6.0) * FINE for axis, size in ((v, self.half[1]), (u, self.half[0])))
+        drawn = picture.copy()
+        grey = ndimage.map_coordinates(self.coefficient, [rows, columns], order=3, mode="mirror", prefilter=False)
+        drawn[where] += inside[where] * (grey - picture[where])
+        return drawn
+
+
+@dataclass
+class Shot:
+    """What a disturbance may change before the film is exposed; ``light`` and ``grey`` map a frame's number and picture
+    before and after the noise."""
+
+    rng: np.random.Generator
+    pose: F64
+    gain: F64 = field(default_factory=lambda: np.ones(N))
+    scale: F64 = field(default_factory=lambda: np.ones(N))
+    squeeze: F64 = field(default_factory=lambda: np.ones(N))  # along the body's length
+    open_share: float = 0.0  # of a frame during which the shutter is open
+    read_noise: float = 2.0
+    noise: Callable[[F64], F64] | None = None
+    light: Callable[[int, F64], F64] = lambda _, picture: picture
+    grey: Callable[[int, F64], F64] = lambda _, picture: picture
+    finished: Callable[[NDArray[np.uint8]], NDArray[np.uint8]] = lambda frames: frames
+
+
+def progress() -> F64:
+    s = np.clip((np.arange(N) - STILL - 1) / (N - STILL - 6), 0.0, 1.0)
+    return s * s * (3.0 - 2.0 * s)
 
 
 def fixed_pattern(shot: Shot) -> None:
@@ -45,11 +108,10 @@ def fixed_pattern(shot: Shot) -> None:
 
 def dust(shot: Shot) -> None:
     """Dark spots on the sensor."""
-    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
     shade = np.zeros((HEIGHT, WIDTH))
     for _ in range(25):
         cx, cy, w = shot.rng.uniform(20, WIDTH - 20), shot.rng.uniform(20, HEIGHT - 20), shot.rng.uniform(1.2, 4.0)
-        shade += shot.rng.uniform(0.05, 0.3) * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * w * w))
+        shade += shot.rng.uniform(0.05, 0.3) * np.exp(-((X - cx) ** 2 + (Y - cy) ** 2) / (2 * w * w))
     shot.light = lambda _, picture: picture * (1.0 - np.minimum(shade, 0.8))
 
 
@@ -88,9 +150,8 @@ def defocus(shot: Shot) -> None:
 
 def highlight(shot: Shot) -> None:
     """A reflection that stays where it is while the body moves."""
-    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
     cx, cy, w = PIVOT[0] + shot.rng.uniform(-40, 40), PIVOT[1] + shot.rng.uniform(-25, 25), shot.rng.uniform(6, 30)
-    glow = shot.rng.uniform(15, 60) * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * w * w))
+    glow = shot.rng.uniform(15, 60) * np.exp(-((X - cx) ** 2 + (Y - cy) ** 2) / (2 * w * w))
     shot.light = lambda _, picture: picture + glow
 
 
@@ -115,9 +176,8 @@ def saturation(shot: Shot) -> None:
     share = shot.rng.uniform(0.3, 0.6)
 
     def white(i: int, picture: F64) -> F64:
-        y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
         turn, px, py = shot.pose[i]
-        u = np.cos(turn) * (x - px) - np.sin(turn) * (y - py)
+        u = np.cos(turn) * (X - px) - np.sin(turn) * (Y - py)
         return picture + 300.0 * np.clip(u - HALF_X * (1.0 - 2.0 * share), 0.0, 1.0)
 
     shot.light = white
@@ -173,32 +233,156 @@ def clean(shot: Shot) -> None:
     """White noise of two grey levels and nothing else."""
 
 
-KINDS: dict[str, Callable[[Shot], None]] = {
-    kind.__name__: kind
-    for kind in (
-        clean,
-        fixed_pattern,
-        dust,
-        jpeg,
-        correlated_noise,
-        scale_change,
-        defocus,
-        highlight,
-        neighbour,
-        saturation,
-        duplicates,
-        low_light,
-        vibration,
-        flicker,
-        row_flicker,
-        light_moves,
-    )
-}
-NUMBER = {kind: number for number, kind in enumerate(sorted(KINDS))}
+def blur(shot: Shot) -> None:
+    """The shutter is open for half to all of a frame, so that the body is smeared; truth is the mean over it."""
+    shot.open_share = float(shot.rng.uniform(0.5, 1.0))
+
+
+def interlaced_flicker(shot: Shot) -> None:
+    """Two half pictures, of even and odd rows, under light that differs by up to 10 %."""
+    depth, speed, phase = shot.rng.uniform(0.02, 0.05), shot.rng.uniform(0.3, 3.0), shot.rng.uniform(0, 6)
+    sign = np.where(np.arange(HEIGHT) % 2, 1.0, -1.0)[:, None]
+    shot.light = lambda i, picture: picture * (1.0 + depth * np.cos(speed * i + phase) * sign)
+
+
+def mpeg4(shot: Shot) -> None:
+    """MPEG-4, which predicts frames from their neighbours, of which the film says nothing any more."""
+
+    def squeezed(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        with tempfile.TemporaryDirectory() as folder:
+            path = str(Path(folder) / "film.mp4")
+            writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"mp4v"), 50.0, (WIDTH, HEIGHT), False)
+            for frame in frames:
+                writer.write(frame)
+            writer.release()
+            reader = cv2.VideoCapture(path)
+            back = [reader.read()[1][..., 1] for _ in frames]
+            reader.release()
+        return np.stack(back)
+
+    shot.finished = squeezed
+
+
+def h264(shot: Shot) -> None:
+    """H.264 of quality 10 to 28 (crf), of which the film says nothing any more."""
+    quality = str(int(shot.rng.integers(10, 29)))
+
+    def squeezed(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        # grey as the luma of a colour picture without colour, so that no grey value is converted
+        colour = np.full((HEIGHT // 2, WIDTH), 128, dtype=np.uint8)
+        file = io.BytesIO()
+        with av.open(file, "w", format="mp4") as film:
+            stream = film.add_stream("libx264", rate=50, options={"crf": quality, "threads": "1"})
+            stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+            for frame in frames:
+                picture = av.VideoFrame.from_ndarray(np.vstack([frame, colour]), format="yuv420p")
+                film.mux(stream.encode(picture))
+            film.mux(stream.encode(None))
+        with av.open(io.BytesIO(file.getvalue())) as film:
+            back = [frame.to_ndarray()[:HEIGHT] for frame in film.decode(video=0)]
+        return np.stack(back)
+
+    shot.finished = squeezed
+
+
+def shadow_edge(shot: Shot) -> None:
+    """The edge of a shadow, one to eight pixels soft, sweeps over the body while it moves."""
+    dark, soft, angle = shot.rng.uniform(0.5, 0.85), shot.rng.uniform(1.0, 8.0), shot.rng.uniform(-0.6, 0.6)
+    across = np.cos(angle) * (X - PIVOT[0]) + np.sin(angle) * (Y - PIVOT[1])
+    end = shot.rng.uniform(-20.0, 60.0)
+
+    def shaded(i: int, picture: F64) -> F64:
+        edge = -75.0 + (end + 75.0) * progress()[i]
+        return picture * (1.0 - (1.0 - dark) / (1.0 + np.exp((across - edge) / soft)))
+
+    shot.light = shaded
+
+
+def drops(shot: Shot) -> None:
+    """Frames that the camera left out, two or three in a row: the body jumps."""
+    s = progress()
+    place = np.arange(N, dtype=float)
+    for start in shot.rng.choice(np.arange(STILL + 4, N - 14, 8), 3, replace=False):
+        place[start:] += shot.rng.integers(2, 4)
+    whole = np.interp(np.minimum(place, N - 1.0), np.arange(N), s)
+    share = np.divide(whole, s, out=np.ones(N), where=s > 0.0)
+    shot.pose[:] = shot.pose[0] + (shot.pose - shot.pose[0]) * share[:, None]
+
+
+def dark_frames(shot: Shot) -> None:
+    """The light fails in some frames."""
+    shot.gain = np.ones(N)
+    shot.gain[shot.rng.choice(np.arange(STILL + 3, N - 3), 4, replace=False)] = shot.rng.uniform(0.0, 0.1)
+
+
+def quantisation(shot: Shot) -> None:
+    """Grey values in steps of 8 or 16."""
+    step = float(shot.rng.choice([8.0, 16.0]))
+    shot.grey = lambda _, picture: step * np.rint(picture / step)
+
+
+def gamma(shot: Shot) -> None:
+    """Grey values that are no multiple of the light."""
+    power = shot.rng.uniform(0.45, 0.8)
+    shot.gain = 1.0 + 0.1 * np.cos(shot.rng.uniform(0.3, 1.5) * np.arange(N))
+    shot.grey = lambda _, picture: 255.0 * (np.clip(picture, 0.0, 255.0) / 255.0) ** power
+
+
+def row_noise(shot: Shot) -> None:
+    """Every row of every frame is read with an offset of its own."""
+    depth = shot.rng.uniform(0.5, 1.5)
+    shot.grey = lambda _, picture: picture + shot.rng.normal(0.0, depth, (HEIGHT, 1))
+
+
+def hot_pixels(shot: Shot) -> None:
+    """One pixel in 500 is always white, another always black."""
+    white, black = (shot.rng.uniform(size=(HEIGHT, WIDTH)) < 0.002 for _ in range(2))
+    shot.grey = lambda _, picture: np.where(white, 255.0, np.where(black, 0.0, picture))
+
+
+def tilt(shot: Shot) -> None:
+    """The body tilts out of its plane by 2 to 7 degrees, so that it shrinks along its length."""
+    slope = np.radians(shot.rng.uniform(2.0, 7.0)) * progress()
+    shot.squeeze = np.cos(slope)
+
+
+def ghost(shot: Shot) -> None:
+    """A weak picture of the room mirrored by a pane before the lens, fixed while the body moves."""
+    half = (WIDTH / 2, HEIGHT / 2)
+    seen = Plate(texture("speckle", half, shot.rng), half).over(np.zeros((HEIGHT, WIDTH)), np.array([0.0, *half]))
+    share = shot.rng.uniform(0.02, 0.06)
+    shot.light = lambda _, picture: picture + share * ndimage.gaussian_filter(seen, 1.5)
+
+
+def shot_noise(shot: Shot) -> None:
+    """Noise that grows with the light: 60 to 250 photons per pixel."""
+    photons = shot.rng.uniform(60.0, 250.0)
+
+    def noise(picture: F64) -> F64:
+        counts = shot.rng.poisson(np.maximum(picture, 0.0) * photons / 110.0)
+        return counts * 110.0 / photons + shot.rng.normal(0.0, 1.0, picture.shape)
+
+    shot.noise = noise
+
+
+def vignette(shot: Shot) -> None:
+    """The picture darkens towards its corners by 20 to 50 %."""
+    far = ((X - WIDTH / 2) ** 2 + (Y - HEIGHT / 2) ** 2) / (WIDTH**2 / 4 + HEIGHT**2 / 4)
+    shade = 1.0 - shot.rng.uniform(0.2, 0.5) * far
+    shot.light = lambda _, picture: picture * shade
+
+
+FIRST = (
+    clean, fixed_pattern, dust, jpeg, correlated_noise, scale_change, defocus, highlight, neighbour, saturation,
+    duplicates, low_light, vibration, flicker, row_flicker, light_moves,
+)  # fmt: skip
+FURTHER = (
+    blur, interlaced_flicker, mpeg4, shadow_edge, drops, dark_frames, quantisation, gamma, row_noise, hot_pixels, tilt,
+    ghost, shot_noise, vignette, *((h264,) if av is not None else ()),
+)  # fmt: skip
+KINDS: dict[str, Callable[[Shot], None]] = {kind.__name__: kind for kind in (*FIRST, *FURTHER)}
+NUMBER = {name: number for number, name in enumerate([*sorted(list(KINDS)[: len(FIRST)]), *list(KINDS)[len(FIRST) :]])}
 """Part of a film's seed; kinds that were added later come after those of the first tables."""
-for _kind in FURTHER:
-    NUMBER[_kind.__name__] = len(KINDS)
-    KINDS[_kind.__name__] = _kind
 COLOURED = ("correlated_noise", "jpeg", "mpeg4", "h264", "row_noise", "quantisation")
 """Kinds whose noise is not white; in `LOOKED_AT` frames what it does to the angle is computed."""
 LOOKED_AT = range(STILL + 6, N, 3)

@@ -1,6 +1,7 @@
-"""Cases of ``benchmarks/tracking.py``: one body of 10,000 pixels with and without occlusion, many films, regions.
+"""Cases of ``benchmarks/tracking.py``: one body of 10,000 pixels with and without occlusion, many films.
 
-Times are CPU seconds of this process with OpenCV on one thread, so that other load hardly affects them.
+`blow` moves the bodies of all film benchmarks. Times are processor seconds with OpenCV on one thread, so
+that other load hardly affects them.
 """
 
 from __future__ import annotations
@@ -11,15 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from filmed_blow import REST, blow, smooth_step
 from numpy.typing import NDArray
 
+from benchmarks.runner import least
 from rig.simulated import CameraSettings, film_bodies, film_trial
 from vision.angles import ccw_to_picture
 from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
 from vision.film.avi_writer import write_avi
-from vision.film.mmap_window import FileWindow
 from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm
@@ -31,6 +31,27 @@ from vision.tracking.track_film import track_film
 HEIGHT, WIDTH, N_STILL, NOISE = 220, 260, 40, 2.0
 PIVOT = (105.0, 110.0)
 MDEG = np.radians(1e-3)
+
+
+REST = np.array([0.0251, 0.3198, 0.3523])  # whippen, jack, repetition lever
+
+
+def smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Step from 0 to 1 as x goes from 0 to 1, with zero speed and acceleration at both ends."""
+    x = np.clip(x, 0.0, 1.0)
+    return x**3 * (10 - 15 * x + 6 * x * x)
+
+
+def blow(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles of a fast blow, rad, with peak speeds of 4, 25 and 14 rad/s."""
+    down = 1.0 - smooth_step((time_s - 0.20) / 0.06)
+    return REST + np.column_stack(
+        [
+            0.09 * smooth_step((time_s - 0.06) / 0.04) * down,
+            -0.35 * smooth_step((time_s - 0.08) / 0.026) * down,
+            0.22 * smooth_step((time_s - 0.07) / 0.03) * down,
+        ]
+    )
 
 
 def bar_scene(texture: str, seed: int) -> Scene:
@@ -65,11 +86,8 @@ def one_body(texture: str, cover_px: int, n: int = 400, seed: int = 3) -> dict[s
         path = Path(folder) / "bar.mraw"
         write_mraw(path, frames, 2000.0)
         track_film(path, [body], every=n // 4, n_still=N_STILL)  # compiles, and fills the page cache
-        seconds = []
-        for _ in range(3):
-            start = time.process_time()
-            result = track_film(path, [body], n_still=N_STILL)
-            seconds.append(time.process_time() - start)
+        seconds = least(lambda: track_film(path, [body], n_still=N_STILL), 3)
+        result = track_film(path, [body], n_still=N_STILL)
     error = result.angle_rad[:, 0] - (pose[:, 0] - pose[:N_STILL, 0].mean())
     moving = slice(N_STILL + 1, None)
     bound, hidden = visible_bounds(scene, body, pose, cover_px)
@@ -82,7 +100,7 @@ def one_body(texture: str, cover_px: int, n: int = 400, seed: int = 3) -> dict[s
         "cover95": float(np.mean(np.abs(z[np.isfinite(z)]) < 1.96)),
         "z_std": float(np.nanstd(z)),
         "lost": float(result.failed.sum()),
-        "frames_per_s": n / min(seconds),
+        "frames_per_s": n / seconds,
     }
 
 
@@ -175,49 +193,3 @@ def many_films(count: int, n: int, quality: int | None) -> tuple[float, float, f
         total += n
     everything = np.concatenate(z)
     return float(np.mean(np.abs(everything) < 1.96)), float(everything.std()), largest / MDEG, total
-
-
-def region_reading(n: int = 40) -> dict[str, float]:
-    """A region of 220 x 220 against full frames of a 12-bit MRAW film of 1280 x 1024, in the page cache."""
-    rng = np.random.default_rng(1)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "film.mraw"
-        frame = rng.integers(0, 4096, (1024, 1280), dtype=np.uint16)
-        write_mraw(path, (np.roll(frame, i, axis=0) for i in range(n)), 2000.0, bit_depth=12)
-        with open_film(path) as film:
-            viewed = [0]
-            plain = FileWindow.view
-
-            def counted(self: FileWindow, start: int, end: int) -> NDArray[np.uint8]:
-                viewed[0] += end - start
-                return plain(self, start, end)
-
-            def seconds(region: bool) -> float:
-                best = np.inf
-                for _ in range(3):
-                    start = time.process_time()
-                    for i in range(n):
-                        picture = film.read_region(i, 400, 620, 500, 720) if region else film.read(i)
-                    best = min(best, (time.process_time() - start) / n)
-                assert picture.shape == ((220, 220) if region else (1024, 1280))
-                return best
-
-            full, part = seconds(False), seconds(True)
-            FileWindow.view = counted  # type: ignore[method-assign]
-            try:
-                film.read_region(3, 400, 620, 500, 720)
-                rows_bytes, viewed[0] = viewed[0], 0
-                film.read(3)
-                full_bytes = viewed[0]
-            finally:
-                FileWindow.view = plain  # type: ignore[method-assign]
-            same = np.array_equal(film.read_region(7, 400, 620, 500, 720), film.read(7)[400:620, 500:720])
-        return {
-            "full_ms": 1e3 * full,
-            "region_ms": 1e3 * part,
-            "times_faster": full / part,
-            "region_bytes": float(220 * 220 * 3 // 2),
-            "row_bytes": float(rows_bytes),
-            "frame_bytes": float(full_bytes),
-            "same": float(same),
-        }

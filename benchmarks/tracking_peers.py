@@ -1,4 +1,4 @@
-"""Other tracking methods, for the table of ``benchmarks/tracking.py``: Lucas-Kanade, template matching, pyIDI's DIC.
+"""Other tracking methods, for the table of ``benchmarks/tracking.py``: Lucas-Kanade and template matching.
 
 Each takes a film, the templates of its bodies and their reference image (height, width), and returns the angle of
 each body in image orientation, rad, (n_frames, n_bodies), NaN where it is lost.
@@ -6,7 +6,6 @@ each body in image orientation, rad, (n_frames, n_bodies), NaN where it is lost.
 
 from __future__ import annotations
 
-import tempfile
 from typing import Any
 
 import cv2
@@ -77,26 +76,6 @@ def by_templates(film: Film, templates: list[Template], picture: NDArray[np.uint
                 places[i][k] = (x + bx - reach + peak(score[by], bx), y + by - reach + peak(score[:, bx], by))
             before, now = marks[i][1] - marks[i][0], places[i][1] - places[i][0]
             phi[index, i] = np.arctan2(before[0] * now[1] - before[1] * now[0], before[0] * now[0] + before[1] * now[1])
-    return phi
-
-
-def by_pyidi(film: Film, templates: list[Template], picture: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """pyIDI's DIC with a rigid warp (1.4 or later) on the box around each body; it supports rectangles only, so the
-    surroundings of slanted bodies degrade it; see `tracking_cases.against_pyidi` for a rectangular body."""
-    import pyidi
-
-    frames = np.stack([film.read(i) for i in range(film.n_frames)])
-    phi = np.full((film.n_frames, len(templates)), np.nan)
-    with tempfile.TemporaryDirectory() as folder:
-        for i, template in enumerate(templates):
-            left, right, top, bottom = template.box_px
-            size = [2 * int(min(-low, high)) - 1 for low, high in ((top, bottom), (left, right))]
-            x, y = np.rint(template.centre_px).astype(int)
-            dic = pyidi.DIC(pyidi.VideoReader(input_file=frames, root=folder))
-            dic.set_points(points=np.array([[y, x]]))
-            dic.configure(roi_size=size, warp="rigid", verbose=0, show_pbar=False)
-            dic.get_displacements(autosave=False)
-            phi[:, i] = dic.warp_params[0, :, 2]
     return phi
 
 

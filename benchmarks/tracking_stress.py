@@ -1,36 +1,31 @@
 """Disturbed films: how far off the tracker is, what it says about it, and what it loses.
 
-    python benchmarks/tracking_stress.py [--seeds 20] [--kinds dust,jpeg] [--csv OUT.csv]
-    python benchmarks/tracking_stress.py --seeds 20 --keep stress.jsonl --minutes 5     # again until it is whole
+    python -m benchmarks tracking_stress [--seeds 20] [--kinds dust,jpeg]
+    python -m benchmarks tracking_stress --results stress.jsonl --minutes 5     # again until it is whole
 
 Prints per kind of disturbance and texture, over all seeds: RMS error and median stated uncertainty of the angle (mdeg),
 the share of rows whose 95 % interval covers the truth, silent rows (no flag, or ``WIDENED`` alone, and an error above
 five stated uncertainties), rows with any other flag, lost rows, rows in all; flagged and lost rows of films that
 ``permit`` tracking, whose bound (least error that the film's noise permits) is at most a quarter of 0.05 degrees; rows
 that are only ``WIDENED``, which count as usable. The films come from `stress_films`, which shares no code with
-`vision`. Only moving rows count; the zero is that of the still frames. With ``--keep`` each film's rows are kept, and
-a run goes on where another stopped. H.264 needs PyAV (``pip install av``).
+`vision`. Only moving rows count; the zero is that of the still frames.
+H.264 needs PyAV (``pip install av``).
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
-import time
 import warnings
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
-from stress_films import KINDS, STILL, TEXTURES, stress_film
 
 import vision
+from benchmarks.runner import Run, Table
+from benchmarks.stress_films import KINDS, STILL, stress_film
 from vision.results.flags import FrameFlag
 
-COLUMNS = "kind,texture,rms_mdeg,u_mdeg,coverage,silent,flagged,lost,rows,permit_bad,permit_rows,widened"
 PERMITS_MDEG = 12.5
-Job = tuple[str, str, int]
 
 
 @dataclass(frozen=True)
@@ -49,16 +44,16 @@ class Row:
     widened: int = 0
 
 
-def track_one(job: Job, n_still: int | None = None) -> Row:
-    """Render and track one film."""
-    film = stress_film(*job)
+def track_one(kind: str, surface: str, seed: int, n_still: int) -> Row:
+    """Render and track one film; ``n_still`` 0: the tracker finds its still frames."""
+    film = stress_film(kind, surface, seed)
     source = vision.ArrayFilm(film.frames, frame_rate_hz=2000.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            result = vision.track(source, [vision.Body("bar", film.outline_px)], n_still=n_still)
+            result = vision.track(source, [vision.Body("bar", film.outline_px)], n_still=n_still or None)
         except vision.VisionInputError as error:
-            print(f"{job}: {error}", file=sys.stderr)
+            print(f"{kind}, {surface}, {seed}: {error}", file=sys.stderr)
             rows = len(film.frames) - STILL
             permits = rows if np.degrees(film.bound_rad) * 1e3 <= PERMITS_MDEG else 0
             return Row([], [], 0, 0, rows, rows, permits, permits)
@@ -85,70 +80,26 @@ def joined(rows: list[Row]) -> Row:
     return Row(error, u, *(sum(getattr(row, name) for row in rows) for name in names))
 
 
-def line(kind: str, surface: str, row: Row) -> str:
-    """One line of the table, comma separated."""
-    error, us = np.array(row.error), np.array(row.u)
-    rms = float(np.sqrt(np.mean(error**2))) if error.size else float("nan")
-    u = float(np.median(us)) if us.size else float("nan")
-    covered = float(np.mean(np.abs(error) < 1.96 * us)) if us.size else float("nan")
-    counts = f"{row.silent},{row.flagged},{row.lost},{row.rows},{row.permit_bad},{row.permit_rows},{row.widened}"
-    return f"{kind},{surface},{rms:.2f},{u:.2f},{covered:.3f},{counts}"
-
-
-def kept(path: Path | None) -> dict[Job, Row]:
-    """Rows of films tracked before."""
-    if path is None or not path.exists():
-        return {}
-    lines = [json.loads(text) for text in path.read_text(encoding="utf-8").splitlines()]
-    return {(one["kind"], one["texture"], one["seed"]): Row(**one["row"]) for one in lines}
-
-
-def main() -> int:
-    """Render, track, print; 1 when more than 0.1 % of all rows are silently wrong, 3 when films are left to track."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--kinds", default=",".join(KINDS))
-    parser.add_argument("--textures", default=",".join(TEXTURES))
-    parser.add_argument("--n-still", type=int, default=None)
-    parser.add_argument("--keep", type=Path, default=None, help="file of the films done, one line each; resumed from")
-    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so many")
-    parser.add_argument("--csv", type=Path, default=None, help="also write the table here")
-    arguments = parser.parse_args()
-    kinds, textures = arguments.kinds.split(","), arguments.textures.split(",")
+def main(run: Run) -> bool:
+    """Render, track, print; whether at most 0.1 % of all rows are silently wrong."""
     if "h264" not in KINDS:
         print("H.264 is left out: PyAV is not installed (pip install av)", file=sys.stderr)
-    seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
-    end, done, left = time.monotonic() + 60.0 * arguments.minutes, kept(arguments.keep), 0
-    for job in [(kind, surface, seed) for seed in seeds for kind in kinds for surface in textures]:
-        if job in done:
-            continue
-        if time.monotonic() > end:
-            left += 1
-            continue
-        done[job] = track_one(job, arguments.n_still)
-        if arguments.keep is not None:
-            record = {"kind": job[0], "texture": job[1], "seed": job[2], "row": asdict(done[job])}
-            with arguments.keep.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(record) + "\n")
-    lines, everything = [COLUMNS], []
-    for kind in kinds:
-        for surface in textures:
-            rows = [done[kind, surface, seed] for seed in seeds if (kind, surface, seed) in done]
-            if rows:
-                everything += rows
-                lines.append(line(kind, surface, joined(rows)))
-    total = joined(everything)
-    lines.append(line("all", "all", total))
-    for text in lines:
-        print("".join(f"{cell:>19s}" if k < 2 else f"{cell:>12s}" for k, cell in enumerate(text.split(","))))
-    if arguments.csv:
-        arguments.csv.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    if left:
-        print(f"{left} films left: run the same command again", file=sys.stderr)
-        return 3
-    return 1 if total.silent > 0.001 * total.rows else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    kinds, seeds = run.kinds or list(KINDS), range(run.first_seed, run.first_seed + run.seeds)
+    keys = [(kind, surface, seed, run.n_still) for seed in seeds for kind in kinds for surface in run.textures]
+    found: dict[tuple[str, str], list[Row]] = {(kind, surface): [] for kind in kinds for surface in run.textures}
+    for (kind, surface, *_), row in run.cases(keys, lambda *key: asdict(track_one(*key))):
+        found[kind, surface].append(Row(**row))
+    table = Table(
+        "kind:18s", "texture:8s", "rms_mdeg:.2f", "u_mdeg:.2f", "coverage:.3f", "silent:d", "flagged:d", "lost:d",
+        "rows:d", "permit_bad:d", "permit_rows:d", "widened:d",
+    )  # fmt: skip
+    found["all", "all"] = [row for rows in found.values() for row in rows]
+    for name, rows in found.items():
+        one = joined(rows)
+        error, u = np.array(one.error), np.array(one.u)
+        sizes = [np.nan] * 3
+        if error.size:
+            sizes = [np.sqrt(np.mean(error**2)), np.median(u), np.mean(np.abs(error) < 1.96 * u)]
+        counts = one.silent, one.flagged, one.lost, one.rows, one.permit_bad, one.permit_rows, one.widened
+        table.row(*name, *sizes, *counts)
+    return one.silent <= 0.001 * one.rows

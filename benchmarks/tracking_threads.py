@@ -1,6 +1,6 @@
 """Tracking by one and by two threads, and where a frame's time goes: three bodies of 400 x 304, per texture.
 
-    python benchmarks/tracking_threads.py [--frames 600] [--turns 6]
+    python -m benchmarks tracking_threads [--frames 600] [--turns 6]
 
 One and two threads alternate; the best wall time of each counts, so that it says something on a machine at rest only.
 The parts are processor time of the tracking thread (one thread): what leaves Python's lock to others, and what holds
@@ -10,8 +10,6 @@ angles (jack and lever relative to the whippen) stands beside, and whether both 
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -21,12 +19,13 @@ from typing import Any
 
 import cv2
 import numpy as np
-from filmed_blow import blow
 
 import vision.fitting.frame_spline as frame_spline
 import vision.fitting.icgn as icgn
 import vision.frame_fit.frame_fit as frame_fit
 import vision.tracking.track_film as track_film
+from benchmarks.runner import Run, in_turns
+from benchmarks.tracking_cases import blow
 from rig.simulated import CameraSettings, film_bodies, film_trial
 
 N_STILL = 64
@@ -69,37 +68,28 @@ def parts_of(run: Callable[[], Any]) -> Counter[str]:
     return spent
 
 
-def main() -> int:
-    """Film, track, print; 1 where the bits differ."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--frames", type=int, default=600)
-    parser.add_argument("--turns", type=int, default=6)
-    arguments = parser.parse_args()
+def main(asked: Run) -> bool:
+    """Film, track, print; whether the bits are the same."""
     cv2.setNumThreads(1)
     same = True
     for texture in ("wood", "speckle"):
         settings = CameraSettings(texture=texture)
-        times = 62.5e-6 + np.arange(arguments.frames) / settings.frame_rate_hz
+        times = 62.5e-6 + np.arange(asked.frames) / settings.frame_rate_hz
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "film.mraw"
             truth, bodies = film_trial(path, times, blow, settings=settings, seed=1), film_bodies(settings=settings)
 
-            def run(threads: int, every: int = 1, path: Path = path, bodies: Any = bodies, truth: Any = truth) -> Any:
-                return track_film.track(path, bodies, truth.frame_time_s, n_still=N_STILL, threads=threads, every=every)
+            def run(threads: int, path: Path = path, bodies: Any = bodies, truth: Any = truth) -> Any:
+                return track_film.track(path, bodies, truth.frame_time_s, n_still=N_STILL, threads=threads)
 
-            run(1, max(1, arguments.frames // 4))  # compiles
-            best, angle = {1: np.inf, 2: np.inf}, {}
-            for _ in range(arguments.turns):
-                for threads in best:
-                    start = time.perf_counter()
-                    angle[threads] = run(threads).angle_rad
-                    best[threads] = min(best[threads], time.perf_counter() - start)
-            spent = min((parts_of(lambda: run(1)) for _ in range(3)), key=lambda one: one["whole"])
+            jobs = {1: lambda run=run: run(1), 2: lambda run=run: run(2)}
+            rates = [asked.frames / spent.min() for spent in in_turns(jobs, asked.turns, time.perf_counter).values()]
+            angle = {threads: run(threads).angle_rad for threads in jobs}
+            spent = min((parts_of(jobs[1]) for _ in range(3)), key=lambda one: one["whole"])
         same &= np.array_equal(angle[1], angle[2], equal_nan=True)
         true = truth.mean_angle_rad - truth.mean_angle_rad[:N_STILL].mean(axis=0)
         found = angle[1] - np.column_stack([np.zeros(len(true)), angle[1][:, 0], angle[1][:, 0]])
         rms = np.degrees(np.sqrt(np.mean((found - true) ** 2, axis=0))) * 1e3
-        rates = [arguments.frames / best[threads] for threads in (1, 2)]
         print(
             f"\n{texture}: {rates[0]:.0f} frames/s by one thread, {rates[1]:.0f} by two ({rates[1] / rates[0]:.2f} x)"
         )
@@ -107,14 +97,10 @@ def main() -> int:
         free = sum(spent[name] for *_, name in PARTS if LEAVES in name)
         spent["  Python, and short compiled calls"] = spent["frames"] - free
         for name in (*(name for *_, name in PARTS), "  Python, and short compiled calls", "whole"):
-            print(f"  {name:50s}{spent[name] / 1e3 / arguments.frames:8.0f} us a frame")
+            print(f"  {name:50s}{spent[name] / 1e3 / asked.frames:8.0f} us a frame")
         held, ends = spent["frames"] - free, spent["whole"] - spent["frames"]
         print(
             f"  of a frame's time {free / spent['frames']:.0%} leaves the lock; with all else done alone, two threads "
             f"give at most {spent['whole'] / (max(0.5 * spent['frames'], held) + ends):.2f} x"
         )
-    return 0 if same else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return bool(same)

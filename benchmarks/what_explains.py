@@ -1,6 +1,6 @@
 """Planted changes of the specimen: which part of the model does a report say explains the difference?
 
-    python benchmarks/what_explains.py [--seed 1] [--sessions 20] [--changes 0,1,2,5,bench] [--strokes forte]
+    python -m benchmarks what_explains [--seed 1] [--sessions 20] [--changes 0,1,2,5,bench] [--strokes forte]
                                        [--results FILE] [--minutes M]
 
 Every session has three strokes of the virtual bench (motor arm, sensors with errors, strengths that scatter). Its
@@ -14,23 +14,20 @@ sets are named and none is right, ``none`` no part of the model explains it, ``n
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import model
 from benchmarks.bench_strokes import BENCH
 from benchmarks.planted_sweep import stroke_of
+from benchmarks.runner import Run, Table
 from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo
 from rig.simulated.bench.plant import load_plant
@@ -40,6 +37,7 @@ from validation.measurement.session import measure_session
 from validation.prediction.model_under_test import ModelUnderTest
 
 TRIALS = 3
+VERDICTS = ("alone", "named", "none", "nothing", "wrong")
 LAWS, MASSES = (".friction.A", ".joint_friction.A", ".normal.D", ".torque", ".stiffness"), (".mass", ".inertia")
 FACTORS, MASS_FACTORS = (1.2, 1.6), (1.03, 1.10)
 
@@ -95,49 +93,28 @@ def judged(found: Explained, factors: dict[str, float]) -> str:
     return "alone" if len(sets) == 1 else "named"
 
 
-def main(argv: Sequence[str] | None = None) -> None:
+def case(kind: str, n: str, seed: int) -> dict[str, Any]:
+    """One session as plain data."""
+    rng = np.random.default_rng([seed, 0 if n == "bench" else int(n)])
+    factors = bench_factors() if n == "bench" else drawn(model.load_action(), int(n), rng)
+    found, took = explained(kind, seed, "bench" if n == "bench" else "printed", factors)
+    return {
+        "verdict": judged(found, factors), "factors": factors, "said": found.sentence,
+        "changes": [asdict(c) for c in found.changes], "seconds": took,
+    }  # fmt: skip
+
+
+def main(run: Run) -> None:
     """Run the study."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--sessions", type=int, default=20)
-    parser.add_argument("--changes", default="0,1,2,5,bench")
-    parser.add_argument("--strokes", default="forte")
-    parser.add_argument("--results", type=Path)
-    parser.add_argument("--minutes", type=float, default=60.0)
-    asked = parser.parse_args(argv)
-    known: dict[str, dict[str, object]] = {}
-    if asked.results is not None and asked.results.is_file():
-        lines = asked.results.read_text(encoding="utf-8").splitlines()
-        known = {row["case"]: row for row in map(json.loads, lines)}
-    end, table, seconds = time.monotonic() + 60 * asked.minutes, Counter(), []
-    for i in range(asked.sessions):
-        for kind in asked.strokes.split(","):
-            for n in asked.changes.split(","):
-                case = f"{kind} {n} {asked.seed + i}"
-                if case not in known:
-                    if time.monotonic() > end:
-                        continue
-                    rng = np.random.default_rng([asked.seed + i, 0 if n == "bench" else int(n)])
-                    factors = bench_factors() if n == "bench" else drawn(model.load_action(), int(n), rng)
-                    found, took = explained(kind, asked.seed + i, "bench" if n == "bench" else "printed", factors)
-                    known[case] = {
-                        "case": case, "verdict": judged(found, factors), "factors": factors, "said": found.sentence,
-                        "changes": [asdict(c) for c in found.changes], "seconds": took,
-                    }  # fmt: skip
-                    if asked.results is not None:
-                        with asked.results.open("a", encoding="utf-8") as file:
-                            file.write(json.dumps(known[case]) + "\n")
-                row = known[case]
-                planted = ", ".join(f"{k} × {v:.2f}" for k, v in row["factors"].items())  # type: ignore[attr-defined]
-                print(f"{case}: {row['verdict']}: {planted or '–'} | {row['said']}", flush=True)
-                table[n, str(row["verdict"])] += 1
-                seconds.append(float(str(row["seconds"])))
-    verdicts = ("alone", "named", "none", "nothing", "wrong")
-    print(f"{'changed':>10}" + "".join(f"{v:>9}" for v in verdicts))
-    for n in asked.changes.split(","):
-        print(f"{n:>10}" + "".join(f"{table[n, v]:>9}" for v in verdicts))
+    table: Counter[tuple[str, str]] = Counter()
+    seconds = []
+    keys = [(kind, n, run.seed + i) for i, kind, n in product(range(run.sessions), run.strokes, run.changes)]
+    for (kind, n, seed), row in run.cases(keys, case):
+        planted = ", ".join(f"{k} × {v:.2f}" for k, v in row["factors"].items())
+        print(f"{kind} {n} {seed}: {row['verdict']}: {planted or '–'} | {row['said']}", flush=True)
+        table[n, row["verdict"]] += 1
+        seconds.append(row["seconds"])
+    shown = Table("changed:>10s", *(f"{verdict}:8d" for verdict in VERDICTS))
+    for n in run.changes:
+        shown.row(n, *(table[n, verdict] for verdict in VERDICTS))
     print(f"processor time of a session: median {np.median(seconds):.1f} s, most {np.max(seconds):.1f} s")
-
-
-if __name__ == "__main__":
-    main()

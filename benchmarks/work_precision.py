@@ -1,23 +1,20 @@
 """Work-precision comparison: our integrators and their peers on the same equations and force tables.
 
-Run:  python benchmarks/work_precision.py [--quick] [--blow NAME] [--peer NAME] [--out DIAGRAM] [--json FILE]
+    python -m benchmarks work_precision [--blow NAME,…] [--peer NAME,…] [--only-ours] [--repeats 5] [--json FILE]
+                                        [--out docs/work_precision.svg]
+
 Error is max |difference| over the five angles (rad), every 1 ms, from a reference made by two methods that share
 neither the equations' code nor the algorithm: explicit order 8 at 1e-13 that steps to every force point, and our own
 highest-order method at 1e-12; their difference is printed. Time is processor time, the best of several runs, all
 methods taking turns; compilation is excluded and printed separately. A ratio is a method's time over that of our
 default method at no larger error, interpolated on the log-log line between its points ("-": ours do not reach it).
 Peers get the equations with all parameters compiled in as constants; missing peers are named and left out.
-Exit code 1: an error of ours exceeds twice its requested tolerance, or the references differ by more than 1e-9 rad.
+Wrong is: an error of ours exceeds twice its requested tolerance, or the references differ by more than 1e-9 rad.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
-import math
-import os
-import platform
-import sys
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -25,40 +22,39 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))  # measure the checkout that contains this file
+import numpy as np
+from scipy.integrate import BDF, LSODA, Radau
 
-import numpy as np  # noqa: E402
-from methods import COMPARISON  # noqa: E402
-from peers import solvers, traced  # noqa: E402
-from peers.compiled import CompiledEquations, pack  # noqa: E402
-from peers.cvode_from_c import version  # noqa: E402
-from peers.diagram import draw  # noqa: E402
-from peers.equations import largest_deviation  # noqa: E402
-from peers.forces import BLOWS, force_table  # noqa: E402
-from peers.jacobian import CompiledJacobian  # noqa: E402
-from peers.race import Entry, Row, add_ratios, race, time_at_error  # noqa: E402
-
-import model  # noqa: E402
-from model.integrators.methods import DEFAULT_METHOD, METHODS  # noqa: E402
+import model
+from benchmarks.figures import machine
+from benchmarks.methods import COMPARISON
+from benchmarks.peers import solvers, traced
+from benchmarks.peers.compiled import CompiledEquations, pack
+from benchmarks.peers.cvode_from_c import version
+from benchmarks.peers.diagram import draw
+from benchmarks.peers.equations import largest_deviation
+from benchmarks.peers.forces import BLOWS, force_table
+from benchmarks.peers.jacobian import CompiledJacobian
+from benchmarks.peers.race import Entry, Row, race, time_at_error
+from benchmarks.runner import Run, Table
+from model.integrators.methods import DEFAULT_METHOD, METHODS
 
 OUR_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ...]]] = {
-    "CVODE from C": (solvers.c_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
-    "CVODE from C, analytic J": (solvers.c_cvode_analytic, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
+    "CVODE from C": (partial(solvers.c_cvode, False), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
+    "CVODE from C with analytic J": (partial(solvers.c_cvode, True), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
     "scikit-sundae CVODE": (solvers.sundae_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
     "CasADi CVODES": (traced.casadi_cvodes, (1e-4, 1e-5, 1e-6, 1e-7)),
     "diffrax Kvaerno5": (traced.diffrax_kvaerno5, (1e-4, 1e-6)),
     "SciPy odeint (LSODA)": (solvers.scipy_odeint, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
-    "SciPy LSODA": (solvers.scipy_lsoda, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
-    "SciPy BDF": (solvers.scipy_bdf, (1e-4, 1e-6)),
-    "SciPy Radau": (solvers.scipy_radau, (1e-4, 1e-6)),
-    "explicit DOP853, compiled": (solvers.explicit_dop853, (1e-4, 1e-6, 1e-8, 1e-10)),
-    "plain NumPy, LSODA": (solvers.plain_numpy, (1e-4,)),
+    "SciPy LSODA": (partial(solvers.scipy_ivp, LSODA), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
+    "SciPy BDF": (partial(solvers.scipy_ivp, BDF), (1e-4, 1e-6)),
+    "SciPy Radau": (partial(solvers.scipy_ivp, Radau), (1e-4, 1e-6)),
+    "explicit DOP853 compiled": (solvers.explicit_dop853, (1e-4, 1e-6, 1e-8, 1e-10)),
+    "plain NumPy with LSODA": (solvers.plain_numpy, (1e-4,)),
 }
 QUICK_OURS = (1e-3, 1e-5)
-QUICK_PEERS = ("CVODE from C", "CVODE from C, analytic J", "scikit-sundae CVODE", "SciPy odeint (LSODA)")
-ONCE = ("plain NumPy, LSODA", "diffrax Kvaerno5")  # slow: on the first blow only
+ONCE = ("plain NumPy with LSODA", "diffrax Kvaerno5")  # slow: on the first blow only
 TARGETS = (1e-4, 1e-5, 1e-6, 1e-7)
 REFERENCE_TOLERANCE = (1e-13, 1e-12)
 LARGEST_REFERENCE_DIFFERENCE = 1e-9
@@ -78,37 +74,28 @@ def our_solver(task: solvers.Task, rest: model.RestState, method: str) -> solver
     return run
 
 
-def table(rows: list[Row]) -> str:
-    lines = [
-        f"{'blow':10} {'method':26} {'tolerance':>9} {'error rad':>9} {'ms':>9} {'ratio':>7} "
-        f"{'steps':>7} {'rejected':>8} {'rhs':>8} {'jacobians':>9} {'runs':>4}"
-    ]
+def table(rows: list[Row]) -> None:
+    shown = Table(
+        "blow:10s", "method:26s", "tolerance:9.0e", "error rad:9.1e", "ms:9.1f", "steps:7d", "rejected:d",
+        "rhs:8d", "jacobians:d", "runs:d",
+    )  # fmt: skip
     for r in rows:
-        ratio = "-" if r.ratio is None else f"{r.ratio:.2f}"
-        counts = ["-" if c is None else str(c) for c in (r.steps, r.rejected, r.rhs, r.jacobians)]
-        lines.append(
-            f"{r.blow:10} {r.method:26} {r.tolerance:9.0e} {r.error_rad:9.1e} {r.best_s * 1e3:9.1f} {ratio:>7} "
-            f"{counts[0]:>7} {counts[1]:>8} {counts[2]:>8} {counts[3]:>9} {r.repeats:4d}"
-        )
-    return "\n".join(lines)
+        work = r.steps, r.rejected, r.rhs, r.jacobians, r.repeats
+        shown.row(r.blow, r.method, r.tolerance, r.error_rad, 1e3 * r.best_s, *work)
 
 
-def summary(rows: list[Row], blow: str, default: str) -> str:
-    """Milliseconds to reach a given error, and the ratio to our default method."""
-    lines = [
-        f"{blow}: ms to reach an error of (ratio to {default})",
-        " " * 26 + "".join(f"{e:>18.0e}" for e in TARGETS),
-    ]
+def summary(rows: list[Row], blow: str, default: str) -> None:
+    """Print milliseconds to reach a given error, and the ratio to our default method."""
+    print(f"\n{blow}: ms to reach an error of (ratio to {default})")
+    shown = Table("method:26s", *(text for e in TARGETS for text in (f"{e:.0e}:8.1f", "ratio:.2f")))
     of = {m: [r for r in rows if r.blow == blow and r.method == m] for m in dict.fromkeys(r.method for r in rows)}
     for method, own in of.items():
-        cells = []
+        cells: list[float | None] = []
         for target in TARGETS:
             own_s, our_s = time_at_error(own, target), time_at_error(of[default], target)
-            ratio = "" if own_s is None or our_s is None else f"({own_s / our_s:.2f})"
-            cells.append(f"{'-':>18}" if own_s is None else f"{own_s * 1e3:9.1f} {ratio:>8}")
+            cells += [own_s and 1e3 * own_s, own_s / our_s if own_s and our_s else None]
         if own:
-            lines.append(f"{method:26}" + "".join(cells))
-    return "\n".join(lines)
+            shown.row(method, *cells)
 
 
 def check(rows: list[Row], differences: dict[str, float]) -> list[str]:
@@ -125,30 +112,6 @@ def check(rows: list[Row], differences: dict[str, float]) -> list[str]:
     ]
 
 
-def machine() -> dict[str, object]:
-    cpu = platform.processor()
-    if Path("/proc/cpuinfo").exists():
-        names = [x for x in Path("/proc/cpuinfo").read_text().splitlines() if x.startswith("model name")]
-        cpu = names[0].split(":", 1)[1].strip() if names else cpu
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-    return {"cpu": cpu, "cores": os.cpu_count(), "load_1min": load, "python": platform.python_version()}
-
-
-def parse(arguments: list[str] | None) -> argparse.Namespace:
-    p = argparse.ArgumentParser(description="Error against run time: our integrators and their peers.")
-    p.add_argument("--quick", action="store_true", help="one blow, few tolerances, quick peers; draws only with --out")
-    p.add_argument("--blow", action="append", choices=BLOWS, help="only this blow (may be repeated)")
-    p.add_argument("--only-ours", action="store_true", help="no peers")
-    p.add_argument("--peer", action="append", choices=PEERS, help="only this peer (may be repeated)")
-    p.add_argument("--repeats", type=int, default=None, help="rounds of runs (default 5, quick 2)")
-    p.add_argument("--out", type=Path, help="diagram (default docs/work_precision.svg for a full run)")
-    p.add_argument("--json", type=Path, help="also write all rows and the machine as JSON")
-    METHODS.update(COMPARISON)  # raced beside the methods of the package, in this process only
-    args = p.parse_args(arguments)
-    args.repeats = args.repeats or (2 if args.quick else 5)
-    return args
-
-
 def first_call(action: model.Action) -> model.RestState:
     """Load or compile what a run needs; the rest state."""
     at_rest = model.rest_state(action)
@@ -156,12 +119,13 @@ def first_call(action: model.Action) -> model.RestState:
     return at_rest
 
 
-def main(arguments: list[str] | None = None) -> int:
-    args = parse(arguments)
-    blows = args.blow or (["forte"] if args.quick else list(BLOWS))
-    names = [] if args.only_ours else args.peer or list(QUICK_PEERS if args.quick else PEERS)
-    here = machine() | ({"cvode": version()} if names else {})
-    print(", ".join(f"{k} {v}" for k, v in here.items()), flush=True)
+def main(args: Run) -> bool:
+    """Race all methods; whether our errors and the references are right."""
+    METHODS.update({} if args.quick else COMPARISON)  # raced beside those of the package, in this process only
+    blows = args.blow or list(BLOWS)
+    names = [] if args.only_ours else args.peer or list(PEERS)
+    here = {"machine": machine()} | ({"cvode": version()} if names else {})
+    print(", ".join(here.values()), flush=True)
 
     def timed(what: str, work: Callable[[], T]) -> T:
         start = time.perf_counter()
@@ -178,8 +142,8 @@ def main(arguments: list[str] | None = None) -> int:
     deviation = largest_deviation(equations.accelerations, action, rest.angle_rad)
     print(f"peers' equations differ from the plain NumPy twin by {deviation:.1e} relative", flush=True)
     if not deviation < 1e-9:
-        print("the peers' equations are not the model's", file=sys.stderr)
-        return 1
+        print("the peers' equations are not the model's")
+        return False
     default = f"ours {DEFAULT_METHOD}"
     sharpest = max(METHODS.values(), key=lambda m: m.order).name
     rows: list[Row] = []
@@ -195,8 +159,7 @@ def main(arguments: list[str] | None = None) -> int:
         differences[blow] = float(np.abs(reference - other.angle_rad).max())
         print(
             f"{blow}: reference in {steps} explicit steps; {sharpest} at {REFERENCE_TOLERANCE[1]:.0e} "
-            f"({other.steps} steps) differs by {differences[blow]:.1e} rad; peers' right-hand side "
-            f"{equations.seconds_per_call(explicit, task.table) * 1e6:.2f} µs",
+            f"({other.steps} steps) differs by {differences[blow]:.1e} rad",
             flush=True,
         )
         off = jacobian.largest_deviation(equations, explicit[::23], task.table)
@@ -215,45 +178,21 @@ def main(arguments: list[str] | None = None) -> int:
                 continue
             entries.append(Entry(name, False, solver, (1e-5,) if args.quick else tolerances, name not in ONCE))
         rows += race(blow, entries, reference, args.repeats, partial(print, flush=True))
-    add_ratios(rows, default)
-    print("\n" + table(rows) + "\n")
+    table(rows)
     for blow in blows:
-        print(summary(rows, blow, default) + "\n")
+        summary(rows, blow, default)
     print("not in the times, s: " + "; ".join(f"{k} {v:.2f}" for k, v in preparation.items() if v > 0.05))
     bad = check(rows, differences)
-    out = args.out or (
-        None if args.quick or args.blow or args.peer or args.only_ours else ROOT / "docs" / "work_precision.svg"
-    )
-    if out is not None:
-        draw(rows, blows, default, out)
-        print(f"diagram: {out}")
-    if args.json is not None:
+    if args.out:
+        draw(rows, blows, default, Path(args.out))
+        print(f"diagram: {args.out}")
+    if args.json:
         record = {
-            "machine": here, "reference_difference_rad": differences, "skipped": skipped,
-            "preparation_s": preparation, "failed": bad, "rows": [r.as_dict() for r in rows],
+            "machine": here, "date": datetime.now(UTC).isoformat(timespec="seconds"),
+            "reference_difference_rad": differences, "skipped": skipped,
+            "preparation_s": preparation, "failed": bad, "rows": [vars(r) for r in rows],
         }  # fmt: skip
-        write_record(args.json, record)
+        Path(args.json).write_text(json.dumps(record, default=float, indent=1), encoding="utf-8")
     for line in bad:
-        print(f"WRONG  {line}", file=sys.stderr)
-    return 1 if bad else 0
-
-
-def write_record(path: Path, record: dict[str, object]) -> None:
-    """Write all rows and the machine as JSON."""
-    record = {"made": datetime.now(UTC).isoformat(timespec="seconds"), "default_method": DEFAULT_METHOD, **record}
-    path.write_text(json.dumps(_plain(record), indent=1) + "\n", encoding="utf-8")
-
-
-def _plain(value: object) -> object:
-    """Convert numbers for JSON: NumPy's to Python's, non-finite ones to None."""
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        print(f"WRONG  {line}")
+    return not bad

@@ -1,6 +1,6 @@
 """Work and precision of a blow on a string: modes in the action's step loop, modes apart, finite differences.
 
-    python benchmarks/work_precision_string.py [--speed 2.0] [--out docs/work_precision_string.svg] [--repeats 5]
+    python -m benchmarks work_precision_string [--speed 2.0] [--out docs/work_precision_string.svg] [--repeats 5]
 
 One hammer, C4, 12 ms. Error: of the hammer's speed after the blow, as a share of the speed before. Reference of the
 march of modes and of finite differences: 512 modes at 1e-6; of the step loop, whose hammer turns on an arc and has the
@@ -9,27 +9,24 @@ felt of contact12: itself with 100 modes at 1e-10. Processor time, least of seve
 
 from __future__ import annotations
 
-import argparse
-import sys
-import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import model
 from benchmarks.peers.finite_difference_string import blow, points_at
+from benchmarks.runner import Run, Table, in_turns
 from model.simulation.run import Simulation, State
 from model.string import C4, C4_HAMMER, strike
 from model.string.blow import _march
 
 SECONDS = 0.012
+RIGHT = 1e-3  # of the finest point of each method
 MARCHES = ((8, 512), (16, 1024), (32, 2048), (64, 4096), (128, 8192), (256, 16384))
 GRIDS = (512, 1024, 2048, 4096, 8192, 16384)
 LOOPS = ((5, 1e-4), (10, 1e-5), (20, 1e-6), (40, 1e-7), (80, 1e-8))
-Point = tuple[str, Callable[[], float]]
 
 
 def in_the_loop(speed: float) -> Callable[[int, float], Callable[[], float]]:
@@ -61,52 +58,36 @@ def in_the_loop(speed: float) -> Callable[[int, float], Callable[[], float]]:
     return prepared
 
 
-def main() -> None:
-    """Print the points and draw them."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--speed", type=float, default=2.0)
-    parser.add_argument("--out", type=Path)
-    parser.add_argument("--repeats", type=int, default=5)
-    given = parser.parse_args()
-    speed, loop = given.speed, in_the_loop(given.speed)
+def main(run: Run) -> bool:
+    """Print the points and draw them; whether the finest of each method are right."""
+    speed, loop = run.speed, in_the_loop(run.speed)
     exact = strike(C4, C4_HAMMER, speed, tolerance=1e-6, n_modes=512, seconds=SECONDS).rebound
     exact_loop = loop(100, 1e-10)()
 
-    def marched(modes: int, steps: int) -> Callable[[], float]:
-        def run() -> float:
-            found = _march([C4], C4_HAMMER, speed, modes, SECONDS, steps)
-            return float("nan") if found is None else -float(found[1][-1, 1]) / speed
+    def marched(modes: int, steps: int) -> float:
+        found = _march([C4], C4_HAMMER, speed, modes, SECONDS, steps)
+        return float("nan") if found is None else -float(found[1][-1, 1]) / speed
 
-        return run
+    def differences(steps: int) -> float:
+        return -float(blow(C4, C4_HAMMER, speed, SECONDS, steps)[1][-1]) / speed
 
-    entries: list[tuple[str, str, Callable[[], float], float]] = []
-    entries += [("modes, step loop", f"{n} modes, {tol:g}", loop(n, tol), exact_loop) for n, tol in LOOPS]
-    entries += [("modes, march", f"{n} modes, {k} steps", marched(n, k), exact) for n, k in MARCHES]
+    jobs: dict[tuple[str, str, float], Callable[[], float]] = {}
+    jobs |= {("modes, step loop", f"{n} modes, {tol:g}", exact_loop): loop(n, tol) for n, tol in LOOPS}
+    jobs |= {("modes, march", f"{n} modes, {k} steps", exact): partial(marched, n, k) for n, k in MARCHES}
     for k in GRIDS:
-        what = f"{points_at(C4, SECONDS / k)} points, {k} steps"
-
-        def differences(steps: int = k) -> float:
-            return -float(blow(C4, C4_HAMMER, speed, SECONDS, steps)[1][-1]) / speed
-
-        entries.append(("finite differences", what, differences, exact))
-    found = [run() for _, _, run, _ in entries]  # also compiles
-    least = [np.inf] * len(entries)
-    for _ in range(given.repeats):
-        for i, (_, _, run, _) in enumerate(entries):
-            begin, count = time.process_time(), 0
-            while time.process_time() - begin < 0.01:
-                run()
-                count += 1
-            least[i] = min(least[i], (time.process_time() - begin) / count)
+        jobs["finite differences", f"{points_at(C4, SECONDS / k)} points, {k} steps", exact] = partial(differences, k)
+    spent = in_turns(jobs, run.repeats)
     rows = [
-        (method, what, abs(x - right), 1e3 * t)
-        for (method, what, _, right), x, t in zip(entries, found, least, strict=True)
+        (method, what, abs(work() - right), 1e3 * spent[method, what, right].min())
+        for (method, what, right), work in jobs.items()
     ]
     print(f"C4, hammer at {speed:g} m/s; error of its speed after the blow, share of before")
-    for method, what, error, ms in rows:
-        print(f"{method:<20}{what:<26}{error:>10.1e}{ms:>10.3f} ms")
-    if given.out is not None:
-        draw(rows, given.out)
+    table = Table("method:20s", "size:26s", "error:10.1e", "ms:10.3f")
+    for row in rows:
+        table.row(*row)
+    if run.out:
+        draw(rows, Path(run.out))
+    return all(min(error for name, _, error, _ in rows if name == method) < RIGHT for method, *_ in rows)
 
 
 def draw(rows: list[tuple[str, str, float, float]], path: Path) -> None:
@@ -129,7 +110,3 @@ def draw(rows: list[tuple[str, str, float, float]], path: Path) -> None:
     axis.legend()
     figure.tight_layout()
     figure.savefig(path, metadata={"Date": None})
-
-
-if __name__ == "__main__":
-    main()

@@ -10,7 +10,7 @@ from fractions import Fraction as F
 
 import numpy as np
 
-from methods.tableau import DiagonalTableau
+from benchmarks.methods.tableau import DiagonalTableau
 from model.integrators.methods import lower
 
 _LAST = [F(82889, 524892), F(0), F(15625, 83664), F(69875, 102672), F(-2260, 8211)]

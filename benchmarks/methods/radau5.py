@@ -10,7 +10,7 @@ from math import sqrt
 
 import numpy as np
 
-from methods.tableau import CoupledTableau
+from benchmarks.methods.tableau import CoupledTableau
 
 _R = sqrt(6.0)
 

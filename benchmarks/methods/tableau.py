@@ -69,7 +69,7 @@ class DiagonalTableau(_StagesInSlots):
     @property
     def loop(self) -> Callable[..., tuple[float, float, int]]:
         """The step loop, compiled on import."""
-        from methods.diagonal import integrate_diagonal
+        from benchmarks.methods.diagonal import integrate_diagonal
 
         return integrate_diagonal
 
@@ -107,7 +107,7 @@ class CoupledTableau(_StagesInSlots):
     @property
     def loop(self) -> Callable[..., tuple[float, float, int]]:
         """The step loop, compiled on import."""
-        from methods.coupled import integrate_coupled
+        from benchmarks.methods.coupled import integrate_coupled
 
         return integrate_coupled
 

@@ -8,7 +8,6 @@ force lies inside one.
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numba
@@ -82,25 +81,6 @@ class CompiledEquations:
         self._from_c = from_c  # keeps the machine code alive
         self.address: int = from_c.address  # type: ignore[assignment]
         self._explicit: Any = None
-
-    def seconds_per_call(self, y: Array, table: Array) -> float:
-        """Time of one right-hand side in compiled code: mean over states ``y`` (m, 10), best of 5, s."""
-        fill = self.fill
-
-        @numba.njit(types.float64(types.float64[:, ::1], READ))
-        def sweep(y: Array, table: Array) -> float:
-            dy, total = np.zeros(y.shape[1]), 0.0
-            for i in range(y.shape[0]):
-                fill(0.0, y[i], dy, table)
-                total += dy[0]
-            return total
-
-        best = np.inf
-        for _ in range(5):
-            start = time.perf_counter()
-            sweep(y, table)
-            best = min(best, time.perf_counter() - start)
-        return float(best / len(y))
 
     def explicit(self, y0: Array, table: Array, every: int, tolerance: float) -> tuple[Array, int]:
         """States (m, 10) at every ``every``-th point of the table by the explicit method, and the number of steps."""

@@ -23,8 +23,8 @@ PEERS = {
     "diffrax Kvaerno5": ("#CC79A7", "p"),
     "SciPy BDF": ("#666666", "x"),
     "SciPy Radau": ("#666666", "+"),
-    "explicit DOP853, compiled": ("#999999", "d"),
-    "plain NumPy, LSODA": ("#D55E00", "*"),
+    "explicit DOP853 compiled": ("#999999", "d"),
+    "plain NumPy with LSODA": ("#D55E00", "*"),
 }
 
 

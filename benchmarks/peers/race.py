@@ -10,8 +10,7 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +35,6 @@ class Row:
     rejected: int | None
     rhs: int | None
     jacobians: int | None
-    ratio: float | None = None  # time over that of our default method at no larger error
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data for the JSON file."""
-        return asdict(self)
 
 
 @dataclass
@@ -113,10 +107,3 @@ def time_at_error(rows: list[Row], error_rad: float) -> float | None:
         return None
     errors, times = np.log([b[0] for b in best])[::-1], np.log([b[1] for b in best])[::-1]
     return float(np.exp(np.interp(math.log(error_rad), errors, times)))
-
-
-def add_ratios(rows: list[Row], default: str) -> None:
-    """Set ``ratio`` of each row: its time over that of method ``default`` at no larger error on the same blow."""
-    for row in rows:
-        ours = time_at_error([r for r in rows if r.blow == row.blow and r.method == default], row.error_rad)
-        row.ratio = None if ours is None else row.best_s / ours

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import BDF, LSODA, Radau, odeint, solve_ivp
+from scipy.integrate import LSODA, odeint, solve_ivp
 
 from benchmarks.peers.compiled import CompiledEquations
 from benchmarks.peers.cvode_from_c import Unavailable, cvode_in_c
@@ -54,7 +54,9 @@ class Task:
 Solver = Callable[[float], Answer]
 
 
-def _scipy(base: Any, task: Task, rhs: Callable[[float, Array], Array]) -> Solver:
+def _scipy(base: Any, task: Task, rhs: Callable[[float, Array], Array], strided: bool = False) -> Solver:
+    calls = 0
+
     class Counted(base):  # type: ignore[misc]
         steps = 0
 
@@ -62,56 +64,30 @@ def _scipy(base: Any, task: Task, rhs: Callable[[float, Array], Array]) -> Solve
             Counted.steps += 1
             return super().step()
 
-    def run(tolerance: float) -> Answer:
-        Counted.steps = 0
-        span = (task.output_s[0], task.output_s[-1])
-        sol = solve_ivp(rhs, span, task.y0, method=Counted, t_eval=task.output_s, rtol=tolerance, atol=tolerance)
-        if not sol.success:
-            raise RuntimeError(sol.message)
-        return Answer(sol.y[:N].T, Counted.steps, None, sol.nfev, sol.njev)
-
-    return run
-
-
-def _compiled(task: Task) -> Callable[[float, Array], Array]:
-    give, table = task.equations.give, task.table
-    return lambda t, y: give(t, y, table)
-
-
-def scipy_lsoda(task: Task) -> Solver:
-    """SciPy ``solve_ivp`` with LSODA."""
-    return _scipy(LSODA, task, _compiled(task))
-
-
-def scipy_bdf(task: Task) -> Solver:
-    """SciPy ``solve_ivp`` with BDF."""
-    return _strided(BDF, task)
-
-
-def scipy_radau(task: Task) -> Solver:
-    """SciPy ``solve_ivp`` with Radau."""
-    return _strided(Radau, task)
-
-
-def _strided(base: Any, task: Task) -> Solver:
-    # these two pass matrix columns for their Jacobian and do not count those calls
-    give, table, calls = task.equations.give, task.table, 0
-
-    def rhs(t: float, y: Array) -> Array:
+    def contiguous(t: float, y: Array) -> Array:
+        # BDF and Radau pass matrix columns for their Jacobian and do not count those calls
         nonlocal calls
         calls += 1
-        return give(t, np.ascontiguousarray(y), table)
-
-    solve = _scipy(base, task, rhs)
+        return rhs(t, np.ascontiguousarray(y))
 
     def run(tolerance: float) -> Answer:
         nonlocal calls
-        calls = 0
-        answer = solve(tolerance)
-        answer.rhs = calls
-        return answer
+        calls = Counted.steps = 0
+        sol = solve_ivp(
+            contiguous if strided else rhs, (task.output_s[0], task.output_s[-1]), task.y0, method=Counted,
+            t_eval=task.output_s, rtol=tolerance, atol=tolerance,
+        )  # fmt: skip
+        if not sol.success:
+            raise RuntimeError(sol.message)
+        return Answer(sol.y[:N].T, Counted.steps, None, calls if strided else sol.nfev, sol.njev)
 
     return run
+
+
+def scipy_ivp(base: Any, task: Task) -> Solver:
+    """SciPy ``solve_ivp`` with LSODA, BDF or Radau."""
+    give, table = task.equations.give, task.table
+    return _scipy(base, task, lambda t, y: give(t, y, table), strided=base is not LSODA)
 
 
 def scipy_odeint(task: Task) -> Solver:
@@ -160,20 +136,10 @@ def sundae_cvode(task: Task) -> Solver:
     return run
 
 
-def c_cvode(task: Task) -> Solver:
-    """CVODE (BDF) driven from C with the address of the compiled right-hand side."""
-    solve = cvode_in_c(task.equations.address, task.table, task.y0, task.output_s)
-
-    def run(tolerance: float) -> Answer:
-        y, counts = solve(tolerance)
-        return Answer(y[:, :N], *counts)
-
-    return run
-
-
-def c_cvode_analytic(task: Task) -> Solver:
-    """The same with an analytic Jacobian in compiled code."""
-    solve = cvode_in_c(task.equations.address, task.table, task.y0, task.output_s, task.jacobian.address)
+def c_cvode(analytic: bool, task: Task) -> Solver:
+    """CVODE (BDF) driven from C with the address of the compiled right-hand side, perhaps of an analytic Jacobian."""
+    jacobian = task.jacobian.address if analytic else None
+    solve = cvode_in_c(task.equations.address, task.table, task.y0, task.output_s, jacobian)
 
     def run(tolerance: float) -> Answer:
         y, counts = solve(tolerance)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import model
+from benchmarks.methods import COMPARISON
 from model.integrators.methods import METHODS
 from model.motion_driven.prescribed_key import run_prescribed
 from tests.model.conftest import read_table
@@ -20,9 +19,6 @@ NAMES = ("esdirk4", "radau5")
 @pytest.fixture
 def comparison(monkeypatch):
     """The comparison methods by name, known to `model.simulate` during a test."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-    from methods import COMPARISON
-
     for name, method in COMPARISON.items():
         monkeypatch.setitem(METHODS, name, method)
     return COMPARISON

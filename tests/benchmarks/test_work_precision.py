@@ -10,22 +10,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import model
+from benchmarks import work_precision
+from benchmarks.peers.equations import accelerations, largest_deviation
+from benchmarks.peers.forces import BLOWS, force_table
+from benchmarks.peers.race import Entry, Row, race, time_at_error
+from benchmarks.peers.solvers import Answer
+
 ROOT = Path(__file__).parents[2]
-BENCHMARKS = ROOT / "benchmarks"
-
-
-@pytest.fixture
-def peers(monkeypatch):
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
 
 
 @pytest.mark.slow  # half a minute, for all the peers are compiled
 def test_quick_run_gives_table_diagram_and_json(tmp_path):
     picture, record = tmp_path / "diagram.svg", tmp_path / "rows.json"
     done = subprocess.run(
-        [sys.executable, "-W", "error", str(BENCHMARKS / "work_precision.py"), "--quick"]
+        [sys.executable, "-W", "error", "-m", "benchmarks", "work_precision", "--quick"]
         + ["--out", str(picture), "--json", str(record)],
-        capture_output=True, text=True, cwd=tmp_path, timeout=120, check=False,
+        capture_output=True, text=True, cwd=ROOT, timeout=120, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""
@@ -41,11 +42,7 @@ def test_quick_run_gives_table_diagram_and_json(tmp_path):
     assert "<svg" in picture.read_text()[:600]
 
 
-def test_equations_agree_with_the_plain_twin_in_both_dialects(peers):
-    from peers.equations import accelerations, largest_deviation
-
-    import model
-
+def test_equations_agree_with_the_plain_twin_in_both_dialects():
     action = model.load_action()
     rest = model.rest_state(action).angle_rad
     names = {"sin": np.sin, "cos": np.cos, "tanh": np.tanh, "sqrt": np.sqrt, "where": np.where}
@@ -53,11 +50,7 @@ def test_equations_agree_with_the_plain_twin_in_both_dialects(peers):
     assert largest_deviation(accelerations(action, names, branches=False), action, rest) < 1e-11
 
 
-def test_equations_follow_the_parameters(peers):
-    from peers.equations import accelerations, largest_deviation
-
-    import model
-
+def test_equations_follow_the_parameters():
     changed = model.load_action(overrides={"contact04.friction.A": 0.9, "hammer.mass": 0.02})
     rest = model.rest_state(model.load_action()).angle_rad
     assert largest_deviation(accelerations(changed), changed, rest) < 1e-11
@@ -65,35 +58,24 @@ def test_equations_follow_the_parameters(peers):
 
 
 def row(method="ours a", tolerance=1e-5, error=1e-5, best=0.01):
-    from peers.race import Row
-
     return Row("forte", method, method.startswith("ours"), tolerance, error, best, 1, None, None, None, None)
 
 
-def test_wrong_answers_are_named(peers):
-    import work_precision
-
+def test_wrong_answers_are_named():
     rows = [row(error=1.9e-5), row(error=2.1e-5), row(error=float("nan")), row("peer", error=1.0)]
     bad = work_precision.check(rows, {"forte": 5e-10, "piano": 2e-9})
     assert len(bad) == 3
     assert "2.10e-05" in bad[0] and "nan" in bad[1] and bad[2].startswith("piano")
 
 
-def test_time_at_an_error_is_read_off_the_log_log_line(peers):
-    from peers.race import add_ratios, time_at_error
-
+def test_time_at_an_error_is_read_off_the_log_log_line():
     ours = [row(error=1e-4, best=0.01), row(error=1e-6, best=0.04), row(error=1e-5, best=0.9)]
     assert time_at_error(ours, 1e-5) == pytest.approx(0.02)  # the slow middle point is beaten by its neighbours
     assert time_at_error(ours, 1e-3) == pytest.approx(0.01)
     assert time_at_error(ours, 1e-7) is None
-    rows = [*ours, row("peer", error=1e-5, best=0.1)]
-    add_ratios(rows, "ours a")
-    assert rows[-1].ratio == pytest.approx(5.0)
 
 
-def test_force_tables_are_what_they_say(peers):
-    from peers.forces import BLOWS, force_table
-
+def test_force_tables_are_what_they_say():
     peak = {}
     for blow in BLOWS:
         t, f = force_table(blow)
@@ -105,10 +87,7 @@ def test_force_tables_are_what_they_say(peers):
     assert noise.std() == pytest.approx(0.05, rel=0.05)
 
 
-def test_a_failing_peer_is_named_and_left_out(peers):
-    from peers.race import Entry, race
-    from peers.solvers import Answer
-
+def test_a_failing_peer_is_named_and_left_out():
     def broken(tolerance: float) -> Answer:
         raise RuntimeError("no luck")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks import stress_films
 from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.source import ArrayFilm
@@ -30,7 +29,6 @@ ECC = pytest.param(
     "ecc",
     marks=pytest.mark.skipif(not hasattr(cv2, "findTransformECCWithMask"), reason="masked ECC is in OpenCV 5"),
 )
-STRESS = Path(__file__).resolve().parents[2] / "benchmarks" / "stress_films.py"
 
 
 @dataclass(frozen=True)
@@ -87,14 +85,9 @@ def film_of() -> Callable[..., KnownFilm]:
 
 @cache
 def load_stress() -> ModuleType:
-    """The renderer of the stress benchmark, no package, which shares no code with `vision`; a film is drawn once."""
-    spec = importlib.util.spec_from_file_location("stress_films", STRESS)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["stress_films"] = module
-    spec.loader.exec_module(module)
-    module.__dict__["stress_film"] = cache(module.stress_film)
-    return module
+    """The renderer of the stress benchmark, which shares no code with `vision`; a film is drawn once."""
+    stress_films.__dict__["stress_film"] = cache(stress_films.stress_film)
+    return stress_films
 
 
 @pytest.fixture(scope="session")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 import tracemalloc
 from pathlib import Path
 
@@ -11,23 +9,14 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.fuzz_readers import fuzz
 from vision.errors import FilmError
 from vision.film.avi_writer import write_avi
 from vision.film.open import open_film
 
-SCRIPT = Path(__file__).parents[3] / "benchmarks" / "fuzz_readers.py"
 
-
-def test_damaged_films_are_refused_or_read_right(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    spec = importlib.util.spec_from_file_location("fuzz_readers", SCRIPT)
-    assert spec is not None and spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    sys.modules["fuzz_readers"] = script
-    try:
-        spec.loader.exec_module(script)
-        tallies = script.fuzz(tmp_path, 40, 7)
-    finally:
-        del sys.modules["fuzz_readers"]
+def test_damaged_films_are_refused_or_read_right(tmp_path: Path) -> None:
+    tallies = fuzz(tmp_path, 40, 7)
     assert sum(tally.same for tally in tallies.values()) > 5
     for name, tally in tallies.items():
         assert not tally.wrong, (name, tally.wrong)
