@@ -5,12 +5,15 @@ Virtual sensors, output columns and validation use the same functions. NumPy onl
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
 from model.errors import InputError
 from model.parameters.action import BODIES, CAPSTAN, KEY_FRONT, STRING, Action
+from model.parameters.effects import SHANK
 
 
 def _column(angle_rad: ArrayLike, body: str) -> NDArray[np.float64]:
@@ -92,6 +95,39 @@ def hammer_height_m(
     normal = complex(action[f"{STRING}.second.normal.x"], action[f"{STRING}.second.normal.y"])
     along = np.real(way * normal.conjugate()) / abs(normal)
     return np.asarray(hammer_height_from_angle(action, turned) + along)
+
+
+def head_height_m(action: Action, coordinates: Sequence[str], rows: ArrayLike) -> NDArray[np.float64]:
+    """Distance of the hammer's head from the string with what a scene's shank bends and its joint gives.
+
+    Parameters
+    ----------
+    action : geometry
+    coordinates : (k,) names of the columns, the five bodies among them: bodies and effects of a scene, then directions
+        in which joints give, such as ``hammer_pin_x`` (`model.scene.build.Scene.coordinates`)
+    rows : (..., k) rad, m
+
+    Returns
+    -------
+    ndarray
+        Height (...,), m, negative where the felt is pressed in.
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action("hirschkorn2004")
+    >>> at_rest = [*model.rest_state(action).angle_rad, -1e-3]
+    >>> height = model.observables.head_height_m(action, (*model.BODIES, "hammer_pin_y"), at_rest)
+    >>> print(f"{1e3 * float(height):.0f} mm where the joint has given way by 1 mm")
+    49 mm where the joint has given way by 1 mm
+    """
+    values, names = np.moveaxis(as_numbers(rows, "coordinates"), -1, 0), list(coordinates)
+    column = dict(zip(names, values, strict=True))
+    bodies = np.stack([column[body] for body in BODIES], axis=-1)
+    give = [column.get(f"hammer_pin_{axis}") for axis in "xy"]
+    gives = [np.zeros_like(column["hammer"]) if way is None else way for way in give]
+    given = None if give == [None, None] else np.stack(gives, axis=-1)
+    return hammer_height_m(action, bodies, column.get(SHANK), given)
 
 
 def along_string_normal(action: Action, way: ArrayLike) -> NDArray[np.float64]:

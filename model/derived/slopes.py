@@ -69,11 +69,12 @@ class Differentiated:
         """
         s, e = self._s, self._e
         free, first = s.free, W.P_ACC if s.pin else W.ACC
-        rows = {f"f{i}": i for i in range(free)} | {f"fade{m}": free + m for m in range(len(s.memory))}
+        rows = {f"f{i}": k for k, i in enumerate(s.solved)} | {f"fade{m}": free + m for m in range(len(s.memory))}
         rows |= {"on the string": free + len(s.memory)} if s.string else {}
         size = s.free + len(s.memory) + len(s.string)
-        acceleration = [read("w", first + i) for i in range(s.n)]
-        lines: list[Statement] = [Add(name(f"f{i}"), -m) for i, m in enumerate(e.bodies.inertia(acceleration))]
+        acceleration = [read("w", (first if i in s.solved else W.ACC) + i) for i in range(s.n)]
+        inertia = dict(enumerate(e.bodies.inertia(acceleration)))
+        lines: list[Statement] = [Add(name(f"f{i}"), -inertia[i]) for i in s.solved]
         lines += e.smooth_forces()
         for contact in e.contacts.values():
             lines += contact.forces()

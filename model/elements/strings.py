@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from model.compiler.expressions import (
     ONE,
@@ -114,10 +115,8 @@ class Modes:
         """Way and rate of a free mode after a time, s, in closed form."""
         k, sigma = self.number(1, i), 0.5 * self.number(2, i)
         omega = root(k - sigma * sigma)
-        y, u = self.state(W.Z, 0, i), self.state(W.Z, 1, i)
-        fade = exponential(largest(-(sigma * time), -700.0))
-        c, s = cosine(omega * time), sine(omega * time) / omega
-        return fade * (y * c + (u + sigma * y) * s), fade * (u * c - (sigma * u + k * y) * s)
+        turned = exponential(largest(-(sigma * time), -700.0)), cosine(omega * time), sine(omega * time) / omega
+        return free_swing(self.state(W.Z, 0, i), self.state(W.Z, 1, i), k, sigma, turned)
 
     def carried_on(self, time: Expression) -> For:
         """Let free modes swing for a time, s."""
@@ -130,6 +129,15 @@ class Modes:
             ]  # fmt: skip
 
         return each("carried on", self.count, one)
+
+
+def free_swing(y: Any, u: Any, stiffness: Any, sigma: Any, turned: tuple[Any, Any, Any]) -> tuple[Any, Any]:
+    """Way and rate of a free mode from ``y`` and ``u``; of expressions, or of arrays.
+
+    ``turned``: what is left of 1 at half the damping ``sigma``, cosine, sine over the angular frequency.
+    """
+    fade, c, s = turned
+    return fade * (y * c + (u + sigma * y) * s), fade * (u * c - (sigma * u + stiffness * y) * s)
 
 
 @law

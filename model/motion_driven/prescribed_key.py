@@ -55,15 +55,22 @@ class PrescribedRun:
 def rest_angle(action: Action, choice: SceneChoice) -> float:
     """Angle (rad) of what a motion would prescribe at rest without a force."""
     free = build_scene(choice.on(action), choice)
-    rest = solve_rest(free, whole=True)
-    angle, rise = float(rest[free.bodies.index(choice.moved)]), 0.0
-    if choice.moved != "key":
+    return moved_angle(free, choice.moved, solve_rest(free, whole=True), free.vector)
+
+
+def moved_angle(free: Scene, moved: str, whole: Array, p: Array) -> float:
+    """Angle (rad) of what a motion would prescribe, at coordinates ``whole`` of the scene without that motion.
+
+    ``whole`` (n + g,) ends with what joints give; ``p`` are the scene's numbers.
+    """
+    angle, rise = float(whole[free.bodies.index(moved)]), 0.0
+    if moved != "key":
         return angle
     if KEY_LIFT in free.bodies:
-        rise = rest[free.bodies.index(KEY_LIFT)]
+        rise = whole[free.bodies.index(KEY_LIFT)]
     elif ("key", "y") in free.pins:
-        rise = rest[free.size + free.pins.index(("key", "y"))]
-    x, y = front = free.vector[free.tables.offset[2] : free.tables.offset[2] + 2]
+        rise = whole[free.size + free.pins.index(("key", "y"))]
+    x, y = front = p[free.tables.offset[2] : free.tables.offset[2] + 2]
     return float(angle_at_height(front, np.sin(angle) * x + np.cos(angle) * y + rise)) if rise else angle
 
 
@@ -107,7 +114,8 @@ def run_prescribed(
     angles, speeds = with_moved(scene.tables, scene.vector, own, moved, memory)
     force, rail = key_load(scene, angles, speeds, moved[:, 2], memory=memory)
     arm = None if choice.moved == "key" else action[f"{ARM if choice.moved == MOTOR else FINGER}.length"]
-    bodies = tuple(b for b in (*BODIES, SHANK, KEY_LIFT, MOTOR, FINGER) if b in scene.bodies)
+    usual = [b for b in (*BODIES, SHANK, KEY_LIFT, MOTOR, FINGER) if b in scene.bodies]
+    bodies = tuple(dict.fromkeys([*usual, *scene.bodies]))
     order = [scene.bodies.index(b) for b in bodies]
     return PrescribedRun(
         bodies,

@@ -19,12 +19,11 @@ from model.derived.columns import NORMAL
 from model.derived.observe import contacts_at
 from model.errors import InputError
 from model.motion_driven.prescribed_key import key_load
-from model.observables import hammer_height_m, key_dip_m
+from model.observables import head_height_m, key_dip_m
 from model.parameters.action import BODIES, Action
-from model.parameters.effects import SHANK
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion, with_moved
-from model.simulation.giving_motion import giving_motion
+from model.simulation.giving_motion import rows_of_pins
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
 
@@ -158,14 +157,13 @@ def slow_press(
     force, _ = key_load(scene, q, v, moved[:, 2], memory=memory)
     normal = contacts_at(scene.tables, scene.vector, q, v, memory)[:, :, NORMAL]
     order = [scene.bodies.index(body) for body in BODIES]
-    bend = q[:, scene.bodies.index(SHANK)] if SHANK in scene.bodies else None
-    give = giving_motion(scene, run.remembered)
+    whole = np.column_stack([q, rows_of_pins(scene, run.remembered)[0]]) if scene.pins else q
     front = np.tile(rest[: len(BODIES)], (len(times), 1))
     front[:, KEY] = moved[:, 0]
     return Press(
         time_s=times,
         dip_m=key_dip_m(action, front, rest[: len(BODIES)]),
-        hammer_height_m=hammer_height_m(action, q[:, order], bend, None if give is None else give.of("hammer")[0]),
+        hammer_height_m=head_height_m(action, scene.coordinates, whole),
         force_n=force,
         angle_rad=q[:, order],
         speed_rad_per_s=v[:, order],

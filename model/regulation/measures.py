@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 from model.errors import InputError
 from model.force_driven import simulate
 from model.motion_driven.slow_press import Press, slow_press
-from model.observables import hammer_height_m, key_dip_m
+from model.observables import head_height_m, key_dip_m
 from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, JACK_LEVER, KEY_FRONT, LEVER_KNUCKLE, Action
-from model.parameters.effects import KEY_LIFT, SHANK
+from model.parameters.effects import KEY_LIFT
 from model.scene.build import build_scene
 from model.simulation.hand_set_rest import hand_set_rest, slip_angle
 from model.simulation.run import State
@@ -232,11 +232,10 @@ def at_rest(action: Action, rest_rad: Array | None = None) -> dict[str, float]:
     side = _along(line.center, line.normal) - action[f"{JACK_LEVER}.first.radius"] + line.penetration_m
     edge = _along(knuckle.center, line.normal) + action[f"{JACK_KNUCKLE}.first.radius"]
     under_knuckle = contact_gap(action, LEVER_KNUCKLE, q, moved).penetration_m
-    bodies = build_scene(action).bodies
-    bend = q[bodies.index(SHANK)] if SHANK in bodies else None
+    names = (*build_scene(action).bodies, "hammer_pin_x", "hammer_pin_y")
     return {
         "dip": float(key_dip_m(action, touch[None, :], q)[0]),
-        "hammer_height": float(hammer_height_m(action, q, bend, [hammer.real, hammer.imag])),
+        "hammer_height": float(head_height_m(action, names, [*q, hammer.real, hammer.imag])),
         "jack": side - edge,
         # gap under the knuckle; where the lever carries the hammer, how far it holds the knuckle off the jack
         "repetition": min(0.0, knuckle.penetration_m) - under_knuckle,

@@ -81,7 +81,7 @@ class Scene(ArrayRecord):
             )
 
     def refuse_memory(self, what: str) -> None:
-        """Refuse a scene whose felt remembers, for what knows the thesis's law alone."""
+        """Refuse memory, a string, joints that give and drives, for what knows rigid joints and the usual law alone."""
         if len(self.tables.memory):
             names = ", ".join(name for name in self.what_remembers if name in self.contacts)
             raise InputError(
@@ -90,10 +90,6 @@ class Scene(ArrayRecord):
             )
         if len(self.tables.string):
             raise InputError(f"{what}: found the effect string, allowed the rigid bar; leave the effect out")
-        self.refuse_giving(what)
-
-    def refuse_giving(self, what: str) -> None:
-        """Refuse joints that give, and what presses but a force on the key, for what knows rigid joints alone."""
         if self.pins:
             names = ", ".join(dict.fromkeys(f"{body}_pin" for body, _ in self.pins))
             raise InputError(f"{what}: found joints that give ({names}), allowed rigid joints; leave these effects out")
@@ -113,6 +109,11 @@ class Scene(ArrayRecord):
         """Contacts whose felt has a law with memory; then the string, where there is one."""
         felts = dict.fromkeys(self.contacts[c] for c in self.tables.memory)
         return (*felts, *(("string",) if len(self.tables.string) else ()))
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of all coordinates: bodies and what effects add, then directions in which joints give."""
+        return (*self.bodies, *(f"{body}_pin_{axis}" for body, axis in self.pins))
 
     @property
     def presser(self) -> str:

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from model.derived.columns import DEPTH, NORMAL
 from model.derived.observe import contacts_at
-from model.observables import hammer_height_m, key_dip_m, key_front_gap_m
+from model.observables import head_height_m, key_dip_m, key_front_gap_m
 from model.parameters.action import BACK_CHECK, JACK_KNUCKLE, LEVER_KNUCKLE, STRING, Action
-from model.parameters.effects import SHANK
 from model.scene.build import Scene
 from model.sensitivity.events import DIP_M, DROP_M, SHORTEST_HOLD_S
 
@@ -32,8 +31,7 @@ def blow_marks(action: Action, scene: Scene, motion: tuple[Array, Array, Array])
     """Marks (len(MARKS),) of a motion: times (m,), angles and speeds (m, n); NaN for what does not happen."""
     time, angle, speed = motion
     out = dict.fromkeys(MARKS, np.nan)
-    bend = angle[:, scene.bodies.index(SHANK)] if SHANK in scene.bodies else None
-    height = hammer_height_m(action, angle, bend)
+    height = head_height_m(action, scene.bodies, angle)
     out["onset_s"] = _passed(time, DIP_M - key_dip_m(action, angle), 0)
     out["key_bottom_s"] = _passed(time, key_front_gap_m(action, angle), 0)
     strike = _first_fall(height) if STRING in scene.contacts else -1

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from model.derived.columns import DEPTH, RATE
 from model.derived.observe import contacts_at
-from model.observables import hammer_height_m, key_dip_m
+from model.observables import head_height_m, key_dip_m
 from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
-from model.parameters.effects import SHANK
 from model.sensitivity.observed import SMOOTH_TURN, gradient, own_slopes, state_slopes
 from model.sensitivity.sources import places_of_gap
 from model.sensitivity.tangents import Recorded
@@ -83,13 +82,7 @@ class Events:
     # quantities, (m,) of states (m, n), how far joints give after the scene's own coordinates
 
     def _height(self, action: Action, angle: Array, _: Array) -> Array:
-        bend = angle[:, self.scene.bodies.index(SHANK)] if SHANK in self.scene.bodies else None
-        pins, n = self.scene.pins, len(self.scene.bodies)
-        give = [
-            angle[:, n + pins.index(("hammer", axis))] if ("hammer", axis) in pins else 0.0 * angle[:, 0]
-            for axis in "xy"
-        ]
-        return hammer_height_m(action, angle, bend, np.stack(give, axis=-1) if pins else None)
+        return head_height_m(action, self.scene.coordinates, angle)
 
     def _approach(self, action: Action, angle: Array, speed: Array) -> Array:
         """Speed towards the string: the height's rate, by differences along the motion, of order four."""

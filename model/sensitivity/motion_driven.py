@@ -1,7 +1,8 @@
-"""Derivatives where the measured motion of the key drives the action: the function `model.motion_sensitivities`.
+"""Derivatives where a measured motion drives the action: the function `model.motion_sensitivities`.
 
-An encoder tells changes since rest, so the key's angle is its rest angle plus what was measured: the whole motion moves
-with the rest angle, whose derivative enters as that of the prescribed coordinate.
+An encoder tells changes since rest, so the angle is the rest angle plus what was measured: the whole motion moves with
+the rest angle, whose derivative enters as that of the prescribed coordinate. Of a key that lifts or whose joint gives
+that is the angle of its front (`model.scene.key_motion`); its true angle follows from how far it has risen.
 """
 
 from __future__ import annotations
@@ -13,20 +14,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
 from model.force_driven import check_output_times
-from model.motion_driven.prescribed_key import LONGEST_STEP_S, key_load
+from model.motion_driven.prescribed_key import LONGEST_STEP_S, key_load, moved_angle
 from model.motion_driven.spline_fit import fit_key_motion
 from model.parameters.action import Action, load_action
-from model.parameters.effects import RAIL
+from model.parameters.effects import ARM, FINGER, MOTOR, STRING_EFFECT
 from model.scene.build import build_scene
-from model.scene.key_motion import KeyMotion
+from model.scene.key_motion import KeyMotion, with_moved
 from model.scene.selection import check_prescribed
-from model.sensitivity.observed import force_slopes
+from model.scene.string_terms import with_modes
+from model.sensitivity.observed import vector_slopes
 from model.sensitivity.options import SensitivityOptions
 from model.sensitivity.parameter_names import directions, find_parameters, stated_uncertainty
 from model.sensitivity.result import Sensitivities
-from model.sensitivity.tangents import Recorded, key_rest_slopes
-from model.simulation.run import Simulation, State
-from model.simulation.statics import solve_rest
+from model.sensitivity.tangents import Recorded, rest_slopes
+from model.simulation.run import Simulation, State, with_memory
+from model.simulation.statics import solve_rest, with_pins
 
 Array = NDArray[np.float64]
 
@@ -39,22 +41,26 @@ def motion_sensitivities(
     from_rest: bool = True,
     options: SensitivityOptions | None = None,
 ) -> Sensitivities:
-    """Differentiate what follows from a measured motion of the key: the other bodies' motion, the force at its front.
+    """Differentiate what follows from a measured motion: the other bodies' motion, and the force that holds to it.
+
+    In every scene: of the key, of its front where it lifts or its joint gives, of a motor arm or a finger, as
+    `simulate_motion` has it.
 
     Parameters
     ----------
     action : parameter set, or its name or file
-    motion : times (k,), s, and angles of the key (k,), rad, counter-clockwise; or a motion that was fitted to them
+    motion : times (k,), s, and angles (k,), rad, counter-clockwise; or a motion that was fitted to them
     parameters : names (P,) as for `sensitivities`
     from_rest : the angles are changes since rest, as an incremental encoder gives them; else from ground, in which
         case they do not depend on any parameter
-    options : tolerances, times and scene, and the force under which the key rests; events and contact forces are not
-        given
+    options : tolerances, times and scene, and the input under which the action rests; events and contact forces are
+        not given
 
     Returns
     -------
     Sensitivities
-        Derivatives (T, n, P) of the angles, the key's last, and (T, P) of the force, per SI unit of each parameter.
+        Derivatives (T, n, P) of the angles, that of the motion last, and (T, P) of the force, per SI unit of each
+        parameter.
 
     Raises
     ------
@@ -74,42 +80,57 @@ def motion_sensitivities(
     _check(options)
     action, choice = options.of(load_action(action) if isinstance(action, str) else action)
     check_prescribed(choice)
-    if choice.moved != "key" or RAIL in choice.effects:
-        raise InputError(
-            "sensitivities under a motion of the key: found an effect that lifts or presses the key "
-            f"({', '.join(choice.effects)}), allowed a key on its pivot"
-        )
+    if STRING_EFFECT in choice.effects:
+        action = with_modes(action, options.tolerance)
     named = find_parameters(action, parameters)
     free = build_scene(action, choice)
-    free.refuse_memory("sensitivities under a motion of the key")
-    at_rest = solve_rest(free, options.rest_input)
     fitted, table_s = _fitted(motion)
     outputs = check_output_times(options.output_time_s, table_s)
     if len(outputs) == 0:
         raise InputError("output times: found none, allowed at least one")
+    carried = np.zeros(len(named))
     if from_rest:
-        fitted = fitted.raised(float(at_rest[free.bodies.index("key")]))
+        at_rest = solve_rest(free, options.rest_input, whole=True)
+        fitted = fitted.raised(moved_angle(free, choice.moved, at_rest, free.vector))
+        of_free = directions(action, choice, named)
+        own = rest_slopes(of_free, at_rest, options.rest_input)[None]
+
+        def begins_at(whole: Array, _: Array, p: Array) -> Array:
+            return np.array(moved_angle(free, choice.moved, whole[0], p))
+
+        carried = vector_slopes(of_free, begins_at, (at_rest[None], 0.0 * at_rest[None]), (own, 0.0 * own), True)
     begins = float(fitted.break_s[0])  # from zero on, as in a run
     key = KeyMotion(fitted.break_s - begins, fitted.coefficient)
     slopes = directions(action, choice, named, key)
-    carried = np.zeros(len(named))
-    if from_rest:
-        carried = key_rest_slopes(directions(action, choice, named), at_rest, options.rest_input)
     scene = slopes.scene
-    state = State(0.0, solve_rest(scene, 0.0), np.zeros(scene.size))
+    tables, n = scene.tables, scene.size
+    state = with_memory(scene, State(0.0, solve_rest(scene, 0.0), np.zeros(n)))
+    whole = with_pins(scene, state.angle_rad, 0.0) if scene.pins else state.angle_rad
     simulation = Simulation(scene, state, options.tolerance, options.method, largest_step_s=LONGEST_STEP_S)
     span, wanted = key.break_s[[0, -1]], outputs - begins
-    recorded = Recorded(slopes, simulation, float(wanted[-1]), (span, span), (state.angle_rad, 0.0), carried)
-    followed = recorded.follow(wanted, options.relative_tolerance)
-    moved = key.at(wanted)
-    angle, speed = (np.column_stack([own, moved[:, k]]) for k, own in enumerate(recorded.states(wanted)))
-    d_angle = np.concatenate([followed.angle, np.broadcast_to(carried, (len(wanted), 1, len(named)))], axis=1)
-    d_speed = np.concatenate([followed.speed, np.zeros((len(wanted), 1, len(named)))], axis=1)
+    recorded = Recorded(slopes, simulation, float(wanted[-1]), (span, span), (whole, 0.0), carried)
+    followed = recorded.follow(wanted, options.relative_tolerance, scene.remembers)
+    moved, remembered = key.at(wanted), recorded.whole_states(wanted)[:, 2 * n :]
+    arm = None if choice.moved == "key" else f"{ARM if choice.moved == MOTOR else FINGER}.length"
 
-    def force(q: Array, v: Array, p: Array) -> Array:
-        return key_load(scene, q, v, moved[:, 2], p)[0][:, None]
+    def turned(q: Array, v: Array, z: Array, moved_rad: Array, p: Array) -> Array:
+        """True angles and speeds of all coordinates, side by side."""
+        return np.hstack(with_moved(tables, p, (q, v), np.column_stack([moved_rad, moved[:, 1]]), z))
 
-    d_force = force_slopes(slopes, force, (angle, speed), (d_angle, d_speed))[:, 0]
+    def holding(q: Array, v: Array, z: Array, moved_rad: Array, p: Array) -> Array:
+        states = np.hsplit(turned(q, v, z, moved_rad, p), 2)
+        return key_load(scene, states[0], states[1], moved[:, 2], p, z)[0]
+
+    states = (*recorded.states(wanted), remembered, moved[:, 0])
+    d_moved = np.broadcast_to(carried, (len(wanted), len(named)))
+    d_states = followed.angle, followed.speed, recorded.remembered_slopes(followed, remembered.shape[1]), d_moved
+    angle, speed = np.hsplit(turned(*states, scene.vector), 2)
+    d_angle, d_speed = np.hsplit(vector_slopes(slopes, turned, states, d_states, True), 2)
+    d_angle[:, :n], d_speed[:, :n] = followed.angle, followed.speed  # not rounded again
+    force, d_force = holding(*states, scene.vector), vector_slopes(slopes, holding, states, d_states)
+    if arm is not None:  # the torque on its joint over its length
+        longer = np.array([p.paths.get(arm, 0.0) for p in named])
+        force, d_force = force / action[arm], (d_force - np.outer(force / action[arm], longer)) / action[arm]
     idle = tuple(p.name for j, p in enumerate(named) if not (np.any(d_angle[:, :, j]) or np.any(d_force[:, j])))
     if idle and not options.allow_idle:
         raise InputError(
@@ -129,7 +150,7 @@ def motion_sensitivities(
         d_speeds=d_speed,
         rest_rad=np.append(recorded.rest, moved[0, 0]),
         d_rest=np.vstack([recorded.d_rest, carried]),
-        force_n=force(angle, speed, scene.vector)[:, 0],
+        force_n=force,
         d_force=d_force,
         idle=idle,
         counters=followed.counters,

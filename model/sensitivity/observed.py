@@ -21,10 +21,11 @@ SMALL_TURN, SMALL_SPEED = 1e-8, 1e-6
 SMOOTH_TURN, SMOOTH_SPEED, SMOOTH_STEPS = 1e-4, 1e-2, 1e3
 
 
-def step_of(parameter: Parameter, d_angle: Array, d_speed: Array) -> float:
-    """Step of a difference in a parameter's unit along these derivatives (..., n)."""
+def step_of(parameter: Parameter, d_angle: Array, d_speed: Array, smooth: bool) -> float:
+    """Step of a difference in a parameter's unit along these derivatives (..., n), of what is ``smooth`` or presses."""
+    most, turns, speeds = (SMOOTH_STEPS, SMOOTH_TURN, SMOOTH_SPEED) if smooth else (1.0, SMALL_TURN, SMALL_SPEED)
     turn, speed = (float(np.max(np.abs(d), initial=0.0)) for d in (d_angle, d_speed))
-    return min(parameter.step, SMALL_TURN / max(turn, 1e-300), SMALL_SPEED / max(speed, 1e-300))
+    return min(most * parameter.step, turns / max(turn, 1e-300), speeds / max(speed, 1e-300))
 
 
 def gradient(value: Callable[[Array], Array], at: Array, step: float) -> Array:
@@ -79,21 +80,27 @@ def own_slopes(action: Action, parameters: Sequence[Parameter], quantity: Callab
     return out
 
 
-def force_slopes(
+def vector_slopes(
     directions: Directions,
-    forces: Callable[[Array, Array, Array], Array],
-    state: tuple[Array, Array],
-    slopes: tuple[Array, Array],
+    quantity: Callable[..., Array],
+    state: tuple[Array, ...],
+    slopes: tuple[Array, ...],
+    smooth: bool = False,
 ) -> Array:
-    """Derivatives (m, c, P) of forces (m, c) that depend on states (m, n) and on a scene's parameter vector."""
-    angle, speed = state
-    vector = directions.scene.vector
+    """Derivatives (..., P) of what hangs on states, then on a scene's numbers.
+
+    ``state`` are angles (m, n), speeds (m, n) and what else; ``slopes`` of each, with the parameters last. What no felt
+    plays a part in is ``smooth``.
+    """
     parts = []
     for j, parameter in enumerate(directions.parameters):
-        d_angle, d_speed = (np.ascontiguousarray(slope[:, :, j]) for slope in slopes)
-        h = step_of(parameter, d_angle, d_speed)
+        along = [slope[..., j] for slope in slopes]
+        h = step_of(parameter, along[0], along[1], smooth)
         ends = [
-            forces(angle + s * h * d_angle, speed + s * h * d_speed, vector + s * h * directions.slope[j])
+            quantity(
+                *(x + s * h * d for x, d in zip(state, along, strict=True)),
+                directions.scene.vector + s * h * directions.slope[j],
+            )
             for s in (1.0, -1.0)
         ]
         parts.append((ends[0] - ends[1]) / (2.0 * h))

@@ -22,18 +22,14 @@ def sources_of(directions: Directions) -> Sources:
     modes = int(scene.tables.offset[7]) + L.STRING_HEAD if len(scene.tables.string) else len(scene.vector)
     entry, column = np.nonzero(directions.slope[:, :modes].T)
     number, first = np.unique(entry, return_index=True)
-    assert not len(number) or number[-1] < _moving(directions.scene), "a parameter changes the prescribed motion"
+    first_of_motion, end = scene.tables.offset[4:6]
+    assert not np.any((number >= first_of_motion) & (number < end)), "a parameter changes the prescribed motion"
     place = np.full(len(directions.scene.vector), -1, dtype=np.int64)
     place[number] = np.arange(len(number))
     return Sources(
         number.astype(np.int64), np.append(first, len(entry)).astype(np.int64), column.astype(np.int64),
         np.ascontiguousarray(directions.slope[column, entry]), place,
     )  # fmt: skip
-
-
-def _moving(scene: Scene) -> int:
-    """Where the prescribed motion's numbers begin, which no parameter changes; the end where there is none."""
-    return int(scene.tables.offset[4]) if np.any(scene.tables.prescribed) else len(scene.vector)
 
 
 def modes_moved(directions: Directions, first: int, count: int) -> Array:

@@ -75,7 +75,7 @@ class _Run:
             aligned(len(self.scene.bodies) - self.scene.size, p),
             aligned(count, _filled_up(count)), np.zeros((count, count)), np.zeros(count, dtype=np.int64),
             aligned(count, p), aligned(2 * n, p), aligned(2 * n, p), np.zeros(count, dtype=np.int64),
-            np.zeros((STAGES, 2)), aligned(1, p), np.array(places), self._channels(p),
+            np.zeros((STAGES, 2)), aligned(1, p), np.array([*places, s.own, *s.solved]), self._channels(p),
         )  # fmt: skip
         self.linear = Linear(
             self.numbers, self.kernels, sources_of(directions), self._loads(), self.space, aligned(0, 2, p)
@@ -90,7 +90,7 @@ class _Run:
         size, places = s.free + len(s.memory) + len(s.string), normal_places(s)
         first = np.cumsum([0, *(len(row) for row in places)])
         memory = np.cumsum([0, *(len(s.memories(c)) for c in range(len(s.contact)))])
-        modes = self.space_of_modes()
+        modes = self.count_of_modes()
         return Loads(
             slopes_of(tables, "numbers"), slopes_of(tables, "normals"), slopes_of(tables, "carried"), np.zeros(1),
             np.zeros(size * len(self.scene.vector)), np.zeros(sum(normal_sizes(s))), np.zeros(CARRIED * modes),
@@ -98,7 +98,7 @@ class _Run:
             s.string[0] if s.string else -1,
         )  # fmt: skip
 
-    def space_of_modes(self) -> int:
+    def count_of_modes(self) -> int:
         """Number of modes of the scene's string, 0 for the bar."""
         s = self.structure
         return int(self.scene.vector[s.offset[7]]) if s.string else 0
@@ -109,8 +109,8 @@ class _Run:
         c, most, own = len(links), max((len(row) for row in links), default=0), len(self.scene.bodies)
         table = np.zeros((c, most), dtype=np.int64)
         for row, of in zip(table, links, strict=True):
-            row[: len(of)] = [s.own - 1 - j if s.own <= j < own else j for j in of]
-        modes, strings = self.space_of_modes(), len(s.string)
+            row[: len(of)] = [s.own - 1 - j if s.own <= j < own else s.solved.index(j) for j in of]
+        modes, strings = self.count_of_modes(), len(s.string)
         first = (s.offset[7] + L.STRING_HEAD) if s.string else 0
         moved = aligned(3, modes, p)
         moved[:, :, : len(self.directions.parameters)] = modes_moved(self.directions, first, modes)
@@ -201,9 +201,9 @@ def input_kinks(time: Array, value: Array) -> Array:
     return np.repeat(at, 2).reshape(-1, 2)
 
 
-def key_rest_slopes(directions: Directions, rest: Array, force_n: float = 0.0) -> Array:
-    """Derivatives (P,) of the key's angle at rest under a force, in a scene whose key is free."""
-    return np.asarray(_rest_slopes(_still(directions), rest, force_n)[directions.scene.bodies.index("key")])
+def rest_slopes(directions: Directions, whole: Array, u: float) -> Array:
+    """Derivatives (n + g, P) of the coordinates at rest ``whole`` under an input; what joints give comes last."""
+    return _rest_slopes(_still(directions), whole, u)
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ class Recorded:
     """A motion from rest that was integrated and recorded, with what its derivatives need.
 
     ``until`` (s) and ``table`` are end and input of the run; ``rest`` the coordinates at rest and the input there;
-    ``carried`` (P,) derivatives of a prescribed key's angle, the same at all times.
+    ``carried`` (P,) derivatives of a prescribed coordinate, the same at all times.
     """
 
     def __init__(
@@ -390,6 +390,17 @@ class Recorded:
         acts = np.any(run.space.largest[:, :p], axis=0)
         counters = {**self.simulation.work(), **counted}
         return Followed(angle, speed, channel, p, run.scene.size, acts, counters)
+
+    def remembered_slopes(self, followed: Followed, count: int) -> Array:
+        """Derivatives (m, z, P) of ``count`` numbers that a run remembers; of a string's they are left 0."""
+        s, n = self.run.structure, self.run.scene.size
+        out = np.zeros((len(followed.filled_angle), count, followed.count))
+        if len(s.memory):
+            out[:, : len(s.memory)] = followed.channel[:, : len(s.memory), : followed.count]
+        for k, places in enumerate(s.pin_places(0).values()):
+            for place, of in zip(places, (followed.filled_angle, followed.filled_speed), strict=True):
+                out[:, place] = of[:, n + k, : followed.count]
+        return out
 
     def normal_forces(self, state: Array, slopes: tuple[Array, Array, Array]) -> tuple[Array, Array]:
         """Normal forces (m, c), N, and their derivatives (m, c, P).

@@ -70,4 +70,4 @@ def giving_motion(scene: Scene, rows: Array) -> GivingMotion | None:
     way, speed = rows_of_pins(scene, rows)
     number = bushings(scene)
     force = number[:, L.PIN_LOAD] - number[:, L.PIN_K] * way - number[:, L.PIN_C] * speed
-    return GivingMotion(tuple(f"{body}_pin_{axis}" for body, axis in scene.pins), way, speed, force)
+    return GivingMotion(scene.coordinates[len(scene.bodies) :], way, speed, force)

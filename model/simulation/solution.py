@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
-from model.observables import hammer_height_m
+from model.observables import head_height_m
 from model.parameters.action import Action
-from model.parameters.effects import SHANK, column
+from model.parameters.effects import column
 from model.simulation.giving_motion import GivingMotion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.string_motion import StringMotion
@@ -91,9 +91,10 @@ class Solution(ArrayRecord):
 
     def hammer_height_m(self, action: Action) -> NDArray[np.float64]:
         """Distance (m,) of the hammer's head from the string, m, with what its shank bends and its joint gives."""
-        bend = self.angle_rad[:, self.bodies.index(SHANK)] if SHANK in self.bodies else None
-        give = None if self.give is None else self.give.of("hammer")[0]
-        return hammer_height_m(action, self.angle_rad, bend, give)
+        names, rows = self.bodies, self.angle_rad
+        if self.give is not None:
+            names, rows = (*names, *self.give.directions), np.column_stack([rows, self.give.way_m])
+        return head_height_m(action, names, rows)
 
     def __repr__(self) -> str:
         """Bodies, rows and times, without the arrays."""

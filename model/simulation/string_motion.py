@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from model.elements.strings import AWAKE
+from model.elements.strings import AWAKE, free_swing
 from model.kernels import layout as L
 from model.scene.build import Scene
 
@@ -94,9 +94,9 @@ def swung_on(scene: Scene, time_s: Array, rows: Array) -> Array:
     sigma = 0.5 * damping
     omega = np.sqrt(stiffness - sigma**2)
     y, u = rows[free, first : first + count], rows[free, first + count : first + 2 * count]
-    fade, c, s = np.exp(-sigma * t), np.cos(omega * t), np.sin(omega * t) / omega
-    out[free, first : first + count] = fade * (y * c + (u + sigma * y) * s)
-    out[free, first + count : first + 2 * count] = fade * (u * c - (sigma * u + stiffness * y) * s)
+    turned = np.exp(-sigma * t), np.cos(omega * t), np.sin(omega * t) / omega
+    way, rate = free_swing(y, u, stiffness, sigma, turned)
+    out[free, first : first + count], out[free, first + count : first + 2 * count] = way, rate
     return out
 
 

@@ -40,7 +40,8 @@ class Space(NamedTuple):
     input_change: np.ndarray  # (1, P) of the kernels' input by parameters, at the node that is linearised
     places: (
         np.ndarray
-    )  # (5,) where K, D, du and M begin in a workspace, and the length of their rows; M -1 for a tree's
+    )  # (6 + n,) where K, D, du and M begin in a workspace (M -1 for a tree's), the length of their rows, the column of
+    # the first prescribed coordinate, the row of each that is solved for
     channels: Channels
 
 
@@ -79,12 +80,13 @@ def linearise_node(m, u, linear):
     kernels.linearise(w, p, u)
     for c in range(felts):  # felt that is left starts anew, whatever it was
         channels.began[c] = 0 if w[Z + c] == channels.before[c] else 1
-    stiff, damp, input_, mass, width = space.places
+    stiff, damp, input_, mass, width = space.places[:5]
+    first, row = space.places[5], space.places[6:]
     for i in range(n):
         for j in range(n):
-            space.mass[m, i, j] = 0.0 if mass < 0 else w[mass + width * max(i, j) + min(i, j)]
-            space.stiff[m, i, j] = w[stiff + width * i + j]
-            space.damp[m, i, j] = w[damp + width * i + j]
+            space.mass[m, i, j] = 0.0 if mass < 0 else w[mass + width * row[max(i, j)] + row[min(i, j)]]
+            space.stiff[m, i, j] = w[stiff + width * row[i] + row[j]]
+            space.damp[m, i, j] = w[damp + width * row[i] + row[j]]
     if mass < 0:
         for i in range(n):
             space.mass[m, i, i] = w[M_DIAG + i]
@@ -95,13 +97,13 @@ def linearise_node(m, u, linear):
     parameter_loads(w, p, u, sources, loads, space.load[m], channels.load[m])
     for k in range(space.carried.shape[0]):
         for i in range(n):
-            x = w[stiff + width * i + n + k]
+            x = w[stiff + width * row[i] + first + k]
             if x != 0.0:
                 for j in range(space.load.shape[2]):
                     space.load[m, i, j] += x * space.carried[k, j]
     if linear.input_slope.shape[0] > 0:
         for i in range(n):
-            x = w[input_ + i]
+            x = w[input_ + row[i]]
             for j in range(space.load.shape[2]):
                 space.load[m, i, j] += x * space.input_change[0, j]
     if count > 0:

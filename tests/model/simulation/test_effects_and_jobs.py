@@ -15,7 +15,7 @@ import model
 from model.derived.columns import AY, CENTRE_X, CENTRE_Y, PIVOT_X, PIVOT_Y, RATED, VY
 from model.derived.observe import bodies_at
 from model.kernels import layout as L
-from model.motion_driven.prescribed_key import run_prescribed
+from model.motion_driven.prescribed_key import rest_angle, run_prescribed
 from model.parameters.action import CONTACTS
 from model.parameters.effects import EFFECTS
 from model.scene.key_motion import KeyMotion, angle_at_height
@@ -124,6 +124,8 @@ OF_EFFECT = {
     "string": "string.tension", "shank": "shank.frequency_hz", "key_pin": "key_pin.stiffness",
     "motor_arm": "motor_arm.inertia", "motor_drive": "motor_drive.torque_constant", "finger": "finger.stiffness",
 }  # fmt: skip
+OF_MOVED = {"motor": "motor_arm.length", "finger": "finger.length"}
+STEPS_OF_MOTION = np.round(np.arange(0.0, 0.1251, 1e-3), 4)
 OF_LAW = {"stulov": "epsilon", "hysteresis": "beta"}
 END_S = 0.125  # after strike and rebound
 
@@ -235,6 +237,37 @@ def _motion(action: model.Action, choice: model.SceneChoice) -> None:
         assert abs(held.energy.residual) < 1e-5 * held.energy.work_in
 
 
+def _motion_derivatives(action: model.Action, choice: model.SceneChoice) -> None:
+    """Of angles and of what holds the motion, which goes on from rest, against Richardson's limit."""
+    chosen, names = _printed(action, choice), ["hammer.mass", "contact01"]
+    names += [OF_MOVED[choice.moved]] * (choice.moved in OF_MOVED)
+    motion, _ = _motion_of(model.build_scene(chosen, choice), choice.moved, STEPS_OF_MOTION, _blow(choice))
+    turns, at = motion.raised(-rest_angle(chosen, choice)), np.linspace(0.0, 0.12, 401)
+    options = model.SensitivityOptions(
+        scene=choice, tolerance=1e-10, relative_tolerance=3e-7, output_time_s=at, events=False
+    )
+    found = model.motion_sensitivities(chosen, turns, names, options=options)
+
+    def run(name: str, by: float) -> np.ndarray:
+        other = changed(chosen, name, by)
+        moved = turns.raised(rest_angle(other, choice))
+        ran = run_prescribed(other, moved, at, tolerance=1e-10, choice=choice)
+        order = [ran.bodies.index(body) for body in found.angle_names]
+        return np.column_stack([ran.angle_rad[:, order], ran.force_n])
+
+    assert found.d_force is not None
+    for j, parameter in enumerate(find_parameters(chosen, names)):
+        ours = np.column_stack([found.d_angles[:, :, j], found.d_force[:, j]])
+        step = min(2e-5 / np.abs(ours[:, :-1]).max(), 1e-2 * abs(parameter.value))
+        central = [(run(parameter.name, h) - run(parameter.name, -h)) / (2.0 * h) for h in (step, 0.5 * step)]
+        limit = (4.0 * central[1] - central[0]) / 3.0
+        largest = np.max(np.abs(limit), axis=0)
+        counts = largest > 1e-3 * largest[:-1].max()
+        apart = np.abs(ours - limit) / np.where(counts, largest, np.inf)
+        assert np.quantile(apart[:, :-1].max(axis=1), 0.9) < 1e-5, parameter.name
+        assert np.quantile(apart[:, -1], 0.9) < 2e-5, parameter.name
+
+
 def _of_the_action(job: Callable[[model.Action], object]) -> Callable[[model.Action, model.SceneChoice], None]:
     def run(action: model.Action, choice: model.SceneChoice) -> None:
         assert job(action) is not None
@@ -261,6 +294,7 @@ JOBS: dict[str, Callable[[model.Action, model.SceneChoice], None]] = {
     "set-valued friction": _set_valued,
     "sensitivities": _sensitivities,
     "prescribed motion": _motion,
+    "sensitivities to a motion": _motion_derivatives,
     "touch": _of_the_action(model.touch.weigh),
     "hammer speed": _of_the_action(lambda a: model.touch.hammer_speeds(a, [5.0])),
     "null model": _of_the_action(lambda a: model.null_model.simulate(a, *FORTE)),

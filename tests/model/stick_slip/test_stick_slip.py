@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 import model
+from model.derived.columns import FELT, SLIDE
+from model.derived.observe import contacts_at
 from model.errors import InputError
 from model.files.force_library import force_table
 from model.integrators.stick_slip import stick_together, sweep_once
+from model.kernels import layout as L
+from model.simulation.run import Simulation, State
 from model.stick_slip import compare, simulate
 
 ACTION = model.load_action()
@@ -29,6 +33,31 @@ def test_joint_friction_holds_then_slides_as_coulomb_says() -> None:
     pushed = simulate(stiff, t, np.full(len(t), 6.0), 1e-5)
     assert pushed.solution.angle_rad[-1, key] < held.solution.angle_rad[-1, key] - 0.01
     assert not pushed.joint_sticks[50, key]
+
+
+@pytest.mark.slow
+def test_energy_closes_to_first_order_in_the_step() -> None:
+    """Work of the force is stored, or lost in felt and in what slides, at the kinetic coefficients."""
+    scene, off = model.build_scene(ACTION), []
+    p, start, bodies = scene.vector, int(scene.tables.offset[1]), range(scene.size)
+    rubs = np.array([p[start + L.CONTACT_SIZE * c + L.MU_A] for c in range(len(scene.contacts))])
+    turns = np.array([p[L.GLOBALS + L.BODY_SIZE * i + L.JF_A] for i in bodies])
+    for step in (2e-5, 1e-5, 5e-6):
+        at = np.arange(0.0, 0.13, step)  # over let-off, strike and check
+        force = np.interp(at, *force_table("forte"))
+        moved = simulate(ACTION, at, force, step).solution
+        q, v, normal = moved.angle_rad, moved.speed_rad_per_s, moved.contact_normal_n
+        assert normal is not None
+        seen = contacts_at(scene.tables, p, q, v)
+        rubbed = np.sum(rubs * normal * np.abs(seen[:, :, SLIDE]), axis=1) + np.sum(turns * np.abs(v), axis=1)
+        power = rubbed + seen[:, :, FELT].sum(axis=1)
+        lost = np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(at))
+        work = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(model.observables.key_dip_m(ACTION, q)))
+        ends = [Simulation(scene, State(0.0, q[k], v[k])).stored_energy() for k in (0, -1)]
+        assert np.sum(0.5 * (rubbed[1:] + rubbed[:-1]) * np.diff(at)) > 0.05 * work
+        off.append(abs(work - (ends[1] - ends[0]) - lost) / work)
+    assert off[2] < 1e-3, off
+    assert off[2] < 0.7 * off[1] < 0.5 * off[0], off
 
 
 def test_sticking_pairs_stop_and_impulses_stay_in_their_bounds() -> None:
