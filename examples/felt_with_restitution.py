@@ -19,13 +19,13 @@ import numpy as np
 
 import model
 from model.compiler.expressions import exponential, largest
-from model.elements.laws.felt_law import FeltLaw, Number
+from model.elements.laws.felt_law import Law, Number
 from model.elements.laws.hunt_crossley import HuntCrossley
 
 DAMPED = HuntCrossley()
 
 
-class Restitution(FeltLaw):
+class Restitution(Law):
     """Hunt and Crossley's felt whose D is chi over the speed of the touch."""
 
     name = "restitution"

@@ -16,13 +16,13 @@ from dataclasses import replace
 import model
 from model.compiler.expressions import ZERO, where
 from model.elements.laws.curve import loading
-from model.elements.laws.felt_law import FeltLaw, Number
+from model.elements.laws.felt_law import Law, Number
 from model.elements.laws.stulov import Stulov
 
 LAYER = Stulov()
 
 
-class TwoTimes(FeltLaw):
+class TwoTimes(Law):
     """Two of Stulov's felts side by side."""
 
     name = "two-times"

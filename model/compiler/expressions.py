@@ -214,6 +214,11 @@ def exponential(a: Expression) -> Expression:
     return make("exponential", a)
 
 
+def power(a: Expression, exponent: Expression) -> Expression:
+    """A number from 0 on to a power, by the C library; there is no rule to differentiate it."""
+    return make("power", a, exponent)
+
+
 def tanh(a: Expression) -> Expression:
     """Hyperbolic tangent."""
     return make("tanh", a)
@@ -373,7 +378,7 @@ def _rule(e: Expression, d: Callable[[Expression], Expression]) -> Expression:
     if op == "multiply":
         return d(a[0]) * a[1] + a[0] * d(a[1])
     da = d(a[0])
-    if da is ZERO:
+    if da is ZERO and (op != "power" or d(a[1]) is ZERO):
         return ZERO
     if op == "named":
         return da

@@ -301,7 +301,7 @@ class Writer:
             kind = INTEGER if self._width == 1 else ir.VectorType(INTEGER, self._width)
             whole = b.shl(b.bitcast(a[0], kind), self._splat_of(kind, 52))
             return b.bitcast(b.add(whole, self._splat_of(kind, 1023 << 52)), self._kind)
-        intrinsics = {"root": "sqrt", "abs": "fabs", "fused": "fmuladd", "with_sign": "copysign"}
+        intrinsics = {"root": "sqrt", "abs": "fabs", "fused": "fmuladd", "with_sign": "copysign", "power": "pow"}
         return self._intrinsic(intrinsics[op], *a)
 
     def _guarded(self, truth: Any, compute: Any) -> Any:

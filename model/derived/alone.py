@@ -1,4 +1,4 @@
-"""Laws by themselves, for what is simulated without a scene: a hammer's felt on a string, a motor's amplifier.
+"""Laws by themselves, for what is simulated without a scene: a hammer on a string, an amplifier, felt along a press.
 
 Each is a kernel of four arrays, like those of `model.derived.watched`: what the law is differentiated by, one that is
 not read, its numbers, what is found.
@@ -6,33 +6,159 @@ not read, its numbers, what is found.
 
 from __future__ import annotations
 
-from model.compiler.expressions import ONE, ZERO, Expression, read, slopes
-from model.compiler.programs import If, Program, Put, at
+from typing import Any
+
+from model.compiler.expressions import (
+    ONE,
+    ZERO,
+    Expression,
+    exponential,
+    largest,
+    lift,
+    local,
+    make,
+    parts,
+    read,
+    replaced,
+    slopes,
+    smaller,
+    total,
+    where,
+)
+from model.compiler.programs import Anew, If, Program, Put, Statement, While, at, let, name, whole
 from model.elements.drives import amplifier
+from model.elements.laws.curve import Power
 from model.elements.laws.felt_law import Felt, asked
-from model.elements.laws.known import LAWS, USUAL
+from model.elements.laws.known import LAWS, USUAL, law_numbered
+
+PRESS_NUMBERS = 5  # of `Alone.press` before those of its law
+GAUSS = ((0.1127016653792583, 5.0 / 18.0), (0.5, 4.0 / 9.0), (0.8872983346207417, 5.0 / 18.0))
+HALVINGS = 60.0  # of an interval in search of the instant the surfaces part or meet: to the last bit
+SHALLOWEST = 1e-15  # m: at the depth 0 a memory that fades along the way has no length
 
 
-def _found(found: Expression, by: tuple[Expression, ...]) -> list[Put]:
+def _found(found: Expression, by: tuple[Expression, ...]) -> list[Statement]:
     """A number and its derivatives, one behind the other."""
     return [Put(at("y", k), x) for k, x in enumerate((found, *(slopes({x: ONE})(found) for x in by)))]
 
 
 class Alone:
-    """Programs of these kernels."""
+    """Programs of these kernels.
 
-    def _program(self, statements: list[Put | If]) -> Program:
-        return Program(dict.fromkeys("xupy", "array"), list(statements))
+    A press is of felt of the law ``number`` that has so many ``memories`` and ``numbers``, on a ``power`` or a cubic.
+    """
+
+    def __init__(self, number: int = 0, memories: int = 0, numbers: int = 0, power: int = 0) -> None:
+        self._law, self._z = law_numbered(number), tuple(local(f"memory{j}") for j in range(memories))
+        curve = [read("p", 1 + k) for k in range(3)]
+        self._curve: Any = Power(*curve[:2]) if power else tuple(curve)
+        self._numbers = tuple(read("p", PRESS_NUMBERS + k) for k in range(numbers))
+
+    def _program(self, statements: list[Statement]) -> Program:
+        return Program(dict.fromkeys("xupy", "array"), statements)
 
     def felt(self) -> Program:
         """Normal force (N) at a depth (m) and its rate (m/s), derivatives by these; numbers a, b, c, D."""
         x, rate, a, b, c, damping = (*(read("x", k) for k in range(2)), *(read("p", k) for k in range(4)))
         pressing, force = asked(LAWS[USUAL].force, Felt(x, rate, (), (a, b, c), damping, ()))
-        cleared = [Put(at("y", k), ZERO) for k in range(3)]
-        return self._program([*cleared, If((x > 0.0) & pressing, list(_found(force, (x, rate))))])
+        cleared: list[Statement] = [Put(at("y", k), ZERO) for k in range(3)]
+        return self._program([*cleared, If((x > 0.0) & pressing, _found(force, (x, rate)))])
 
     def amplifier(self) -> Program:
         """Voltage (V) at a source (V) and a current (A), derivative by that; numbers of `elements.drives.amplifier`."""
         u, current = (read("x", k) for k in range(2))
         volts = amplifier((u, current), *(read("p", k) for k in range(5)))
-        return self._program(list(_found(volts, (current,))))
+        return self._program(_found(volts, (current,)))
+
+    # felt along a press ----------------------------------------------------------------------------------------------
+
+    def press(self) -> Program:
+        """Force (N) and stored energy (J), (n, 2), at rows (n, 3) of time (s), depth (m) and its rate (m/s).
+
+        Numbers: n; a, b, c, or height and exponent of a power and 0; D; those of the law. Memories start as at a first
+        touch and go from sample to sample in closed form: the value at which one would stay runs straight along its
+        fading, and how fast it fades is summed along a depth that runs straight. Both are exact for one that follows
+        the slow curve where that runs straight, and for one that follows the way. Where surfaces part or meet an
+        interval is divided.
+        """
+        row = whole(local("row"))
+        t, x, rate = (read("x", k, make("whole_multiply", row, 3)) for k in range(3))
+        lasting = bool(self._z) and self._law.anew is None
+        touching, felt = self._touching(x, rate, self._z), self._felt(x, rate, self._z)
+        asked_of = self._felt(largest(x, 0.0), rate, self._z) if lasting else felt
+        before, stored, _ = self._law.energy(asked_of, "pressed")
+        force, energy = (at("y", k, make("whole_multiply", row, 2)) for k in range(2))
+        keeps: list[Statement] = [*before, Put(energy, stored)]
+        start = lift(0.0 if self._law.anew is None else self._law.anew)
+        onward: list[Statement] = [If(local("row") > 0.0, self._carried(t, x)), Anew()] if self._z else []
+        return self._program([
+            *(Put(name(z.args[1]), start) for z in self._z),
+            While(local("row") < read("p", 0), [
+                *onward,
+                Put(force, ZERO), Put(energy, ZERO), If(touching, [Put(force, self._law.force(felt)[1])]),
+                *(keeps if lasting else [If(x > 0.0, keeps)]),
+                Put(name("on"), where(touching, 1.0, 0.0)), Put(name("time"), t), Put(name("depth"), x),
+                Put(name("row"), local("row") + 1.0),
+            ]),
+        ])  # fmt: skip
+
+    def _felt(self, x: Expression, rate: Expression, z: tuple[Expression, ...]) -> Felt:
+        return Felt(x, rate, z, self._curve, read("p", PRESS_NUMBERS - 1), self._numbers)
+
+    def _touching(self, x: Expression, rate: Expression, z: tuple[Expression, ...]) -> Expression:
+        return (x > 0.0) & self._law.force(self._felt(x, rate, z))[0]
+
+    def _carried(self, t: Expression, x: Expression) -> list[Statement]:
+        """Memories carried on from the sample before to one at ``t`` and ``x``: until surfaces part or meet, twice."""
+        to, turns, on, low, high, left = (local(k) for k in ("to", "turns", "on", "low", "high", "left"))
+        rate, there = (x - local("depth")) / (t - local("time")), local("depth") + to * (x - local("depth"))
+        tried = tuple(local(f"tried {k}") for k in range(len(self._z)))
+        ends = [self._faded(z, t, x, rate) for z in self._z]
+        turned = make("differs", where(self._touching(there, rate, tried), 1.0, 0.0), on) & (turns > 1.0)
+        nearer = where(turned, low, to), where(turned, to, high)
+        more = where(turned | (to < 1.0), left - 1.0, 0.0)
+        next_to = where(more > 0.0, 0.5 * (nearer[0] + nearer[1]), to)
+        return [
+            Put(name("begun"), ZERO), Put(name("turns"), lift(3.0)),
+            While(turns > 0.0, [
+                Put(name("low"), local("begun")), Put(name("high"), ONE), Put(name("to"), ONE),
+                Put(name("left"), lift(HALVINGS)),
+                While(left > 0.0, [
+                    *(Put(name(z.args[1]), end) for z, end in zip(tried, ends, strict=True)),
+                    let(*nearer, more, next_to), Put(name("low"), nearer[0]), Put(name("high"), nearer[1]),
+                    Put(name("left"), more), Put(name("to"), next_to),
+                ]), Anew(),
+                *(Put(name(z.args[1]), end) for z, end in zip(self._z, tried, strict=True)), Put(name("begun"), to),
+                Put(name("on"), where(to < 1.0, 1.0 - on, on)), Put(name("turns"), where(to < 1.0, turns - 1.0, 0.0)),
+            ]),
+        ]  # fmt: skip
+
+    def _faded(self, z: Expression, t: Expression, x: Expression, rate: Expression) -> Expression:
+        """A memory at the share ``to`` of an interval that it begins at the share ``begun``."""
+        k, begun, to = self._z.index(z), local("begun"), local("to")
+        lasts, way = (to - begun) * (t - local("time")), x - local("depth")
+
+        def pulled(share: Expression, where_z: Expression) -> tuple[Expression, Expression]:
+            """Rate of a memory that were 0, and how fast it fades, as they are where it is ``where_z``."""
+            depth = local("depth") + share * way
+            pressed, free = (self._felt(d, rate, self._z) for d in (largest(depth, SHALLOWEST), depth))
+            moves = where(local("on") > 0.0, self._law.rates(pressed)[k], self._law.alone(free)[k])
+            fades = -slopes({z: ONE})(moves)
+            return replaced(moves + fades * z, {z: where_z}), replaced(fades, {z: where_z})
+
+        def gone(where_z: Expression) -> Expression:
+            (pull0, fades0), (pull1, fades1) = pulled(begun, where_z), pulled(to, where_z)
+            inside = total(w * pulled(begun + g * (to - begun), where_z)[1] for g, w in GAUSS)
+            gone_by = smaller(largest(lasts * inside, -700.0), 700.0)
+            kept, small = exponential(-gone_by), abs(gone_by) < 0.01
+            series = 1.0 - gone_by / 2.0 * (1.0 - gone_by / 3.0 * (1.0 - gone_by / 4.0 * (1.0 - gone_by / 5.0)))
+            mean = where(small, series, (1.0 - kept) / where(small, 1.0, gone_by))
+            steady = (fades0 > 0.0) & (fades1 > 0.0)
+            first, last = pull0 / where(steady, fades0, 1.0), pull1 / where(steady, fades1, 1.0)
+            onward = z * kept + 0.5 * lasts * (pull0 + pull1) * mean
+            return where(steady, last + (z - first) * kept - (last - first) * mean, onward)
+
+        end = gone(z)
+        if z in parts([pulled(to, z)[1]]):  # how fast it fades hangs on itself: as in the middle of its way
+            end = gone(0.5 * (z + end))
+        return end if self._law.anew is None else where(local("on") > 0.0, end, self._law.anew)

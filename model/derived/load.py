@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from llvmlite import binding, ir
 
 from model.compiler.expressions import forget
@@ -25,6 +26,7 @@ from model.derived.slopes import Differentiated
 from model.derived.step import Derived
 from model.derived.stepping import Stepping
 from model.derived.watched import Watched
+from model.elements.laws.felt_law import Law
 from model.elements.structure import Structure
 from model.kernels import compile as _compile
 from model.kernels.kernel_value import Kernel
@@ -51,6 +53,8 @@ from model.kernels.signatures import (
     StepKernels,
 )
 
+Kind = tuple[np.ndarray, ...]
+"""What tells kernels of one name apart, whole numbers: a scene's tables, a law along a press, nothing."""
 STEPPING = {"fit": FIT, "end": END, "dense": DENSE, "inside": INSIDE}
 STEP = {"linearise": LINEARISE, "prepare": PREPARE, "skip": SKIP, "stage": STAGE} | STEPPING
 SLOPES_BY = ("numbers", "normals", "regime", "carried")
@@ -59,21 +63,21 @@ IN_LANES = {"linearise": LANE_LINEARISE, "prepare": LANE_PREPARE, "skip": LANE_S
 # structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
 COMPILED = {"scenes": 0, "compiled": 0}
 _loaded: dict[tuple[bytes, str], Any] = {}
-_asked: tuple[Tables | None, bytes] = None, b""
+_asked: tuple[Kind | None, bytes] = None, b""
 _lock = threading.RLock()  # threads that start together load or compile a structure once; expressions are one thread's
 
 
-def _key(tables: Tables | None) -> bytes:
-    """What tells a structure from others, and from none; of the tables asked for last it is kept.
+def _key(tables: Kind) -> bytes:
+    """What tells a structure from others; of the tables asked for last it is kept.
 
     A search for rest asks for the same ones hundreds of times, and each time it would take as long as the kernel.
     """
     global _asked
     last, key = _asked
-    if tables is not None and last is not tables:
+    if last is not tables:
         key = b"".join(bytes(str(t.shape), "ascii") + t.tobytes() for t in tables)
         _asked = tables, key
-    return key if tables is not None else b""
+    return key
 
 
 def kernels_of(tables: Tables) -> StepKernels:
@@ -117,7 +121,14 @@ def links_of(tables: Tables) -> list[list[int]]:
 
 def law_alone(what: str) -> Kernel:
     """Kernel ``felt`` or ``amplifier`` of `model.derived.alone`."""
-    found: Kernel = _kept(None, what, lambda: _compiled(None, {what: OBSERVE}, 1)[what])
+    found: Kernel = _kept((), what, lambda: _compiled((), {what: OBSERVE}, 1)[what])
+    return found
+
+
+def press_of(law: Law, memories: int, numbers: int, power: bool) -> Kernel:
+    """Kernel ``press`` of `model.derived.alone`, of a law with so many memories and numbers."""
+    kind = np.array([law.number, memories, numbers, int(power)])
+    found: Kernel = _kept((kind,), "press", lambda: _compiled((kind,), {"press": OBSERVE}, 1)["press"])
     return found
 
 
@@ -127,7 +138,7 @@ def on_disk(tables: Tables) -> bool:
     return path is not None and path.is_file()
 
 
-def _kept(tables: Tables | None, what: str, make: Callable[[], Any]) -> Any:
+def _kept(tables: Kind, what: str, make: Callable[[], Any]) -> Any:
     key = _key(tables), what
     if key not in _loaded:
         with _lock:
@@ -141,14 +152,14 @@ def _step_kernels(tables: Tables, functions: dict[str, Any], lanes: int) -> Step
     return StepKernels(**found, energy=found["linearise"])
 
 
-def _path(tables: Tables | None, functions: dict[str, Any], lanes: int) -> Path | None:
+def _path(tables: Kind, functions: dict[str, Any], lanes: int) -> Path | None:
     if _compile.FOLDER is None:
         return None
     digest = hashlib.sha256(_key(tables) + f" {lanes} {' '.join(functions)}".encode())
     return _compile.FOLDER / f"scene_{digest.hexdigest()[:16]}.o"
 
 
-def _compiled(tables: Tables | None, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
+def _compiled(tables: Kind, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
     path = _path(tables, functions, lanes)
     machine = _target_machine()
     code = path.read_bytes() if path is not None and path.is_file() else None
@@ -193,7 +204,7 @@ def written(program: Program, module: ir.Module, name: str, lanes: int = 1) -> N
         writer.end(None if result is None else writer.bits(writer.value(result)))
 
 
-def _module(tables: Tables | None, functions: dict[str, Any], lanes: int) -> ir.Module:
+def _module(tables: Kind, functions: dict[str, Any], lanes: int) -> ir.Module:
     module = ir.Module("scene")
     for name in functions:
         source = _source(tables, name, lanes)
@@ -202,10 +213,11 @@ def _module(tables: Tables | None, functions: dict[str, Any], lanes: int) -> ir.
     return module
 
 
-def _source(tables: Tables | None, name: str, lanes: int) -> Any:
+def _source(kind: Kind, name: str, lanes: int) -> Any:
     """What derives a kernel of that name."""
-    if tables is None:
-        return Alone()
+    if len(kind) < 2:
+        return Alone(*(int(x) for row in kind for x in row))
+    tables = Tables(*kind)
     if name in OBSERVERS:
         return Watched(tables)
     if name in SLOPES_BY:

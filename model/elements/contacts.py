@@ -15,7 +15,7 @@ from model.compiler.expressions import ZERO, Expression, Given, largest, law, ma
 from model.compiler.programs import Add, If, Put, Statement, name
 from model.elements.kinematics import Kinematics, Vector, apart, dot
 from model.elements.laws.curve import Curve
-from model.elements.laws.felt_law import Felt, FeltLaw, asked
+from model.elements.laws.felt_law import Felt, Law, asked
 from model.elements.structure import Structure
 from model.kernels import layout as L
 
@@ -173,7 +173,7 @@ class Contact:
         return self.s.memories(self.c)
 
     @property
-    def law(self) -> FeltLaw:
+    def law(self) -> Law:
         """Law of its felt."""
         return self.s.law(self.c)
 

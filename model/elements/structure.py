@@ -5,7 +5,7 @@ from __future__ import annotations
 from copy import copy
 
 from model.compiler.expressions import Expression, read
-from model.elements.laws.felt_law import FeltLaw
+from model.elements.laws.felt_law import Law
 from model.elements.laws.known import law_numbered
 from model.kernels import layout as L
 
@@ -79,7 +79,7 @@ class Structure:
         """Numbers of the states that contact ``c`` remembers."""
         return [k for k, contact in enumerate(self.memory) if contact == c]
 
-    def law(self, c: int) -> FeltLaw:
+    def law(self, c: int) -> Law:
         """Law of the felt of contact ``c``."""
         return law_numbered(self._law[c][0])
 

@@ -7,6 +7,7 @@ from .laws import LAWS as LAWS
 from .laws import FeltLaw as FeltLaw
 from .laws import HuntCrossley as HuntCrossley
 from .laws import Hysteresis as Hysteresis
+from .laws import NamedLaw as NamedLaw
 from .laws import Response as Response
 from .laws import Stulov as Stulov
 from .pressing import Pressing as Pressing

@@ -7,6 +7,7 @@ presses, because what a law lacks is common to all samples of a press and the sa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,12 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
+from model.elements.laws.known import LAWS as KNOWN
 from model.errors import InputError
-from model.felt.laws import LAWS, LONGEST_REACH, FeltLaw, HuntCrossley, Hysteresis, Stulov
+from model.felt.laws import LONGEST_REACH, FeltLaw, HuntCrossley, Hysteresis, NamedLaw, Stulov
 from model.felt.pressing import Pressing
 
 FEWEST_PRESSES = 2
 MOST_EVALUATIONS = 400
+SHAPES = ((1.0, 0.3, 0.1), (0.1, 1.0, 0.1), (0.1, 0.3, 1.0))
+CUBIC_UNITS = ("N/m^3", "N/m^2", "N/m")
+DECADES = 100.0
 
 Array = NDArray[np.float64]
 
@@ -43,7 +48,7 @@ class LawFit:
 
     Attributes
     ----------
-    kind : one of ``LAWS``
+    kind : name of the law
     law : with the fitted parameters
     names, units, values, u : of the parameters; ``u`` is the jackknife over presses, NaN with fewer than three
     misfit : (m,) root mean square residual of each press as a share of its peak force
@@ -77,22 +82,22 @@ def _cubic(s: Array, depth: float, force: float) -> tuple[float, float, float]:
 def _search(kind: str, presses: Sequence[Pressing]) -> Search:
     depth, force = max(p.deepest_m for p in presses), max(p.peak_n for p in presses)
     speed = float(np.nanmedian([p.speed_m_per_s for p in presses]))
-    shape = ((1.0, 0.3, 0.1), (0.1, 1.0, 0.1), (0.1, 0.3, 1.0))
-    cubic_units = ("N/m^3", "N/m^2", "N/m")
     if kind == "hunt-crossley":
         return Search(
-            tuple((*s, 0.1) for s in shape), (0.0, 0.0, 0.0, 0.0), (20.0, 20.0, 20.0, 50.0),
+            tuple((*s, 0.1) for s in SHAPES), (0.0, 0.0, 0.0, 0.0), (20.0, 20.0, 20.0, 50.0),
             lambda s: HuntCrossley(*_cubic(s, depth, force), s[3] / speed), ("a", "b", "c", "D"),
-            (*cubic_units, "s/m"), lambda law: (law.a, law.b, law.c, law.d),  # type: ignore[attr-defined]
+            (*CUBIC_UNITS, "s/m"), lambda law: (law.a, law.b, law.c, law.d),  # type: ignore[attr-defined]
         )  # fmt: skip
     if kind == "hysteresis":
         return Search(
-            tuple((*s, 0.1, eta) for s in shape for eta in (0.1, 0.3)), (0.0, 0.0, 0.0, 0.0, 0.01),
+            tuple((*s, 0.1, eta) for s in SHAPES for eta in (0.1, 0.3)), (0.0, 0.0, 0.0, 0.0, 0.01),
             (20.0, 20.0, 20.0, 1.0, LONGEST_REACH),
             lambda s: Hysteresis(*_cubic(s, depth, force), (s[3],), (s[4],)), ("a", "b", "c", "beta", "eta"),
-            (*cubic_units, "1", "1"),
+            (*CUBIC_UNITS, "1", "1"),
             lambda law: (law.a, law.b, law.c, law.beta[0], law.eta[0]),  # type: ignore[attr-defined]
         )  # fmt: skip
+    if kind != "stulov":
+        return _search_of(kind, depth, force, speed)
     # slow presses know Q0 = F0 (1 - eps) and alpha = tau0 eps / (1 - eps) better than F0, eps and tau0 apart
     lasts = float(np.median([p.time_s[-1] - p.time_s[0] for p in presses]))
 
@@ -110,6 +115,32 @@ def _search(kind: str, presses: Sequence[Pressing]) -> Search:
         tuple((0.0, p, alpha, tau) for p in (1.5, 3.0) for alpha, tau in ((-5.0, -9.0), (-2.5, -2.5))),
         (-4.0, 1.0, -14.0, -14.0), (4.0, 8.0, 3.0, 3.0), stulov,
         ("Q0", "p", "alpha", "tau0"), ("N/m^p", "1", "s", "s"), numbers,
+    )  # fmt: skip
+
+
+def _search_of(kind: str, depth: float, force: float, speed: float) -> Search:
+    """Of any law on a cubic: its numbers from lowest to highest, by their logarithm where that spans decades."""
+    numbers = KNOWN[kind].numbers
+    far = {name for name, n in numbers.items() if n.low > 0.0 and n.high > DECADES * n.low}
+    damped = KNOWN[kind].damped
+
+    def put(name: str, x: float) -> float:
+        return math.log(x) if name in far else x
+
+    def law(s: Array) -> NamedLaw:
+        own = {name: math.exp(x) if name in far else float(x) for name, x in zip(numbers, s[3 + damped :], strict=True)}
+        values = {name: min(max(x, numbers[name].low), numbers[name].high) for name, x in own.items()}
+        return NamedLaw(kind, *_cubic(s, depth, force), s[3] / speed if damped else 0.0, values)
+
+    def found(felt: FeltLaw) -> tuple[float, ...]:
+        assert isinstance(felt, NamedLaw)
+        return felt.a, felt.b, felt.c, *[felt.d] * damped, *felt.values.values()
+
+    usual, low, high = ([put(k, getattr(n, at)) for k, n in numbers.items()] for at in ("value", "low", "high"))
+    return Search(
+        tuple((*s, *[0.1] * damped, *usual) for s in SHAPES), (0.0, 0.0, 0.0, *[0.0] * damped, *low),
+        (20.0, 20.0, 20.0, *[50.0] * damped, *high), law, ("a", "b", "c", *["D"] * damped, *numbers),
+        (*CUBIC_UNITS, *["s/m"] * damped, *(n.unit for n in numbers.values())), found,
     )  # fmt: skip
 
 
@@ -132,7 +163,7 @@ def fit_law(kind: str, presses: Sequence[Pressing]) -> tuple[LawFit, list[FeltLa
 
     Parameters
     ----------
-    kind : one of ``LAWS``
+    kind : one of ``LAWS``, or a law that `model.add_law` has added, with all its numbers on a cubic curve
     presses : two or more
 
     Returns
@@ -153,8 +184,8 @@ def fit_law(kind: str, presses: Sequence[Pressing]) -> tuple[LawFit, list[FeltLa
     >>> fit.names, len(without_each)
     (('a', 'b', 'c', 'D'), 3)
     """
-    if kind not in LAWS:
-        raise InputError(f"felt law: found {kind!r}, allowed {', '.join(LAWS)}")
+    if kind not in KNOWN:
+        raise InputError(f"felt law: found {kind!r}, allowed {', '.join(KNOWN)}")
     if len(presses) < FEWEST_PRESSES:
         raise InputError(f"felt law {kind}: found {len(presses)} presses, allowed {FEWEST_PRESSES} or more")
     search = _search(kind, presses)

@@ -1,23 +1,27 @@
-"""Three laws of felt in reference form: force and stored energy along a given press.
+"""Felt along a given press: force and stored energy by the laws of `model.elements.laws`, with numbers.
 
 ``HuntCrossley`` is the thesis's (eqs 2.4 and 2.5), ``Stulov`` has a memory that fades with time, ``Hysteresis`` one
-that fades with the way gone, whatever the speed. Depth is positive where the surfaces overlap; no law pulls. Each is
-passive: work done on it is never less than the rise of what it stores (docs/explanation/felt.md).
+that fades with the way gone, whatever the speed; ``NamedLaw`` is any that contacts may follow. Depth is positive where
+the surfaces overlap; no law pulls. Each is passive: work done on it is never less than the rise of what it stores
+(docs/explanation/felt.md).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
+from model.derived.load import press_of
+from model.derived.observe import rows_of
 from model.elements.laws.hysteresis import LONGEST_REACH as LONGEST_REACH
+from model.elements.laws.known import LAWS as KNOWN
 from model.errors import InputError
-from model.kernels.felt_memory import fill_hysteresis, fill_stulov
 from model.parameters.string import check_numbers
 
 LAWS = ("hunt-crossley", "stulov", "hysteresis")
@@ -34,12 +38,63 @@ class Response(NamedTuple):
     """(n,) energy that can come back."""
 
 
-class FeltLaw(Protocol):
-    """A law of felt."""
+class FeltLaw:
+    """A law of felt with its numbers."""
+
+    def _pressed(self) -> Pressed:
+        """What its kernel takes."""
+        raise NotImplementedError
 
     def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
-        """Force and stored energy at times (n,) and depths (n,), straight between samples."""
-        ...
+        """Force and stored energy along a press, from a felt at rest.
+
+        Rates are central differences. Between samples a memory that follows the slow curve sees that run straight; one
+        that follows the way is exact for any sampling that has its turning points.
+
+        Parameters
+        ----------
+        time_s, depth_m : (n,) s, increasing, and m
+
+        Returns
+        -------
+        Response
+            Force, N, and stored energy, J, (n,) each.
+
+        Raises
+        ------
+        InputError : times and depths that cannot be followed
+
+        Examples
+        --------
+        >>> import model
+        >>> felt = model.felt.HuntCrossley(a=0.0, b=0.0, c=1e4, d=0.1)
+        >>> felt.response([0.0, 0.1], [0.0, 1e-3]).force_n.round(3).tolist()
+        [0.0, 10.01]
+        >>> felt = model.felt.Stulov(f0=1e4, p=1.0, epsilon=0.5, tau_s=1e-3)
+        >>> felt.response([0.0, 1e-6, 1.0], [0.0, 1e-3, 1e-3]).force_n.round(2).tolist()
+        [0.0, 10.0, 5.0]
+        >>> felt = model.felt.Hysteresis(a=0.0, b=0.0, c=1e4, beta=(0.2,), eta=(0.25,))
+        >>> felt.response([0.0, 1.0, 2.0], [0.0, 1e-3, 5e-4]).force_n.round(3).tolist()
+        [0.0, 12.0, 4.125]
+        """
+        t, x = _path(time_s, depth_m)
+        law, memories, curve, damping, numbers = self._pressed()
+        kernel = press_of(KNOWN[law], memories, len(numbers), len(curve) < 3)
+        samples, found = np.column_stack([t, x, np.gradient(x, t)]).reshape(1, -1), np.empty((1, 2 * len(t)))
+        given = np.array([len(t), *curve, *[0.0] * (3 - len(curve)), damping, *numbers], dtype=float)
+        rows_of(kernel, samples, samples, given, found)
+        force, stored = found.reshape(-1, 2).T.copy()
+        return Response(force, stored)
+
+
+class Pressed(NamedTuple):
+    """A law by name, how many memories it has, its slow curve (a, b, c, or height and exponent), D and numbers."""
+
+    law: str
+    memories: int
+    curve: tuple[float, ...]
+    damping: float
+    numbers: Sequence[float]
 
 
 def _path(time_s: ArrayLike, depth_m: ArrayLike) -> tuple[Array, Array]:
@@ -62,7 +117,7 @@ def _check_cubic(law: str, a: float, b: float, c: float) -> None:
 
 
 @dataclass(frozen=True)
-class HuntCrossley:
+class HuntCrossley(FeltLaw):
     """f(x) (1 + D dx/dt) with f = a x^3 + b x^2 + c x; eqs 2.4 and 2.5.
 
     Attributes
@@ -81,39 +136,12 @@ class HuntCrossley:
         _check_cubic("hunt-crossley", self.a, self.b, self.c)
         check_numbers("felt law hunt-crossley", D=(self.d, 0.0, math.inf))
 
-    def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
-        """Force and stored energy along a press.
-
-        Parameters
-        ----------
-        time_s, depth_m : (n,) s, increasing, and m
-
-        Returns
-        -------
-        Response
-            Force, N, and stored energy, J, (n,) each.
-
-        Raises
-        ------
-        InputError : times and depths that cannot be followed
-
-        Examples
-        --------
-        >>> import model
-        >>> felt = model.felt.HuntCrossley(a=0.0, b=0.0, c=1e4, d=0.1)
-        >>> felt.response([0.0, 0.1], [0.0, 1e-3]).force_n.round(3).tolist()
-        [0.0, 10.01]
-        """
-        t, x = _path(time_s, depth_m)
-        pressed = np.maximum(x, 0.0)
-        f = ((self.a * pressed + self.b) * pressed + self.c) * pressed
-        force = np.maximum(f, 0.0) * np.maximum(1.0 + self.d * np.gradient(x, t), 0.0)
-        stored = pressed**2 * (0.5 * self.c + pressed * (self.b / 3.0 + 0.25 * self.a * pressed))
-        return Response(force, stored)
+    def _pressed(self) -> Pressed:
+        return Pressed("hunt-crossley", 0, (self.a, self.b, self.c), self.d, ())
 
 
 @dataclass(frozen=True)
-class Stulov:
+class Stulov(FeltLaw):
     """F0 (u - eps h) of u = x^p with a memory h that follows u: tau0 dh/dt = u - h while the felt is pressed.
 
     Where the surfaces part, the felt's own surface lags at u = eps h and follows later: the force is zero until the
@@ -140,37 +168,12 @@ class Stulov:
         )
         check_numbers("felt law stulov", tau0=(self.tau_s, 1e-12, math.inf))
 
-    def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
-        """Force and stored energy along a press, from a felt at rest; exact where x^p runs straight between samples.
-
-        Parameters
-        ----------
-        time_s, depth_m : (n,) s, increasing, and m
-
-        Returns
-        -------
-        Response
-            Force, N, and stored energy, J, (n,) each.
-
-        Raises
-        ------
-        InputError : times and depths that cannot be followed
-
-        Examples
-        --------
-        >>> import model
-        >>> felt = model.felt.Stulov(f0=1e4, p=1.0, epsilon=0.5, tau_s=1e-3)
-        >>> felt.response([0.0, 1e-6, 1.0], [0.0, 1e-3, 1e-3]).force_n.round(2).tolist()
-        [0.0, 10.0, 5.0]
-        """
-        t, x = _path(time_s, depth_m)
-        out = Response(np.empty(len(t)), np.empty(len(t)))
-        fill_stulov(t, x, self.f0, self.p, self.epsilon, self.tau_s, out.force_n, out.stored_j)
-        return out
+    def _pressed(self) -> Pressed:
+        return Pressed("stulov", 1, (self.f0 * (1.0 - self.epsilon), self.p), 0.0, (self.epsilon, self.tau_s))
 
 
 @dataclass(frozen=True)
-class Hysteresis:
+class Hysteresis(FeltLaw):
     """f(x) (1 + sum of beta z) with ``dz = (dx - |dx| z) / (eta x)``: a loop of the same area at any speed.
 
     Several memories side by side give minor loops of several widths. On the way in from first touch z is 1, and after
@@ -202,31 +205,43 @@ class Hysteresis:
             check_numbers("felt law hysteresis", beta=(beta, 0.0, 1.0), eta=(eta, 1e-3, LONGEST_REACH))
         check_numbers("felt law hysteresis", **{"sum of beta": (sum(self.beta), 0.0, 1.0)})
 
-    def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
-        """Force and stored energy along a press; exact for any sampling that has its turning points.
+    def _pressed(self) -> Pressed:
+        a, b, c = (x * (1.0 + sum(self.beta)) for x in (self.a, self.b, self.c))
+        pairs = [x for pair in zip(self.beta, self.eta, strict=True) for x in pair]
+        return Pressed("hysteresis", len(self.beta), (a, b, c), 0.0, pairs)
 
-        Parameters
-        ----------
-        time_s, depth_m : (n,) s, increasing, and m
 
-        Returns
-        -------
-        Response
-            Force, N, and stored energy, J, (n,) each.
+@dataclass(frozen=True)
+class NamedLaw(FeltLaw):
+    """A law as a contact follows it, by its name: one of ``LAWS``, or one that `model.add_law` has added.
 
-        Raises
-        ------
-        InputError : times and depths that cannot be followed
+    Attributes
+    ----------
+    law : its name
+    a, b, c : of the slow loading curve, N/m^3, N/m^2, N/m
+    d : damping factor D of a law that has one, s/m
+    values : its other numbers by name; those that are missing are as usual
+    """
 
-        Examples
-        --------
-        >>> import model
-        >>> felt = model.felt.Hysteresis(a=0.0, b=0.0, c=1e4, beta=(0.2,), eta=(0.25,))
-        >>> felt.response([0.0, 1.0, 2.0], [0.0, 1e-3, 5e-4]).force_n.round(3).tolist()
-        [0.0, 12.0, 4.125]
-        """
-        _, x = _path(time_s, depth_m)
-        out = Response(np.empty(len(x)), np.empty(len(x)))
-        numbers = np.array(self.beta), np.array(self.eta)
-        fill_hysteresis(x, self.a, self.b, self.c, *numbers, out.force_n, out.stored_j)
-        return out
+    law: str
+    a: float
+    b: float
+    c: float
+    d: float = 0.0
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse a law that is not known, numbers that it does not have, and any outside its range."""
+        numbers, label = KNOWN[self.law].numbers, f"felt law {self.law}"
+        for name in self.values:
+            if name not in numbers:
+                raise InputError(f"{label}: found {name}, allowed {', '.join(numbers) or 'no numbers'}")
+        whole = {name: self.values.get(name, n.value) for name, n in numbers.items()}
+        object.__setattr__(self, "values", whole)
+        _check_cubic(self.law, self.a, self.b, self.c)
+        check_numbers(label, D=(self.d, 0.0, math.inf), **{k: (whole[k], n.low, n.high) for k, n in numbers.items()})
+
+    def _pressed(self) -> Pressed:
+        curve = (self.a, self.b, self.c)
+        memories, numbers = KNOWN[self.law].packed(f"felt law {self.law}", self.values, curve)
+        return Pressed(self.law, memories, curve, self.d, numbers)

@@ -17,7 +17,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from model.elements.laws.felt_law import FeltLaw
+from model.elements.laws.felt_law import Law
 from model.elements.laws.known import LAWS
 from model.elements.laws.known import USUAL as USUAL
 from model.errors import InputError
@@ -50,7 +50,7 @@ def added_defaults() -> Mapping[str, Quantity]:
 
 
 @cache
-def _added_defaults(laws: tuple[FeltLaw, ...]) -> Mapping[str, Quantity]:
+def _added_defaults(laws: tuple[Law, ...]) -> Mapping[str, Quantity]:
     of_laws = {
         f"{law.name}.{name}": Quantity(n.value, n.unit, n.u, "assumed", n.source)
         for law in laws

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.derived.columns import DEPTH
 from model.derived.observe import contacts_at
-from model.felt.laws import Hysteresis, Stulov
+from model.felt.laws import NamedLaw
 from model.files.force_table import check_force_table
 from model.force_driven import output_times, simulate
 from model.parameters.action import BACK_CHECK, CONTACTS, KEY_FRONT, STRING, USUAL, Action
@@ -187,7 +187,8 @@ def _fit(plain: Action, given: Action, contact: str, law: str, wanted: Press) ->
     a, b, c = (plain[f"{contact}.{k}"] for k in CURVE)
     second = given[f"{contact}.{SECOND[law]}"]
     moved = np.diff(np.maximum(wanted.depth_m, 0.0))
-    forces = np.array([_force(law, (a, b, c), float(share), second, wanted) for share in SHARES[law]])
+    felts = [_felt(law, (a, b, c), float(share), second) for share in SHARES[law]]
+    forces = np.array([felt.response(wanted.time_s, wanted.depth_m).force_n for felt in felts])
     peaks = np.maximum(forces.max(axis=1), 1e-12)
     off = 0.5 * (forces[:, 1:] + forces[:, :-1]) @ moved / peaks - wanted.loss_j / wanted.peak_n
     crossing = np.flatnonzero(off[:-1] * off[1:] <= 0.0)
@@ -204,14 +205,6 @@ def _fit(plain: Action, given: Action, contact: str, law: str, wanted: Press) ->
     return values | {f"{contact}.{SHARE[law]}": share}
 
 
-def _force(law: str, curve: tuple[float, float, float], share: float, second: float, press: Press) -> Array:
-    """Force along a press; the slow curve is Stulov's u with the exponent 1."""
-    a, b, c = curve
-    if law == "stulov":
-        x = np.maximum(press.depth_m, 0.0)
-        slow = np.maximum(((a * x + b) * x + c) * x, 0.0)
-        return Stulov(1.0 / (1.0 - share), 1.0, share, second).response(press.time_s, slow).force_n
-    whole = 1.0 + share
-    return (
-        Hysteresis(a / whole, b / whole, c / whole, (share,), (second,)).response(press.time_s, press.depth_m).force_n
-    )
+def _felt(law: str, curve: tuple[float, float, float], share: float, second: float) -> NamedLaw:
+    values = {SHARE[law].removeprefix(f"{law}."): share, SECOND[law].removeprefix(f"{law}."): second}
+    return NamedLaw(law, *curve, values=values)

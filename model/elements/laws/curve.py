@@ -1,40 +1,58 @@
-"""The slow loading curve f(x) = a x^3 + b x^2 + c x of felt pressed in by x (m), which every law has.
+"""The slow loading curve f(x) of felt pressed in by x (m), which every law has: a x^3 + b x^2 + c x, or a power.
 
-`loading` and `steepness` take plain numbers, too. Where the curve dips: docs/explanation/felt.md.
+In a scene it is the cubic; a press by itself (`model.felt`) may follow a power. `loading` and `steepness` of the cubic
+take plain numbers, too. Where it dips: docs/explanation/felt.md.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
-from model.compiler.expressions import ZERO, Expression, largest, local, root, smaller, where
+from model.compiler.expressions import ONE, ZERO, Expression, largest, local, power, root, smaller, where
 from model.compiler.programs import Put, Statement, While, let, name
 
 DEPTH_STEPS = 60.0  # of a search for a depth, at most
+
+
+class Power(NamedTuple):
+    """A curve height x^exponent, N, of felt that is pressed; the height in N/m^exponent."""
+
+    height: Expression
+    exponent: Expression
+
+
 Curve = tuple[Expression, Expression, Expression]
-"""a, b and c: N/m^3, N/m^2, N/m."""
+"""a, b and c of a cubic: N/m^3, N/m^2, N/m."""
 
 
-def loading(x: Any, curve: tuple[Any, Any, Any]) -> Any:
+def loading(x: Any, curve: Any) -> Any:
     """Force of the slow loading curve, N; below zero where it dips."""
+    if isinstance(curve, Power):
+        return curve.height * power(x, curve.exponent)
     a, b, c = curve
     return ((a * x + b) * x + c) * x
 
 
-def steepness(x: Any, curve: tuple[Any, Any, Any]) -> Any:
+def steepness(x: Any, curve: Any) -> Any:
     """Slope of the slow loading curve, N/m."""
+    if isinstance(curve, Power):
+        return curve.exponent * curve.height * power(x, curve.exponent - 1.0)
     a, b, c = curve
     return (3.0 * a * x + 2.0 * b) * x + c
 
 
-def stored_slowly(x: Expression, curve: Curve) -> Expression:
+def stored_slowly(x: Expression, curve: Curve | Power) -> Expression:
     """Energy of the curve itself, J."""
+    if isinstance(curve, Power):
+        return curve.height * power(x, curve.exponent + 1.0) / (curve.exponent + 1.0)
     a, b, c = curve
     return x * x * (0.5 * c + x * (b * (1.0 / 3.0) + 0.25 * a * x))
 
 
-def stored(x: Expression, curve: Curve) -> Expression:
+def stored(x: Expression, curve: Curve | Power) -> Expression:
     """Energy of the slow loading curve, J; a felt that does not press stores nothing."""
+    if isinstance(curve, Power):
+        return stored_slowly(x, curve)
     a, b, c = curve
     spread = b * b - 4.0 * a * c
     dips = (b < 0.0) & (spread > 0.0) & (a > 0.0)
@@ -44,11 +62,14 @@ def stored(x: Expression, curve: Curve) -> Expression:
     return stored_slowly(x, curve) + where(dips & (x > low), pocket, 0.0)
 
 
-def depth_of(label: str, force: Expression, curve: Curve) -> tuple[list[Statement], Expression]:
+def depth_of(label: str, force: Expression, curve: Curve | Power) -> tuple[list[Statement], Expression]:
     """Statements that find the depth at which slow loading takes a force, and that depth, m.
 
     The curve rises: Newton's iteration kept between bounds. ``label`` tells its names from those of other searches.
     """
+    if isinstance(curve, Power):
+        share = largest(force, 0.0) / where(curve.height > 0.0, curve.height, 1.0)
+        return [], power(share, ONE / curve.exponent)
     low, high, x, left = (f"{label}{part}" for part in ("low", "high", "depth", "left"))
 
     def was(text: str) -> Expression:

@@ -45,7 +45,7 @@ class Felt:
     numbers: tuple[Expression, ...]
 
 
-class FeltLaw:
+class Law:
     """A law of felt.
 
     Attributes

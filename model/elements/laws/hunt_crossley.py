@@ -5,10 +5,10 @@ from __future__ import annotations
 from model.compiler.expressions import Expression, largest, where
 from model.compiler.programs import Statement
 from model.elements.laws.curve import loading, stored
-from model.elements.laws.felt_law import Felt, FeltLaw
+from model.elements.laws.felt_law import Felt, Law
 
 
-class HuntCrossley(FeltLaw):
+class HuntCrossley(Law):
     """Felt whose force grows with the speed of the press; its one parameter beside the curve is ``normal.D``."""
 
     name = "hunt-crossley"

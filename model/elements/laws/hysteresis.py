@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from model.compiler.expressions import ONE, ZERO, Expression, largest, total
 from model.compiler.programs import Statement
 from model.elements.laws.curve import loading, steepness, stored
-from model.elements.laws.felt_law import Felt, FeltLaw, Number
+from model.elements.laws.felt_law import Felt, Law, Number
 from model.errors import InputError
 
 MEMORIES = ("", "2", "3")
@@ -24,7 +24,7 @@ def _pair(end: str, values: tuple[float, float], u: tuple[float, float], sources
     return {f"beta{end}": beta, f"eta{end}": Number(values[1], "1", u[1], 1e-3, LONGEST_REACH, sources[1])}
 
 
-class Hysteresis(FeltLaw):
+class Hysteresis(Law):
     """Felt with one to three memories that fade with the way gone; parted, it starts anew."""
 
     name = "hysteresis"

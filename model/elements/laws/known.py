@@ -14,7 +14,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from model.compiler.expressions import ONE, ZERO, Expression, argument, forget, slopes
-from model.elements.laws.felt_law import Felt, FeltLaw, Number
+from model.elements.laws.felt_law import Felt, Law, Number
 from model.elements.laws.hunt_crossley import HuntCrossley
 from model.elements.laws.hysteresis import Hysteresis
 from model.elements.laws.stulov import Stulov
@@ -24,10 +24,10 @@ MOST_MEMORIES = 3  # of one felt: the workspace of a step has room for so many a
 TRIED_ON = (1e10, 1e7, 1e4)  # a loading curve that no law refuses
 
 
-class _Laws(dict[str, FeltLaw]):
+class _Laws(dict[str, Law]):
     """Laws by name; what is not there is said in one line."""
 
-    def __missing__(self, name: str) -> FeltLaw:
+    def __missing__(self, name: str) -> Law:
         raise InputError(f"felt law {name}: not known in this process; call model.add_law where your script starts")
 
 
@@ -35,17 +35,17 @@ BUILT_IN = (HuntCrossley(), Stulov(), Hysteresis())
 LAWS = _Laws({law.name: law for law in BUILT_IN})
 USUAL = BUILT_IN[0].name
 """Law of a contact for which no other is chosen."""
-_numbered: dict[int, FeltLaw] = {}
+_numbered: dict[int, Law] = {}
 for number, built_in in enumerate(BUILT_IN):
     built_in.number, _numbered[number] = number, built_in
 
 
-def law_numbered(number: int) -> FeltLaw:
+def law_numbered(number: int) -> Law:
     """The law with a number of a scene's tables."""
     return _numbered[number]
 
 
-def add_law(law: FeltLaw) -> None:
+def add_law(law: Law) -> None:
     """Let contacts follow another law of felt, until the program ends.
 
     Call it where your script starts, before actions are read, so that worker processes know the law, too. A law added
@@ -53,7 +53,7 @@ def add_law(law: FeltLaw) -> None:
 
     Parameters
     ----------
-    law : an instance of a subclass of `FeltLaw`; how to write one: docs/howto/contact_law.md
+    law : an instance of a subclass of `Law`; how to write one: docs/howto/contact_law.md
 
     Raises
     ------
@@ -63,8 +63,8 @@ def add_law(law: FeltLaw) -> None:
     Examples
     --------
     >>> import model
-    >>> from model.elements.laws.felt_law import FeltLaw
-    >>> class Gel(FeltLaw):
+    >>> from model.elements.laws.felt_law import Law
+    >>> class Gel(Law):
     ...     '''Nothing is lost in it.'''
     ...     name = "gel"
     ...     def force(self, felt):
@@ -80,9 +80,9 @@ def add_law(law: FeltLaw) -> None:
     'gel'
     """
     found = getattr(law, "name", None)
-    if not isinstance(law, FeltLaw) or not isinstance(found, str) or not re.fullmatch("[a-z][a-z0-9-]*", found):
+    if not isinstance(law, Law) or not isinstance(found, str) or not re.fullmatch("[a-z][a-z0-9-]*", found):
         raise InputError(
-            f"felt law: found {found or law!r}, allowed an instance of FeltLaw whose name has lower-case letters, "
+            f"felt law: found {found or law!r}, allowed an instance of Law whose name has lower-case letters, "
             "digits and hyphens"
         )
     if found in {one.name for one in BUILT_IN}:
@@ -97,7 +97,7 @@ def add_law(law: FeltLaw) -> None:
     LAWS[found] = _numbered[law.number] = law
 
 
-def _hash(law: FeltLaw) -> int:
+def _hash(law: Law) -> int:
     """Hash of a law's text and of what it does with its usual values, which is checked."""
     forget()
     usual = {name: n.value for name, n in law.numbers.items()}

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from model.compiler.expressions import Expression, largest
 from model.compiler.programs import Statement
 from model.elements.laws.curve import Curve, depth_of, loading, stored_slowly
-from model.elements.laws.felt_law import Felt, FeltLaw, Number
+from model.elements.laws.felt_law import Felt, Law, Number
 
 
 def faded(x: Expression, h: Expression, curve: Curve, epsilon: Expression) -> tuple[Expression, Expression]:
@@ -33,7 +33,7 @@ def surface_energy(
     return [*outer, *within], (stored_slowly(surface, curve) - epsilon * bound) * hard, lost * hard
 
 
-class Stulov(FeltLaw):
+class Stulov(Law):
     """Felt with a memory that fades with time."""
 
     name = "stulov"

@@ -2,16 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from model.compiler.expressions import Expression
+from model.elements.laws.felt_law import Felt, Number
+from model.elements.laws.hunt_crossley import HuntCrossley as HuntCrossleyLaw
+from model.elements.laws.known import add_law
 from model.errors import InputError
-from model.felt import FeltLaw, HuntCrossley, Hysteresis, Pressing, Stulov, compare_laws, fit_law, read_pressing
+from model.felt import (
+    FeltLaw,
+    HuntCrossley,
+    Hysteresis,
+    NamedLaw,
+    Pressing,
+    Stulov,
+    compare_laws,
+    fit_law,
+    read_pressing,
+)
 from model.felt.compare import sign_flip_p
 from model.felt.pressing import as_pressing
+
+
+class Scaled(HuntCrossleyLaw):
+    """The thesis's felt whose D is multiplied."""
+
+    name = "scaled"
+    numbers = {"times": Number(1.0, "1", 0.1, 0.5, 4.0, "a number of this test's own")}
+
+    def force(self, felt: Felt) -> tuple[Expression, Expression]:
+        """See above."""
+        return super().force(replace(felt, damping=felt.damping * felt.numbers[0]))
+
 
 A, B, C = 4.41e10, -1.02e7, 1.57e4  # contact02 of Table A.8
 DEPTHS, SPEEDS = (3e-4, 6e-4, 9e-4), (0.002, 0.02, 0.1)
@@ -60,6 +87,19 @@ def test_planted_parameters_are_found_again(kind: str, true: tuple[float, ...]) 
     for value, u, planted in zip(fit.values, fit.u, true, strict=True):
         assert abs(value - planted) < 5.0 * u + 1e-6 * abs(planted)
         assert u < 0.05 * abs(planted)
+
+
+def test_a_law_that_a_program_adds_is_fitted_with_its_numbers() -> None:
+    """Hunt and Crossley's felt under another name, with a number of its own that only scales D."""
+    add_law(Scaled())
+    planted = NamedLaw("scaled", A, B, C, 0.3, {"times": 2.0})
+    some = presses(planted)
+    assert np.array_equal(some[0].force_n, presses(FELTS["hunt-crossley"])[0].force_n)  # D = 0.6
+    fit, _ = fit_law("scaled", some)
+    assert fit.names == ("a", "b", "c", "D", "times") and fit.units[-1] == "1"
+    found = dict(zip(fit.names, fit.values, strict=True))
+    assert found["D"] * found["times"] == pytest.approx(0.6, rel=0.05)
+    assert fit.misfit.max() < 1.3 * max(press.noise_n / press.peak_n for press in some)
 
 
 @pytest.mark.slow

@@ -16,10 +16,10 @@ from model.kernels.lanes import lanes_pay
 
 CODE = """
 import numpy as np, model
-from model.kernels.felt_memory import fill_stulov
-at, out = np.arange(4.0), np.zeros((2, 4))
-fill_stulov(at, at, 1.0, 1.0, 0.5, 1.0, out[0], out[1])
-print(repr(out.tolist()), fill_stulov.stats.cache_hits and sum(fill_stulov.stats.cache_hits.values()))
+from model.kernels.inputs import input_at
+from model.kernels.signatures import InputTable
+found = input_at(0.5, 0, InputTable(np.arange(4.0), np.arange(4.0), False))
+print(repr(found), input_at.stats.cache_hits and sum(input_at.stats.cache_hits.values()))
 """
 
 
@@ -41,10 +41,10 @@ def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) ->
     assert hits == 0
     again, hits = run(tmp_path, cache)
     assert again == first and hits == 1  # nothing changed: loaded, not compiled
-    callee = package / "kernels" / "felt_memory.py"
+    callee = package / "kernels" / "inputs.py"
     text = callee.read_text(encoding="utf-8")
-    assert text.count("slope * (at - tau)") == 1
-    callee.write_text(text.replace("slope * (at - tau)", "slope * (at + tau)"), encoding="utf-8")
+    assert text.count("slope * (t - time[k])") == 1
+    callee.write_text(text.replace("slope * (t - time[k])", "slope * (t + time[k])"), encoding="utf-8")
     edited, hits = run(tmp_path, cache)
     assert edited != first and hits == 0
 
@@ -52,7 +52,7 @@ def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) ->
 def test_every_compiled_module_of_the_step_loop_is_among_the_hashed_sources() -> None:
     package = Path(model.__file__).parent
     hashed = {path.relative_to(package).as_posix() for path in kernel_sources()}
-    assert {"kernels/felt_memory.py", "kernels/inputs.py", "elements/laws/stulov.py"} <= hashed
+    assert {"kernels/inputs.py", "elements/laws/stulov.py"} <= hashed
     assert {"elements/contacts.py", "derived/step.py", "compiler/native.py", "integrators/rosenbrock.py"} <= hashed
     compiled = ("@kernel", "@inlined", "@uncounted", "@piece", "@step_loop", "@generated")
     for path in [*package.glob("kernels/**/*.py"), *package.glob("integrators/**/*.py")]:

@@ -46,7 +46,8 @@ def test_peak_and_loss_of_a_law_are_found_again(law: str) -> None:
     curve = tuple(action[f"contact12.normal.{k}"] for k in "abc")
     path, second = equal_loss.SECOND[law], action[f"contact12.{equal_loss.SECOND[law]}"]
     press = equal_loss.Press(time_s, depth_m, 0.0, 0.0)
-    force = equal_loss._force(law, tuple(0.7 * x for x in curve), 0.63, second, press)
+    felt = equal_loss._felt(law, (0.7 * curve[0], 0.7 * curve[1], 0.7 * curve[2]), 0.63, second)
+    force = felt.response(press.time_s, press.depth_m).force_n
     loss = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(depth_m)))
     given = action.with_laws({"contact12": law})
     wanted = equal_loss.Press(time_s, depth_m, float(force.max()), loss)

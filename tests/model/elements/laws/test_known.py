@@ -10,14 +10,14 @@ import pytest
 import model
 from model.compiler.expressions import Expression, where
 from model.elements.laws.curve import loading, stored
-from model.elements.laws.felt_law import Felt, FeltLaw, Number
+from model.elements.laws.felt_law import Felt, Law, Number
 from model.elements.laws.known import LAWS
 
 
-def law_like(**changed: Any) -> FeltLaw:
+def law_like(**changed: Any) -> Law:
     """A law without loss, but for what is changed; its stiffness times ``hardness``."""
 
-    class Gel(FeltLaw):
+    class Gel(Law):
         name = "gel"
         hardness = 1.0
 
@@ -31,14 +31,14 @@ def law_like(**changed: Any) -> FeltLaw:
     return type("Gel", (Gel,), changed)()
 
 
-def _two(self: FeltLaw, *given: Any) -> tuple[int, tuple[float, ...]]:
+def _two(self: Law, *given: Any) -> tuple[int, tuple[float, ...]]:
     return 2, ()
 
 
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"name": "Gel 2"}, "found 'Gel 2', allowed an instance of FeltLaw whose name has lower-case letters"),
+        ({"name": "Gel 2"}, "found 'Gel 2', allowed an instance of Law whose name has lower-case letters"),
         ({"name": "stulov"}, "felt law stulov: the name of a law that is there"),
         ({"numbers": {"k": Number(2.0, "1", 0.1, 0.0, 1.0, "a guess")}}, "felt law gel: k: found Number(value=2.0"),
         ({"packed": lambda *_: (4, ())}, "felt law gel: found 4 memories, allowed to 3"),
@@ -74,7 +74,7 @@ def test_a_law_that_was_changed_has_kernels_of_its_own() -> None:
 def test_numbers_of_an_added_law_are_parameters_like_others() -> None:
     soft = {"soft": Number(0.5, "1", 0.1, 0.1, 1.0, "a guess")}
 
-    def force(self: FeltLaw, felt: Felt) -> tuple[Expression, Expression]:
+    def force(self: Law, felt: Felt) -> tuple[Expression, Expression]:
         slow = felt.numbers[0] * loading(felt.depth, felt.curve)
         return slow > 0.0, where(slow > 0.0, slow, 0.0)
 
