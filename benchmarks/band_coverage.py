@@ -79,6 +79,7 @@ def main(run: Run) -> bool:
     for kind, n in product(KINDS, (5, 10, 20)):
         share, low, high, factor = coverage(kind, n, run.sessions)
         inside = ALLOWED[0] <= share <= ALLOWED[1]
+        inside |= run.quick and low <= ALLOWED[1] and high >= ALLOWED[0]  # too few to tell
         good &= inside
         table.row(kind, n, share, low, high, factor, stats.t.ppf(0.975, n - 1), "" if inside else "OUTSIDE")
     print(f"seed {SEED}; allowed {ALLOWED[0]} to {ALLOWED[1]}; 95 % intervals")

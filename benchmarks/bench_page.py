@@ -122,8 +122,8 @@ def resident_mb(driver: psutil.Process) -> float:
     return total / 1e6
 
 
-def scope(tab: Any, address: str, session: Session, server: psutil.Process, seconds: float, reload_s: float) -> None:
-    """The rolling scope, perhaps reloaded now and then."""
+def scope(tab: Any, address: str, session: Session, server: psutil.Process, seconds: float, reload_s: float) -> int:
+    """The rolling scope, perhaps reloaded now and then; samples the recording lost."""
     writer = Writer(session, seconds)
     writer.start()
     tab.goto(f"{address}#live")
@@ -166,6 +166,7 @@ def scope(tab: Any, address: str, session: Session, server: psutil.Process, seco
         slope = np.polyfit(late, np.array(heaps)[1:], 1)[0]
         print(f"  heap after collection: {min(heaps):.2f} to {max(heaps):.2f} MB, trend {60 * slope:+.2f} MB an hour")
     print(f"  recording: {writer.lost} samples lost, longest write of a block {1e3 * writer.longest_s:.1f} ms")
+    return writer.lost
 
 
 def film(tab: Any, address: str) -> None:
@@ -186,8 +187,9 @@ def slider(tab: Any, address: str) -> None:
     print(f"slider to curves: median {np.median(found):.0f} ms, p90 {np.quantile(found, 0.9):.0f} ms")
 
 
-def main(run: Run) -> None:
-    """Measure the views asked for."""
+def main(run: Run) -> bool:
+    """Measure the views asked for; whether the recording lost nothing."""
+    lost = 0
     with tempfile.TemporaryDirectory() as work:
         shutil.copytree(EXAMPLE, Path(work) / "mine", ignore=shutil.ignore_patterns("derived"))
         session = Session.open(Path(work) / "mine")
@@ -201,9 +203,10 @@ def main(run: Run) -> None:
             tab.set_default_timeout(120_000)
             print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores", flush=True)
             if "scope" in run.only:
-                scope(tab, address, session, server, run.seconds, run.reload)
+                lost = scope(tab, address, session, server, run.seconds, run.reload)
             if "film" in run.only:
                 film(tab, address)
             if "slider" in run.only:
                 slider(tab, address)
             browser.close()
+    return lost == 0

@@ -21,7 +21,7 @@ import pandas as pd
 
 import model
 from benchmarks.identification_coverage import LAWS, RUNS, Sensors, drawn_truth, played, tested
-from benchmarks.runner import Run, Table
+from benchmarks.runner import Run, Table, may_be
 from rig.session import CameraInfo, TrialData
 from validation.conventions import FILM_CHANNELS, JACK, REPETITION, Array
 from validation.identification.estimates import estimate_all
@@ -133,8 +133,9 @@ def experiment(seed: int, options: Run) -> dict[str, Any]:
     return {way: fitted(start, free, seen_as(way, by_kind), truth) for way in options.ways}
 
 
-def main(run: Run) -> None:
-    """Print the table."""
+def main(run: Run) -> bool:
+    """Print the table; whether intervals may hold the truth as often as stated."""
+    good = True
     same = [run.ways, run.kinds, run.trials, run.free, run.spread]
     errors: dict[str, list[tuple[float, bool]]] = {}
     for (seed, *_), ways in run.cases([(seed, *same) for seed in run.seeds], lambda seed, *_: experiment(seed, run)):
@@ -153,3 +154,5 @@ def main(run: Run) -> None:
         rms = float(np.sqrt(np.mean([r**2 for r, _ in some])))
         hold = sum(inside for _, inside in some)
         print(f"{way:7s} {len(some)} laws: error over u {rms:.2f} RMS, {hold} of {len(some)} 95 % intervals hold")
+        good &= may_be(0.95, hold, len(some))
+    return good

@@ -24,7 +24,7 @@ import numpy as np
 
 import model
 from benchmarks.bench_strokes import BEFORE_S, BENCH, FINE, KINDS, command_n, record
-from benchmarks.runner import Run, Table, interval
+from benchmarks.runner import Run, Table, interval, may_be
 from model.errors import ModelError
 from rig.configuration.rig_file import load_rig
 from rig.errors import RigError
@@ -238,8 +238,8 @@ def experiment(cell: str, k: int, options: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def table(cell: str, rows: Sequence[dict[str, Any]]) -> None:
-    """Print the coverage of a cell: of all, of those called identified, of those profiled."""
+def table(cell: str, rows: Sequence[dict[str, Any]]) -> bool:
+    """Print the coverage of a cell, of all, identified and profiled; whether all may be 95 %."""
     here = [e for r in rows for e in r.get("estimates", ())]
     kinds = {"all": here, "identified": [e for e in here if e["verdict"] == IDENTIFIED]}
     shown = Table(f"{cell}, of:24s", "intervals:d", "hold:d", "share:.3f", "99 % low:.3f", "high:.3f")
@@ -254,12 +254,12 @@ def table(cell: str, rows: Sequence[dict[str, Any]]) -> None:
         print(f"interval below half the prior: {len(narrow)}, called identified {called}; error over u {off:.2f} RMS")
     failed, settled = sum("failed" in r for r in rows), sum(r.get("converged", False) for r in rows)
     print(f"experiments {len(rows)}, settled {settled}, could not be played or fitted {failed}")
+    return may_be(0.95, sum(e["inside"] for e in here), len(here))
 
 
-def main(run: Run) -> None:
-    """Print the table of each cell."""
+def main(run: Run) -> bool:
+    """Print the table of each cell; whether intervals may hold the truth as often as stated."""
     same = [getattr(run, name) for name in SAME]
     keys = [(cell, k, *same) for k, cell in product(range(run.sessions), run.cells)]
     kept = list(run.cases(keys, lambda cell, k, *_: experiment(cell, k, run)))
-    for cell in run.cells:
-        table(cell, [row for key, row in kept if key[0] == cell])
+    return all([table(cell, [row for key, row in kept if key[0] == cell]) for cell in run.cells])

@@ -143,8 +143,9 @@ def counted(function: Any, clock: Clock, name: str = "learning") -> Any:
     return timed
 
 
-def main(run: Run) -> None:
-    """Print the table."""
+def main(run: Run) -> bool:
+    """Print the table; whether all fits settled."""
+    good = True
     heads = ("free", "trials", "fits", "steps", "fit", "fixed laws", *PARTS, "rest", "intervals", "known", "off")
     whole = ("free", "trials", "fits", "steps", "known")
     table = Table(*(f"{head}:{'6d' if head in whole else '6.1f'}" for head in heads), "settled:s")
@@ -152,3 +153,5 @@ def main(run: Run) -> None:
     for _, row in run.cases(keys, lambda n, k, *_: one(n, k, run)):
         row["rest"] = row["fit"] - row["fixed laws"] - sum(row[part] for part in PARTS)
         table.row(*(row[head] for head in heads), "yes" if row["settled"] else "NO")
+        good &= row["settled"]
+    return good

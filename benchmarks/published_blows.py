@@ -26,8 +26,8 @@ RISE_S = 0.01
 UP_TO_HZ = 5000.0
 
 
-def string_table(name: str, hammer: Hammer, levels: int) -> None:
-    """Contact, touches and spectrum against impact speed."""
+def string_table(name: str, hammer: Hammer, levels: int) -> bool:
+    """Contact, touches and spectrum against impact speed; whether contacts grow shorter."""
     print(f"\n{name}")
     table, seen = Table("m/s:6.2f", "contact ms:.2f", "touches:d", "peak N:.1f", "slope dB/octave:.1f"), []
     for speed in np.linspace(1.06, 2.98, levels):
@@ -37,10 +37,11 @@ def string_table(name: str, hammer: Hammer, levels: int) -> None:
         table.row(speed, seen[-1], len(blow.contacts), blow.peak_n, slope)
     middle = 0.5 * (seen[0] + seen[-1])
     print(f"contact {100 * (seen[0] / middle - 1):+.0f} and {100 * (seen[-1] / middle - 1):+.0f} % about its middle")
+    return seen[-1] < seen[0]
 
 
-def timing_table() -> None:
-    """From force on key to hammer on string, and key bottom against it, over held forces."""
+def timing_table() -> float:
+    """From force on key to hammer on string, and key bottom against it, over held forces; the exponent."""
     action = model.load_action("hirschkorn2004-regulated")
     print(f"\naction, force risen within {1e3 * RISE_S:g} ms and held; key bottom: front felt pressed with 1 N")
     shown = Table("N:6.1f", "hammer m/s:.2f", "on string ms:.1f", "key bottom, later ms:+.1f")
@@ -61,12 +62,13 @@ def timing_table() -> None:
         shown.row(force, speeds[-1], times[-1], bottom)
     power, level = np.polyfit(np.log(speeds), np.log(times), 1)
     print(f"time on string = {np.exp(level):.0f} ms x (m/s)^{power:.2f}")
+    return float(power)
 
 
-def main(run: Run) -> None:
-    """Print the tables."""
-    string_table("C4 and hammer of Chaigne and Askenfelt, at Birkett's levels", C4_HAMMER, run.levels)
+def main(run: Run) -> bool:
+    """Print the tables; whether contacts grow shorter with speed, and the way to the string falls with it."""
+    shorter = string_table("C4 and hammer of Chaigne and Askenfelt, at Birkett's levels", C4_HAMMER, run.levels)
     action = model.load_action("hirschkorn2004-regulated")
     hammer, _ = hammer_at_the_string(action, *model.force_table("forte"))
-    string_table("C4 and the hammer of the action with the felt of contact12", hammer, run.levels)
-    timing_table()
+    shorter &= string_table("C4 and the hammer of the action with the felt of contact12", hammer, run.levels)
+    return shorter and timing_table() < 0.0

@@ -36,7 +36,7 @@ from benchmarks.identification_coverage import (
     played,
     problem_of,
 )
-from benchmarks.runner import Run, Table, interval
+from benchmarks.runner import Run, Table, interval, may_be
 from model.errors import ModelError
 from validation.conventions import Array
 from validation.errors import ValidationError
@@ -181,8 +181,12 @@ def compared(what: str, n: int, told: Prospect, before: Fitted, after: Fitted) -
     ]  # fmt: skip
 
 
-def table(rows: Sequence[dict[str, Any]]) -> None:
-    """Print what is within a fifth, and inside the limits, by what is done and by the number of first trials."""
+def table(rows: Sequence[dict[str, Any]]) -> bool:
+    """Print what is within a fifth, and inside the limits, by what is done and by the number of first trials.
+
+    Returns whether limits may hold as often as stated.
+    """
+    good = True
     shown = Table(
         "next:7s", "trials:d", "of:6s", "shrinks:d", "within 20 %:d", "share:.2f", "real/told:.2f", "spread:.2f",
         "limits hold:d", "share:.2f", "99 % low:.2f", "high:.2f", "half as wide:.0%",
@@ -199,14 +203,16 @@ def table(rows: Sequence[dict[str, Any]]) -> None:
             limits: list[Any] = [None] * 5
             if by == "predicted" and any(r["limits"][0] < r["limits"][1] for r in here):
                 hold = sum(r["limits"][0] <= r["realised"] <= r["limits"][1] for r in here)
+                good &= may_be(0.95, hold, len(here))
                 wide = np.median([np.log(r["limits"][1] / r["limits"][0]) / 2 for r in here])
                 limits = [hold, hold / len(here), *interval(hold, len(here), 0.99), np.expm1(wide)]
             shown.row(what, n, name, len(here), near, near / len(here), np.exp(np.median(off)), np.std(off), *limits)
     print(f"experiments {len(rows)}, could not be played {sum('failed' in r for r in rows)}")
+    return good
 
 
-def main(run: Run) -> None:
-    """Print the table."""
+def main(run: Run) -> bool:
+    """Print the table; whether limits may hold as often as stated."""
     same = [getattr(run, name) for name in SAME]
     found = run.cases([(k, *same) for k in range(run.sessions)], lambda k, *_: experiment(k, run))
-    table([row for _, row in found])
+    return table([row for _, row in found])

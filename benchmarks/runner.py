@@ -144,6 +144,11 @@ def at_most(hits: int, of: int, level: float = 0.95) -> float:
     return float(stats.beta.ppf(level, hits + 1, of - hits)) if of > hits else 1.0
 
 
+def may_be(share: float, hits: int, of: int) -> bool:
+    """Whether a rate of at least ``share`` is not excluded by these hits: below the upper end of the 99 % interval."""
+    return interval(hits, of, 0.99)[1] >= share
+
+
 def in_turns(
     jobs: Mapping[Any, Callable[[], object]], turns: int, clock: Callable[[], float] = time.process_time
 ) -> dict[Any, NDArray[np.float64]]:
@@ -299,16 +304,18 @@ def main(arguments: Sequence[str]) -> int:
         print(f"skipped: {name} needs {', '.join(absent)}: not installed")
         return 0
     if run.against is not None and not entry.get("against", False):
-        place = arguments.index("--against")
-        return with_packages_of(run.against, [*arguments[:place], *arguments[place + 2 :]])
-    good = module.main(run)
+        before = ["", *arguments]
+        own = [a for a, last in zip(arguments, before, strict=False) if "--against" not in (a.partition("=")[0], last)]
+        return with_packages_of(run.against, own)
+    answer = module.main(run)
+    good = answer is None or bool(answer)
     if run.left:
         print(f"{run.left} cases are left: run the same command again", file=sys.stderr)
-    if run.write and good is not False:
+    if run.write and good:
         for row, text in run.figures.items():
             figures.store(row, text, f"`python -m benchmarks {' '.join(a for a in arguments if a != '--write')}`", name)
         figures.write(entries)
-    return 1 if good is False else LEFT if run.left else 0
+    return LEFT if good and run.left else int(not good)
 
 
 def _figures(arguments: Sequence[str], entries: dict[str, dict[str, Any]]) -> int:

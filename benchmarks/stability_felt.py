@@ -23,7 +23,7 @@ import numpy as np
 
 import model
 from benchmarks.runner import Run, at_most
-from benchmarks.stability_cases import KICK_S, MAKERS, Case
+from benchmarks.stability import KICK_S, MAKERS, Case
 from model.parameters.action import CONTACTS, STRING
 from model.parameters.effects import PINS
 from model.parameters.quantity import allowed_range

@@ -2,7 +2,7 @@
 
     python -m benchmarks stability_lanes [--count 10000] [--seed 1] [--workers 2]
 
-Set A of `stability_cases`: geometry +-2 mm, everything else +-50 %, v_t 1e-2..1e-5, forces to 120 N with 0.2 ms edges,
+Set A of `stability`: geometry +-2 mm, everything else +-50 %, v_t 1e-2..1e-5, forces to 120 N with 0.2 ms edges,
 401 output times, 1e-5 rad. Each case is run by itself and in lanes, beside whatever cases come next to it. A case
 agrees where both finish and differ by at most a tenth of the tolerance, or both fail with the same error. Further
 apart they must be within ten tolerances times the measured growth of a disturbance as large as the tolerance (the
@@ -19,7 +19,7 @@ import numpy as np
 
 import model
 from benchmarks.runner import Run
-from benchmarks.stability_cases import FACTOR, OUTPUT_S, STEPS, TOLERANCE, Runner, plausible
+from benchmarks.stability import FACTOR, OUTPUT_S, STEPS, TOLERANCE, Runner, plausible
 from model import batch
 from model.batch.lanes import choose
 from model.simulation.options import ForceDrivenOptions

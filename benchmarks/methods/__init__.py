@@ -4,7 +4,6 @@
 They keep no account of energies and step through rest.
 """
 
-from benchmarks.methods.esdirk4 import ESDIRK4
-from benchmarks.methods.radau5 import RADAU5
+from benchmarks.methods.tableau import ESDIRK4, RADAU5
 
 COMPARISON = {method.name: method for method in (ESDIRK4, RADAU5)}

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction as F
 from functools import cached_property
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.integrators.methods import padded
+from model.integrators.methods import lower, padded
 from model.kernels.signatures import Coefficients
 
 
@@ -143,3 +145,70 @@ class CoupledTableau(_StagesInSlots):
     def coupling(self) -> tuple[float, float]:
         """F alone."""
         return 0.0, 0.0
+
+
+_LAST = [F(82889, 524892), F(0), F(15625, 83664), F(69875, 102672), F(-2260, 8211)]
+_ROWS = [
+    [F(1, 4)],
+    [F(8611, 62500), F(-1743, 31250)],
+    [F(5012029, 34652500), F(-654441, 2922500), F(174375, 388108)],
+    [F(15267082809, 155376265600), F(-71443401, 120774400), F(730878875, 902184768), F(2285395, 8070912)],
+    _LAST,
+]
+_EMBEDDED = [
+    F(4586570599, 29645900160),
+    F(0),
+    F(178811875, 945068544),
+    F(814220225, 1159782912),
+    F(-3700637, 11593932),
+    F(61727, 225920),
+]
+
+ESDIRK4 = DiagonalTableau(
+    name="esdirk4",
+    share=0.25,
+    order=4,
+    embedded_order=3,
+    dense_order=3,
+    stability="L-stable, stiffly accurate",
+    source="Kennedy and Carpenter 2003",
+    gamma=0.25,
+    a=lower([[float(x) for x in row] for row in _ROWS], 6),
+    b=np.array([*map(float, _LAST), 0.25]),
+    b_embedded=np.array([float(x) for x in _EMBEDDED]),
+    c=np.array([0.0, 0.5, 0.332, 0.62, 0.85, 1.0]),
+)
+"""ARK4(3)6L[2]SA, implicit part: ESDIRK of order 4, embedded order 3, six stages, L-stable, stiffly accurate.
+
+Stage 1 is explicit, the others share gamma = 1/4. Dense output: cubic through both ends and their derivatives, order 3.
+Source: C. A. Kennedy and M. H. Carpenter, Additive Runge-Kutta schemes for convection-diffusion-reaction equations,
+Applied Numerical Mathematics 44 (2003) 139-181, appendix; checked here against the order conditions
+(tests/benchmarks/test_methods.py).
+"""
+
+_R = sqrt(6.0)
+
+RADAU5 = CoupledTableau(
+    name="radau5",
+    order=5,
+    embedded_order=3,
+    dense_order=3,
+    stability="L-stable, stiffly accurate",
+    source="Hairer and Wanner II, IV.8",
+    a=np.array(
+        [
+            [(88.0 - 7.0 * _R) / 360.0, (296.0 - 169.0 * _R) / 1800.0, (-2.0 + 3.0 * _R) / 225.0],
+            [(296.0 + 169.0 * _R) / 1800.0, (88.0 + 7.0 * _R) / 360.0, (-2.0 - 3.0 * _R) / 225.0],
+            [(16.0 - _R) / 36.0, (16.0 + _R) / 36.0, 1.0 / 9.0],
+        ]
+    ),
+    c=np.array([(4.0 - _R) / 10.0, (4.0 + _R) / 10.0, 1.0]),
+    estimate=np.array([-13.0 - 7.0 * _R, -13.0 + 7.0 * _R, -1.0]) / 3.0,
+)
+"""Radau IIA with three stages: collocation of order 5, embedded order 3, L-stable, stiffly accurate.
+
+Its stages are coupled: one real and one complex system each iteration. Dense output: the collocation polynomial.
+Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, Section IV.5 (coefficients) and IV.8
+(transformation, starting values, error estimate); checked here against the collocation conditions
+(tests/benchmarks/test_methods.py).
+"""

@@ -8,7 +8,9 @@ import shlex
 import subprocess
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from benchmarks import figures, runner
@@ -90,6 +92,12 @@ def test_what_is_wrong_with_a_call_is_said(capsys: pytest.CaptureFixture[str], m
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert runner.main(["iso18571", "--quick"]) == 0
     assert capsys.readouterr().out == "skipped: iso18571 needs objective_rating_metrics: not installed\n"
+
+
+@pytest.mark.parametrize(("answer", "code"), [(None, 0), (True, 0), (False, 1), (np.bool_(False), 1)])
+def test_a_wrong_answer_is_the_exit_code(answer: object, code: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib, "import_module", lambda name: SimpleNamespace(main=lambda run: answer))
+    assert runner.main(["stability", "--quick"]) == code
 
 
 def test_the_page_of_figures_is_what_the_results_say() -> None:

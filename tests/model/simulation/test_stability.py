@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import model
-from benchmarks import stability_cases as stability
+from benchmarks import stability
 from tests.model.verification.reference_equations import Twin
 
 DATA = Path(__file__).parents[1] / "data"
