@@ -15,6 +15,9 @@ from model.errors import InputError
 from model.parameters.action import BODIES, CAPSTAN, KEY_FRONT, STRING, Action
 from model.parameters.effects import SHANK
 
+PIN = ("hammer_pin_x", "hammer_pin_y")
+APPROACH_S = 1e-4  # to either side, and twice that, at which heights are compared for a speed
+
 
 def _column(angle_rad: ArrayLike, body: str) -> NDArray[np.float64]:
     angles = as_numbers(angle_rad, "angles of the bodies")
@@ -124,10 +127,42 @@ def head_height_m(action: Action, coordinates: Sequence[str], rows: ArrayLike) -
     values, names = np.moveaxis(as_numbers(rows, "coordinates"), -1, 0), list(coordinates)
     column = dict(zip(names, values, strict=True))
     bodies = np.stack([column[body] for body in BODIES], axis=-1)
-    give = [column.get(f"hammer_pin_{axis}") for axis in "xy"]
-    gives = [np.zeros_like(column["hammer"]) if way is None else way for way in give]
-    given = None if give == [None, None] else np.stack(gives, axis=-1)
+    gives = [column.get(name, np.zeros_like(column["hammer"])) for name in PIN]
+    given = np.stack(gives, axis=-1) if column.keys() & set(PIN) else None
     return hammer_height_m(action, bodies, column.get(SHANK), given)
+
+
+def head_approach_m_per_s(
+    action: Action, coordinates: Sequence[str], rows: ArrayLike, rates: ArrayLike
+) -> NDArray[np.float64]:
+    """Speed of the hammer's head towards the string: the rate of `head_height_m`, by differences of order four.
+
+    Parameters
+    ----------
+    action : geometry
+    coordinates : (k,) as for `head_height_m`
+    rows, rates : (..., k) rad, m, and per s
+
+    Returns
+    -------
+    ndarray
+        Speed (...,), m/s, positive towards the string.
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action("hirschkorn2004")
+    >>> at_rest, falls = [*model.rest_state(action).angle_rad, 0.0], [0.0] * 5 + [-1.0]
+    >>> speed = model.observables.head_approach_m_per_s(action, (*model.BODIES, "hammer_pin_y"), at_rest, falls)
+    >>> print(f"{float(speed):.3f}")
+    -1.000
+    """
+    at, way = as_numbers(rows, "coordinates"), APPROACH_S * as_numbers(rates, "their rates")
+    near, far = (
+        head_height_m(action, coordinates, at - s * way) - head_height_m(action, coordinates, at + s * way)
+        for s in (1.0, 2.0)
+    )
+    return np.asarray((8.0 * near - far) / (12.0 * APPROACH_S))
 
 
 def along_string_normal(action: Action, way: ArrayLike) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from model.derived.columns import DEPTH, RATE
 from model.derived.observe import contacts_at
-from model.observables import head_height_m, key_dip_m
+from model.observables import head_approach_m_per_s, head_height_m, key_dip_m
 from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
 from model.sensitivity.observed import SMOOTH_TURN, gradient, own_slopes, state_slopes
 from model.sensitivity.sources import places_of_gap
@@ -85,13 +85,7 @@ class Events:
         return head_height_m(action, self.scene.coordinates, angle)
 
     def _approach(self, action: Action, angle: Array, speed: Array) -> Array:
-        """Speed towards the string: the height's rate, by differences along the motion, of order four."""
-        h = 1e-4
-        near, far = (
-            self._height(action, angle - s * h * speed, speed) - self._height(action, angle + s * h * speed, speed)
-            for s in (1.0, 2.0)
-        )
-        return np.asarray((8.0 * near - far) / (12.0 * h))
+        return head_approach_m_per_s(action, self.scene.coordinates, angle, speed)
 
     def _depth_of(self, contact: str, angle: Array, speed: Array, vector: Array | None = None) -> tuple[Array, Array]:
         """Penetration (m,) of a contact, m, negative where it is open, and its rate (m,), m/s."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
-from model.observables import head_height_m
+from model.observables import head_approach_m_per_s, head_height_m
 from model.parameters.action import Action
 from model.parameters.effects import column
 from model.simulation.giving_motion import GivingMotion
@@ -91,10 +91,20 @@ class Solution(ArrayRecord):
 
     def hammer_height_m(self, action: Action) -> NDArray[np.float64]:
         """Distance (m,) of the hammer's head from the string, m, with what its shank bends and its joint gives."""
-        names, rows = self.bodies, self.angle_rad
-        if self.give is not None:
-            names, rows = (*names, *self.give.directions), np.column_stack([rows, self.give.way_m])
+        names, rows, _ = self._whole()
         return head_height_m(action, names, rows)
+
+    def hammer_approach_m_per_s(self, action: Action) -> NDArray[np.float64]:
+        """Speed (m,) of the hammer's head towards the string, m/s, with what its shank bends and its joint gives."""
+        return head_approach_m_per_s(action, *self._whole())
+
+    def _whole(self) -> tuple[tuple[str, ...], NDArray[np.float64], NDArray[np.float64]]:
+        """Names, values and rates of all coordinates, with the directions in which joints give."""
+        if self.give is None:
+            return self.bodies, self.angle_rad, self.speed_rad_per_s
+        rows = np.column_stack([self.angle_rad, self.give.way_m])
+        rates = np.column_stack([self.speed_rad_per_s, self.give.speed_m_per_s])
+        return (*self.bodies, *self.give.directions), rows, rates
 
     def __repr__(self) -> str:
         """Bodies, rows and times, without the arrays."""

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.files.time_table import two_columns
-from model.observables import along_string_normal
-from model.parameters.action import BACK_CHECK, BODIES, LEVER_KNUCKLE, STRING, Action
+from model.parameters.action import BACK_CHECK, LEVER_KNUCKLE, STRING, Action
 from model.simulation.solution import Solution
-from model.touch.hammer_speed import approach_speed, touches
+from model.touch.hammer_speed import touches
 
 Array = NDArray[np.float64]
 
@@ -26,7 +25,6 @@ AFTER_STRIKE_S = 0.02
 HOLD_WINDOW_S = 0.1
 HELD_WITHIN_M = 1e-3
 LEVEL = 0.95
-HAMMER = BODIES.index("hammer")
 
 
 @dataclass(frozen=True)
@@ -82,16 +80,13 @@ def measure_blow(action: Action, solution: Solution, force_n: ArrayLike) -> Blow
     time, force_n = two_columns(solution.time_s, force_n, "force of the blow")
     normal = solution.contact_normal_n
     assert normal is not None, "a blow is measured with its contact forces"
-    gives = None if solution.give is None else solution.give.of("hammer")[1]
     height = solution.hammer_height_m(action)
     met = touches(height) if STRING in solution.contacts else np.empty(0, dtype=np.int64)
     strike = speed = math.nan
     if len(met):
         k = int(met[0])
         strike = float(time[k] + (time[k + 1] - time[k]) * height[k] / (height[k] - height[k + 1]))
-        at = solution.angle_rad[k : k + 1, HAMMER], solution.speed_rad_per_s[k : k + 1, HAMMER]
-        speed = float(approach_speed(action, *at)[0])
-        speed -= 0.0 if gives is None else float(along_string_normal(action, gives[k]))
+        speed = float(solution.hammer_approach_m_per_s(action)[k])
     after = strike if len(met) else float(time[np.argmax(force_n)])
     release = _release(time, force_n, after + AFTER_STRIKE_S)
     window = (time >= max(after + AFTER_STRIKE_S, release - HOLD_WINDOW_S)) & (time <= release)

@@ -19,10 +19,9 @@ from model.arrays import as_numbers
 from model.errors import IntegrationError, StaticsError
 from model.files.force_table import check_force_table
 from model.force_driven import output_times, simulate
-from model.observables import along_string_normal, hammer_height_m
+from model.observables import hammer_height_m
 from model.parameters.action import (
     BACK_CHECK,
-    BODIES,
     CONTACTS,
     JACK_KNUCKLE,
     KEY_FRONT,
@@ -36,7 +35,6 @@ from model.parameters.quantity import allowed_range
 from model.scene.selection import SceneChoice, load_scene
 from model.study.blow_measures import measure_blow
 from model.touch.feel import weigh
-from model.touch.hammer_speed import approach_speed
 
 Array = NDArray[np.float64]
 Blow = tuple[Array, Array]
@@ -45,7 +43,6 @@ Marks = dict[str, float]
 RATE_HZ = 20_000.0
 TOLERANCE = 1e-6
 LONGEST_CONTACT_S = 0.01
-HAMMER = BODIES.index("hammer")
 FELTS: Mapping[str, tuple[str, ...]] = {
     "hammer": (STRING,),
     "key front": (KEY_FRONT,),
@@ -300,10 +297,7 @@ def blow_marks(action: Action, blow: Blow, choice: SceneChoice) -> Marks:
         near = np.flatnonzero(string & (at > found.strike_s - 5e-4) & (at < found.strike_s + LONGEST_CONTACT_S))
         if len(near) > 1:
             k = int(near[-1]) + 1
-            leaving = moved.angle_rad[k : k + 1, HAMMER], moved.speed_rad_per_s[k : k + 1, HAMMER]
-            speed = float(approach_speed(action, *leaving)[0])
-            if moved.give is not None:
-                speed -= float(along_string_normal(action, moved.give.of("hammer")[1][k]))
+            speed = float(moved.hammer_approach_m_per_s(action)[k])
             out["contact_ms"] = 1e3 * float(at[near[-1]] - at[near[0]])
             out["rebound"] = -speed / found.strike_m_per_s
     height = float(hammer_height_m(action, moved.angle_rad[:1])[0])

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import as_numbers
 from model.errors import InputError
 from model.force_driven import simulate
-from model.observables import hammer_height_from_angle
-from model.parameters.action import BODIES, Action
+from model.parameters.action import Action
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
 
@@ -25,15 +24,6 @@ FORCES = (1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0)  # N
 RISE = 0.02  # s; faster rises at 50 N let the back check overtake the hammer
 LONGEST = 0.6  # s, time limit of the softest blow
 SAMPLE = 2e-4  # s
-HAMMER = BODIES.index("hammer")
-
-
-def approach_speed(action: Action, hammer_rad: Array, hammer_rad_per_s: Array) -> Array:
-    """Speed of the striking point towards the string (m,), m/s."""
-    step = 1e-6
-    change = hammer_height_from_angle(action, hammer_rad + step) - hammer_height_from_angle(action, hammer_rad - step)
-    out: Array = -change / (2.0 * step) * hammer_rad_per_s
-    return out
 
 
 def touches(height_m: Array) -> NDArray[np.int64]:
@@ -78,11 +68,7 @@ def hammer_speeds(action: Action, forces_n: ArrayLike = FORCES) -> Array:
         end = min(LONGEST, max(0.1, LONGEST * 1.5 / force))
         output = times[times <= end]
         blow = simulate(action, [0.0, RISE, end], [0.0, force, force], initial=start, output_time_s=output)
-        hammer = blow.angle_rad[:, HAMMER]
-        height = blow.hammer_height_m(action)
-        first = touches(height)
-        if len(first):
-            k = first[0]
-            # the last sample before touch, in free flight; just after it the felt has slowed the hammer
-            out[i] = approach_speed(action, hammer[k : k + 1], blow.speed_rad_per_s[k : k + 1, HAMMER])[0]
+        first = touches(blow.hammer_height_m(action))
+        if len(first):  # the last sample before touch, in free flight; just after it the felt has slowed the hammer
+            out[i] = blow.hammer_approach_m_per_s(action)[first[0]]
     return out

@@ -219,15 +219,17 @@ CALLS: dict[str, Callable[[], Arguments]] = {
         "speed_rad_per_s": np.ones((24, 5)),
     },
     "model.calibration.FeltFit.force_n": lambda: {"self": felt_fit(), "x_m": np.array([0.0, 1.0])},
-    "model.felt.HuntCrossley.response": lambda: {
-        "self": model.felt.HuntCrossley(0.0, 0.0, 1e4, 0.1), "time_s": ROWS[:3], "depth_m": np.array([0.0, 1.0, 0.0]),
-    },
-    "model.felt.Stulov.response": lambda: {
-        "self": model.felt.Stulov(1e4, 1.0, 0.5, 1.0), "time_s": ROWS[:3], "depth_m": np.array([0.0, 1.0, 0.0]),
-    },
-    "model.felt.Hysteresis.response": lambda: {
-        "self": model.felt.Hysteresis(0.0, 0.0, 1e4, (0.2,), (0.25,)), "time_s": ROWS[:3],
-        "depth_m": np.array([0.0, 1.0, 0.0]),
+    **{
+        f"model.felt.{name}.response": lambda felt=felt: {
+            "self": felt, "time_s": ROWS[:3], "depth_m": np.array([0.0, 1.0, 0.0]),
+        }
+        for name, felt in {
+            "FeltLaw": model.felt.HuntCrossley(0.0, 0.0, 1e4, 0.1),
+            "HuntCrossley": model.felt.HuntCrossley(0.0, 0.0, 1e4, 0.1),
+            "Stulov": model.felt.Stulov(1e4, 1.0, 0.5, 1.0),
+            "Hysteresis": model.felt.Hysteresis(0.0, 0.0, 1e4, (0.2,), (0.25,)),
+            "NamedLaw": model.felt.NamedLaw("stulov", 0.0, 0.0, 1e4),
+        }.items()
     },
     f"{STUDY}.measure_blow": lambda: {"action": action(), "solution": blow(), "force_n": ROWS},
     f"{STUDY}.compare": lambda: {"action": action(), **TABLE, "variants": []},
@@ -244,6 +246,12 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "model.observables.hammer_height_from_angle": lambda: {"action": action(), "hammer_rad": np.array([0.0, 1.0])},
     "model.observables.hammer_height_m": lambda: {
         "action": action(), "angle_rad": states(), "shank_rad": np.zeros(2), "give_m": np.ones((2, 2)),
+    },
+    "model.observables.head_height_m": lambda: {
+        "action": action(), "coordinates": model.BODIES, "rows": states(),
+    },
+    "model.observables.head_approach_m_per_s": lambda: {
+        "action": action(), "coordinates": model.BODIES, "rows": states(), "rates": states(),
     },
     "model.observables.along_string_normal": lambda: {"action": action(), "way": np.ones((3, 2))},
     "model.observables.encoder_rad": lambda: {"angle_rad": ROWS, "lift_m": ROWS, "radius_m": 0.04},

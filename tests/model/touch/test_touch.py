@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import model
+from model.observables import head_approach_m_per_s
 from model.touch import Weights, fastest_repetition, feel, hammer_speeds, weigh
 from model.touch.feel import sounded
 from model.touch.figure import draw
-from model.touch.hammer_speed import approach_speed, touches
+from model.touch.hammer_speed import touches
 
 
 @pytest.fixture(scope="module")
@@ -66,10 +67,12 @@ def test_curve_goes_down_and_up(weights: Weights) -> None:
 
 
 def test_approach_speed_is_that_of_a_point_on_a_turning_body(action: model.Action) -> None:
-    angle, speed = np.array([0.1, -0.02]), np.array([-20.0, -30.0])
+    angle, speed, i = np.array([0.1, -0.02]), np.array([-20.0, -30.0]), model.BODIES.index("hammer")
+    rows, rates = np.zeros((2, 5)), np.zeros((2, 5))
+    rows[:, i], rates[:, i] = angle, speed
     x, y = action["contact12.first.x"], action["contact12.first.y"]  # the string lies level
     expected = speed * (x * np.cos(angle) - y * np.sin(angle))
-    np.testing.assert_allclose(approach_speed(action, angle, speed), expected, rtol=1e-8)
+    np.testing.assert_allclose(head_approach_m_per_s(action, model.BODIES, rows, rates), expected, rtol=1e-8)
 
 
 def test_touches_are_counted_once() -> None:
