@@ -5,13 +5,14 @@ Conventions: results in the order of sessions, then of models.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pandas as pd
 
 from validation.result import ValidationResult
-from validation.statistics.model_comparison import paired_models
+from validation.statistics.model_comparison import evidence_table, paired_models
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,7 +59,13 @@ class SideBySide:
     def verdict_lines(self) -> list[str]:
         """One line per session and model; all lines of the verdict when there is one result only."""
         lines = self.results[0].verdict_lines if len(self.results) == 1 else [headline(r) for r in self.results]
-        return [*lines, *pair_lines(self.model_pairs), *(f"Not compared: {text}" for text in self.refused), *self.notes]
+        compared = [*pair_lines(self.model_pairs), *evidence_lines(self.evidence)]
+        return [*lines, *compared, *(f"Not compared: {text}" for text in self.refused), *self.notes]
+
+    @property
+    def evidence(self) -> pd.DataFrame:
+        """One row per session and model, where there are several models: see `evidence_table`."""
+        return evidence_table(list(self.sessions.values()))
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -71,7 +78,7 @@ class SideBySide:
                 named.insert(1, "model", result.action_name)
                 joined.setdefault(name, []).append(named)
         tables = {name: _below(parts) for name, parts in joined.items()}
-        return {**tables, "model_pairs": self.model_pairs}
+        return {**tables, "model_pairs": self.model_pairs, "evidence": self.evidence}
 
     def with_files(self, files: dict[str, Path]) -> SideBySide:
         """A copy that names the files it was written to."""
@@ -105,4 +112,16 @@ def pair_lines(pairs: pd.DataFrame) -> list[str]:
             claims.setdefault(row.claim, []).append(row.channel)
         said = "; ".join(f"{', '.join(channels)}: {claim}" for claim, channels in claims.items())
         lines.append(f"Session {session}, RMSE of {second} against {first}, paired by trial: {said}.")
+    return lines
+
+
+def evidence_lines(evidence: pd.DataFrame) -> list[str]:
+    """The evidence for each further model against the first, where it was judged, and what it costs."""
+    lines = []
+    for row in evidence[evidence["model"] != evidence["against"]].itertuples():
+        if math.isfinite(row.log_bayes_factor):
+            size = f"ln of the Bayes factor {row.log_bayes_factor:.1f} ± {row.u_log_bayes_factor:.1f}"
+            cost = f"{row.cost_ratio:.2f} × its right-hand sides, {1e3 * row.seconds:.0f} ms of processor time"
+            said = f"evidence for {row.model} against {row.against}: {row.reading} ({size})"
+            lines.append(f"Session {row.session}, {said}; a blow costs {cost}.")
     return lines

@@ -24,6 +24,7 @@ from model.observables import head_height_m, key_dip_m
 from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, JACK_LEVER, KEY_FRONT, LEVER_KNUCKLE, Action
 from model.parameters.effects import KEY_LIFT
 from model.scene.build import build_scene
+from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest, slip_angle
 from model.simulation.run import State
 from model.simulation.statics import with_pins
@@ -300,7 +301,8 @@ def measure(action: Action, progress: Callable[[str], None] | None = None) -> Ta
 
     Raises
     ------
-    StaticsError, IntegrationError, InputError : the action has no rest state or cannot be pressed
+    StaticsError, IntegrationError, InputError : the action has no rest state or cannot be pressed; or its scene lacks a
+        body or is not driven by a force
 
     Examples
     --------
@@ -310,6 +312,7 @@ def measure(action: Action, progress: Callable[[str], None] | None = None) -> Ta
     let-off 12.1 mm
     """
     report = progress or (lambda _: None)
+    choice_of(action).need_played_key(action.name)
     report("at rest")
     rest = hand_set_rest(action)
     values = at_rest(action, rest)

@@ -101,6 +101,14 @@ class SceneChoice:
         scene = {key: names for key, names in lists if names}
         return chosen if chosen.scene == scene else replace(chosen, scene=scene)
 
+    def need_played_key(self, name: str) -> None:
+        """Refuse a choice that lacks a body or that no force on the key drives, for what needs both."""
+        if self.input_column != "force_n" or set(BODIES) - set(self.bodies):
+            raise InputError(
+                f"{name}: found a scene of {', '.join(self.bodies)} driven by {self.input_column}, "
+                "allowed one with all bodies driven by force_n; choose another (--scene)"
+            )
+
     def check(self, action: Action) -> None:
         """Refuse a value set for an effect that the scene does not have: it would change nothing."""
         for path in action.changed:

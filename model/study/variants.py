@@ -19,6 +19,7 @@ from model.files.force_table import check_force_table
 from model.force_driven import output_times
 from model.parameters.action import BODIES, Action
 from model.parameters.scaling import scaled
+from model.scene.selection import choice_of
 from model.simulation.solution import Solution
 from model.study.blow_measures import BlowMeasures, measure_blow
 
@@ -116,7 +117,8 @@ def compare(
 
     Raises
     ------
-    InputError : two variants of one name, an unknown parameter, a table that cannot be used
+    InputError : two variants of one name, an unknown parameter, a table that cannot be used; or a scene that lacks a
+        body or is not driven by a force
     ModelError : a variant that cannot be simulated
 
     Examples
@@ -132,6 +134,7 @@ def compare(
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"variant {name!r}: the name is given twice; allowed once ({AS_GIVEN!r} is taken)")
+    choice_of(action).need_played_key(action.name)
     times, forces = check_force_table(time_s, force_n)
     actions = [v.of(action) for v in every]
     rows = output_times(float(times[0]), float(times[-1]), RATE_HZ)

@@ -25,6 +25,7 @@ from model.force_driven import simulate
 from model.motion_driven.slow_press import Press, slow_press
 from model.parameters.action import Action
 from model.regulation.measures import at_rest
+from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
 from model.touch.hammer_speed import FORCES, SAMPLE, hammer_speeds, touches
@@ -84,7 +85,7 @@ def weigh(action: Action) -> Weights:
 
     Raises
     ------
-    InputError : the key has no dip
+    InputError : the key has no dip; or the scene lacks a body or is not driven by a force
     StaticsError, IntegrationError : the action has no rest state or cannot be pressed
 
     Examples
@@ -93,6 +94,7 @@ def weigh(action: Action) -> Weights:
     >>> print(f"{model.touch.weigh(model.load_action('hirschkorn2004')).down_n:.2f} N")
     0.45 N
     """
+    choice_of(action).need_played_key(action.name)
     rest = hand_set_rest(action)
     dip = at_rest(action, rest)["dip"]
     if not dip > 1e-4:

@@ -15,6 +15,7 @@ from model.arrays import as_numbers
 from model.errors import InputError
 from model.force_driven import simulate
 from model.parameters.action import Action
+from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
 
@@ -46,7 +47,7 @@ def hammer_speeds(action: Action, forces_n: ArrayLike = FORCES) -> Array:
 
     Raises
     ------
-    InputError : a force that is not above 0
+    InputError : a force that is not above 0; or the scene lacks a body or is not driven by a force
     StaticsError, IntegrationError : the action has no rest state or cannot be simulated
 
     Examples
@@ -56,6 +57,7 @@ def hammer_speeds(action: Action, forces_n: ArrayLike = FORCES) -> Array:
     >>> print(f"{soft:.2f} and {loud:.2f} m/s")
     2.05 and 4.14 m/s
     """
+    choice_of(action).need_played_key(action.name)
     forces = as_numbers(forces_n, "forces of the blows", 1)
     if not (forces > 0.0).all():
         raise InputError(f"forces of the blows: found {forces.min():g} N, allowed above 0")

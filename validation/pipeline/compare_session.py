@@ -7,6 +7,7 @@ with its reason and the rest goes on.
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -35,7 +36,7 @@ from validation.pipeline.verdict import (
     verdict_lines,
 )
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import predict_session
+from validation.prediction.session import PredictedSession, predict_session
 from validation.result import AGREES, ValidationResult
 from validation.scores.session import score_session
 from validation.statistics.model_comparison import null_closer
@@ -194,11 +195,21 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         action_name=action.name,
         verdict_lines=[head, *prediction_lines(action, predicted.trials), *rest],
         provenance=provenance(session, tested, predicted.trials, events.window, chosen.now())
-        | {"judgement": tables.judgement},
+        | {"judgement": tables.judgement, "cost": cost_of(predicted)},
         outcome=found,
         sentence=sentence,
         **vars(tables),
     )
+
+
+def cost_of(predicted: PredictedSession) -> dict[str, float]:
+    """What a blow costs with this model: mean right-hand sides of a trial, least seconds of processor time of one.
+
+    The least, since the first may compile; each with the run that estimates its error. NaN for a stand-in.
+    """
+    counters = [predicted.predictions[m.number].model.counters for m in predicted.trials]
+    rhs, seconds = ([c.get(name, math.nan) for c in counters] for name in ("n_rhs", "seconds"))
+    return {"right_hand_sides": sum(rhs) / len(rhs), "seconds": min(seconds)}
 
 
 def of_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings) -> list[MeasuredTrial]:

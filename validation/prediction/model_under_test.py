@@ -80,12 +80,7 @@ class ModelUnderTest:
 
     def __post_init__(self) -> None:
         """Refuse a scene that the measured force cannot drive, or in which a measured body is missing."""
-        scene = model.choice_of(self.action)
-        if scene.input_column != "force_n" or set(scene.bodies) < set(model.BODIES):
-            raise ValidationInputError(
-                f"{self.action.name}: found a scene of {', '.join(scene.bodies)} driven by {scene.input_column}, "
-                "allowed one with all bodies driven by force_n; choose another (--scene)"
-            )
+        model.choice_of(self.action).need_played_key(self.action.name)
 
     @cached_property
     def simulate(self) -> Callable[..., model.Solution]:

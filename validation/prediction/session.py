@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,7 @@ class PredictedAngles:
 
     ``turn_rad`` are the changes since rest, in columns that traces share: a session has hundreds. ``reused`` says that
     no simulation was needed, ``error_rad`` how large their largest numerical error is (estimated; NaN where it was not:
-    for rivals and stand-ins).
+    for rivals and stand-ins). ``counters`` are those of the solution, and ``seconds`` of processor time.
     """
 
     time_s: Array
@@ -112,6 +113,7 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
     simulate = model.null_model.simulate if variant == "null" else tested.simulate
     # a stand-in for the model need not know how to estimate its error
     estimate = {"estimate_error": True} if variant == "model" and tested.stand_ins.predict is None else {}
+    began_s = thread_time()
     solution = simulate(
         tested.action,
         force_s,
@@ -121,12 +123,14 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
         initial=load.rest,
         **estimate,
     )
+    took_s = thread_time() - began_s
     angle, speed = np.full((m.time_s.size, 5), np.nan), np.full((m.time_s.size, 5), np.nan)
     got = np.asarray(solution.angle_rad, dtype=float)[:, : len(BODIES)]  # a scene's own coordinates follow
     if got.shape != (int(inside.sum()), 5):
         raise PredictionError(f"trial {m.number}: prediction has shape {got.shape}, expected {(int(inside.sum()), 5)}")
     angle[inside], speed[inside] = got, np.asarray(solution.speed_rad_per_s, dtype=float)[:, : len(BODIES)]
     counters = {name: float(value) for name, value in dict(getattr(solution, "counters", {})).items()}
+    counters["seconds"] = took_s
     columns = {"time_s": m.time_s} | dict(zip([*COLUMNS[0], *COLUMNS[1]], [*angle.T, *speed.T], strict=True))
     error = getattr(solution, "error_rad", None)
     error_rad = float("nan") if error is None else float(error)

@@ -26,7 +26,7 @@ from validation.report.figures.measured import all_figures
 from validation.report.figures.overlays import limit_of_trial, trial_words
 from validation.report.tables import scores as present
 from validation.report.tables.formatting import PageTable
-from validation.report.tables.models import event_table, forest, heat_map, matrix, pair_tables
+from validation.report.tables.models import event_table, evidence_table, forest, heat_map, matrix, pair_tables
 from validation.report.tables.scores import area_table, budget_table, scorecard_table
 from validation.report.view import SessionView, netcdf_names
 from validation.result import ValidationResult
@@ -249,6 +249,7 @@ def render_html(side: SideBySide, *, animation: bool = False) -> str:
         animation=ANIMATION if animation else "",
         matrix=matrix(side) if len(side.results) > 1 else None,
         pairs=pair_tables(side) if len(side.model_pairs) else None,
+        evidence=evidence_table(side) if len(side.evidence) else None,
         definitions=[(kind.title, kind.definition) for kind in EVENTS.values()],
         limits=cannot_claim(side),
         provenance=[(f"{r.session_name}, {r.action_name}", _flat(r.provenance)) for r in side.results],

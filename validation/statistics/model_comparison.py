@@ -208,6 +208,72 @@ def sign_flip_p(differences: Array) -> float:
     return (as_far + extra) / (len(signs) + extra)
 
 
+EVIDENCE_COLUMNS = [
+    "session",
+    "model",
+    "against",
+    "log_evidence",
+    "u_log_evidence",
+    "log_bayes_factor",
+    "u_log_bayes_factor",
+    "p",
+    "reading",
+    "right_hand_sides",
+    "seconds",
+    "cost_ratio",
+]
+GRADES = ((1.0, "not worth more than a bare mention"), (3.0, "positive"), (5.0, "strong"), (np.inf, "very strong"))
+"""Upper end of ln of the Bayes factor, and word. Source: Kass and Raftery 1995, JASA 90, 773, Section 3.2."""
+
+
+def evidence_table(sessions: Sequence[Sequence[ValidationResult]]) -> pd.DataFrame:
+    """Evidence for each model of a session against the session's first, and what a blow of it costs.
+
+    Conventions: evidence as `validation.statistics.paired_difference.log_evidence`; the Bayes factor is graded by its
+    end nearest to 1 at two standard uncertainties, those of the two evidences taken as independent. NaN, and
+    ``reading`` says why, where a model was not judged or the two were judged on other data. Right-hand sides of a blow
+    and seconds of processor time, with the run that estimates its error; ``cost_ratio`` is that of the former.
+
+    Parameters
+    ----------
+    sessions : results of each session, one for each model
+
+    Returns
+    -------
+    DataFrame
+        `EVIDENCE_COLUMNS`; no rows for a session with one model.
+    """
+    rows = [_evidence(results[0], r) for results in sessions if len(results) > 1 for r in results]
+    return pd.DataFrame(rows, columns=EVIDENCE_COLUMNS)
+
+
+def _evidence(first: ValidationResult, other: ValidationResult) -> dict[str, object]:
+    a, b = first.judgement, other.judgement
+    nan = float("nan")
+    row: dict[str, object] = {"session": other.session_name, "model": other.action_name, "against": first.action_name}
+    row |= {name: b.get(name, nan) for name in ("log_evidence", "u_log_evidence", "p")}
+    costs = [r.provenance.get("cost", {}) for r in (first, other)]
+    row |= {name: costs[1].get(name, nan) for name in ("right_hand_sides", "seconds")}
+    row["cost_ratio"] = costs[1].get("right_hand_sides", nan) / costs[0].get("right_hand_sides", nan)
+    row |= {"log_bayes_factor": nan, "u_log_bayes_factor": nan}
+    keys = ["trial", "channel"]
+    unequal = _unequal(first, other, first.scores.merge(other.scores, on=keys, suffixes=("_1", "_2")))
+    if not (a["judged"] and b["judged"]):
+        return row | {"reading": f"no claim: {a.get('reason') or b.get('reason')}"}
+    if unequal or a["trials"] != b["trials"]:
+        return row | {"reading": unequal or "no claim: judged on different trials"}
+    if first is other:
+        return row | {"log_bayes_factor": 0.0, "u_log_bayes_factor": 0.0, "reading": "the one compared with"}
+    factor = b["log_evidence"] - a["log_evidence"]
+    u = float(np.hypot(a["u_log_evidence"], b["u_log_evidence"]))
+    sure = max(abs(factor) - 2.0 * u, 0.0)
+    grade = next(word for most, word in GRADES if sure < most)
+    reading = grade if sure < GRADES[0][0] else f"{grade} {'for' if factor > 0 else 'against'} it"
+    if a["rejected"] and b["rejected"]:
+        reading += "; both are rejected, so this only says which is less far off"
+    return row | {"log_bayes_factor": factor, "u_log_bayes_factor": u, "reading": reading}
+
+
 def _unequal(first: ValidationResult, second: ValidationResult, both: pd.DataFrame) -> str:
     """Why the scores of two results may not be set against each other, or an empty text."""
     a, b = first.window, second.window

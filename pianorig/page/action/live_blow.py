@@ -44,9 +44,9 @@ class _Blow:
 
 
 @lru_cache(maxsize=KEPT)
-def _blow(name: str, changes: tuple[str, ...], blow: str) -> _Blow:
+def _blow(name: str, changes: tuple[str, ...], blow: str, scene: str) -> _Blow:
     """Computed once for curves and all else; the same words always give the same blow."""
-    action = changed_action(name, changes)
+    action = changed_action(name, changes, scene)
     table_s, table_n = model.force_table(blow)
     times = model.output_times(float(table_s[0]), float(table_s[-1]), RATE_HZ)
     solution = model.simulate(
@@ -56,30 +56,31 @@ def _blow(name: str, changes: tuple[str, ...], blow: str) -> _Blow:
     return _Blow(action, times, np.interp(times, table_s, table_n), solution, model.rest_state(action).angle_rad)
 
 
-def blow_curves(name: str, changes: Sequence[str], blow: str) -> dict[str, Any]:
+def blow_curves(name: str, changes: Sequence[str], blow: str, scene: str = "whole") -> dict[str, Any]:
     """What follows a slider at once: angles under a built-in blow, and nothing else.
 
     Parameters
     ----------
-    name, changes : as for `changed_action`
+    name, changes, scene : as for `changed_action`
     blow : one of `BLOWS`
 
     Raises
     ------
-    CommandInputError, model.InputError : no such action, blow or parameter, or a value that is not allowed
+    CommandInputError, model.InputError : no such action, scene, blow or parameter, or a value that is not allowed
     model.StaticsError, model.IntegrationError : the action cannot rest or move like this
     """
-    found = _blow(name, tuple(changes), blow)
-    values = [degrees(body, found.solution.angle_rad[::DRAWN, i] - found.rest_rad[i]) for i, body in enumerate(BODIES)]
-    return {"values": [pack(value) for value in values]}
+    found = _blow(name, tuple(changes), blow, scene)
+    turned = found.solution.angle_rad[::DRAWN] - found.rest_rad
+    bodies = found.solution.bodies
+    return {"values": [pack(degrees(body, turned[:, i])) for i, body in enumerate(bodies) if body in BODIES]}
 
 
-def live_blow(name: str, changes: Sequence[str], blow: str) -> dict[str, Any]:
+def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole") -> dict[str, Any]:
     """Motion of an action under a built-in blow: curves, events, the moving action.
 
     Parameters, errors: as `blow_curves`.
     """
-    found = _blow(name, tuple(changes), blow)
+    found = _blow(name, tuple(changes), blow, scene)
     times, solution = found.time_s, found.solution
     rows = slice(None, None, EVERY)
     seen = see_motion(
@@ -90,22 +91,24 @@ def live_blow(name: str, changes: Sequence[str], blow: str) -> dict[str, Any]:
         found.force_n[rows],
         None if solution.contact_normal_n is None else solution.contact_normal_n[rows],
     )
-    curves = blow_curves(name, changes, blow)["values"]
+    shown = [body for body in solution.bodies if body in BODIES]
     channels = {
-        body: {"title": TITLE[body], "color": colour_of(body, i), "value": curves[i]} for i, body in enumerate(BODIES)
+        body: {"title": TITLE[body], "color": colour_of(body, BODIES.index(body)), "value": value}
+        for body, value in zip(shown, blow_curves(name, changes, blow, scene)["values"], strict=True)
     }
     return {
         "time_s": pack(times[::DRAWN]),
         "force_n": pack(found.force_n[::DRAWN]),
         "channels": channels,
         "drawing": moving_action(seen),
-        "events": _events(found.action, times, solution.angle_rad - found.rest_rad, found.rest_rad),
+        "events": _events(found) if shown == [*BODIES] else [],
     }
 
 
-def _events(action: model.Action, times: Any, change: Any, rest: Any) -> list[dict[str, Any]]:
+def _events(blow: _Blow) -> list[dict[str, Any]]:
     """What happens in the blow, by the report's definitions, in the units it shows."""
-    motion = motion_of(geometry_of(action, rest), times, change[:, ENCODER_BODIES], np.full(3, TOLERANCE_RAD))
+    change, geometry = blow.solution.angle_rad - blow.rest_rad, geometry_of(blow.action, blow.rest_rad[: len(BODIES)])
+    motion = motion_of(geometry, blow.time_s, change[:, ENCODER_BODIES], np.full(3, TOLERANCE_RAD))
     rows = []
     for event in find_events(motion, int(QUIET_S * RATE_HZ)).values():
         kind = EVENTS[event.name]

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from pianorig.errors import CommandInputError
-from pianorig.page.action.changed_action import action_facts, built_in_actions, changed_action, toml_of
+from pianorig.page.action.changed_action import action_facts, built_in_actions, changed_action, scenes, toml_of
 from pianorig.page.action.live_blow import BLOWS, blow_curves, live_blow
 from pianorig.page.action.touch_and_steps import technician_step, touch
 from pianorig.page.handlers.reply import Reply
@@ -15,11 +15,11 @@ from pianorig.player.shown import blow_animation
 
 
 class Actions(Reply):
-    """The actions and blows that can be chosen."""
+    """The actions, scenes and blows that can be chosen."""
 
     def get(self) -> None:
         """Send their names."""
-        self.send({"actions": built_in_actions(), "blows": list(BLOWS)})
+        self.send({"actions": built_in_actions(), "blows": list(BLOWS), "scenes": scenes()})
 
 
 class Facts(Reply):
@@ -27,17 +27,18 @@ class Facts(Reply):
 
     async def get(self, name: str) -> None:
         """Send screws and parameters."""
-        await self.answer(action_facts, name)
+        await self.answer(action_facts, name, self.get_query_argument("scene", "whole"))
 
 
 class Changed(Reply):
-    """Something about an action with changed values, ``set=path=value`` in the address."""
+    """Something about an action with changed values, ``scene=`` and ``set=path=value`` in the address."""
 
     async def get(self, name: str) -> None:
         """Send it."""
         changes = self.get_query_arguments("set")
         # taken here: what is asked for depends on the address, which another thread must not read
         options = {key: self.get_query_argument(key, "") for key in ("blow", "target", "turn_m")}
+        options["scene"] = self.get_query_argument("scene", "whole")
         await self.answer(lambda: self.made(name, changes, options))
 
     def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
@@ -50,7 +51,7 @@ class Blow(Changed):
 
     def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
         """Its curves, events and drawing."""
-        return live_blow(name, changes, options["blow"] or BLOWS[0])
+        return live_blow(name, changes, options["blow"] or BLOWS[0], options["scene"])
 
 
 class Curves(Changed):
@@ -58,7 +59,7 @@ class Curves(Changed):
 
     def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
         """Its curves."""
-        return blow_curves(name, changes, options["blow"] or BLOWS[0])
+        return blow_curves(name, changes, options["blow"] or BLOWS[0], options["scene"])
 
 
 class Touch(Changed):
@@ -66,7 +67,7 @@ class Touch(Changed):
 
     def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
         """Its curve and weights."""
-        return touch(changed_action(name, changes))
+        return touch(changed_action(name, changes, options["scene"]))
 
 
 class Step(Changed):
@@ -80,7 +81,7 @@ class Step(Changed):
             turn_m = math.nan
         if not math.isfinite(turn_m):
             raise CommandInputError(f"turn_m {options['turn_m'][:40]!r}: allowed a number of metres")
-        return technician_step(changed_action(name, changes), options["target"], turn_m)
+        return technician_step(changed_action(name, changes, options["scene"]), options["target"], turn_m)
 
 
 class TomlFile(Changed):
@@ -88,7 +89,7 @@ class TomlFile(Changed):
 
     def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
         """Its text."""
-        return {"text": toml_of(changed_action(name, changes))}
+        return {"text": toml_of(changed_action(name, changes, options["scene"]))}
 
 
 class BlowAnimation(Changed):
@@ -96,5 +97,6 @@ class BlowAnimation(Changed):
 
     def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
         """The text of its file."""
-        view = live_blow(name, changes, options["blow"] or BLOWS[0])
-        return {"text": animation_html(blow_animation(name, changes, view))}
+        in_scene = [] if options["scene"] == "whole" else [f"scene {' '.join(options['scene'].split())}"]
+        view = live_blow(name, changes, options["blow"] or BLOWS[0], options["scene"])
+        return {"text": animation_html(blow_animation(name, [*in_scene, *changes], view))}

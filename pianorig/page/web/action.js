@@ -9,26 +9,36 @@ import { ask, at } from "./server.js";
 import { stepTable, touchPart } from "./touch.js";
 import { download, say } from "./user.js";
 
-const MOST_UNDONE = 200, QUIET_MS = 80, LONGEST_MS = 400;
+const MOST_UNDONE = 200, QUIET_MS = 80, LONGEST_MS = 400, MOST_BEFORE = 10;
+const WHOLE = "whole", SAME = "this scene", OWN = "of your own";
+const EXAMPLE = 'effects = ["balance_rail"]\n\n[contact02]\nlaw = "hysteresis"\nhysteresis.beta = 0.3\n';
 
 export async function showAction(main, values) {
-  const { actions, blows } = await ask("/api/actions");
-  const name = values.get("action") || actions[0], blow = values.get("blow") || blows[0];
-  const facts = await ask(`/api/action/${at(name)}`);
+  const { actions, blows, scenes } = await ask("/api/actions");
+  const name = values.get("action") || actions[0], blow = values.get("blow") || blows[0], scene = values.get("scene") || WHOLE;
+  const beside = scene !== WHOLE && values.get("beside") === SAME ? scene : WHOLE;
+  const givenAs = scene !== WHOLE && beside === WHOLE ? WHOLE : "as given";
+  const go = (key, value) => { const now = address().values; now.set(key, value); if (key === "action") now.delete("set"); location.hash = link("action", now); };
+  const choose = (title, options, value, key) => {
+    const select = make("select", { id: `choose-${key}`, onchange: () => { if (select.value === OWN) own.open = true; else go(key, select.value); } },
+      ...options.map((text) => make("option", { value: text }, text)));
+    select.value = value;
+    return make("label", {}, title, select);
+  };
+  const own = ownScene(scene in scenes ? "" : scene, (text) => go("scene", text));
+  const choices = make("div", { class: "row" }, choose("Action", actions, name, "action"), choose("Scene", [...Object.keys(scenes), OWN], scene in scenes ? scene : OWN, "scene"),
+    choose("Blow", blows, blow, "blow"), scene === WHOLE ? null : choose("Beside", [WHOLE, SAME], beside === WHOLE ? WHOLE : SAME, "beside"));
+  main.append(choices, own);
+  if (scenes[scene]) { main.append(make("p", { class: "notice", role: "alert" }, scenes[scene])); return null; }
+  const facts = await ask(`/api/action/${at(name)}?${new URLSearchParams({ scene })}`);
   const given = new Map(facts.parameters.map((one) => [one.path, one]));
   const screws = new Map(facts.screws.map((one) => [one.path, one]));
   const set = new Map(values.getAll("set").map((text) => text.split("=")).filter(([path, value]) => given.has(path) && Number.isFinite(Number(value))).map(([path, value]) => [path, Number(value)]));
   const rows = new Map(), before = [];
   let base = null, latest = null, curves = null, busy = false, again = false, whole = 0, resting = false, later = 0, closed = false, player = null, drawing = null;
 
-  const query = () => new URLSearchParams([["blow", blow], ...[...set].map(([path, value]) => ["set", `${path}=${value}`])]);
+  const query = () => new URLSearchParams([["blow", blow], ["scene", scene], ...[...set].map(([path, value]) => ["set", `${path}=${value}`])]);
   const doing = make("span", { class: "hint", role: "status" });
-  const choose = (title, options, value, key) => {
-    const select = make("select", { onchange: () => { const now = address().values; now.set(key, select.value); if (key === "action") now.delete("set"); location.hash = link("action", now); } },
-      ...options.map((text) => make("option", { value: text }, text)));
-    select.value = value;
-    return make("label", {}, title, select);
-  };
   const undo = make("button", { type: "button", disabled: true, onclick: takeBack }, "Undo");
   const reset = make("button", { type: "button", onclick: () => { keep(); set.clear(); for (const row of rows.values()) row.show(); changed(); } }, "Reset");
   const save = make("button", { type: "button", onclick: saveFile }, "Save as TOML");
@@ -36,18 +46,21 @@ export async function showAction(main, values) {
     try { download((await ask(`/api/action/${at(name)}/animation?${query()}`)).text, `${name}-${blow}.html`, "text/html"); } catch (error) { say(error.message); }
   } }, "Save animation");
   const screwPart = make("fieldset", {}, make("legend", {}, "Screws"));
+  const ofScene = facts.parameters.filter((one) => one.of_scene);
+  const scenePart = make("fieldset", { hidden: !ofScene.length }, make("legend", {}, "Parameters of the scene"));
   const otherPart = make("fieldset", {}, make("legend", {}, "Other parameters"));
-  const paths = make("datalist", { id: "paths" }, ...facts.parameters.filter((one) => !screws.has(one.path)).map((one) => make("option", { value: one.path }, one.about)));
+  const paths = make("datalist", { id: "paths" }, ...facts.parameters.filter((one) => !screws.has(one.path) && !one.of_scene).map((one) => make("option", { value: one.path }, one.about)));
   const wanted = make("input", { list: "paths", id: "wanted", size: 28, onchange: () => { if (addRow(wanted.value.trim())) wanted.value = ""; } });
   const events = make("tbody");
   const left = make("div", { class: "settings" }), right = make("div", { class: "left" });
   const steps = make("div"), touch = touchPart(() => ask(`/api/action/${at(name)}/touch?${query()}`));
-  otherPart.append(make("div", { class: "row" }, make("label", {}, "Add", wanted), paths, make("span", { class: "hint" }, `one of ${facts.parameters.length} paths, such as hammer.mass`)));
-  left.append(screwPart, otherPart, steps);
-  main.append(make("div", { class: "row" }, choose("Action", actions, name, "action"), choose("Blow", blows, blow, "blow"), undo, reset, save, moving, doing),
-    make("div", { class: "review action" }, left, right));
+  otherPart.append(make("div", { class: "row" }, make("label", {}, "Add", wanted), paths, make("span", { class: "hint" }, `a path such as hammer.mass`)));
+  left.append(...(ofScene.length > MOST_BEFORE ? [screwPart, scenePart] : [scenePart, screwPart]), otherPart, steps);
+  choices.append(undo, reset, save, moving, doing);
+  main.append(make("div", { class: "review action" }, left, right));
   for (const screw of facts.screws) screwPart.append(slider(screw.path, screw));
-  for (const path of set.keys()) if (!screws.has(path)) addRow(path);
+  for (const one of ofScene) scenePart.append(slider(one.path, one));
+  for (const path of set.keys()) if (!rows.has(path)) addRow(path);
   main.addEventListener("keydown", onKey);
 
   /** What was set before the change that follows, for undo. */
@@ -79,10 +92,10 @@ export async function showAction(main, values) {
   }
 
   /** A slider and a number of one parameter; lengths in mm. */
-  function slider(path, { low, high, name: title }) {
-    const one = given.get(path), unit = one.unit === "m" ? "mm" : one.unit, times = one.unit === "m" ? 1000 : 1;
+  function slider(path, { low, high, count, name: title }) {
+    const one = given.get(path), unit = one.unit === "m" ? "mm" : one.unit === "1" ? "" : one.unit, times = one.unit === "m" ? 1000 : 1;
     const id = `set-${path}`;
-    const range = make("input", { type: "range", id, min: low, max: high, step: (high - low) / 1000 });
+    const range = make("input", { type: "range", id, min: low, max: high, step: count ? 1 : (high - low) / 1000 });
     const number = make("input", { type: "number", step: "any", "aria-label": `${title || path}, ${unit}` });
     const turned = make("span", { class: "values" });
     let begun = false;
@@ -119,7 +132,7 @@ export async function showAction(main, values) {
     for (const [path, value] of set) now.append("set", `${path}=${value}`);
     clearTimeout(changed.waiting); // browsers limit how often the address may change
     changed.waiting = setTimeout(() => { if (!closed) history.replaceState(null, "", link("action", now)); }, 300);
-    save.disabled = set.size === 0;
+    save.disabled = set.size === 0 && scene === WHOLE;
     touch.old();
     play();
   }
@@ -160,10 +173,7 @@ export async function showAction(main, values) {
     } catch (error) { doing.textContent = error.message; } finally { resting = false; whole = performance.now(); }
   }
 
-  const lines = (found, k) => {
-    const time = unpack(found.time_s);
-    return k === 0 ? { time, value: unpack(found.force_n) } : { time, value: unpack(Object.values(found.channels)[k - 1].value) };
-  };
+  const line = (found, value) => ({ time: unpack(found.time_s), value: unpack(value) });
 
   function draw() {
     drawing.set(latest.drawing);
@@ -190,16 +200,16 @@ export async function showAction(main, values) {
   }
 
   doing.textContent = "computing …";
-  base = await ask(`/api/action/${at(name)}/blow?${new URLSearchParams({ blow })}`);
-  latest = set.size ? await ask(`/api/action/${at(name)}/blow?${query()}`).catch((error) => { say(error.message); return base; }) : base;
+  base = await ask(`/api/action/${at(name)}/blow?${new URLSearchParams({ blow, scene: beside })}`);
+  latest = set.size || scene !== beside ? await ask(`/api/action/${at(name)}/blow?${query()}`).catch((error) => { say(error.message); return base; }) : base;
   doing.textContent = "";
-  save.disabled = set.size === 0;
+  save.disabled = set.size === 0 && scene === WHOLE;
   if (closed) return null;
   const ink = getComputedStyle(document.documentElement).getPropertyValue("--soft").trim();
-  const panels = [{ title: "Force on the key", unit: "N", height: 80, lines: [{ label: "", ...lines(base, 0), color: ink }] },
-    ...Object.values(base.channels).map((channel, k) => ({
+  const panels = [{ title: "Force on the key", unit: "N", height: 80, lines: [{ label: "", ...line(base, base.force_n), color: ink }] },
+    ...Object.entries(latest.channels).map(([body, channel]) => ({
       title: channel.title, unit: "°", height: 90, digits: 3,
-      lines: [{ label: "as given", ...lines(base, k + 1), color: ink, dash: "dotted", width: 1.2 }, { label: "now", ...lines(latest, k + 1), color: channel.color, width: 2, live: true }],
+      lines: [{ label: givenAs, ...line(base, base.channels[body].value), color: ink, dash: "dotted", width: 1.2 }, { label: "now", ...line(latest, channel.value), color: channel.color, width: 2, live: true }],
     }))];
   const time = panels[0].lines[0].time, from = time[0], to = time[time.length - 1];
   drawing = new Drawing(latest.drawing, "Action as it is set");
@@ -210,8 +220,8 @@ export async function showAction(main, values) {
     show: (t) => { curves?.at(t); drawing.at(t); },
   });
   right.append(player.element, drawing.element, place,
-    make("div", { class: "scroll" }, make("table", { id: "events" }, make("caption", {}, "Events of the blow"), make("thead", {}, make("tr", {},
-      ...["Event", "As given", "Now"].map((title, k) => make("th", { scope: "col", class: k ? "number" : null }, title)))), events)),
+    make("div", { class: "scroll" }, make("table", { id: "events" }, make("caption", {}, `Events of the blow${latest.events.length ? "" : ": they need all bodies"}`), make("thead", {}, make("tr", {},
+      ...["Event", givenAs, "now"].map((title, k) => make("th", { scope: "col", class: k ? "number" : null }, title)))), events)),
     touch.element, make("details", {}, make("summary", {}, "Keys"), make("p", {}, `${KEYS} Ctrl-Z takes the last change back. Nothing is written; “Save as TOML” gives a file for  --action.`)));
   curves = await Curves.show(place, panels, { from, to, pick: (t) => { player.run(false); player.go(t); } });
   curves.zoom(from, Math.min(to, from + 0.35));
@@ -228,4 +238,14 @@ export async function showAction(main, values) {
     delete main.dataset.ready;
     delete main.dataset.latency;
   };
+}
+
+/** A scene of one's own, typed or from a file; closed where a built-in one is chosen. */
+function ownScene(text, use) {
+  const typed = make("textarea", { id: "own-scene", rows: 6, spellcheck: "false", placeholder: EXAMPLE });
+  typed.value = text;
+  const file = make("input", { type: "file", accept: ".toml", "aria-label": "Scene file", onchange: async () => { typed.value = await file.files[0].text(); use(typed.value); } });
+  return make("details", { open: text !== "" }, make("summary", {}, "A scene of your own"),
+    make("label", { for: "own-scene" }, "Text of a scene file"), typed,
+    make("div", { class: "row" }, make("button", { type: "button", onclick: () => { if (typed.value.trim()) use(typed.value); } }, "Use"), file));
 }

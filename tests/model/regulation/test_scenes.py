@@ -34,3 +34,16 @@ def test_gaps_at_rest_are_those_of_the_loaded_joints(action: model.Action) -> No
         if contact in own.structure or contact == "balance_rail":
             continue
         assert contact_gap(own, contact, rest, moved).penetration_m == pytest.approx(depth, abs=1e-9), contact
+
+
+@pytest.mark.parametrize("name", ["key-whippen", "motor-arm"])
+def test_what_needs_a_played_key_says_so(action: model.Action, name: str) -> None:
+    chosen, blow = model.load_scene(name).on(action), model.force_table("forte")
+    for ask in (
+        lambda: model.regulation.regulate(chosen),
+        lambda: model.touch.feel(chosen),
+        lambda: model.touch.hammer_speeds(chosen, [5.0]),
+        lambda: model.study.compare(chosen, *blow, []),
+    ):
+        with pytest.raises(model.InputError, match="allowed one with all bodies driven by force_n"):
+            ask()

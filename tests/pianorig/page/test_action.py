@@ -22,7 +22,7 @@ BLOW = "/api/action/hirschkorn2004/blow?blow=forte"
 
 @pytest.fixture(scope="module")
 def turned() -> model.Action:
-    return changed_action("hirschkorn2004", CHANGES)
+    return changed_action("hirschkorn2004", [*CHANGES, "string.modes=20"], "string")
 
 
 def test_the_blow_is_what_simulate_says_of_the_changed_action() -> None:
@@ -55,6 +55,21 @@ def test_events_follow_what_was_turned() -> None:
     assert given["second_strike"] is None  # what does not happen has no value
 
 
+def test_a_scene_is_that_of_simulate_and_its_numbers_can_be_turned() -> None:
+    own = "[string]\nmodes = 20\n[contact02]\nlaw = 'hysteresis'\n"
+    found = live_blow(NAME, ["contact02.hysteresis.beta=0.4"], "forte", own)
+    action = changed_action(NAME, ["contact02.hysteresis.beta=0.4"], own)
+    assert action["string.modes"] == 20.0 and action.law("contact02") == "hysteresis"
+    wanted = model.simulate(action, *model.force_table("forte"), output_time_s=numbers(found["time_s"]).clip(0.0, 0.7))
+    turned = -np.degrees(wanted.angle_rad[:, 4] - model.rest_state(action).angle_rad[4])
+    np.testing.assert_allclose(numbers(found["channels"]["hammer"]["value"]), turned, atol=0.01)
+    added = {one["path"]: one for one in action_facts(NAME, own)["parameters"] if one["of_scene"]}
+    assert {path.split(".")[0] for path in added} == {"string", "contact02"}
+    assert added["string.modes"]["value"] == 20.0 and added["string.modes"]["high"] == 100.0
+    alone = live_blow(NAME, [], "piano", "key-whippen")
+    assert list(alone["channels"]) == ["key", "whippen"] and alone["events"] == []
+
+
 def test_every_slider_stays_within_what_is_allowed() -> None:
     for name in ("hirschkorn2004", "hirschkorn2004-regulated"):
         facts = action_facts(name)
@@ -75,7 +90,7 @@ def test_the_file_reads_back_to_the_same_numbers(turned: model.Action, tmp_path:
     path = tmp_path / "mine.toml"
     path.write_text(toml_of(turned))
     again = model.load_action(path)
-    assert again.content() == turned.content()
+    assert again.content() == turned.content() and again.scene == turned.scene != {}
     assert "hammer.mass = 0.009 kg" in path.read_text() and "by the user" in again.quantities["hammer.mass"].source
 
 
@@ -105,6 +120,13 @@ def test_the_page_asks_and_gets(looking: Page) -> None:
         (f"{BLOW}&set=x", "path=value"),
         ("/api/action/hirschkorn2004/curves?blow=forte&set=hammer.mass=-1", "hammer.mass"),
         ("/api/action/hirschkorn2004/blow?blow=../forte.csv", "forte"),
+        (f"{BLOW}&scene=mine.toml", "allowed whole"),
+        (f"{BLOW}&scene=motor-arm", "driven by torque_nm"),
+        (f"{BLOW}&scene=x%3D", "not valid TOML"),
+        (f"{BLOW}&scene=%5Bstring%5D%0Amode%3D30", "string.mode"),
+        (f"{BLOW}&set=string.modes=30", "the scene has no string"),
+        ("/api/action/hirschkorn2004/touch?scene=key", "allowed one with all bodies"),
+        ("/api/action/hirschkorn2004/step?scene=key&target=let_off&turn_m=1e-4", "allowed one with all bodies"),
         ("/api/action/hirschkorn2004/file", "nothing was changed"),
         ("/api/action/hirschkorn2004/step?target=nothing&turn_m=1e-4", "let_off"),
         ("/api/action/hirschkorn2004/step?target=let_off&turn_m=nan", "turn_m"),

@@ -74,3 +74,33 @@ def test_what_the_technicians_step_does(browser: Any, looking: Page) -> None:
         assert float(row.locator("td").nth(3).inner_text().replace("+", "")) < -0.2
         tab.get_by_role("button", name="Press slowly").press("Enter")
         tab.get_by_text("down weight").wait_for()
+
+
+@pytest.mark.slow
+def test_choose_a_scene_and_turn_it(browser: Any, looking: Page) -> None:
+    def shown(tab: Any) -> None:
+        tab.locator("main[data-ready]").wait_for()
+
+    rebound = HAMMER.replace("child(5)", "child(6)")
+    with opened(browser, looking, f"{looking.address}#action") as tab:
+        shown(tab)
+        rigid = tab.evaluate(rebound)
+        tab.locator("#choose-scene").select_option("string")
+        tab.locator("#choose-beside").wait_for()
+        shown(tab)
+        assert tab.evaluate(rebound) != rigid
+        assert tab.evaluate(rebound.replace("child(3)", "child(2)")) == rigid  # beside the whole action
+        strung = tab.evaluate(rebound)
+        tab.get_by_role("spinbutton", name="string.mass").fill("0.008")
+        until(tab, f"{rebound} !== '{strung}'")
+        until(tab, "location.hash.includes('string.mass')")
+        tab.locator("#choose-scene").select_option("motor-arm")
+        tab.get_by_text("driven by torque_nm").wait_for()
+        tab.locator("#choose-scene").select_option("key-whippen")
+        shown(tab)
+        assert tab.get_by_text("they need all bodies").is_visible()
+        tab.get_by_text("A scene of your own").click()
+        tab.get_by_label("Text of a scene file").fill("[string]\nmodes = 20\n")
+        tab.get_by_role("button", name="Use").click()
+        until(tab, "document.querySelector('[id=\"set-string.modes\"]')?.value === '20'")
+        shown(tab)

@@ -40,11 +40,14 @@ def test_the_page_repeats_the_figures_of_chapter_4(page):
 
 def test_verdict_matrix_and_files_name_session_and_model(side, side_written, page):
     lines = side.verdict_lines
-    assert len(lines) == 4 + 2 + 1
+    assert len(lines) == 4 + 2 + 2 + 1
     assert f"blow piano, RMSE of {side.models[1]} against calibrated" in lines[4]
     assert "5 trials cannot show it at 5 % (smallest p 0.0625)" in lines[4]
     assert lines[-1] == "Not compared: nowhere: no such session folder"
     content = json.loads(side_written.files["results.json"].read_text(encoding="utf-8"))
+    (away,) = [r for r in content["tables"]["evidence"] if r["session"] == "blow piano" and r["model"] != r["against"]]
+    assert f"blow piano, evidence for {side.models[1]} against calibrated: {away['reading']}" in lines[6]
+    assert away["log_bayes_factor"] == 0.0 and 'id="table-evidence"' in page  # copies, but for their scores
     assert [(r["session"], r["model"]) for r in content["results"]] == [
         (r.session_name, r.action_name) for r in side.results
     ]

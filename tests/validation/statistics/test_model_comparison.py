@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from validation.events.session import Window
-from validation.statistics.model_comparison import joint_sign_flip, paired_models, sign_flip_p
+from validation.statistics.model_comparison import evidence_table, joint_sign_flip, paired_models, sign_flip_p
 
 
 def result(name, rmse_rad, *, session="forte", window=(0.0, 1.0), n=1000, tolerance_rad=1e-5, common=0.0):
@@ -171,3 +171,34 @@ def test_joint_sign_flip_holds_its_level_under_correlated_channels_and_loses_not
     assert joint_sign_flip(np.zeros((5, 2))).tolist() == joint_sign_flip(np.ones((1, 2))).tolist() == [1.0, 1.0]
     d = rng.normal(1.0, 1.0, size=(6, 1))
     assert joint_sign_flip(d) == pytest.approx(sign_flip_p(d[:, 0]))
+
+
+def test_the_evidence_is_against_the_first_model_and_no_surer_than_its_uncertainty():
+    def judged(name, log_evidence, *, u=0.5, rejected=False, trials=(1, 2), rhs=1000.0):
+        one = result(name, {"hammer": FIVE})
+        facts = {"judged": True, "trials": list(trials), "rejected": rejected, "p": 0.5}
+        one.judgement = facts | {"log_evidence": log_evidence, "u_log_evidence": u}
+        one.provenance["cost"] = {"right_hand_sides": rhs, "seconds": 0.01}
+        return one
+
+    bar = judged("bar", 50.0)
+    others = [
+        judged("string", 54.0, rhs=1500.0),  # 4 less 2 u, 2.6
+        judged("joints", 40.0),
+        judged("unsure", 54.0, u=3.0),
+        judged("elsewhere", 54.0, trials=(1, 3)),
+    ]
+    table = evidence_table([[bar, *others], [bar]]).set_index("model")
+    assert len(table) == 5 and table.loc["string", "log_bayes_factor"] == 4.0
+    assert table.loc["string", "cost_ratio"] == 1.5
+    assert list(table["reading"]) == [
+        "the one compared with",
+        "positive for it",
+        "very strong against it",
+        "not worth more than a bare mention",
+        "no claim: judged on different trials",
+    ]
+    both = evidence_table([[judged("a", 1.0, rejected=True), judged("b", 9.0, rejected=True)]])
+    assert both["reading"][1] == "very strong for it; both are rejected, so this only says which is less far off"
+    bar.judgement = {"judged": False, "reason": "the uncertainty budget was not made"}
+    assert evidence_table([[bar, others[0]]])["reading"][1] == "no claim: the uncertainty budget was not made"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from validation.statistics.paired_difference import simultaneous_test
+from validation.statistics.paired_difference import MOST_NUMBERS, log_evidence, simultaneous_test
 
 FLOOR = np.full(2, 1e-6)
 TIME = np.linspace(0, 1, 60)
@@ -79,3 +80,27 @@ def test_lost_samples_and_channels_are_left_out() -> None:
     nothing = np.full_like(every[0], np.nan)
     assert simultaneous_test(nothing, every[1:], FLOOR) is None
     assert simultaneous_test(every[0], every[1:15], FLOOR) is None
+
+
+def test_the_evidence_is_the_density_of_the_mean_angles_and_a_proper_score() -> None:
+    """Its many-draws limit is the normal density; on average no other spread or place scores better than the true."""
+    rng = np.random.default_rng(11)
+    root = np.tril(rng.standard_normal((MOST_NUMBERS, MOST_NUMBERS))) + 2.0 * np.eye(MOST_NUMBERS)
+
+    def drawn(count: int, spread: float = 1.0, away: float = 0.0) -> np.ndarray:
+        numbers = 1e-3 * (away + spread * rng.standard_normal((count, MOST_NUMBERS)) @ root.T)
+        return np.repeat(numbers, 5, axis=1)[:, :, None]  # one channel, each part of five samples
+
+    data, nothing = drawn(400), np.zeros(1)
+    exact = stats.multivariate_normal(cov=1e-6 * root @ root.T)
+    many, u = log_evidence(data[0], drawn(4000), nothing)
+    assert many == pytest.approx(exact.logpdf(data[0, ::5, 0]), abs=4.0 * u) and u < 0.3
+
+    def score(**other: float) -> float:
+        return float(np.mean([log_evidence(one, drawn(59, **other), nothing)[0] for one in data]))
+
+    true = score()
+    assert all(true > score(**other) + 0.5 for other in ({"spread": 0.5}, {"spread": 2.0}, {"away": 2.0}))
+    by_channel = data.reshape(400, MOST_NUMBERS, 5).transpose(0, 2, 1)  # the same numbers, one in each channel
+    same = log_evidence(by_channel[0], by_channel[1:], np.zeros(MOST_NUMBERS))
+    assert same == pytest.approx(log_evidence(data[0], data[1:], nothing))

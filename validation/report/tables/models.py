@@ -57,6 +57,33 @@ def _cells(result: ValidationResult, channels: list[str], column: str) -> list[s
     return cells
 
 
+def evidence_table(side: SideBySide) -> PageTable:
+    """The evidence for each model of a session against its first, and what a blow costs."""
+    rows = [
+        [
+            f"{e.session}: {e.model}",
+            e.reading,
+            with_u(e.log_bayes_factor, e.u_log_bayes_factor) if e.model != e.against else DASH,
+            with_u(e.log_evidence, e.u_log_evidence),
+            number(e.p, 2),
+            number(round(e.right_hand_sides), 6) if math.isfinite(e.right_hand_sides) else DASH,
+            number(e.cost_ratio, 3),
+            number(1e3 * e.seconds, 3),
+        ]
+        for e in side.evidence.itertuples()
+    ]
+    head = ["session: model", "evidence", "ln Bayes factor", "ln evidence", "p of the test"]
+    head += ["right-hand sides", "times the first", "ms a blow"]
+    notes = [
+        "Evidence (marginal likelihood): density that a model gives to the trials’ mean angles, its parameters, the "
+        "force and the sensors drawn from what is declared of them; so what is uncertain in a richer model counts "
+        "against it. ln Bayes factor: ln evidence less that of the session’s first model, ± u from the number of "
+        "draws, graded after Kass and Raftery (1995) by its end nearest to 0. p: of the verdict’s test. Right-hand "
+        "sides: mean of a blow; ms: processor time of one, with the run that estimates its error."
+    ]
+    return PageTable("evidence", "Evidence for each model, and what it costs", head, rows, notes, "evidence")
+
+
 def pair_tables(side: SideBySide) -> tuple[PageTable, PageTable]:
     """Which model is closer by RMSE, and whether so few trials can show it; the same by other scores."""
     by_rmse = side.model_pairs["score"] == "rmse_rad"
