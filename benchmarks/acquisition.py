@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.eight_channels import RAD_PER_VOLT, Timed, bench, eight
+from benchmarks.eight_channels import RAD_PER_VOLT, Timed, bench, bench_elsewhere, eight
 from benchmarks.runner import Run
 from rig.configuration.profile import load_profile
+from rig.errors import RigError
 from rig.recording.options import Progress
 from rig.recording.recorder import record_session
 from rig.session import Session, Trial
@@ -103,8 +104,8 @@ class Answering:
             self.cpu_s += time.thread_time() - began
 
 
-def real_time(trials: int) -> None:
-    """Record at wall-clock speed; print processor time and the delay from sample to journal."""
+def real_time(trials: int) -> tuple[str, float]:
+    """Record at wall-clock speed; print and return processor time and the delay from sample to journal (99 %, ms)."""
     backend = bench(PacedClock(1.0))
     answering = Answering(backend)
     behind: list[float] = []
@@ -135,9 +136,39 @@ def real_time(trials: int) -> None:
     print(
         f"read, not committed  : at most {1e3 * max(behind):.0f} ms when an observer is told, and one block under way"
     )
+    return f"{100 * cpu / wall - share:.1f} %; {share:.1f} %", float(np.percentile(age_ms, 99))
+
+
+def real_time_elsewhere(trials: int) -> None:
+    """Record from a bench in another process; print the processor time of this process.
+
+    Trials with long blocks while the motor's command is 0 V take turns with trials of one length, so that the load of
+    the machine changes both alike.
+    """
+    wall, cpu = {True: 0.0, False: 0.0}, {True: 0.0, False: 0.0}
+    with bench_elsewhere() as backend, tempfile.TemporaryDirectory() as folder:
+        record_session(Path(folder) / "warm", rig_config=eight(), backend=backend, trials=1)
+        for number in range(2 * trials):
+            backend.lengthens = long = bool(number % 2)
+            began, used = time.monotonic(), time.process_time()
+            session = record_session(Path(folder) / f"s{number}", rig_config=eight(), backend=backend, trials=1)
+            wall[long] += time.monotonic() - began
+            cpu[long] += time.process_time() - used
+            assert [trial.status for trial in session.trials] == ["complete"]
+    share = {long: 100 * cpu[long] / wall[long] for long in wall}
+    print(
+        f"real time over TCP   : {share[True]:.1f} % of one core, bench in another process ({wall[True]:.0f} s); "
+        f"{share[False]:.1f} % with blocks of 20 ms throughout, ratio {share[True] / share[False]:.2f}"
+    )
 
 
 def main(run: Run) -> None:
     """Print all rows; every sample is checked."""
     long_recording(run.hours)
-    real_time(run.real_time_trials)
+    load, delay_ms = real_time(run.real_time_trials)
+    try:
+        real_time_elsewhere(run.real_time_trials)
+    except RigError as error:  # the recorder refuses a link that other work makes too slow
+        print(f"real time over TCP   : not measured: {error}")
+    run.figure("recording-load", load)
+    run.figure("recording-delay", f"{delay_ms:.0f} ms")

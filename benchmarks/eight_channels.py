@@ -1,22 +1,32 @@
 """A virtual bench of eight channels at 5 kHz: force, three encoders, four further voltage inputs (:func:`eight`).
 
-The plant is in closed form (force and angles follow the voltage), so that every sample can be checked. `Timed` is a
-journal that notes when samples arrived.
+The plant is in closed form (force and angles follow the voltage), so that every sample can be checked. It runs in this
+process or in a separate one (`bench_elsewhere`). `Timed` is a journal that notes when samples arrived.
 """
 
 from __future__ import annotations
 
+import contextlib
+import subprocess
+import sys
 import time
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
+import grpc
 import numpy as np
 
-from rig.configuration.rig_file import Rig, load_rig, parse_rig
+from benchmarks.runner import ROOT
+from rig.backend import Capabilities, Timing
+from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
+from rig.daq import NidaqmxBackend
 from rig.session.journal.writer import JournalWriter
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
-from rig.simulated.bench.bench_time import VirtualClock
+from rig.simulated.bench.bench_time import PacedClock, VirtualClock
 from rig.simulated.bench.plant_protocol import PlantBlock
 from rig.simulated.bench.sensors import load_sensors
+from rig.simulated.rpc.tcp_server import serve
 
 RAD_PER_VOLT = np.array([-0.05, 0.09, -0.4])
 FORCE_PER_VOLT_N = 12.0
@@ -77,6 +87,47 @@ def bench(clock: VirtualClock) -> SimulatedBackend:
     """A virtual bench of eight channels with the plant in closed form."""
     config = eight().config
     return SimulatedBackend(build_device(config, FollowingPlant(), load_sensors(DEFAULT_BENCH), clock=clock))
+
+
+class Remote(NidaqmxBackend):
+    """A virtual bench in another process: no permission is needed."""
+
+    lengthens = True
+    """Blocks are longer while the motor's command is 0 V, as through a server."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Describe the bench, without hardware."""
+        return replace(super().capabilities, simulated=True, hardware=False)
+
+    def configure(self, config: RigConfig, command_v: np.ndarray | None) -> Timing:
+        """Configure, with blocks of one length if asked."""
+        timing = super().configure(config, command_v)
+        return timing if self.lengthens else replace(timing, calm_block_s=0.0)
+
+
+@contextlib.contextmanager
+def bench_elsewhere() -> Iterator[Remote]:
+    """The bench in a separate process at wall-clock speed, over TCP on loopback."""
+    command = [sys.executable, "-c", "from benchmarks.eight_channels import serve_bench; serve_bench()"]
+    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
+        assert server.stdin is not None and server.stdout is not None
+        port = int(server.stdout.readline())
+        backend = Remote(grpc.insecure_channel(f"127.0.0.1:{port}"), name="virtual bench elsewhere")
+        backend.identify(eight().config)
+        try:
+            yield backend
+        finally:
+            backend.close()
+            server.stdin.close()
+
+
+def serve_bench() -> None:
+    """Serve the bench until standard input ends; print the port."""
+    server, port = serve(bench(PacedClock(1.0)).service)
+    print(port, flush=True)
+    sys.stdin.read()
+    server.stop(None).wait()
 
 
 class Timed(JournalWriter):

@@ -93,4 +93,5 @@ def main(run: Run) -> bool:
             print(f"{number:2} {said:9}{mutations[number]['kind']:11}{mutations[number]['file']}  {by}", flush=True)
     ran = told["killed"] + told["survived"]
     print(f"killed {told['killed']} of {ran}" + (f", {told['gone']} no longer in the code" if told["gone"] else ""))
+    run.figure("mutations", f"{told['killed']} of {ran}")
     return told["killed"] >= run.least * ran

@@ -162,4 +162,6 @@ def main(run: Run) -> bool:
     confusion(rows)
     counts = Counter(verdict for _, verdict, _ in rows)
     print(dict(counts))
+    if run.clean:
+        run.figure("planted-clean", f"in {counts['wrong']} of {len(rows)}")
     return may_be(0.99, len(rows) - counts["wrong"], len(rows))

@@ -169,4 +169,7 @@ def main(run: Run) -> bool:
         seen[f"{scene}: {verdict}"] += 1
         print(f"{scene:15} {seed:4d} {what:36} {verdict:18} {taken:>8}  {words}", flush=True)
     print("\n".join(f"{count} {verdict}" for verdict, count in sorted(seen.items())))
+    run.figure(
+        "regulation", " / ".join(str(seen[f"{run.scene[0]}: {verdict}"]) for verdict in ("regulated", "refused"))
+    )
     return not any(verdict.endswith(BAD) for verdict in seen)

@@ -300,6 +300,8 @@ def main(arguments: Sequence[str]) -> int:
     entry = entries[name]
     module = importlib.import_module(f"benchmarks.{name}") if not (absent := lacking(entry)) else None
     run = parsed(name, arguments[1:], (module.__doc__ if module else entry["claim"]) or "")
+    if run.write and run.quick:
+        raise SystemExit("--write: found --quick, allowed is the full size: a small run is no figure")
     if module is None:
         print(f"skipped: {name} needs {', '.join(absent)}: not installed")
         return 0

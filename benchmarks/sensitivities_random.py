@@ -99,6 +99,8 @@ def main(run: Run) -> bool:
         table.row(row["kind"], seed, *row.get("errors", [None] * 4))
     for word, of in (("median", np.median(rows, axis=0)), ("largest", np.max(rows, axis=0))):
         table.row(word, None, *of)
+    middle, most = np.median(rows, axis=0), np.max(rows, axis=0)
+    run.figure("derivatives-random", " / ".join(f"{middle[k]:.1e} and {most[k]:.1e}" for k in (0, 2, 3)))
     near = sum(row[0] <= 1e-5 for row in rows)
     print(f"angles within 1e-5: {near} of {len(rows)}")
     return may_be(0.5, near, len(rows))

@@ -70,6 +70,10 @@ def main(run: Run) -> bool:
     print(f"{run.count} cases: by itself {spent[0]:.0f} s, in lanes {spent[1]:.0f} s of processor time")
     for what, n in tally.most_common():
         print(f"  {n:6d}  {what}")
+    beyond = tally["explained by growth"] + tally[UNEXPLAINED]
+    near = (tally[what] for what in ("within a tenth of the tolerance", f"within {FACTOR:g} tolerances"))
+    counts = " / ".join(f"{n:,}" for n in (*near, beyond))
+    run.figure("stability-lanes", f"{counts}; {spent[1]:.0f} s beside {spent[0]:.0f} s")
     middle, most = np.quantile(apart, [0.5, 0.99]) / TOLERANCE
     print(f"  apart by {middle:.2g} tolerances in the median, {most:.2g} in 99 %, {max(apart) / TOLERANCE:.2g} at most")
     return not tally[ONE_WAY] + tally[UNEXPLAINED]

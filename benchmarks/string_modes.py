@@ -37,4 +37,6 @@ def main(given: Run) -> bool:
         name = f"by tolerance: {found.counters['string_modes']}" if modes == 0 else str(modes)
         shown.row(name, spent[modes], spent[modes] / spent[None], found.counters["n_steps"], error)
         good &= modes != 0 or error <= 10.0 * given.tolerance
+    ratios = {modes: spent[modes] / spent[None] for modes in given.modes}
+    given.figure("string-modes", f"{ratios[30]:.2f} / {ratios[0]:.2f} (bar {spent[None]:.1f} ms)")
     return good

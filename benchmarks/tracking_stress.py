@@ -102,4 +102,10 @@ def main(run: Run) -> bool:
             sizes = [np.sqrt(np.mean(error**2)), np.median(u), np.mean(np.abs(error) < 1.96 * u)]
         counts = one.silent, one.flagged, one.lost, one.rows, one.permit_bad, one.permit_rows, one.widened
         table.row(*name, *sizes, *counts)
+    covered, bad = sizes[2], 100 * one.permit_bad / max(one.permit_rows, 1)
+    run.figure(
+        "tracking-stress",
+        f"{one.silent} silent of {one.rows:,} rows, 95 % interval covers {covered:.3f}, flagged or lost where the "
+        f"noise permits tracking {bad:.1f} % (10 asked)",
+    )
     return one.silent <= 0.001 * one.rows

@@ -119,5 +119,9 @@ def main(run: Run) -> bool:
         for shift, power in zip(SHIFTS, np.mean([r["power"] for r in pooled], axis=0), strict=True):
             print(f"shift of {shift} u: rejected {' '.join(f'{v:.2f}' for v in power)} (key, whippen, hammer)")
     print(f"{silent} sessions could not be played or judged")
+    low, high = interval(sum(r["rejected"] for r in pooled), len(pooled), 0.99)
+    share, power = np.mean([r["rejected"] for r in pooled]), np.mean([r["power"][4] for r in pooled], axis=0)
+    words = f"{100 * share:.1f} % (5 intended; 99 % interval {100 * low:.1f} to {100 * high:.1f} %)"
+    run.figure("verdict-level", f"{words}; {power.min():.2f}–{power.max():.2f}")
     passed = sum(not r["rejected"] for r in pooled)
     return may_be(0.95, passed, len(pooled)) and bool(np.mean([r["power"][-1] for r in pooled]) > LEAST_POWER)

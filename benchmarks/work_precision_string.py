@@ -23,6 +23,7 @@ from model.string import C4, C4_HAMMER, strike
 from model.string.blow import _march
 
 SECONDS = 0.012
+METHODS = ("modes, march", "modes, step loop", "finite differences")
 RIGHT = 1e-3  # of the finest point of each method
 MARCHES = ((8, 512), (16, 1024), (32, 2048), (64, 4096), (128, 8192), (256, 16384))
 GRIDS = (512, 1024, 2048, 4096, 8192, 16384)
@@ -85,6 +86,12 @@ def main(run: Run) -> bool:
     table = Table("method:20s", "size:26s", "error:10.1e", "ms:10.3f")
     for row in rows:
         table.row(*row)
+    fastest = [
+        min((ms for name, _, error, ms in rows if name == method and error <= 1e-4), default=np.nan)
+        for method in METHODS
+    ]
+    figure = " / ".join(f"{ms:.1f}" for ms in fastest)
+    run.figure("string", f"{figure} ms ([diagram](work_precision_string.svg))")
     if run.out:
         draw(rows, Path(run.out))
     return all(min(error for name, _, error, _ in rows if name == method) < RIGHT for method, *_ in rows)

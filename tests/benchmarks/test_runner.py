@@ -89,6 +89,8 @@ def test_what_is_wrong_with_a_call_is_said(capsys: pytest.CaptureFixture[str], m
     assert "benchmark: found nonsense" in capsys.readouterr().err
     with pytest.raises(SystemExit, match="same_results: --against CHECKOUT is missing"):
         runner.main(["same_results"])
+    with pytest.raises(SystemExit, match="--write: found --quick, allowed is the full size"):
+        runner.main(["same_results", "--quick", "--write"])
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert runner.main(["iso18571", "--quick"]) == 0
     assert capsys.readouterr().out == "skipped: iso18571 needs objective_rating_metrics: not installed\n"
