@@ -17,7 +17,6 @@ import model
 from model.arrays import ArrayRecord
 from validation.conventions import Array
 from validation.identification.difference.explain import (
-    ABOUT,
     MOST_TRIALS,
     Explained,
     explain_difference,
@@ -56,7 +55,10 @@ def explained_lines(action: model.Action, sources: Sources) -> tuple[str, ...]:
     found = [
         (_name(observed[0]), _explained(tested, observed, measured)) for observed, measured in driven_by_force(sources)
     ]
-    lines = tuple(f"{TITLE}, {name}: {e.sentence.removeprefix(ABOUT) or NOT_LOOKED_FOR}." for name, e in found)
+    lines = tuple(
+        f"{TITLE}, {name}: {'; '.join([*(f.text for f in e.findings), e.sentence or NOT_LOOKED_FOR])}."
+        for name, e in found
+    )
     return lines or (BY_MOTION,)
 
 

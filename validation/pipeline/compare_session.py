@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import datetime
 from importlib import metadata
 from pathlib import Path
@@ -21,7 +21,7 @@ from rig.session import Session
 from validation.cache.result_store import ResultStore
 from validation.events.definitions import EVENTS
 from validation.events.session import Window, find_session_events
-from validation.findings.finding import sound_trials
+from validation.findings.finding import SessionFinding, sound_trials
 from validation.findings.session import SessionFindings, find_faults
 from validation.identification.difference.explain import Explained, explain_difference
 from validation.measurement.session import measure_session, open_session, representative
@@ -122,8 +122,8 @@ def compare(
         budget : bool, default True
             Make the uncertainty budget of the events, some fifty runs of one trial.
         suspect : bool, default True
-            Find the sets of changes of model or force that explain the difference: some 200 runs of one trial, up to
-            a thousand more where the difference is large.
+            Find the causes that explain what model and trials, and the trials among themselves, differ by: some 200
+            runs of one trial, up to a thousand more where the difference is large.
         by_motion : bool, default False
             Also drive the model by the key's measured motion and compare the force, in the trial of median peak force.
         keep_predictions : bool, default True
@@ -175,8 +175,11 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     findings = find_faults(predicted, events, scored, tested)
     explained = Explained()
     if chosen.suspect:
-        chosen.say("which part of the model explains the difference")
-        explained = explain_difference(tested, of_one_kind(predicted.trials, findings))
+        chosen.say("which causes explain the difference")
+        explained = explain_difference(tested, of_one_kind(predicted.trials, findings, but=ODD))
+        if ODD in (f.kind for f in findings.faults) and not explained.findings:
+            explained = explain_difference(tested, of_one_kind(predicted.trials, findings))
+        findings = replace(findings, faults=(*unexplained(findings, explained), *explained.findings))
     changes = [asdict(change) for change in explained.changes]
     tables = make_tables(predicted, events, scored, findings, tested, chosen, changes)
     tables.warnings.extend(identified_warnings(action))
@@ -212,9 +215,18 @@ def cost_of(predicted: PredictedSession) -> dict[str, float]:
     return {"right_hand_sides": sum(rhs) / len(rhs), "seconds": min(seconds)}
 
 
-def of_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings) -> list[MeasuredTrial]:
-    """Trials without faults; where there are two kinds of stroke, those of the median trial's kind."""
-    sound = sound_trials(trials, findings.faults)
+ODD, CHANGED = "outlying residual", "changed condition"
+
+
+def unexplained(findings: SessionFindings, explained: Explained) -> list[SessionFinding]:
+    """Findings without what the search for causes says more of: a trial that only the model finds odd, and a change."""
+    named = {f.trial for f in explained.findings}
+    return [f for f in findings.faults if not named or not (f.kind == CHANGED or (f.kind == ODD and f.trial in named))]
+
+
+def of_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings, but: str = "") -> list[MeasuredTrial]:
+    """Trials without faults, but one kind of them; of two kinds of stroke those of the median trial's kind."""
+    sound = sound_trials(trials, findings.faults, but)
     if not sound or not findings.kinds:
         return sound
     first = representative(sound)

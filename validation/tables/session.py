@@ -125,7 +125,7 @@ def _used(m: MeasuredTrial, reused: bool) -> dict[str, object]:
 
 
 FINDING_COLUMNS = ["kind", "trial", "channel", "value", "limit", "text"]
-CHANGE_COLUMNS = ["set", "changes", "cause", "change", "u", "unit", "log_odds", "left"]
+CHANGE_COLUMNS = ["set", "changes", "cause", "change", "u", "unit", "log_odds", "left", "profile", "first", "last"]
 
 
 def make_tables(

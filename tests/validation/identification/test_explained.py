@@ -12,7 +12,7 @@ import pytest
 import model
 from tests.validation.identification import toy
 from validation.identification import result as explained
-from validation.identification.difference.explain import ABOUT, Explained
+from validation.identification.difference.explain import Explained
 from validation.identification.result import BY_MOTION, explained_lines
 from validation.identification.sources import Sources
 
@@ -36,7 +36,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Asked:
     def difference(tested: Any, trials: Sequence[Any]) -> Explained:
         assert tested.action is ACTION
         seen.measured.append(trials)
-        return Explained(ABOUT + "this change explains it")
+        return Explained("this change explains it")
 
     def observed(tested: Any, trials: Sequence[Any]) -> Explained:
         seen.observed.append([t.label for t in trials])

@@ -1,26 +1,39 @@
-"""Which part of the model explains the difference of a report: the answer, as a sentence and as rows of a table.
+"""Which causes explain the differences of a session: the answer, as sentences, rows of a table and findings.
 
-Conventions: up to three trials of a session without faults, until the key is let go. Named are all sets of the smallest
-size that is as good as any larger one to a factor of `ODDS`, and sets with one change more that hold none of these and
-are as good; none where "the model lacks something else" is better than all of them by that factor
-(docs/explanation/differences.md).
+Conventions: trials of one kind without faults, until the key is let go. Causes are faults of the session and changes of
+the model alike. First is asked what the trials differ by among themselves (one trial, a trend, a step), then what all
+share, beside that. Named are all sets of the smallest size that is as good as any larger one to a factor of `ODDS`, and
+sets with one change more that hold none of these and are as good; none where "the model lacks something else" is better
+than all of them by that factor (docs/explanation/differences.md).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 
 import model
 from validation.conventions import Array
 from validation.errors import ValidationInputError
+from validation.findings.finding import SessionFinding
 from validation.identification.blocks import make_blocks
-from validation.identification.difference.responses import Point, Responses, candidates, known_root
-from validation.identification.difference.search import Evidence, Followed, Search
+from validation.identification.difference.responses import (
+    ALL,
+    ENCODER_SCALES,
+    FEWEST_TOLD_APART,
+    ONE,
+    SESSION_ERRORS,
+    TREND,
+    Responses,
+    known_root,
+    sources,
+)
+from validation.identification.difference.search import BETWEEN, MEAN, Evidence, Followed, Search
 from validation.identification.observations import ENCODERS, ObservedTrial, observe
+from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.measurement.session import representative
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.joint_draws import chosen_trials
@@ -28,12 +41,27 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import TABLE
 
 ODDS = 20.0
+LOOK = 20.0  # log odds that the linear model promises, from which on is looked for what some trials differ by
+SURE = 1e4  # odds from which on some trials are said to differ: it is a finding, which blames a session
 MOST_LAWS = 3
+MOST_APART = 2  # changes that some trials have
 MOST_NAMED = 6
-MOST_TRIALS = 3
+MOST_TRIALS = 12
+ENOUGH = 0.05  # of the squared difference between trials: a set that leaves less needs no further change
+SMALLEST_CHANGE = 0.2  # of how far off a value may be: 1 % of the force, 6 % of a law; less is scatter of the blows
 SMALLEST_DIFFERENCE = 4e-3  # of the range of a channel, root mean square: below, nothing is looked for
 FAR = 3.0  # times the margin: a fourth change that promises so much is not looked at more closely
 ABOUT = "about the model, not a fault of the session: "
+MODEL = "about the model: "
+SESSION = "about the session, not the model: "
+EITHER = "about the model or the session: "
+BESIDE = "beside that, "
+FINDINGS = {FORCE_GAIN: "force gain", FORCE_LEVEL: "force level", FORCE_DELAY: "force delay"}
+TRIED = (
+    "gain, level and delay of the force, the clock's rate, scales of the encoders, and masses, lengths, laws of "
+    "friction and felt, and springs of the model"
+)
+FINDINGS |= dict.fromkeys(ENCODER_SCALES, "encoder scale or stops")
 
 
 @dataclass(frozen=True)
@@ -42,14 +70,17 @@ class CompatibleChange:
 
     Attributes
     ----------
-    set : number of the set: smaller sets first, then by evidence
+    set : number of the set: those of what trials differ by, then of what all share; smaller sets first, then by
+        evidence
     changes : how many changes the set has
-    cause : parameter, felt, or error of the force
-    change : factor, or what is added in ``unit``
+    cause : parameter, felt, or error of a channel of the session
+    change : factor, or what is added in ``unit``; of a trend that of the last trial
     u : its standard uncertainty; relative where ``unit`` is 1
     unit : SI; 1 means a factor
     log_odds : natural logarithm of the set's evidence over that of the best of the smallest sets
-    left : share of the squared difference of the trials' mean that is left with it
+    left : share of the squared difference that is left with it: of the trials' mean, or of what they differ by
+    profile : ``all`` trials, ``one``, a ``trend`` that grows evenly, a ``step``
+    first, last : numbers of the first and last trial that has it
     """
 
     set: int
@@ -60,36 +91,57 @@ class CompatibleChange:
     unit: str
     log_odds: float
     left: float
+    profile: str = ALL
+    first: int = 0
+    last: int = 0
 
     @property
     def words(self) -> str:
         """The change for a reader."""
+        when = {ALL: "", ONE: f" in trial {self.first}", TREND: ""}.get(self.profile, f" from trial {self.first} on")
+        drift = f" from trial {self.first} to trial {self.last}"
         if self.unit == "1":
             places = max(2, 1 - math.floor(math.log10(max(self.u * self.change, 1e-9))))
-            return f"{self.cause} × {self.change:.{places}f} (u {100 * self.u:.2g} %)"
+            size = f"× {self.change:.{places}f}"
+            known = f"(u {100 * self.u:.2g} %)"
+            if self.profile == TREND:
+                rate = 100 * (self.change ** (1 / (self.last - self.first)) - 1)
+                return f"{self.cause} drifts by {rate:+.2g} % per trial, {size}{drift} {known}".replace("-", "−")
+            return f"{self.cause} {size}{when} {known}"
         factor, unit = {"m": (1e3, "mm"), "s": (1e3, "ms")}.get(self.unit, (1.0, self.unit))
         sign = "−" if self.change < 0 else "+"
-        return f"{self.cause} {sign}{abs(factor * self.change):.2g} {unit} (u {factor * self.u:.1g})"
+        known = f"(u {factor * self.u:.1g})"
+        if self.profile == TREND:
+            rate = abs(factor * self.change) / (self.last - self.first)
+            return f"{self.cause} drifts by {sign}{rate:.2g} {unit} per trial{drift} {known}"
+        return f"{self.cause} {sign}{abs(factor * self.change):.2g} {unit}{when} {known}"
+
+    @property
+    def of_session(self) -> bool:
+        """Whether it is a fault of the session: of a channel or a clock."""
+        return self.cause in SESSION_ERRORS
 
 
 @dataclass(frozen=True)
 class Explained:
-    """What explains the difference.
+    """What explains the differences.
 
     Attributes
     ----------
-    sentence : empty where nothing was looked for
+    sentence : of what all trials share; empty where nothing was looked for
     changes : rows of the sets named
     nothing : whether no part of the model need have changed
+    findings : what some of the trials differ from the others by
     """
 
     sentence: str = ""
     changes: tuple[CompatibleChange, ...] = ()
     nothing: bool = False
+    findings: tuple[SessionFinding, ...] = ()
 
 
 def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial]) -> Explained:
-    """Sets of changes of the model or the force that explain what trials and model differ by.
+    """Sets of causes that explain what trials and model, and the trials among themselves, differ by.
 
     Parameters
     ----------
@@ -118,127 +170,180 @@ def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial]) ->
     found = tested.store.value("compatible changes", inputs, lambda: asdict(_explain(tested, trials)))
     names = [f.name for f in fields(CompatibleChange)]
     changes = tuple(CompatibleChange(**{name: row[name] for name in names}) for row in found["changes"])
-    return Explained(found["sentence"], changes, found["nothing"])
+    findings = tuple(SessionFinding(**row) for row in found["findings"])
+    return Explained(found["sentence"], changes, found["nothing"], findings)
 
 
 def _chosen(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
-    """A few trials, the one that stands for all first."""
+    """The trial that stands for all, then the others; so many, evenly chosen, where there are more."""
     first = representative(list(sound))
-    others = chosen_trials([m for m in sound if m is not first], most=MOST_TRIALS - 1)
-    return [first, *others]
+    others = [m for m in sound if m is not first]
+    return [first, *chosen_trials(others, most=MOST_TRIALS - 1)]
 
 
 def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial]) -> Explained:
-    listed = candidates(tested.action, trials[0])
+    listed = sources(tested.action, trials[0])
     responses = Responses(tested, trials, listed)
-    (each,) = responses.differences([Point()])
+    each = responses.base
     if each is None or _small(trials, each):
         return Explained()
-    nothing = Followed((), np.zeros(0), each.mean(axis=0), each, np.zeros((each.shape[1], 0)))
+    nothing = Followed((), np.zeros(0), each, np.zeros((each.shape[1], 0)))
 
-    def around(at: Followed, before: Search | None) -> Search:
-        return linearised(tested, responses, (nothing, at), before)
+    def around(start: Followed, at: Followed, before: Search | None, asked: int) -> Search:
+        return linearised(tested, responses, (start, at), before, asked)
 
-    numbers = sorted(t.number for t in trials)
-    where = f"trial{'' if len(numbers) == 1 else 's'} {', '.join(map(str, numbers))}"
-    return decide(around, nothing, where)
+    return decide(around, nothing, [t.number for t in trials])
 
 
 def _small(trials: Sequence[ObservedTrial], each: Array) -> bool:
+    """Whether the mean difference, and what the trials differ by, are both too small to be looked at."""
     extent = np.repeat(np.ptp(trials[0].change_rad, axis=0), trials[0].time_s.size)
-    return bool(np.any(extent == 0.0) or np.sqrt(np.mean((each.mean(axis=0) / extent) ** 2)) < SMALLEST_DIFFERENCE)
+    if np.any(extent == 0.0):
+        return True
+    mean = each.mean(axis=0)
+    apart = np.sqrt(np.mean(((each - mean) / extent) ** 2, axis=1)).max() if len(each) >= FEWEST_TOLD_APART else 0.0
+    return bool(max(apart, np.sqrt(np.mean((mean / extent) ** 2))) < SMALLEST_DIFFERENCE)
 
 
 def linearised(
-    tested: ModelUnderTest, responses: Responses, points: tuple[Followed, Followed], before: Search | None
+    tested: ModelUnderTest,
+    responses: Responses,
+    points: tuple[Followed, Followed],
+    before: Search | None,
+    asked: int,
 ) -> Search:
     """Derivatives of everything around a set, and the noise they make up there.
 
     Parameters
     ----------
     tested, responses : what runs
-    points : the model as it is, and the set
+    points : what is taken for granted, and the set
     before : Search or None
         That around another set: derivatives are found again of what is noise there; others, and what the force's noise
-        does, are kept.
+        does, are kept. Around the same set all are.
+    asked : `MEAN` or `BETWEEN`
     """
-    (nothing, at), listed, trials = points, responses.listed, responses.trials
-    wanted = range(len(listed)) if before is None else before.noise
-    found = responses.columns([(at.point, j) for j in wanted], len(wanted) * [at.each])
+    (start, at), listed, trials = points, responses.listed, responses.trials
+    wanted = list(range(len(listed)))
+    if before is not None:
+        wanted = [] if before.around is at else before.noise
     columns = np.zeros((at.each.shape[1], len(listed))) if before is None else before.columns.copy()
-    columns[:, list(wanted)] = np.column_stack(found)
-    laws = np.array([c.law for c in listed])
+    found = responses.columns([(at.point, 0, j) for j in wanted], len(wanted) * [at.each])
+    for j, column in zip(wanted, found, strict=True):
+        columns[:, j] = column
+    if before is not None and not wanted:
+        before.evidence.settle()
+        return Search(responses, before.evidence, (start, at), (columns, before.force), asked)
+    laws, scatter = np.array([s.law for s in listed]), np.array([s.scatter for s in listed])
     shaped = np.moveaxis(columns.reshape(len(ENCODERS), -1, len(listed)), 0, 1)
     force = responses.force_columns(at.point, at.each) if before is None else before.force
     (block,) = make_blocks(trials[:1], [shaped], [force], laws)
-    evidence = Evidence(block, laws, known_root(tested.action, listed), contrasts(at.each))
-    return Search(responses, evidence, nothing, (columns, force))
+    evidence = Evidence(block, scatter, known_root(tested.action, listed), at.each)
+    return Search(responses, evidence, (start, at), (columns, force), asked)
 
 
-def contrasts(each: Array) -> Array:
-    """Orthonormal contrasts (trials - 1, n) of the rows (Helmert): what the trials differ by among themselves."""
-    out = []
-    for k in range(1, len(each)):
-        out.append((each[:k].sum(axis=0) - k * each[k]) / math.sqrt(k * (k + 1)))
-    return np.array(out).reshape(len(out), each.shape[1])
+@dataclass(frozen=True)
+class Answer:
+    """What one part of the search found.
+
+    Attributes
+    ----------
+    near : sets named, with their log odds; none where nothing need be sought or nothing explains it
+    search : the last one
+    nothing : whether nothing need be sought
+    """
+
+    near: tuple[tuple[Followed, float], ...]
+    search: Search
+    nothing: bool = False
 
 
-def decide(around: Callable[[Followed, Search | None], Search], nothing: Followed, where: str) -> Explained:
+Around = Callable[[Followed, Followed, Search | None, int], Search]
+
+
+def decide(around: Around, nothing: Followed, numbers: Sequence[int]) -> Explained:
     """Which sets are named.
 
     Parameters
     ----------
     around : callable
-        Given a set and the last search, the search with derivatives and noise found around the set.
+        Given what is taken for granted, a set, the last search and what is asked: the search with derivatives and noise
+        found around the set.
     nothing : Followed
         The model as it is.
-    where : which trials, in words
+    numbers : of the trials
     """
-    margin, search = math.log(ODDS), around(nothing, None)
-    sets = {0: [nothing]}
+    where = f"trial{'' if len(numbers) == 1 else 's'} {', '.join(map(str, sorted(numbers)))}"
+    told = Answer((), around(nothing, nothing, None, BETWEEN), nothing=True)
+    if len(numbers) >= FEWEST_TOLD_APART:
+        told = _answer(around, told.search, MOST_APART)
+    apart = [row for n, (one, odds) in enumerate(told.near, 1) for row in _rows(told.search, n, one, odds)]
+    found = findings_of(apart, where)
+    granted = told.near[0][0] if told.near else nothing
+    shared = _answer(around, around(granted, granted, told.search, MEAN), MOST_LAWS)
+    rows = [
+        row
+        for n, (one, odds) in enumerate(shared.near)
+        for row in _rows(shared.search, len(told.near) + n + 1, one, odds)
+    ]
+    sentence = _sentence(rows, where, shared.nothing)
+    if apart:
+        sentence = BESIDE + sentence.replace(ABOUT, MODEL)
+    elif not told.nothing:  # they differ, and nothing that was tried says why
+        sentence = sentence.replace(ABOUT, MODEL)
+    if len(numbers) < FEWEST_TOLD_APART:
+        sentence = sentence.replace(ABOUT, MODEL) + "; a fault of single trials was not looked for in fewer than four"
+    return Explained(sentence, (*apart, *rows), shared.nothing and not apart, found)
+
+
+def _answer(around: Around, search: Search, most: int) -> Answer:
+    """The sets that explain what is asked, up to so many changes."""
+    margin, start, asked = math.log(ODDS), search.start, search.asked
+    least = math.log(SURE) if asked == BETWEEN else margin
+    sets = {0: [start]}
     best, lacks, scores = _weighed(search, sets)
-    for size in range(1, MOST_LAWS + 1):
-        if search.promised(best) < margin:
+    for size in range(1, most + 1):
+        if search.promised(best) < (LOOK if asked == BETWEEN and not best.members else margin):
             break
         sets[size] = search.of_size(size, best)
         best, lacks, scores = _weighed(search, sets)
-        if len(best.members) > 1:  # found together with what it does not need
+        if len(search.own(best.members)) > 1:  # found together with what it does not need
             sets[size - 1] = _one_each([*sets[size - 1], *search.subsets(best)], search)
             best, lacks, scores = _weighed(search, sets)
-        if size == MOST_LAWS and search.promised(best) > FAR * margin:
+        if asked == BETWEEN and search.left(best) < ENOUGH:
             break
-        if best.members:  # what is known, and the sizes of the changes, look otherwise from there
-            search = around(best, search)
+        if size == most and search.promised(best) > FAR * margin:
+            break
+        if search.own(best.members):  # what is known, and the sizes of the changes, look otherwise from there
+            search = around(start, best, search, asked)
             best, lacks, scores = _weighed(search, sets)
     top = max(max(found) for found in scores.values())
-    if search.promised(best) >= margin:
-        lacks = math.inf  # more than three would be named
-    if best.members and not search.fits(best):
+    if search.promised(best) >= margin and (asked == MEAN or len(search.own(best.members)) == most):
+        lacks = math.inf  # more would be named
+    if search.own(best.members) and not (search.fits(best) or (asked == BETWEEN and search.left(best) < ENOUGH)):
         lacks = math.inf  # the best of bad ones
     if lacks > top + margin:
-        return Explained(
-            f"{ABOUT}no part of the model explains the difference of {where} until the key is let go, alone or up to "
-            f"{MOST_LAWS} together: the cause is an effect the model does not have, or more changes than that"
-        )
-    size = next(n for n, found in sorted(scores.items()) if max(found) >= top - margin)
+        return Answer((), search)
+    size = next(n for n, found in sorted(scores.items()) if max(found) >= top - (margin if n else least))
     if size == 0:
-        return Explained(
-            f"{ABOUT}until the key is let go, {where} and model differ by no more than force, sensors and stated "
-            "uncertainties of the parameters may: no part of the model need have changed",
-            nothing=True,
-        )
-    most = max(scores[size])
-    near = [s for score, s in zip(scores[size], sets[size], strict=True) if score >= most - margin]
-    if size < MOST_LAWS:  # a larger set that holds none of these is no less compatible for being larger
+        return Answer((), search, nothing=True)
+    best_of = max(scores[size])
+    near = [s for score, s in zip(scores[size], sets[size], strict=True) if score >= best_of - margin]
+    if asked == BETWEEN:
+        near = [s for s in near if np.all(np.abs(s.z[[j not in start.members for j in s.members]]) > SMALLEST_CHANGE)]
+        if not near:
+            return Answer((), search, nothing=True)
+    if size < most:  # a larger set that holds none of these is no less compatible for being larger
         near += search.without(size + 1, [s.members for s in near])
-    plain = [search.evidence.log_evidence(s.linear, s.columns) for s in near]
-    most = max(score for score, s in zip(plain, near, strict=True) if len(s.members) == size)
-    kept = sorted(
-        ((score, s) for score, s in zip(plain, near, strict=True) if score >= most - margin or len(s.members) == size),
-        key=lambda pair: (len(pair[1].members), -pair[0]),
+    plain = [search.log_evidence(s, chosen=False) for s in near]
+    smallest = len(start.members) + size
+    best_of = max(score for score, s in zip(plain, near, strict=True) if len(s.members) == smallest)
+    kept = (
+        (s, score - best_of)
+        for score, s in zip(plain, near, strict=True)
+        if score >= best_of - margin or len(s.members) == smallest
     )
-    rows = [row for n, (score, s) in enumerate(kept) for row in _rows(search, n + 1, s, score - most)]
-    return Explained(ABOUT + _sentence(rows, where), tuple(rows))
+    return Answer(tuple(sorted(kept, key=lambda pair: (len(pair[0].members), -pair[1]))), search)
 
 
 def _one_each(found: Sequence[Followed], search: Search) -> list[Followed]:
@@ -254,37 +359,94 @@ def _weighed(search: Search, sets: Mapping[int, Sequence[Followed]]) -> tuple[Fo
     scores = {n: [search.log_evidence(s) for s in found] for n, found in sets.items()}
     every = [(score, s) for n, found in sets.items() for score, s in zip(scores[n], found, strict=True)]
     best = max(every, key=lambda pair: pair[0])[1]
-    lacks = max(search.log_evidence(s, lacking=True) for _, s in every)
-    return best, lacks, scores
+    if search.asked == BETWEEN:  # what the model lacks is in all trials
+        return best, -math.inf, scores
+    return best, max(search.log_evidence(s, lacking=True) for _, s in every), scores
 
 
 def _rows(search: Search, number: int, one: Followed, log_odds: float) -> list[CompatibleChange]:
-    z, covariance = search.evidence.amounts(one.linear, one.columns)
-    left = float(np.sum(one.difference**2) / np.sum(search.nothing.difference**2))
-    out = []
+    """The changes of a set beside what is taken for granted."""
+    z, covariance = search.evidence.amounts(*search.linear(one), one.z, search.asked)
+    out, own, left = [], search.own(one.members), search.left(one)
     for j, at, u in zip(one.members, z, np.sqrt(np.diag(covariance)), strict=True):
-        c = search.responses.listed[j]
-        amount = math.exp(c.wrong * at) if c.unit == "1" else c.wrong * float(at)
-        out.append(
-            CompatibleChange(
-                number, len(one.members), c.name, float(amount), float(c.wrong * u), c.unit, log_odds, left
-            )
-        )
+        if j not in own:
+            continue
+        c = search.responses.candidates[j]
+        s = search.responses.listed[c.source]
+        change = CompatibleChange(
+            number, len(own), s.name, s.at(1.0 if s.unit == "1" else 0.0, float(at)), float(s.wrong * u), s.unit,
+            log_odds, left,
+        )  # fmt: skip
+        out.append(replace(change, profile=c.profile, first=c.first, last=c.last))
     return out
 
 
-def _sentence(rows: Sequence[CompatibleChange], where: str) -> str:
+def _sets(rows: Sequence[CompatibleChange]) -> list[list[CompatibleChange]]:
     listed: dict[int, list[CompatibleChange]] = {}
     for row in rows:
         listed.setdefault(row.set, []).append(row)
-    sets = list(listed.values())
+    return list(listed.values())
+
+
+def _in_words(sets: Sequence[Sequence[CompatibleChange]]) -> str:
     words = "; ".join(" with ".join(change.words for change in one) for one in sets[:MOST_NAMED])
-    more = f"; and {len(sets) - MOST_NAMED} more (table compatible_changes)" if len(sets) > MOST_NAMED else ""
+    return words + (f"; and {len(sets) - MOST_NAMED} more (table compatible_changes)" if len(sets) > MOST_NAMED else "")
+
+
+def findings_of(rows: Sequence[CompatibleChange], where: str) -> tuple[SessionFinding, ...]:
+    """What is found where some trials differ from the others: one finding for each change of the only set, else one."""
+    sets = _sets(rows)
+    if not sets:
+        return ()
+    tried = f"tried were {TRIED}, each in one trial, from one on, or as a drift"
+    if len(sets) > 1:
+        size = "" if max(map(len, sets)) == 1 else "sets of "
+        text = (
+            f"each of these {size}changes explains what {where} differ by among themselves, and the trials cannot tell "
+            f"them apart: {_in_words(sets)}; {tried}"
+        )
+        return (_finding(rows, text),)
+    (one,) = sets
+    beside = "" if len(one) == 1 else ", with the other,"
+    what = "and no other cause that was tried does"
+    return tuple(
+        _finding([row], f"{row.words}: this{beside} explains what {where} differ by among themselves, {what}; {tried}")
+        for row in one
+    )
+
+
+def _finding(rows: Sequence[CompatibleChange], text: str) -> SessionFinding:
+    """A finding that is named for what all rows have in common."""
+    kinds = {FINDINGS.get(row.cause, "") for row in rows}
+    profiles, first = {row.profile for row in rows}, {row.first for row in rows}
+    named = len(kinds) == 1 and kinds != {""}
+    kind = kinds.pop() if named else "outlying residual" if profiles == {ONE} else "changed condition"
+    trial = float(first.pop()) if len(first) == 1 and TREND not in profiles else math.nan
+    channel = rows[0].cause.split()[0] if named else ""
+    return SessionFinding(kind, trial, channel, rows[0].change, 1.0 if rows[0].unit == "1" else 0.0, text)
+
+
+def _sentence(rows: Sequence[CompatibleChange], where: str, nothing: bool) -> str:
+    """What is said of what all trials share."""
+    sets = _sets(rows)
     what = f"the difference of {where} until the key is let go"
-    caution = "sizes hold if all else is as stated; an effect the model does not have may look like it"
+    if nothing:
+        return (
+            f"until the key is let go, {where} and model differ by no more than force, sensors and stated "
+            "uncertainties of the parameters may: no part of the model need have changed"
+        )
+    tried = f"tried were {TRIED}, in all trials"
+    if not sets:
+        return (
+            f"none of the causes that were tried explains {what}, alone or up to {MOST_LAWS} together: no part of the "
+            f"model and no fault of the session does; {tried}"
+        )
+    of_session = {row.of_session for row in rows}
+    about = EITHER if len(of_session) == 2 else SESSION if of_session == {True} else ABOUT
     size, largest = len(sets[0]), len(sets[-1])
+    caution = f"sizes hold if all else is as stated; an effect the model does not have may look like it; {tried}"
     if len(sets) == 1:
         head = "this change explains" if size == 1 else f"these {size} changes together explain"
-        return f"{head} {what}, and no other that was tried does: {words}; {caution}"
+        return f"{about}{head} {what}, and no other that was tried does: {_in_words(sets)}; {caution}"
     each = "each of these changes alone" if largest == 1 else "each of these sets of changes"
-    return f"{each} explains {what}; the trials cannot tell them apart: {words}{more}; {caution}"
+    return f"{about}{each} explains {what}; the trials cannot tell them apart: {_in_words(sets)}; {caution}"

@@ -1,20 +1,25 @@
-"""What the model does in each trial where some candidates are changed: runs side by side, under a force of few points.
+"""What may be wrong, in which trials, and what the model does then: runs side by side, under a force of few points.
 
 Conventions: differences are measured less predicted, channel after channel, (3 m,) rad, at phases that the trials
-share. Derivatives are differences of runs of one trial, which stands for the others: strokes of one kind.
+share. Derivatives are differences of runs of one trial, which stands for the others: strokes of one kind. What is wrong
+with a channel is its error: a force gain of 0.9 reads 0.9 of the force that acted beside the preload, which is
+declared and not read; a level of 0.1 N is a preload declared 0.1 N too large.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import model
 from model.errors import ModelError
-from validation.conventions import ENCODER_BODIES, Array
+from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
 from validation.identification.blocks import rows
 from validation.identification.force_runs import SEGMENTS, noise_knots, slow_noise_n
 from validation.identification.observations import ObservedTrial
@@ -37,23 +42,38 @@ MASS_WRONG, LENGTH_WRONG_M = 0.1, 1e-3
 GAIN_WRONG, LEVEL_WRONG_N, DELAY_WRONG_S = 0.05, 0.1, 1e-3
 LAWS = (".friction.A", ".joint_friction.A", ".normal.D", ".torque", ".stiffness")
 MASSES = (".mass", ".inertia")
-STEP, LENGTH_STEP = 0.33, 0.1  # of ``wrong``, for differences
+STEP_SIZE, SMALL_STEP = 0.33, 0.1  # of ``wrong``, for differences
+
+
+# from trial to trial, in units of ``wrong``: 2 % of a law, 0.3 % of the force (a bench's blows), 0.01 N, 0.05 ms,
+# 0.1 % of a scale, 0.01 mm
+LAW_SCATTER, GAIN_SCATTER, LEVEL_SCATTER, DELAY_SCATTER = 0.07, 0.06, 0.1, 0.05
+SCALE_SCATTER, LENGTH_SCATTER = 0.02, 0.01
+CLOCK = "clock rate"
+ENCODER_SCALES = tuple(f"{name} encoder scale" for name in ENCODER_CHANNELS)
+SESSION_ERRORS = (FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, CLOCK, *ENCODER_SCALES)
+CLOCK_WRONG = 0.01
+SCALE_WRONG = 0.05
+ALL, ONE, TREND, STEP = "all", "one", "trend", "step"
+FEWEST_TOLD_APART = 4  # trials, below which one trial cannot be told from a change between two of them
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Source:
     """One thing that may be wrong.
 
     Attributes
     ----------
-    name : of a parameter, felt, or error of the force
+    name : of a parameter, a felt, or an error of the session
     unit : SI unit of what is added; 1 means a factor
-    paths : parameters of the action that move together; none for the force
+    paths : parameters of the action that move together; none for an error of the session
     wrong : how far off it may be, as a logarithm where ``unit`` is 1
     known : its stated standard uncertainty, in units of ``wrong``
-    law : whether it scatters from trial to trial
+    law : whether it is a law: all together say what the model can do
     named : whether it may be named; else it is only taken out
     step : for differences, in units of ``wrong``
+    scatter : from trial to trial, standard deviation in units of ``wrong``
+    profiles : in which trials it may be wrong
     """
 
     name: str
@@ -63,7 +83,9 @@ class Candidate:
     known: float
     law: bool = False
     named: bool = True
-    step: float = STEP
+    step: float = STEP_SIZE
+    scatter: float = 0.0
+    profiles: tuple[str, ...] = (ALL,)
 
     def values(self, action: model.Action, z: float) -> dict[str, float]:
         """Values of its paths at ``z``."""
@@ -73,20 +95,68 @@ class Candidate:
         """A value changed by ``z``."""
         return value * math.exp(self.wrong * z) if self.unit == "1" else value + self.wrong * z
 
+    @property
+    def of_session(self) -> bool:
+        """Whether it is an error of the session's channels or its clock."""
+        return self.name in SESSION_ERRORS
 
-def candidates(action: model.Action, trial: ObservedTrial) -> tuple[Candidate, ...]:
-    """Everything that may be wrong: the force of a trial first, then the action's values.
+    @property
+    def encoder(self) -> int:
+        """Channel whose scale it is; -1 for all else."""
+        return ENCODER_SCALES.index(self.name) if self.name in ENCODER_SCALES else -1
 
-    Conventions: amounts are in units of `Candidate.wrong`: a factor exp(wrong z), or wrong z added in SI. What is known
+
+@dataclass(frozen=True)
+class Candidate:
+    """One thing that may be wrong in some trials.
+
+    Attributes
+    ----------
+    source : its index
+    profile : ``all`` trials, ``one``, a ``trend`` that grows evenly from the first trial on, a ``step`` at one trial
+    weights : (trials,) share of the amount that each trial has
+    first, last : numbers of the first and last trial that has it
+    rarity : negative logarithm of the share of what may be wrong that it has beforehand
+    """
+
+    source: int
+    profile: str
+    weights: tuple[float, ...]
+    first: int
+    last: int
+    rarity: float
+
+    @property
+    def seen_in(self) -> int:
+        """Index of the trial that has most of it."""
+        return int(np.argmax(np.abs(self.weights)))
+
+
+def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
+    """Everything that may be wrong: the channels of the session first, then the action's values.
+
+    Conventions: amounts are in units of `Source.wrong`: a factor exp(wrong z), or wrong z added in SI. What is known
     of a value (its stated u, or the joint uncertainty of an identified action) is taken out of every comparison;
     ``wrong`` is how far off a value may be that is not what it is said to be: 30 % of a law, as in `unknowns.priors`,
-    10 % of a mass, a millimetre of a length, and of the force 5 %, 0.1 N and 1 ms.
+    10 % of a mass, a millimetre of a length, of the force 5 %, 0.1 N and 1 ms, 5 % of an encoder's scale and 1 % of
+    the rate of the clock. The force may be wrong in one trial, drift or jump; laws drift or jump; where a contact is or
+    the force acts jumps, as a scale does; the clock's rate, masses, pivots and centres of mass are what they are.
     """
+    every, lasting = (ALL, ONE, TREND, STEP), (ALL, STEP)
+    gain, level, delay = math.log1p(trial.u_gain) / GAIN_WRONG, trial.u_preload_n / LEVEL_WRONG_N, trial.u_delay_s
     found = [
-        Candidate(FORCE_GAIN, "1", (), GAIN_WRONG, math.log1p(trial.u_gain) / GAIN_WRONG),
-        Candidate(FORCE_LEVEL, "N", (), LEVEL_WRONG_N, trial.u_preload_n / LEVEL_WRONG_N),
-        Candidate(FORCE_DELAY, "s", (), DELAY_WRONG_S, trial.u_delay_s / DELAY_WRONG_S, step=LENGTH_STEP),
-    ]
+        Source(FORCE_GAIN, "1", (), GAIN_WRONG, gain, scatter=GAIN_SCATTER, profiles=every),
+        Source(FORCE_LEVEL, "N", (), LEVEL_WRONG_N, level, scatter=LEVEL_SCATTER, profiles=every),
+        Source(
+            FORCE_DELAY, "s", (), DELAY_WRONG_S, delay / DELAY_WRONG_S,
+            step=SMALL_STEP, scatter=DELAY_SCATTER, profiles=every,
+        ),
+        Source(CLOCK, "1", (), CLOCK_WRONG, 0.0),
+        *(
+            Source(name, "1", (), SCALE_WRONG, 0.0, scatter=SCALE_SCATTER, profiles=(ALL, ONE, STEP))
+            for name in ENCODER_SCALES
+        ),
+    ]  # fmt: skip
     quantities = model.quantities_of(action)
     for name, paths in sorted(single_names(action).items()):
         lead = lead_of(quantities, paths)
@@ -94,18 +164,63 @@ def candidates(action: model.Action, trial: ObservedTrial) -> tuple[Candidate, .
         law = len(paths) > 1 or name.endswith(LAWS)
         if law or name.endswith(MASSES):
             wrong = LAW_U if law else MASS_WRONG
-            found.append(Candidate(name, "1", paths, wrong, relative / wrong, law))
+            profiles = (ALL, TREND, STEP) if law else (ALL,)
+            scatter = LAW_SCATTER if law else 0.0
+            found.append(Source(name, "1", paths, wrong, relative / wrong, law, scatter=scatter, profiles=profiles))
         elif name in THRESHOLDS:
-            found.append(Candidate(name, "1", paths, LAW_U, relative / LAW_U, named=False))
+            found.append(Source(name, "1", paths, LAW_U, relative / LAW_U, named=False))
         elif lead.unit == "m":
             wrong = LENGTH_WRONG_M
-            found.append(Candidate(name, "m", paths, wrong, lead.u / wrong, step=LENGTH_STEP))
+            known, moves = lead.u / wrong, lasting if "contact" in name or name.startswith("drive") else (ALL,)
+            found.append(
+                Source(name, "m", paths, wrong, known, step=SMALL_STEP, scatter=LENGTH_SCATTER, profiles=moves)
+            )
         elif lead.u > 0.0 and not name.endswith(NORMAL):
-            found.append(Candidate(name, lead.unit, paths, lead.u, 1.0, named=False))
+            found.append(Source(name, lead.unit, paths, lead.u, 1.0, named=False))
     return tuple(found)
 
 
-def known_root(action: model.Action, listed: Sequence[Candidate]) -> Array:
+def candidates(listed: Sequence[Source], numbers: Sequence[int]) -> tuple[Candidate, ...]:
+    """Every source that may be named, in all trials, in one, as a trend, and from one trial on.
+
+    Half of what may be wrong is so in all trials, the rest evenly a matter of one trial, a trend, a step, of the
+    session and of the model: each share is that of all candidates of the kind together. Of what may be wrong in one, a
+    step at the second trial is the first trial alone, one at the last trial that trial alone.
+
+    Parameters
+    ----------
+    listed : sources
+    numbers : of the trials, in the order of the trials
+    """
+    found: list[Candidate] = []
+    for k, source in enumerate(listed):
+        if source.named:
+            wanted = source.profiles if len(numbers) >= FEWEST_TOLD_APART else (ALL,)
+            found += [
+                Candidate(k, profile, tuple(weights), first, last, 0.0)
+                for profile in wanted
+                for weights, first, last in _profile(profile, numbers, ONE in wanted)
+            ]
+    kinds = [(c.profile, c.profile != ALL and listed[c.source].of_session) for c in found]
+    share = {kind: 0.5 / max(len(set(kinds)) - 1, 1) if kind[0] != ALL else 0.5 for kind in set(kinds)}
+    among = {kind: kinds.count(kind) * sum(share.values()) / share[kind] for kind in share}
+    return tuple(replace(c, rarity=math.log(among[kind])) for c, kind in zip(found, kinds, strict=True))
+
+
+def _profile(profile: str, numbers: Sequence[int], apart: bool) -> Iterator[tuple[NDArray[Any], int, int]]:
+    """Weights of the trials, first and last number."""
+    at, order = np.array(numbers), sorted(numbers)
+    if profile == ALL:
+        yield np.ones(at.size), order[0], order[-1]
+    elif profile == ONE:
+        yield from ((1.0 * (at == n), n, n) for n in order)
+    elif profile == TREND:
+        yield (at - order[0]) / (order[-1] - order[0]), order[0], order[-1]
+    else:
+        yield from ((1.0 * (at >= n), n, order[-1]) for n in (order[2:-1] if apart else order[1:]))
+
+
+def known_root(action: model.Action, listed: Sequence[Source]) -> Array:
     """Root (p, k) of the covariance of what is known of the candidates; correlated where the action was identified."""
     root = np.diag([c.known for c in listed])
     before = posterior_of(action)
@@ -128,11 +243,21 @@ BUMP_N = 0.2
 
 @dataclass(frozen=True)
 class Point:
-    """Where the model is run: amounts of some candidates, index -> amount; an offset, or one knot, of the force."""
+    """Where the model is run: amounts of some candidates, index -> amount."""
+
+    amounts: tuple[tuple[int, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where one trial is run: amounts of sources, index -> amount; an offset, or one knot, of the force."""
 
     amounts: tuple[tuple[int, float], ...] = ()
     offset_n: float = 0.0
     knot: int = -1
+
+
+MOST_RUN = 2  # trials with the same amounts; others are moved as these are
 
 
 class Responses:
@@ -143,90 +268,148 @@ class Responses:
     tested : ModelUnderTest
     trials : sequence of ObservedTrial
         Of one kind of stroke; the first stands for all where derivatives are found.
-    listed : sequence of Candidate
+    listed : sequence of Source
+
+    Attributes
+    ----------
+    candidates : `candidates` of the sources in these trials
     """
 
-    def __init__(self, tested: ModelUnderTest, trials: Sequence[ObservedTrial], listed: Sequence[Candidate]) -> None:
+    def __init__(self, tested: ModelUnderTest, trials: Sequence[ObservedTrial], listed: Sequence[Source]) -> None:
         self.tested, self.trials, self.listed = tested, tuple(trials), tuple(listed)
-        self.runs = 0
+        self.candidates = candidates(listed, [t.number for t in trials])
+        self.measured = np.array([rows(t.change_rad) for t in self.trials])
+
+    @cached_property
+    def base(self) -> Array | None:
+        """Differences (trials, 3 m) of the model as it is; None where one of the trials cannot be run."""
+        found = self._turns([(_Place(), t) for t in range(len(self.trials))])
+        known = [turn for turn in found if turn is not None]
+        return self.measured - np.array(known) if len(known) == len(found) else None
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
-        """Differences (trials, 3 m) at each point; None where one of the trials cannot be run there."""
-        found = self._turns([(point, trial) for point in points for trial in self.trials])
-        measured = [rows(t.change_rad) for t in self.trials]
+        """Differences (trials, 3 m) at each point; None where a trial cannot be run there.
+
+        Of trials with the same amounts two are run; the others move as these do on the average.
+        """
+        base = self.base
+        if base is None:
+            return [None] * len(points)
+        alike = [self._alike(point) for point in points]
+        asked = [(place, t) for groups in alike for place, group in groups.items() for t in group[:MOST_RUN]]
+        found = iter(self._turns([(place, t) for place, t in asked if place.amounts]))
         out: list[Array | None] = []
-        for i in range(len(points)):
-            mine = found[i * len(self.trials) : (i + 1) * len(self.trials)]
-            known = [m - turn for m, turn in zip(measured, mine, strict=True) if turn is not None]
-            out.append(np.array(known) if len(known) == len(self.trials) else None)
+        for groups in alike:
+            each: Array | None = base.copy()
+            for place, group in groups.items():
+                turns = [next(found) for _ in group[:MOST_RUN]] if place.amounts else []
+                if any(turn is None for turn in turns):
+                    each = None
+                elif turns and each is not None:
+                    run = group[:MOST_RUN]
+                    each[run] = self.measured[run] - np.array(turns)
+                    each[group[MOST_RUN:]] += (each[run] - base[run]).mean(axis=0)
+            out.append(each)
         return out
 
-    def columns(self, asked: Sequence[tuple[Point, int]], here: Sequence[Array]) -> list[Array]:
-        """Derivative (3 m,) of the first trial at each point with respect to one candidate; zeros where none is found.
+    def columns(self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array]) -> list[Array]:
+        """Derivative (3 m,) of one trial's prediction with respect to one source; zeros where none is found.
 
-        ``here`` holds the differences (trials, 3 m) at each of the points.
+        Parameters
+        ----------
+        asked : point, index of the trial, index of the source
+        here : differences (trials, 3 m) at each of the points
         """
-        steps = [self.listed[j].step for _, j in asked]
-        points = [_moved(point, j, step) for (point, j), step in zip(asked, steps, strict=True)]
-        found = self._turns([(point, self.trials[0]) for point in points])
-        measured = rows(self.trials[0].change_rad)
-        return [
-            np.zeros(measured.size) if turn is None else (turn - (measured - at[0])) / step
-            for turn, at, step in zip(found, here, steps, strict=True)
-        ]
+        steps = [self.listed[j].step for _, _, j in asked]
+        places = [(_moved(self._place(point, t), j, step), t) for (point, t, j), step in zip(asked, steps, strict=True)]
+        scales = [self.listed[j].encoder for _, _, j in asked]
+        found = iter(self._turns([p for p, scale in zip(places, scales, strict=True) if scale < 0]))
+        out = []
+        for (_, t, j), step, scale, at in zip(asked, steps, scales, here, strict=True):
+            predicted = self.measured[t] - at[t]
+            if scale >= 0:
+                channel = np.repeat(np.arange(len(ENCODER_SCALES)), predicted.size // len(ENCODER_SCALES))
+                out.append(np.where(channel == scale, self.listed[j].wrong * predicted, 0.0))
+                continue
+            turn = next(found)
+            out.append(np.zeros(predicted.size) if turn is None else (turn - predicted) / step)
+        return out
 
     def force_columns(self, at: Point, here: Array) -> Array:
         """Changes (m, 3, 1 + n) of the first trial under one u of its own force's offset, and parts of its noise."""
-        first = self.trials[0]
-        points = [replace(at, offset_n=OFFSET_N), *(replace(at, knot=k) for k in range(1, SEGMENTS + 1))]
+        first, place = self.trials[0], self._place(at, 0)
+        places = [replace(place, offset_n=OFFSET_N), *(replace(place, knot=k) for k in range(1, SEGMENTS + 1))]
         steps = np.array([OFFSET_N, *SEGMENTS * [BUMP_N]])
-        base = rows(first.change_rad) - here[0]
-        found = self._turns([(point, first) for point in points])
+        base = self.measured[0] - here[0]
+        found = self._turns([(p, 0) for p in places])
         moved = np.column_stack([np.zeros(base.size) if turn is None else turn - base for turn in found]) / steps
         scaled = moved * np.concatenate([[first.u_offset_n], slow_noise_n(first)])
         return np.moveaxis(scaled.reshape(3, -1, scaled.shape[1]), 0, 1)
 
-    def _turns(self, asked: Sequence[tuple[Point, ObservedTrial]]) -> list[Array | None]:
-        """Turns since rest (3 m,) of each run."""
-        rests: dict[tuple[Point, float], tuple[model.Action, model.RestState] | None] = {}
-        runs = [self._run(point, trial, rests) for point, trial in asked]
-        self.runs += len(runs)
+    def _place(self, point: Point, t: int) -> _Place:
+        amounts: dict[int, float] = {}
+        for j, z in point.amounts:
+            c = self.candidates[j]
+            if c.weights[t] != 0.0:
+                amounts[c.source] = amounts.get(c.source, 0.0) + z * c.weights[t]
+        return _Place(tuple(sorted(amounts.items())))
+
+    def _alike(self, point: Point) -> dict[_Place, list[int]]:
+        """Indices of the trials by their amounts."""
+        groups: dict[_Place, list[int]] = {}
+        for t in range(len(self.trials)):
+            groups.setdefault(self._place(point, t), []).append(t)
+        return groups
+
+    def _turns(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
+        """Turns since rest (3 m,) of each run, as the encoders would read them."""
+        rests: dict[tuple[_Place, float], tuple[model.Action, model.RestState] | None] = {}
+        runs = [self._run(place, self.trials[t], rests) for place, t in asked]
 
         def turn(i: int, solution: model.Solution) -> Array:
             run = runs[i]
             assert run is not None
             change = np.asarray(solution.angle_rad, dtype=float) - np.asarray(run.rest.angle_rad)
-            return rows(change[:, ENCODER_BODIES])
+            scale = np.ones(len(ENCODER_SCALES))
+            for j, z in asked[i][0].amounts:
+                if self.listed[j].encoder >= 0:
+                    scale[self.listed[j].encoder] *= self.listed[j].at(1.0, z)
+            return rows(change[:, ENCODER_BODIES] * scale)
 
         return run_many(self.tested, runs, turn)
 
     def _run(
         self,
-        point: Point,
+        place: _Place,
         trial: ObservedTrial,
-        rests: dict[tuple[Point, float], tuple[model.Action, model.RestState] | None],
+        rests: dict[tuple[_Place, float], tuple[model.Action, model.RestState] | None],
     ) -> Run | None:
         changed: dict[str, float] = {}
-        force = {FORCE_GAIN: 1.0, FORCE_LEVEL: 0.0, FORCE_DELAY: 0.0}
-        for j, z in point.amounts:
-            candidate = self.listed[j]
-            changed |= candidate.values(self.tested.action, z)
-            if not candidate.paths:
-                force[candidate.name] = candidate.at(force[candidate.name], z)
-        gain, level = force[FORCE_GAIN], force[FORCE_LEVEL] + point.offset_n
-        key = point, trial.preload_n
+        error = {FORCE_GAIN: 1.0, FORCE_LEVEL: 0.0, FORCE_DELAY: 0.0, CLOCK: 1.0}
+        for j, z in place.amounts:
+            source = self.listed[j]
+            changed |= source.values(self.tested.action, z)
+            if source.name in error:
+                error[source.name] = source.at(error[source.name], z)
+        gain, level = error[FORCE_GAIN], error[FORCE_LEVEL] - place.offset_n
+        key = place, trial.preload_n
         if key not in rests:
-            rests[key] = self._at_rest(changed, gain * trial.preload_n + level)
+            rests[key] = self._at_rest(changed, trial.preload_n - level)
         found = rests[key]
         if found is None:
             return None
         action, rest = found
-        driven = gain * np.interp(trial.force_time_s - force[FORCE_DELAY], trial.force_time_s, trial.force_n) + level
-        if point.knot >= 0:
+        read = np.interp(trial.force_time_s + error[FORCE_DELAY], trial.force_time_s, trial.force_n)
+        driven = (read - trial.preload_n) / gain + trial.preload_n - level
+        if place.knot >= 0:
             knots = noise_knots(trial)
-            driven = driven + np.interp(trial.force_time_s, knots, BUMP_N * (np.arange(knots.size) == point.knot))
+            driven = driven + np.interp(trial.force_time_s, knots, BUMP_N * (np.arange(knots.size) == place.knot))
         table = coarse_force(trial.force_time_s, driven)
-        return Run(action, rest, *table, trial.time_s, drawn_tolerance(self.tested))
+        start, rate = trial.force_time_s[0], error[CLOCK]
+        if rate != 1.0:  # the clock reads more seconds than passed
+            table = start + (table[0] - start) / rate, table[1]
+        output = trial.time_s if rate == 1.0 else start + (trial.time_s - start) / rate
+        return Run(action, rest, *table, output, drawn_tolerance(self.tested))
 
     def _at_rest(self, changed: dict[str, float], preload_n: float) -> tuple[model.Action, model.RestState] | None:
         try:
@@ -236,8 +419,8 @@ class Responses:
             return None
 
 
-def _moved(point: Point, j: int, step: float) -> Point:
-    """The point with one candidate moved further."""
-    amounts = dict(point.amounts)
+def _moved(place: _Place, j: int, step: float) -> _Place:
+    """The place with one source moved further."""
+    amounts = dict(place.amounts)
     amounts[j] = amounts.get(j, 0.0) + step
-    return Point(tuple(sorted(amounts.items())))
+    return replace(place, amounts=tuple(sorted(amounts.items())))

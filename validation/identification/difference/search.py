@@ -7,18 +7,19 @@ weighed there. The next size is looked at only where the linear model promises m
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, islice
+from functools import cached_property
+from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import logsumexp
 
 from validation.conventions import Array
 from validation.identification.blocks import Block
-from validation.identification.difference.responses import Point, Responses
+from validation.identification.difference.responses import ALL, Point, Responses
 from validation.identification.noise import smooth
 from validation.identification.observations import ENCODERS
 
@@ -27,100 +28,177 @@ OWN = (3e-3, 1e-2, 3e-2, 1e-1)
 """Sizes of a trial's own wandering, of what all laws together could do."""
 FLOOR, LACKS = 5e-3, (2e-2, 1e-1, 5e-1)
 """Sizes of what the model lacks, of the same: where nothing is lacking, and else."""
-SCATTER = 0.07  # of a law from trial to trial, of its prior's standard uncertainty: 2 % of 30 %
 
 
-@dataclass(frozen=True)
 class _Theta:
-    """One size of the noise: of the mean, for each size of what is lacking, root of the covariance, its inverse, and
-    half the log of its determinant; log weight."""
+    """One size of the noise: covariances of a contrast between trials, and of their mean for each size of what lacks.
 
-    roots: tuple[Array, ...]
-    inverses: tuple[Array, ...]
-    half_logs: tuple[float, ...]
-    log_weight: float
+    ``part`` is `BETWEEN` for the first, 0 where nothing lacks, 1 … for each size of it. What is not asked for is not
+    computed.
+    """
+
+    def __init__(self, alone: Array, shared: Array, wander: Array, own: float, trials: int) -> None:
+        self._one, self._shared, self._wander, self._trials = alone + own**2 * wander, shared, wander, trials
+        self._roots: dict[int, Array] = {}
+        self._inverses: dict[int, Array] = {}
+
+    def root(self, part: int) -> Array:
+        """Lower triangular root of a covariance."""
+        if part not in self._roots:
+            covariance = self._one
+            if part != BETWEEN:
+                lacks = (FLOOR, *LACKS)[part] ** 2 * self._wander
+                covariance = self._one / self._trials + self._shared + lacks
+            self._roots[part] = cholesky(covariance, lower=True)
+        return self._roots[part]
+
+    def inverse(self, part: int) -> Array:
+        """Inverse of a covariance."""
+        if part not in self._inverses:
+            self._inverses[part] = np.asarray(cho_solve((self.root(part), True), np.eye(len(self._one))))
+        return self._inverses[part]
+
+    def half_log(self, part: int) -> float:
+        """Half the logarithm of a determinant."""
+        return float(np.log(np.diag(self.root(part))).sum())
+
+
+MEAN, BETWEEN = 0, -1
+"""What is asked: what all trials share, beside what they differ by; or the latter alone."""
 
 
 class Evidence:
-    """Marginal likelihood of the mean difference.
+    """Marginal likelihood of the differences of all trials.
 
-    Conventions: all trials hold the same changes, so that their mean tells of them, and how the trials differ among
-    themselves tells of the noise alone. Sizes of a trial's own wandering, its correlation time, and (for "the model
-    lacks something") of a discrepancy are not chosen but averaged over a grid, each with the weight the trials give it.
-    Laws scatter by 2 % from trial to trial. Parts of the noise: `validation.identification.noise`.
+    Conventions: differences of n trials are turned into their mean and n - 1 orthonormal contrasts, which are
+    independent. What the model lacks, and what is not known of its values, is common to all trials, and so in the mean
+    alone: the contrasts hold each trial's own noise, and what happened to some of the trials. Sizes of a trial's own
+    wandering, its correlation time, and (for "the model lacks something") of a discrepancy are not chosen but averaged
+    over a grid, each with the weight that the differences give it. Laws and channels scatter from trial to trial
+    (`Source.scatter`). Parts of the noise: `validation.identification.noise`.
 
     Parameters
     ----------
     block : Block
         The linear model of the trial that stands for all.
-    laws : (p,) bool, which of its columns are laws
+    scatter : (p,) of its columns' amounts from trial to trial
     known : (p, k) root of the covariance of what is known of its columns' amounts
-    apart : (trials - 1, 3 m) contrasts between the trials
+    each : (trials, 3 m) differences, which tell the likeliest size of the noise
     """
 
-    def __init__(self, block: Block, laws: NDArray[np.bool_], known: Array, apart: Array) -> None:
-        trials = len(apart) + 1
-        scattered = block.moved[:, laws] * SCATTER
+    def __init__(self, block: Block, scatter: Array, known: Array, each: Array) -> None:
+        apart = contrasts(each)
+        scattered = block.moved * scatter
         known_columns = block.moved @ known
         shared = known_columns @ known_columns.T + block.instrument @ block.instrument.T
         alone = np.diag(block.white) + scattered @ scattered.T + block.own @ block.own.T
-        self._thetas = []
-        for time_s in TIMES_S:
-            wander = _blockwise(block, time_s)
-            for own in OWN:
-                each = alone + own**2 * wander
-                weight = _log_density(cholesky(each, lower=True), apart)
-                means = [each / trials + shared + size**2 * wander for size in (FLOOR, *LACKS)]
-                self._thetas.append(_theta(means, weight))
-        total = logsumexp([theta.log_weight for theta in self._thetas])
-        self._weights = np.array([theta.log_weight - total for theta in self._thetas])
-        self._likeliest = int(np.argmax(self._weights))
+        wanders = [_blockwise(block, time_s) for time_s in TIMES_S]
+        self._thetas = [_Theta(alone, shared, wander, own, len(each)) for wander in wanders for own in OWN]
+        self.contrasts, self._weights = len(apart), [_log_density(theta, apart) for theta in self._thetas]
+        self.likeliest = self._thetas[0]
+        self.settle()
 
-    def log_evidence(self, linear: Array, columns: Array, lacking: bool = False) -> float:
+    def settle(self, gain: Callable[[], float] = lambda: 0.0) -> None:
+        """Take the size of the noise that is likeliest beside the best cause, as what is its gain at each size."""
+        found = []
+        for theta, weight in zip(self._thetas, self._weights, strict=True):
+            self.likeliest = theta
+            found.append(weight + max(gain(), 0.0))
+        self.likeliest = self._thetas[int(np.argmax(found))]
+
+    def log_evidence(self, linear: Array, columns: Array, z: Array, lacking: bool = False, asked: int = MEAN) -> float:
         """Log marginal likelihood of a set.
 
         Parameters
         ----------
-        linear : (3 m,) difference that the linear model at the set's values would have without the set
-        columns : (3 m, k) of the set, there
+        linear : (trials, 3 m) turned differences that the linear model at the set's values would have without the set
+        columns : (trials, 3 m, k) turned, of the set, there
+        z : (k,) amounts that were run: what the linear model promises beyond them does not count
         lacking : whether the model may lack something beside it
+        asked : `MEAN` or `BETWEEN`
         """
-        sizes = range(1, 1 + len(LACKS)) if lacking else (0,)
-        both = np.column_stack([linear, columns])
-        parts = [
-            weight - np.log(len(sizes)) + _marginal(theta, k, both)
-            for theta, weight in zip(self._thetas, self._weights, strict=True)
-            for k in sizes
-        ]
-        return float(logsumexp(parts))
+        return float(logsumexp(self._marginals(linear, columns, z, self._sizes(lacking, asked))))
 
-    def objective(self, difference: Array, z: Array) -> float:
+    @staticmethod
+    def _sizes(lacking: bool, asked: int) -> Sequence[int]:
+        return (BETWEEN,) if asked == BETWEEN else range(1, 1 + len(LACKS)) if lacking else (0,)
+
+    def _marginals(self, linear: Array, columns: Array, z: Array, sizes: Sequence[int]) -> list[float]:
+        out = []
+        for theta in range(len(self._thetas)):
+            for size in sizes:
+                gram, half_log = self._gram(theta, size, linear, columns)
+                out.append(_marginal(gram, z) - half_log - math.log(len(sizes)))
+        return out
+
+    def _gram(self, theta: int, size: int, linear: Array, columns: Array) -> tuple[Array, float]:
+        """Products (1 + k, 1 + k) of differences and columns in units of the noise; half the log of its determinant."""
+        noise, both = self._thetas[theta], np.concatenate([linear[..., None], columns], axis=-1)
+        flat = both[1:].reshape(self.contrasts, both.shape[1], -1)
+        gram = np.einsum("tik,til->kl", flat, noise.inverse(BETWEEN) @ flat)
+        half_log = self.contrasts * noise.half_log(BETWEEN)
+        if size != BETWEEN:
+            gram = gram + both[0].T @ noise.inverse(size) @ both[0]
+            half_log += noise.half_log(size)
+        return gram, half_log
+
+    def objective(self, difference: Array, z: Array, asked: int = MEAN) -> float:
         """Twice the negative log posterior of a set's amounts, at the likeliest size of the noise, but for a constant.
 
-        ``difference`` (3 m,) is that at ``z`` (k,).
+        ``difference`` (trials, 3 m), turned, is that at ``z`` (k,).
         """
-        w = self.whiten(difference)
+        w = self.whiten(difference, asked=asked)
         return float(np.sum(w * w)) + float(z @ z)
 
-    def whiten(self, columns: Array, lacking: int = 0) -> Array:
-        """Columns in units of the noise, at its likeliest size."""
-        root = self._thetas[self._likeliest].roots[lacking]
-        return np.asarray(solve_triangular(root, columns, lower=True))
+    def whiten(self, turned: Array, lacking: int = 0, asked: int = MEAN) -> Array:
+        """Turned differences (trials, 3 m) or columns (trials, 3 m, k) in units of the noise, at its likeliest size.
 
-    def amounts(self, linear: Array, columns: Array) -> tuple[Array, Array]:
+        One row for each trial and sample.
+        """
+        theta = self.likeliest
+        k = turned[..., None] if turned.ndim == 2 else turned
+        parts = [solve_triangular(theta.root(BETWEEN), row, lower=True) for row in k[1:]]
+        if asked != BETWEEN:
+            parts.insert(0, solve_triangular(theta.root(lacking), k[0], lower=True))
+        out = np.concatenate(parts) if parts else np.zeros((0, k.shape[2]))
+        return out[:, 0] if turned.ndim == 2 else out
+
+    def products(self, columns: Array, lacking: int, asked: int) -> tuple[Array, Array]:
+        """Products (p, p) of columns (3 m, p) in units of the noise of the mean, and of one contrast."""
+        theta = self.likeliest
+        x = solve_triangular(theta.root(BETWEEN), columns, lower=True)
+        if asked == BETWEEN:
+            return np.zeros((columns.shape[1], columns.shape[1])), x.T @ x
+        y = solve_triangular(theta.root(lacking), columns, lower=True)
+        return y.T @ y, x.T @ x
+
+    def amounts(self, linear: Array, columns: Array, z: Array, asked: int = MEAN) -> tuple[Array, Array]:
         """Most probable amounts (k,) of a set, and their covariance (k, k), every size of the noise weighed."""
-        parts, means, spreads = [], [], []
-        both = np.column_stack([linear, columns])
-        for theta, weight in zip(self._thetas, self._weights, strict=True):
-            gram = both.T @ theta.inverses[0] @ both
-            spread = np.linalg.inv(np.eye(columns.shape[1]) + gram[1:, 1:])
-            parts.append(weight + _marginal(theta, 0, both))
+        means, spreads = [], []
+        sizes = self._sizes(False, asked)
+        for theta in range(len(self._thetas)):
+            gram, _ = self._gram(theta, sizes[0], linear, columns)
+            spread = np.linalg.inv(np.eye(columns.shape[-1]) + gram[1:, 1:])
             means.append(spread @ gram[1:, 0])
             spreads.append(spread)
-        share = np.exp(np.array(parts) - logsumexp(parts))
+        parts = np.array(self._marginals(linear, columns, z, sizes))
+        share = np.exp(parts - logsumexp(parts))
         mean = np.einsum("t,ti->i", share, np.array(means))
         off = np.array(means) - mean
         return mean, np.einsum("t,tij->ij", share, np.array(spreads)) + np.einsum("t,ti,tj->ij", share, off, off)
+
+
+def contrasts(each: Array) -> Array:
+    """Orthonormal contrasts (trials - 1, n) of the rows (Helmert): what the trials differ by among themselves."""
+    out = []
+    for k in range(1, len(each)):
+        out.append((each[:k].sum(axis=0) - k * each[k]) / math.sqrt(k * (k + 1)))
+    return np.array(out).reshape(len(out), each.shape[1])
+
+
+def turned(each: Array) -> Array:
+    """The mean of the rows (trials, n), then their contrasts."""
+    return np.vstack([each.mean(axis=0), contrasts(each)])
 
 
 def _blockwise(block: Block, time_s: float) -> Array:
@@ -129,38 +207,35 @@ def _blockwise(block: Block, time_s: float) -> Array:
     return np.asarray(sum(root @ root.T for root in roots))
 
 
-def _log_density(root: Array, rows: Array) -> float:
-    """Log density of rows, each normal with the covariance of a root, but for a constant."""
-    if not len(rows):
-        return 0.0
-    w = solve_triangular(root, rows.T, lower=True)
-    return float(-0.5 * np.sum(w * w) - len(rows) * np.log(np.diag(root)).sum())
+def _log_density(theta: _Theta, rows: Array) -> float:
+    """Log density of contrasts, but for a constant."""
+    w = solve_triangular(theta.root(BETWEEN), rows.T, lower=True) if len(rows) else np.zeros(0)
+    return float(-0.5 * np.sum(w * w)) - len(rows) * theta.half_log(BETWEEN)
 
 
-def _theta(covariances: Sequence[Array], weight: float) -> _Theta:
-    roots = tuple(cholesky(v, lower=True) for v in covariances)
-    inverses = tuple(np.asarray(cho_solve((root, True), np.eye(len(root)))) for root in roots)
-    return _Theta(roots, inverses, tuple(float(np.log(np.diag(root)).sum()) for root in roots), weight)
-
-
-def _marginal(theta: _Theta, k: int, both: Array) -> float:
+def _marginal(gram: Array, z: Array) -> float:
     """Log density of a difference, the first column, when the others have standard normal amounts, but for a constant.
 
-    ``k`` is the size of what is lacking.
+    ``gram`` holds their products in units of the noise. What the linear model gains between the amounts that were run
+    and its own best ones counts to `UNTAKEN` only.
     """
-    gram = both.T @ theta.inverses[k] @ both
-    out = -0.5 * float(gram[0, 0]) - theta.half_logs[k]
+    out = -0.5 * float(gram[0, 0])
     if len(gram) > 1:
         inner, b = np.eye(len(gram) - 1) + gram[1:, 1:], gram[1:, 0]
-        out += 0.5 * float(b @ np.linalg.solve(inner, b)) - 0.5 * float(np.linalg.slogdet(inner)[1])
+        best = np.linalg.solve(inner, b)
+        untaken = 0.5 * float((best - z) @ inner @ (best - z))
+        out += 0.5 * float(b @ best) - 0.5 * float(np.linalg.slogdet(inner)[1]) - max(untaken - UNTAKEN, 0.0)
     return out
 
 
+UNTAKEN = 1.0
 LEAST_SHOWN = 1.5  # standard uncertainties that a value wrong by `Candidate.wrong` makes: with less it gains no odds
 LEAST_NOISE = 0.3  # of the same, that what is known of a value makes where its derivative is found again
 FOLLOWED = 6  # sets from each ranking
+ALIKE = 2
 BRANCHES = 12  # candidates that larger sets are made of
 ROUNDS = 4
+PAIRED = 60  # candidates, the best alone, whose pairs are looked at
 CLOSE = 0.1  # of a posterior u: a step below it is the last
 TOO_MUCH = 4.0  # standard deviations of the sum of squares
 FURTHEST = 3.0  # of how far off a value may be
@@ -175,21 +250,19 @@ class Followed:
     ----------
     members : candidates, by index
     z : (k,) amounts
-    difference : (3 m,) mean over the trials there
-    each : (trials, 3 m) of every trial
-    columns : (3 m, k) derivatives of the predicted curve there
+    each : (trials, 3 m) differences there
+    columns : (3 m, k) derivatives of the predicted curve with respect to each member's source there
     """
 
     members: tuple[int, ...]
     z: Array
-    difference: Array
     each: Array
     columns: Array
 
-    @property
-    def linear(self) -> Array:
-        """The difference that the linear model here has without the set."""
-        return self.difference + self.columns @ self.z
+    @cached_property
+    def turned(self) -> Array:
+        """Mean and contrasts (trials, 3 m) of the differences."""
+        return turned(self.each)
 
     @property
     def point(self) -> Point:
@@ -198,48 +271,96 @@ class Followed:
 
 
 class Search:
-    """Followed sets of one session.
+    """Followed sets of one session, of one part of the question.
 
     Parameters
     ----------
     responses : Responses
     evidence : Evidence
-    nothing : Followed
-        The model as it is.
-    derivatives : (3 m, p) of the predicted curve with respect to every candidate, and (m, 3, n) of the force's noise
+    points : Followed, Followed
+        What is taken for granted (the model as it is, or with what the trials differ by), which all sets hold; and the
+        set around which derivatives and noise were found.
+    derivatives : (3 m, p) of the predicted curve with respect to every source, and (m, 3, n) of the force's noise
+    asked : `MEAN` or `BETWEEN`
 
     Attributes
     ----------
-    noise : candidates that are not known well enough, or scatter too much, to be left out of the noise
+    noise : sources that are not known well enough, or scatter too much, to be left out of the noise
     named : candidates that may be named, and would show
     """
 
     def __init__(
-        self, responses: Responses, evidence: Evidence, nothing: Followed, derivatives: tuple[Array, Array]
+        self,
+        responses: Responses,
+        evidence: Evidence,
+        points: tuple[Followed, Followed],
+        derivatives: tuple[Array, Array],
+        asked: int = MEAN,
     ) -> None:
-        self.responses, self.evidence, self.nothing = responses, evidence, nothing
+        self.responses, self.evidence, self.asked = responses, evidence, asked
+        self.start, self.around = points
+        self._told: dict[int, Array] = {}
         self.columns, self.force = derivatives
-        shows = np.sqrt((evidence.whiten(self.columns) ** 2).sum(axis=0))
-        known = np.array([max(c.known, SCATTER) if c.law else c.known for c in responses.listed])
-        self.noise = [int(j) for j in np.flatnonzero(shows * known > LEAST_NOISE)]
-        self.named = [j for j, c in enumerate(responses.listed) if c.named and shows[j] > LEAST_SHOWN]
+        listed = responses.listed
+        mean, between = evidence.products(self.columns, 0, MEAN)
+        known = np.array([max(s.known, s.scatter) for s in listed])
+        self.noise = [int(j) for j in np.flatnonzero(np.sqrt(np.diag(mean)) * known > LEAST_NOISE)]
+        self._weights = turned(np.array([c.weights for c in responses.candidates]).T)
+        own = np.array([c.source for c in responses.candidates])
+        shows = np.diag(between)[own] * np.sum(self._weights[1:] ** 2, axis=0)
+        if asked != BETWEEN:
+            shows = shows + np.diag(mean)[own] * self._weights[0] ** 2
+        wanted = np.array([(c.profile == ALL) == (asked == MEAN) for c in responses.candidates])
+        self.named = [int(j) for j in np.flatnonzero(wanted & (np.sqrt(shows) > LEAST_SHOWN))]
+        if asked == BETWEEN and self.named:
+            evidence.settle(lambda: self._best_gain(self.around))
 
     def of_size(self, size: int, best: Followed) -> list[Followed]:
         """The likeliest sets of a size, followed; ``best`` is the best set found so far."""
-        starts = [(self.nothing, k) for k in (0, 2, 3)] if size == 1 else [(self.nothing, 0), (best, 0)]
+        lacks = (0,) if self.asked == BETWEEN else (0, 2, 3)
+        if self.asked == BETWEEN and not self._told:
+            self._tell()
+        starts = [(self.start, k) for k in lacks] if size == 1 else [(self.start, 0), (best, 0)]
         wanted: dict[tuple[int, ...], Followed] = {}
         for start, lacking in starts:
-            for members in self._ranked(size, start, lacking)[:FOLLOWED]:
+            ranked = self._ranked(size, start, lacking)
+            for members in ranked[:FOLLOWED] if self.asked == MEAN else self._unlike(ranked):
                 wanted.setdefault(members, self._started(members, start))
         return self._follow(list(wanted.values()))
 
+    def _tell(self) -> None:
+        """Find derivatives of faults of the session anew, each in a trial that would have it.
+
+        What a stroke answers to its force after the blow may be the opposite of what another one does.
+        """
+        listed, at = self.responses.candidates, self.around
+        ours = [j for j in self.named if self.responses.listed[listed[j].source].of_session]
+        asked = [(at.point, listed[j].seen_in, listed[j].source) for j in ours]
+        self._told = dict(zip(ours, self.responses.columns(asked, len(ours) * [at.each]), strict=True))
+        self.evidence.settle(lambda: self._best_gain(at))
+
+    def _unlike(self, ranked: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+        """The best sets, `ALIKE` of the same sources at most; and twice as many of faults of the session alone."""
+        counts: dict[tuple[int, ...], int] = {}
+        kept: list[tuple[int, ...]] = []
+        ours: list[tuple[int, ...]] = []
+        for members in ranked:
+            own = tuple(sorted(self.responses.candidates[j].source for j in self.own(members)))
+            counts[own] = counts.get(own, 0) + 1
+            if all(self.responses.listed[k].of_session for k in own):
+                ours.append(members)
+            elif counts[own] <= ALIKE:
+                kept.append(members)
+        return kept[:FOLLOWED] + ours[: 2 * FOLLOWED]
+
     def subsets(self, best: Followed) -> list[Followed]:
         """The sets that a set leaves when one change is taken out, followed from where it is."""
-        kept = [[i for i in range(len(best.members)) if i != out] for out in range(len(best.members))]
+        free = [i for i, j in enumerate(best.members) if j not in self.start.members]
+        kept = [[i for i in range(len(best.members)) if i != out] for out in free]
         parts = [replace(best, members=tuple(best.members[i] for i in k), z=best.z[k]) for k in kept]
         found = self.responses.differences([part.point for part in parts])
         started = [
-            replace(part, each=each, difference=each.mean(axis=0), columns=best.columns[:, k])
+            replace(part, each=each, columns=best.columns[:, k])
             for part, k, each in zip(parts, kept, found, strict=True)
             if each is not None
         ]
@@ -247,58 +368,110 @@ class Search:
 
     def fits(self, one: Followed) -> bool:
         """Whether what is left with a set is noise: its squares are no more than so much noise has."""
-        n = one.difference.size
-        return self.evidence.objective(one.difference, one.z) < n + TOO_MUCH * float(np.sqrt(2.0 * n))
+        rows = one.turned[1:] if self.asked == BETWEEN else one.turned[:1]
+        w = self.evidence.objective(one.turned, one.z, self.asked)
+        if self.asked == MEAN:
+            w -= self.evidence.objective(one.turned, 0.0 * one.z, BETWEEN)
+        return w < rows.size + TOO_MUCH * float(np.sqrt(2.0 * rows.size))
+
+    def left(self, one: Followed) -> float:
+        """Share of the squared difference that is left with a set: of the mean, or of what the trials differ by."""
+        asked = slice(1, None) if self.asked == BETWEEN else slice(0, 1)
+        return float(np.sum(one.turned[asked] ** 2) / np.sum(self.start.turned[asked] ** 2))
 
     def without(self, size: int, named: Sequence[tuple[int, ...]]) -> list[Followed]:
         """The likeliest sets of a size that hold none of the sets named, followed."""
         wanted: dict[tuple[int, ...], Followed] = {}
-        for lacking in (0, 2):
-            free = (s for s in self._ranked(size, self.nothing, lacking) if not any(set(n) <= set(s) for n in named))
-            for members in islice(free, FOLLOWED):
-                wanted.setdefault(members, self._started(members, self.nothing))
+        for lacking in (0,) if self.asked == BETWEEN else (0, 2):
+            ranked = self._ranked(size, self.start, lacking)
+            free = [s for s in ranked if not any(set(self.own(n)) <= set(s) for n in named)]
+            for members in free[:FOLLOWED]:
+                wanted.setdefault(members, self._started(members, self.start))
         return self._follow(list(wanted.values()))
+
+    def own(self, members: Sequence[int]) -> tuple[int, ...]:
+        """Members of a set without what is taken for granted."""
+        return tuple(j for j in members if j not in self.start.members)
 
     def promised(self, best: Followed) -> float:
         """Log evidence that one or two changes more gain beside a set at most, by the linear model around it."""
         gram, b = self._around(best, 0)
         rest = [j for j in self.named if j not in best.members]
-        ((_, here),) = self._scored(gram, b, [best.members])
-        pairs = self._scored(gram, b, [(*best.members, *more) for more in combinations(rest, 2)])
+        ((_, here),) = self._scored(gram, b, [best.members], 0.0)
         ones = self._scored(gram, b, [(*best.members, j) for j in rest])
-        gains = [ones[0][1] - here - self.chosen(1)] if ones else []
-        gains += [pairs[0][1] - here - self.chosen(2)] if pairs else []
-        return max(gains, default=-np.inf)
+        near = sorted({j for s, _ in ones[:PAIRED] for j in s[-1:]})
+        pairs = self._scored(gram, b, [(*best.members, *more) for more in combinations(near, 2)])
+        held = self.chosen(best.members)
+        return max((found[0][1] + held - here for found in (ones, pairs) if found), default=-np.inf)
 
-    def chosen(self, size: int) -> float:
-        """What a set of a size must gain for having been chosen among so many: log of the candidates, each time."""
-        return size * float(np.log(max(len(self.named), 1)))
+    def _best_gain(self, start: Followed) -> float:
+        """Log evidence that one change more gains beside a set at most, by the linear model around it."""
+        gram, b = self._around(start, 0)
+        ((_, here),) = self._scored(gram, b, [start.members], 0.0)
+        ones = self._scored(gram, b, [(*start.members, j) for j in self.named if j not in start.members])
+        return ones[0][1] + self.chosen(start.members) - here if ones else -np.inf
 
-    def log_evidence(self, one: Followed, lacking: bool = False) -> float:
-        """Log evidence of a set, chosen among so many; whether the model may lack something beside it."""
-        return self.evidence.log_evidence(one.linear, one.columns, lacking) - self.chosen(len(one.members))
+    def chosen(self, members: Sequence[int]) -> float:
+        """What a set must gain for having been chosen among so many."""
+        return sum(self.responses.candidates[j].rarity for j in self.own(members))
+
+    def log_evidence(self, one: Followed, lacking: bool = False, chosen: bool = True) -> float:
+        """Log evidence of a set, ``chosen`` among so many or not; whether the model may lack something beside it."""
+        linear, columns = self.linear(one)
+        found = self.evidence.log_evidence(linear, columns, one.z, lacking, self.asked)
+        return found - (self.chosen(one.members) if chosen else 0.0)
+
+    def linear(self, one: Followed) -> tuple[Array, Array]:
+        """Turned differences (trials, 3 m) that the linear model at a set has without it; its columns, turned."""
+        columns = self._weights[:, None, list(one.members)] * one.columns
+        return one.turned + columns @ one.z, columns
 
     def _around(self, start: Followed, lacking: int) -> tuple[Array, Array]:
-        """Products (p, p) of all columns around a start, and with the difference (p,), in units of the noise."""
-        columns = self.columns.copy()
-        columns[:, list(start.members)] = start.columns
-        x = self.evidence.whiten(columns, lacking)
-        return x.T @ x, x.T @ self.evidence.whiten(start.linear, lacking)
+        """Products (p, p) of all candidates around a start, and with the difference (p,), in units of the noise."""
+        told = list(self._told)
+        everything = np.hstack([self.columns, start.columns, *(self._told[j][:, None] for j in told)])
+        own = np.array([c.source for c in self.responses.candidates])
+        own[told] = self.columns.shape[1] + len(start.members) + np.arange(len(told))
+        own[list(start.members)] = self.columns.shape[1] + np.arange(len(start.members))
+        at = np.array(sorted({*self.named, *start.members}), dtype=int)
+        mean, between = self.evidence.products(everything, lacking, self.asked)
+        w, places = self._weights[:, at], np.ix_(own[at], own[at])
+        gram, right = np.zeros((own.size, own.size)), np.zeros(own.size)
+        gram[np.ix_(at, at)] = np.outer(w[0], w[0]) * mean[places] + (w[1:].T @ w[1:]) * between[places]
+        left = self.evidence.whiten(self.linear(start)[0], lacking, self.asked)
+        right[at] = np.einsum("tj,tj->j", w, self._projected(everything, left, lacking)[:, own[at]])
+        return gram, right
+
+    def _projected(self, columns: Array, left: Array, lacking: int) -> Array:
+        """Products (trials, p) of columns with differences in units of the noise; none of the mean if not asked."""
+        theta = self.evidence.likeliest
+        x = solve_triangular(theta.root(BETWEEN), columns, lower=True)
+        rows = left.reshape(-1, columns.shape[0])
+        out = rows @ x
+        if self.asked == BETWEEN:
+            return np.vstack([np.zeros(columns.shape[1]), out])
+        out[0] = rows[0] @ solve_triangular(theta.root(lacking), columns, lower=True)
+        return np.asarray(out)
 
     def _ranked(self, size: int, start: Followed, lacking: int) -> list[tuple[int, ...]]:
-        """Sets of a size, the best of the linear model around a start first."""
+        """Sets of a size, the best of the linear model around a start first, each with what is taken for granted."""
         gram, b = self._around(start, lacking)
-        pool = self.named
-        if size > 1:
-            pool = self._members(self._scored(gram, b, [(j,) for j in self.named]))
-            pool = list(dict.fromkeys([*start.members, *pool]))
+        granted = self.start.members
+        ones = self._scored(gram, b, [(*granted, j) for j in self.named])
+        if size == 1:
+            return [members for members, _ in ones]
+        near = [members[-1] for members, _ in ones]
         if size == 2:  # both of a pair may matter only together
-            every = self._scored(gram, b, list(combinations(self.named, 2)))
-            return [members for members, _ in every]
-        return [members for members, _ in self._scored(gram, b, list(combinations(sorted(pool), size)))]
+            pool = near[:PAIRED]
+        else:
+            pairs = self._scored(gram, b, [(*granted, *more) for more in combinations(near[:PAIRED], 2)])
+            pool = list(dict.fromkeys(j for members, _ in pairs for j in self.own(members)))[:BRANCHES]
+        pool = sorted({*self.own(start.members), *pool})
+        return [m for m, _ in self._scored(gram, b, [(*granted, *more) for more in combinations(pool, size)])]
 
-    @staticmethod
-    def _scored(gram: Array, b: Array, sets: Sequence[tuple[int, ...]]) -> list[tuple[tuple[int, ...], float]]:
+    def _scored(
+        self, gram: Array, b: Array, sets: Sequence[tuple[int, ...]], rarity: float = 1.0
+    ) -> list[tuple[tuple[int, ...], float]]:
         """Sets with their log evidence beside none, the best first."""
         if not sets:
             return []
@@ -307,33 +480,24 @@ class Search:
         right = b[at]
         gain = 0.5 * np.einsum("si,si->s", right, np.linalg.solve(inner, right[:, :, None])[:, :, 0])
         gain -= 0.5 * np.linalg.slogdet(inner)[1]
+        gain -= rarity * np.array([self.chosen(s) for s in sets])
         return [(sets[i], float(gain[i])) for i in np.argsort(-gain, kind="stable")]
-
-    @staticmethod
-    def _members(scored: Sequence[tuple[tuple[int, ...], float] | tuple[int, ...]]) -> list[int]:
-        """Candidates of the best sets, the best first, so many as larger sets are made of."""
-        out: dict[int, None] = {}
-        for one in scored:
-            members = one[0] if isinstance(one[0], tuple) else one
-            out |= dict.fromkeys(int(j) for j in members)  # type: ignore[arg-type]
-            if len(out) >= BRANCHES:
-                break
-        return list(out)[:BRANCHES]
 
     def _started(self, members: tuple[int, ...], start: Followed) -> Followed:
         """A set before it is followed: at the amounts of a start that is part of it, else at none."""
         if not set(start.members) <= set(members):
-            start = self.nothing
+            start = self.start
         z = np.array([start.z[start.members.index(j)] if j in start.members else 0.0 for j in members])
-        columns = self.columns[:, list(members)].copy()
+        columns = self.columns[:, [self.responses.candidates[j].source for j in members]].copy()
         for i, j in enumerate(members):
+            columns[:, i] = self._told.get(j, columns[:, i])
             if j in start.members:
                 columns[:, i] = start.columns[:, start.members.index(j)]
-        return Followed(members, z, start.difference, start.each, columns)
+        return Followed(members, z, start.each, columns)
 
     def _follow(self, started: Sequence[Followed]) -> list[Followed]:
         """All sets, each where it is most probable; all go round together, so that their runs are done side by side."""
-        at = list(started)
+        at, listed = list(started), self.responses.candidates
         going = {i: 1.0 for i in range(len(at))}
         for _ in range(ROUNDS):
             proposed: dict[int, Array] = {}
@@ -344,13 +508,13 @@ class Search:
             points = [replace(at[i], z=z).point for i, z in proposed.items()]
             going, accepted = {}, []
             for (i, z), each in zip(proposed.items(), self.responses.differences(points), strict=True):
-                here = self.evidence.objective(at[i].difference, at[i].z)
-                if each is None or self.evidence.objective(each.mean(axis=0), z) >= here:
+                here = self.evidence.objective(at[i].turned, at[i].z, self.asked)
+                if each is None or self.evidence.objective(turned(each), z, self.asked) >= here:
                     going[i] = SHORTER
                     continue
-                at[i] = replace(at[i], z=z, each=each, difference=each.mean(axis=0))
+                at[i] = replace(at[i], z=z, each=each)
                 accepted.append(i)
-            asked = [(at[i].point, j) for i in accepted for j in at[i].members]
+            asked = [(at[i].point, listed[j].seen_in, listed[j].source) for i in accepted for j in at[i].members]
             found = self.responses.columns(asked, [at[i].each for i in accepted for _ in at[i].members])
             for i in accepted:
                 own = [found.pop(0) for _ in at[i].members]
@@ -362,7 +526,8 @@ class Search:
 
     def _step(self, one: Followed) -> Array | None:
         """Gauss–Newton step of a set; None where it is small."""
-        x, w = self.evidence.whiten(one.columns), self.evidence.whiten(one.linear)
+        linear, columns = self.linear(one)
+        x, w = (self.evidence.whiten(part, asked=self.asked) for part in (columns, linear))
         precision = np.eye(x.shape[1]) + x.T @ x
         z = np.clip(np.linalg.solve(precision, x.T @ w), -FURTHEST, FURTHEST)
         step = z - one.z

@@ -1,22 +1,35 @@
-"""Which sets of changes are named: made-up responses of known truth."""
+"""Which sets of changes are named, in which trials: made-up responses of known truth."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pytest
 
 from validation.conventions import Array
 from validation.identification.blocks import Block
-from validation.identification.difference.explain import Explained, contrasts, decide
-from validation.identification.difference.responses import Candidate, Point
-from validation.identification.difference.search import Evidence, Followed, Search
+from validation.identification.difference.explain import ABOUT, Explained, decide
+from validation.identification.difference.responses import (
+    ALL,
+    CLOCK,
+    ONE,
+    STEP,
+    TREND,
+    Candidate,
+    Point,
+    Source,
+    candidates,
+)
+from validation.identification.difference.search import Evidence, Followed, Search, contrasts, turned
+from validation.identification.unknowns import FORCE_GAIN
 
 M, TRIALS, SHAPES = 20, 3, 12
 TIME = np.linspace(0.0, 0.2, M)
-LISTED = tuple(Candidate(f"law {j}", "1", (f"law{j}",), 0.3, 1e-3, law=True) for j in range(SHAPES))
+LISTED = tuple(Source(f"law {j}", "1", (f"law{j}",), 0.3, 1e-3, profiles=(ALL, TREND, STEP)) for j in range(SHAPES))
+GAIN = (Source(FORCE_GAIN, "1", (), 0.05, 1e-3, profiles=(ALL, ONE, TREND, STEP)), *LISTED[1:])
 
 
 def shapes() -> Array:
@@ -29,50 +42,69 @@ def shapes() -> Array:
 
 @dataclass
 class Bending:
-    """Curves that bend with their parameters, as `Responses`."""
+    """Curves that bend with their parameters, as `Responses`; ``measured`` (trials, 3 M)."""
 
     measured: Array
-    listed: tuple[Candidate, ...] = LISTED
+    listed: tuple[Source, ...] = LISTED
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """As in `Responses`; trials are numbered from 1."""
+        return candidates(self.listed, range(1, len(self.measured) + 1))
+
+    def amounts(self, point: Point, t: int) -> Array:
+        """Amount of each source in a trial."""
+        out = np.zeros(SHAPES)
+        for j, z in point.amounts:
+            out[self.candidates[j].source] += z * self.candidates[j].weights[t]
+        return out
 
     @staticmethod
-    def curve(amounts: dict[int, float]) -> Array:
+    def curve(amounts: Array) -> Array:
         """Predicted curve (3 M,)."""
-        total = shapes() @ np.array([amounts.get(j, 0.0) for j in range(SHAPES)])
+        total = shapes() @ amounts
         return np.asarray(total + 3.0 * total**2)
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
         """As in `Responses`."""
-        return [self.measured - self.curve(dict(p.amounts)) for p in points]
+        return [
+            np.array([m - self.curve(self.amounts(p, t)) for t, m in enumerate(self.measured)]) for p in points
+        ]  # fmt: skip
 
-    def columns(self, asked: Sequence[tuple[Point, int]], here: Sequence[Array]) -> list[Array]:
+    def columns(self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array]) -> list[Array]:
         """As in `Responses`, exact."""
-        out = []
-        for point, j in asked:
-            total = shapes() @ np.array([dict(point.amounts).get(k, 0.0) for k in range(SHAPES)])
-            out.append(shapes()[:, j] * (1.0 + 6.0 * total))
-        return out
+        return [shapes()[:, j] * (1.0 + 6.0 * (shapes() @ self.amounts(point, t))) for point, t, j in asked]
 
 
-def said(truth: dict[int, float], lacking: float = 0.0, seed: int = 1) -> Explained:
-    """What is said of trials with such a truth."""
+def said(
+    truth: dict[int, float],
+    lacking: float = 0.0,
+    seed: int = 1,
+    trials: int = TRIALS,
+    apart: dict[int, Sequence[float]] | None = None,
+    listed: tuple[Source, ...] = LISTED,
+) -> Explained:
+    """What is said of trials with such a truth, and what each trial has apart."""
     rng = np.random.default_rng(seed)
     extra = lacking * np.sin(40 * np.tile(TIME, 3)) * np.repeat([1.0, -2.0, 0.5], M)
-    noise = 2e-5 * rng.standard_normal((TRIALS, 3 * M))
-    responses = Bending(Bending.curve(truth) + extra + noise)
-    (each,) = responses.differences([Point()])
-    assert each is not None
-    nothing = Followed((), np.zeros(0), each.mean(axis=0), each, np.zeros((3 * M, 0)))
+    each = np.array([[truth.get(j, 0.0) for j in range(SHAPES)]] * trials)
+    for j, own in (apart or {}).items():
+        each[:, j] += own
+    noise = 2e-5 * rng.standard_normal((trials, 3 * M))
+    responses = Bending(np.array([Bending.curve(amounts) for amounts in each]) + extra + noise, listed)
+    (left,) = responses.differences([Point()])
+    assert left is not None
+    nothing = Followed((), np.zeros(0), left, np.zeros((3 * M, 0)))
 
-    def around(at: Followed, before: Search | None) -> Search:
-        columns = np.column_stack(responses.columns([(at.point, j) for j in range(SHAPES)], []))
+    def around(start: Followed, at: Followed, before: Search | None, asked: int) -> Search:
+        columns = np.column_stack(responses.columns([(at.point, 0, j) for j in range(SHAPES)], []))
         size = np.full((3, M), 5e-3)
         nil = np.zeros((3 * M, 0))
         block = Block(0, TIME, columns, nil, nil, nil, np.full(3 * M, 4e-10), size, np.zeros(M))
-        laws = np.zeros(SHAPES, dtype=bool)
-        evidence = Evidence(block, laws, 1e-3 * np.eye(SHAPES), contrasts(at.each))
-        return Search(responses, evidence, nothing, (columns, nil))  # type: ignore[arg-type]
+        evidence = Evidence(block, np.zeros(SHAPES), 1e-3 * np.eye(SHAPES), at.each)
+        return Search(responses, evidence, (start, at), (columns, nil), asked)  # type: ignore[arg-type]
 
-    return decide(around, nothing, "trials 1, 2, 3")
+    return decide(around, nothing, range(1, trials + 1))
 
 
 def named(found: Explained) -> set[frozenset[str]]:
@@ -110,12 +142,69 @@ def test_changes_that_explain_it_only_together_are_named_together(truth: dict[in
 def test_none_is_named_where_the_model_lacks_something_or_more_have_changed() -> None:
     for found in (said({3: 1.0}, lacking=4e-3), said({0: 0.9, 2: -0.8, 4: 1.0, 6: -1.1, 8: 0.7})):
         assert not found.changes
-        assert "no part of the model explains the difference" in found.sentence
+        assert found.sentence.startswith("none of the causes that were tried explains the difference")
 
 
 def test_nothing_need_have_changed_within_the_noise() -> None:
     found = said({})
     assert not found.changes and "no part of the model need have changed" in found.sentence
+
+
+EVENLY = [-0.4 * k for k in range(6)]  # 5 % of a gain is one: 2 % per trial
+
+
+@pytest.mark.parametrize("lacking", [0.0, 4e-3])
+@pytest.mark.parametrize(
+    "apart, words, kind, trial",
+    [
+        (EVENLY, "force gain drifts by −2 % per trial, × 0.90", "force gain", None),
+        ([0.0, 0.0, 0.0, 0.8, 0.0, 0.0], "force gain × 1.04", "force gain", 4),
+        ([0.0, 0.0, 0.0, 0.8, 0.8, 0.8], "force gain × 1.04", "force gain", 4),
+    ],
+)
+def test_a_fault_of_some_trials_is_a_finding_whatever_the_model_lacks(
+    apart: list[float], words: str, kind: str, trial: int | None, lacking: float
+) -> None:
+    found = said({}, lacking, trials=6, apart={0: apart}, listed=GAIN)
+    (finding,) = found.findings
+    assert finding.kind == kind and words in finding.text and "no other cause that was tried does" in finding.text
+    assert (trial is None and finding.trial != finding.trial) or finding.trial == trial
+    assert found.sentence.startswith("beside that, ") and "not a fault of the session" not in found.sentence
+
+
+def test_a_law_that_jumps_between_trials_is_no_fault_of_a_channel() -> None:
+    (finding,) = said({}, trials=6, apart={5: [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]}, listed=GAIN).findings
+    assert (finding.kind, finding.trial) == ("changed condition", 4.0) and "law 5 × 1.3" in finding.text
+
+
+def test_a_drift_and_a_change_of_the_model_are_both_named() -> None:
+    found = said({3: 1.2}, trials=6, apart={0: EVENLY}, listed=GAIN)
+    assert [f.kind for f in found.findings] == ["force gain"]
+    assert [(row.cause, row.profile) for row in found.changes] == [(FORCE_GAIN, TREND), ("law 3", ALL)]
+    assert found.changes[1].change == pytest.approx(np.exp(0.3 * 1.2), rel=0.02)
+
+
+def test_what_trials_scatter_by_is_no_finding() -> None:
+    for seed in range(3):
+        assert not said({3: 1.0}, lacking=1e-3, seed=seed, trials=6).findings
+    assert not said({}, trials=6, apart={0: [0.0, 0.0, 0.1, 0.0, 0.0, 0.0]}, listed=GAIN).findings  # 0.5 %
+
+
+def test_one_trial_of_three_is_not_told_from_the_others() -> None:
+    assert {c.profile for c in candidates(GAIN, [1, 2, 3])} == {ALL}
+    told = candidates(GAIN, [4, 1, 9, 12])
+    assert {c.weights for c in told if c.source == 0 and c.profile == TREND} == {(3 / 11, 0.0, 8 / 11, 1.0)}
+    assert sum(np.exp(-c.rarity) for c in told) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("session, prefix", [(True, "about the session, not the model: "), (False, ABOUT)])
+def test_who_is_blamed_is_said_of_what_won(session: bool, prefix: str) -> None:
+    assert said({0: 1.0} if session else {3: 1.0}, trials=4, listed=GAIN).sentence.startswith(prefix)
+    if not session:  # a fault of one trial is not in the search
+        few = said({3: 1.0}, listed=GAIN).sentence
+        assert few.startswith("about the model: ") and "fewer than four" in few
+    alike = (*GAIN[:-1], replace(GAIN[0], name=CLOCK))  # acts as the law before it
+    assert said({SHAPES - 2: 0.9}, listed=alike).sentence.startswith("about the model or the session: ")
 
 
 def test_contrasts_hold_what_trials_differ_by_and_not_their_mean() -> None:
@@ -135,14 +224,18 @@ def test_evidence_of_a_set_is_that_of_its_joint_density() -> None:
         np.full((3, M), 1e-9), np.zeros(M),
     )  # fmt: skip
     each = rng.standard_normal((TRIALS, 3 * M)) * 1e-4 + columns @ np.array([0.5, 0.1])
-    evidence = Evidence(block, np.zeros(2, dtype=bool), np.zeros((2, 2)), contrasts(each))
+    evidence = Evidence(block, np.zeros(2), np.zeros((2, 2)), each)
 
-    def density(which: list[int]) -> float:
-        x = columns[:, which]
-        v = np.kron(np.ones((TRIALS, TRIALS)), x @ x.T) + 1e-8 * np.eye(3 * M * TRIALS)
-        r = each.ravel()
-        return -0.5 * float(r @ np.linalg.solve(v, r) + np.linalg.slogdet(v)[1])
+    for weights in ([1.0] * TRIALS, [0.0, 0.0, 1.0]):
 
-    mean = each.mean(axis=0)
-    both, none = (evidence.log_evidence(mean, columns[:, which]) for which in ([0, 1], []))
-    assert both - none == pytest.approx(density([0, 1]) - density([]), rel=1e-4)
+        def density(which: list[int], weights: list[float] = weights) -> float:
+            x = np.kron(np.array(weights)[:, None], columns[:, which])
+            v = x @ x.T + 1e-8 * np.eye(3 * M * TRIALS)
+            return -0.5 * float(each.ravel() @ np.linalg.solve(v, each.ravel()) + np.linalg.slogdet(v)[1])
+
+        spread = turned(np.array(weights)[:, None])[:, :, None] * columns
+        found = []
+        for which in ([0, 1], []):
+            z, _ = evidence.amounts(turned(each), spread[..., which], np.zeros(len(which)))
+            found.append(evidence.log_evidence(turned(each), spread[..., which], z))
+        assert found[0] - found[1] == pytest.approx(density([0, 1]) - density([]), rel=1e-4)
