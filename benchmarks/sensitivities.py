@@ -1,6 +1,6 @@
 """Error against time of derivatives of a blow: integrated beside it, or by differences of runs.
 
-    python -m benchmarks sensitivities [--tangents | --scenes [--only string,shank]]
+    python -m benchmarks sensitivities [--tangents | --scenes [--only string,flexible-shank]]
 
 Errors are those of the angles' derivatives over a forte of 0.7 s, of each angle's largest derivative, the worst of all
 angles and parameters, against Richardson's limit of central differences of runs at 1e-11 rad. Times are processor time
@@ -16,13 +16,16 @@ parameter per such change.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import model
-from benchmarks.runner import Run, least
+from benchmarks.runner import Run, Table, in_turns, least
 from model.sensitivity import find_parameters
+from tests.model.compiler.machine import operations
 
 Array = NDArray[np.float64]
 
@@ -36,6 +39,10 @@ DEFAULT = model.SensitivityOptions.tolerance, model.SensitivityOptions.relative_
 RIGHT = 1e-5
 REFERENCE = model.SensitivityOptions(tolerance=1e-12, relative_tolerance=1e-8, events=False, allow_idle=True)
 ALL = replace(REFERENCE, events=True, contact_forces=True)
+JOBS: dict[str, tuple[str, ...]] = {
+    "blow": (), "energy": ("energy",), "derivatives": ("numbers", "normals"), "inside": ("contacts", "tips", "bodies")
+}  # fmt: skip
+"""Kernels of each job beside those of a blow's steps."""
 SHARES = (1e-6, 1e-5, 1e-4, 1e-3)  # of the step of a difference, of the parameter's value
 
 
@@ -124,9 +131,10 @@ def tangents(
 
 
 def scenes(only: list[str]) -> None:
-    """Print what 60 columns cost in each scene, in runs of that scene at 1e-5 rad, alone and with all that is asked.
+    """Print what a blow and what derivatives cost in each scene, times those of the whole action without effects.
 
-    Errors are those of sampled columns against differences of whole runs: the slow tests of
+    Times are processor time, all scenes in turns; operations are those that stand in the kernels of a job, so that what
+    a scene leaves out costs nothing shows as none more than in ``whole``. Errors of sampled columns: the slow tests of
     ``tests/model/simulation/test_effects_and_jobs.py``.
     """
     action = model.load_action()
@@ -137,28 +145,42 @@ def scenes(only: list[str]) -> None:
         law: (action.with_laws(dict.fromkeys(some, law)), model.SceneChoice()) for law in ("stulov", "hysteresis")
     }
     cases |= {"string of 30 modes": (thirty, model.SceneChoice(effects=("string",)))}
-    named = ("lifting-key", "flexible-shank", "giving-hammer", "giving-joints", "motor-arm", "motor-drive")
-    cases |= {name: (action, model.load_scene(name)) for name in named}
-    print(f"{'60 columns':<20} {'run, ms':>8} {'runs':>6} {'with events, forces':>20}  steps of motion, of tangents")
+    named = ("string", "without-string", "lifting-key", "flexible-shank", "giving-hammer", "giving-joints")
+    cases |= {name: (action, model.load_scene(name)) for name in (*named, "motor-arm", "motor-drive")}
+    per = {"motor_drive": 0.1 / 1.2, "motor_arm": 0.1}
+    time_s, force = model.force_table("forte")
+    runs: dict[str, Any] = {}
+    derivatives: dict[str, Any] = {}
+    everything: dict[str, Any] = {}
+    sides, steps = dict[str, float](), dict[str, tuple[float, float]]()
     for name, (chosen, choice) in cases.items():
-        if only and name not in only:
+        if only and name not in (*only, "whole"):
             continue
-        per = {"motor_drive": 0.1 / 1.2, "motor_arm": 0.1}
-        time_s, force = model.force_table("forte")
-        blow = time_s, force * next((x for effect, x in per.items() if effect in choice.effects), 1.0)
-        run = least(lambda a=chosen, b=blow, c=choice: model.simulate(a, *b, scene=c), 5)
-        spent = []
-        for asked in (False, True):
+        driven = time_s, force * next((x for effect, x in per.items() if effect in choice.effects), 1.0)
+        columns = [x for x in sixty(chosen) if not (x.endswith(".normal.D") and name in ("stulov", "hysteresis"))]
+        if "contact12" in choice.without:
+            columns = [x for x in columns if not x.startswith("contact12")]
+        runs[name] = partial(model.simulate, chosen, *driven, scene=choice)
+        for jobs, asked in ((derivatives, False), (everything, True)):
             options = model.SensitivityOptions(scene=choice, allow_idle=True, events=asked, contact_forces=asked)
-            columns = [x for x in sixty(chosen) if not (x.endswith(".normal.D") and name in ("stulov", "hysteresis"))]
-            found = model.sensitivities(chosen, blow, columns, options=options)
-
-            def work(a=chosen, b=blow, x=columns, o=options) -> None:  # type: ignore[no-untyped-def]
-                model.sensitivities(a, b, x, options=o)
-
-            spent.append(least(work, 3))
-        steps = found.counters["n_steps"], found.counters["n_tangent_steps"] + found.counters["n_tangent_rejected"]
-        print(f"{name:<20} {1e3 * run:>8.1f} {spent[0] / run:>6.1f} {spent[1] / run:>20.1f}  {steps[0]}, {steps[1]}")
+            jobs[name] = partial(model.sensitivities, chosen, driven, columns, options=options)
+        sides[name] = runs[name]().counters["n_rhs"]
+        found = derivatives[name]().counters
+        steps[name] = found["n_steps"], found["n_tangent_steps"] + found["n_tangent_rejected"]
+    spent = [in_turns(jobs, turns) for jobs, turns in ((runs, 9), (derivatives, 3), (everything, 3))]
+    blow, alone, all_ = ({name: float(t.min()) for name, t in jobs.items()} for jobs in spent)
+    of_kernels = [f"{job}: operations:.0f" for job in JOBS]
+    heads = ["ms a blow:.1f", "times whole:.2f", "right-hand sides, times whole:.2f"]
+    for words in ("60 columns", "with events, forces"):
+        heads += [f"{words}, times whole:.2f", "in blows:.1f"]
+    table = Table("scene:<19s", *heads, *of_kernels, "steps:.0f", "of tangents:.0f")
+    for name in runs:
+        tables = model.build_scene(*cases[name]).tables
+        counts = [operations(tables, *kernels).total() for kernels in JOBS.values()]
+        price = [1e3 * blow[name], blow[name] / blow["whole"], sides[name] / sides["whole"]]
+        for of in (alone, all_):
+            price += [of[name] / of["whole"], of[name] / blow[name]]
+        table.row(name, *price, *counts, *steps[name])
 
 
 def main(run: Run) -> bool:

@@ -22,7 +22,7 @@ Scene: TypeAlias = Annotated[
     str | None,
     typer.Option(
         "--scene",
-        help="What takes part: a built-in scene or a TOML file; default: what the action says.",
+        help="What takes part: a built-in scene (see simulate --help) or a TOML file; default: what the action says.",
         autocompletion=complete_scene,
     ),
 ]
@@ -41,7 +41,9 @@ Tolerance: TypeAlias = Annotated[float, typer.Option("--tolerance", help="Larges
 Rig: TypeAlias = Annotated[
     str, typer.Option("--rig", help="Built-in rig or a TOML file.", autocompletion=complete_file("rig/rigs"))
 ]
-Backend: TypeAlias = Annotated[str, typer.Option("--backend", help="sim://, ni://local or ni-grpc://host:31763.")]
+Backend: TypeAlias = Annotated[
+    str, typer.Option("--backend", help="sim://, in a scene sim://?scene=string; ni://local or ni-grpc://host:31763.")
+]
 Profile: TypeAlias = Annotated[
     str,
     typer.Option(

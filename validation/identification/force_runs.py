@@ -24,6 +24,8 @@ import numpy as np
 
 import model
 from model.errors import InputError, ModelError
+from model.parameters.effects import STRING_EFFECT
+from model.scene.string_terms import with_modes
 from model.sensitivity.parameter_names import directions
 from model.simulation.options import ForceDrivenOptions
 from validation.conventions import BODIES, WORKERS, Array
@@ -143,6 +145,7 @@ def own_units(trial: ObservedTrial) -> Array:
 
 
 TOLERANCE = 2e-7
+MODES_RAD = 3e-5  # error of an angle by which a fit chooses a string's modes: the runs' own asks for all there are
 MOTION, TANGENT = 1e-7, 1e-4
 PROBE = 0.01  # of a prior standard uncertainty: the step that checks the derivatives
 MISSED = 0.2  # of the change: derivatives that miss it by more are not used
@@ -264,7 +267,9 @@ class PlacedRuns(ABC, Generic[Member]):
         tolerance: float | None = None,
         executor: Executor | None = None,
     ) -> None:
-        self.action, self.parameters, self.trials = action, tuple(parameters), tuple(trials)
+        strung = STRING_EFFECT in model.choice_of(action).effects
+        self.action = with_modes(action, MODES_RAD) if strung else action
+        self.parameters, self.trials = tuple(parameters), tuple(trials)
         self.tolerance, self.executor = TOLERANCE if tolerance is None else tolerance, executor
         self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
 
