@@ -6,6 +6,8 @@ not read, its numbers, what is found.
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import or_
 from typing import Any
 
 from model.compiler.expressions import (
@@ -34,6 +36,8 @@ from model.elements.laws.known import LAWS, USUAL, law_numbered
 PRESS_NUMBERS = 5  # of `Alone.press` before those of its law
 GAUSS = ((0.1127016653792583, 5.0 / 18.0), (0.5, 4.0 / 9.0), (0.8872983346207417, 5.0 / 18.0))
 HALVINGS = 60.0  # of an interval in search of the instant the surfaces part or meet: to the last bit
+MOST_TURNS = 8.0  # of the regime within an interval
+DEPTH = local("depth of the felt")  # a place to put one, m
 SHALLOWEST = 1e-15  # m: at the depth 0 a memory that fades along the way has no length
 
 
@@ -78,8 +82,8 @@ class Alone:
         Numbers: n; a, b, c, or height and exponent of a power and 0; D; those of the law. Memories start as at a first
         touch and go from sample to sample in closed form: the value at which one would stay runs straight along its
         fading, and how fast it fades is summed along a depth that runs straight. Both are exact for one that follows
-        the slow curve where that runs straight, and for one that follows the way. Where surfaces part or meet an
-        interval is divided.
+        the slow curve where that runs straight, and for one that follows the way. Where surfaces part or meet, or
+        something else that the law decides by turns, an interval is divided.
         """
         row = whole(local("row"))
         t, x, rate = (read("x", k, make("whole_multiply", row, 3)) for k in range(3))
@@ -97,7 +101,7 @@ class Alone:
                 *onward,
                 Put(force, ZERO), Put(energy, ZERO), If(touching, [Put(force, self._law.force(felt)[1])]),
                 *(keeps if lasting else [If(x > 0.0, keeps)]),
-                Put(name("on"), where(touching, 1.0, 0.0)), Put(name("time"), t), Put(name("depth"), x),
+                Put(name("time"), t), Put(name("depth"), x),
                 Put(name("row"), local("row") + 1.0),
             ]),
         ])  # fmt: skip
@@ -109,17 +113,29 @@ class Alone:
         return (x > 0.0) & self._law.force(self._felt(x, rate, z))[0]
 
     def _carried(self, t: Expression, x: Expression) -> list[Statement]:
-        """Memories carried on from the sample before to one at ``t`` and ``x``: until surfaces part or meet, twice."""
-        to, turns, on, low, high, left = (local(k) for k in ("to", "turns", "on", "low", "high", "left"))
+        """Memories carried on from the sample before to one at ``t`` and ``x``, from turn to turn of the regime.
+
+        The regime is whether surfaces press, and what else the law decides by: within it rates are smooth.
+        """
+        to, turns, low, high, left = (local(k) for k in ("to", "turns", "low", "high", "left"))
         rate, there = (x - local("depth")) / (t - local("time")), local("depth") + to * (x - local("depth"))
         tried = tuple(local(f"tried {k}") for k in range(len(self._z)))
-        ends = [self._faded(z, t, x, rate) for z in self._z]
-        turned = make("differs", where(self._touching(there, rate, tried), 1.0, 0.0), on) & (turns > 1.0)
+        moves, holds = self._moving(rate)
+        flags = [name(f"holds {k}") for k in range(len(holds))]
+
+        def seen(x: Expression, z: tuple[Expression, ...]) -> list[Expression]:
+            by = {DEPTH: x, **dict(zip(self._z, z, strict=True))}
+            return [where(replaced(one, by), 1.0, 0.0) for one in holds]
+
+        ends = [self._faded(z, move, t, x) for z, move in zip(self._z, moves, strict=True)]
+        differs = [make("differs", now, local(str(of[1]))) for now, of in zip(seen(there, tried), flags, strict=True)]
+        turned = reduce(or_, differs) & (turns > 1.0)
         nearer = where(turned, low, to), where(turned, to, high)
         more = where(turned | (to < 1.0), left - 1.0, 0.0)
-        next_to = where(more > 0.0, 0.5 * (nearer[0] + nearer[1]), to)
+        next_to = where(more > 1.0, 0.5 * (nearer[0] + nearer[1]), where(more > 0.0, nearer[1], to))
         return [
-            Put(name("begun"), ZERO), Put(name("turns"), lift(3.0)),
+            Put(name("begun"), ZERO), Put(name("turns"), lift(MOST_TURNS)),
+            *(Put(of, now) for of, now in zip(flags, seen(local("depth"), self._z), strict=True)),
             While(turns > 0.0, [
                 Put(name("low"), local("begun")), Put(name("high"), ONE), Put(name("to"), ONE),
                 Put(name("left"), lift(HALVINGS)),
@@ -129,22 +145,33 @@ class Alone:
                     Put(name("left"), more), Put(name("to"), next_to),
                 ]), Anew(),
                 *(Put(name(z.args[1]), end) for z, end in zip(self._z, tried, strict=True)), Put(name("begun"), to),
-                Put(name("on"), where(to < 1.0, 1.0 - on, on)), Put(name("turns"), where(to < 1.0, turns - 1.0, 0.0)),
+                *(Put(of, now) for of, now in zip(flags, seen(there, tried), strict=True)),
+                Put(name("turns"), where(to < 1.0, turns - 1.0, 0.0)),
             ]),
         ]  # fmt: skip
 
-    def _faded(self, z: Expression, t: Expression, x: Expression, rate: Expression) -> Expression:
-        """A memory at the share ``to`` of an interval that it begins at the share ``begun``."""
-        k, begun, to = self._z.index(z), local("begun"), local("to")
+    def _moving(self, rate: Expression) -> tuple[list[Expression], list[Expression]]:
+        """Rates of the memories at `DEPTH`, by names of what decides; and what that is, the press of surfaces first."""
+        pressed, free = (self._felt(x, rate, self._z) for x in (largest(DEPTH, SHALLOWEST), DEPTH))
+        both = [*self._law.rates(pressed), *self._law.alone(free)]
+        turning = {DEPTH, *self._z}
+        decides = {one.args[0] for one in parts(both) if one.op == "where" and turning & parts(one.args[:1])}
+        holds = [self._touching(DEPTH, rate, self._z), *sorted(decides, key=lambda one: one.order)]
+        named = {one: local(f"holds {k}") > 0.0 for k, one in enumerate(holds) if k}
+        count = len(self._z)
+        rates = [replaced(one, named) for one in both]
+        return [where(local("holds 0") > 0.0, *pair) for pair in zip(rates[:count], rates[count:], strict=True)], holds
+
+    def _faded(self, z: Expression, moves: Expression, t: Expression, x: Expression) -> Expression:
+        """A memory at the share ``to`` of an interval that it begins at the share ``begun``, within one regime."""
+        begun, to = local("begun"), local("to")
         lasts, way = (to - begun) * (t - local("time")), x - local("depth")
+        fades = -slopes({z: ONE})(moves)
 
         def pulled(share: Expression, where_z: Expression) -> tuple[Expression, Expression]:
             """Rate of a memory that were 0, and how fast it fades, as they are where it is ``where_z``."""
-            depth = local("depth") + share * way
-            pressed, free = (self._felt(d, rate, self._z) for d in (largest(depth, SHALLOWEST), depth))
-            moves = where(local("on") > 0.0, self._law.rates(pressed)[k], self._law.alone(free)[k])
-            fades = -slopes({z: ONE})(moves)
-            return replaced(moves + fades * z, {z: where_z}), replaced(fades, {z: where_z})
+            by = {DEPTH: local("depth") + share * way, z: where_z}
+            return replaced(moves + fades * z, by), replaced(fades, by)
 
         def gone(where_z: Expression) -> Expression:
             (pull0, fades0), (pull1, fades1) = pulled(begun, where_z), pulled(to, where_z)
@@ -159,6 +186,6 @@ class Alone:
             return where(steady, last + (z - first) * kept - (last - first) * mean, onward)
 
         end = gone(z)
-        if z in parts([pulled(to, z)[1]]):  # how fast it fades hangs on itself: as in the middle of its way
+        if z in parts([fades]):  # how fast it fades hangs on itself: as in the middle of its way
             end = gone(0.5 * (z + end))
-        return end if self._law.anew is None else where(local("on") > 0.0, end, self._law.anew)
+        return end if self._law.anew is None else where(local("holds 0") > 0.0, end, self._law.anew)

@@ -25,7 +25,7 @@ FEWEST_PRESSES = 2
 MOST_EVALUATIONS = 400
 SHAPES = ((1.0, 0.3, 0.1), (0.1, 1.0, 0.1), (0.1, 0.3, 1.0))
 CUBIC_UNITS = ("N/m^3", "N/m^2", "N/m")
-DECADES = 100.0
+DECADES, DECADES_TRIED = 100.0, 5
 
 Array = NDArray[np.float64]
 
@@ -136,9 +136,17 @@ def _search_of(kind: str, depth: float, force: float, speed: float) -> Search:
         assert isinstance(felt, NamedLaw)
         return felt.a, felt.b, felt.c, *[felt.d] * damped, *felt.values.values()
 
-    usual, low, high = ([put(k, getattr(n, at)) for k, n in numbers.items()] for at in ("value", "low", "high"))
+    low, high = ([put(k, getattr(n, at)) for k, n in numbers.items()] for at in ("low", "high"))
+    # where a number spans decades its usual value may be far from this felt's
+    starts = [
+        (*SHAPES[k % len(SHAPES)], *[0.1] * damped, *(
+            min(put(name, n.value) + k * math.log(10.0), put(name, n.high)) if name in far else n.value
+            for name, n in numbers.items()
+        ))
+        for k in range(DECADES_TRIED)
+    ]  # fmt: skip
     return Search(
-        tuple((*s, *[0.1] * damped, *usual) for s in SHAPES), (0.0, 0.0, 0.0, *[0.0] * damped, *low),
+        tuple(dict.fromkeys(starts)), (0.0, 0.0, 0.0, *[0.0] * damped, *low),
         (20.0, 20.0, 20.0, *[50.0] * damped, *high), law, ("a", "b", "c", *["D"] * damped, *numbers),
         (*CUBIC_UNITS, *["s/m"] * damped, *(n.unit for n in numbers.values())), found,
     )  # fmt: skip

@@ -38,6 +38,10 @@ class Response(NamedTuple):
     """(n,) energy that can come back."""
 
 
+Pressed = tuple[str, int, tuple[float, ...], float, Sequence[float]]
+"""A law by name, how many memories it has, its slow curve (a, b, c, or height and exponent), D, its numbers."""
+
+
 class FeltLaw:
     """A law of felt with its numbers."""
 
@@ -87,16 +91,6 @@ class FeltLaw:
         return Response(force, stored)
 
 
-class Pressed(NamedTuple):
-    """A law by name, how many memories it has, its slow curve (a, b, c, or height and exponent), D and numbers."""
-
-    law: str
-    memories: int
-    curve: tuple[float, ...]
-    damping: float
-    numbers: Sequence[float]
-
-
 def _path(time_s: ArrayLike, depth_m: ArrayLike) -> tuple[Array, Array]:
     """Times and depths as arrays that can be followed."""
     t, x = as_numbers(time_s, "press: times"), as_numbers(depth_m, "press: depths")
@@ -137,7 +131,7 @@ class HuntCrossley(FeltLaw):
         check_numbers("felt law hunt-crossley", D=(self.d, 0.0, math.inf))
 
     def _pressed(self) -> Pressed:
-        return Pressed("hunt-crossley", 0, (self.a, self.b, self.c), self.d, ())
+        return "hunt-crossley", 0, (self.a, self.b, self.c), self.d, ()
 
 
 @dataclass(frozen=True)
@@ -169,7 +163,7 @@ class Stulov(FeltLaw):
         check_numbers("felt law stulov", tau0=(self.tau_s, 1e-12, math.inf))
 
     def _pressed(self) -> Pressed:
-        return Pressed("stulov", 1, (self.f0 * (1.0 - self.epsilon), self.p), 0.0, (self.epsilon, self.tau_s))
+        return "stulov", 1, (self.f0 * (1.0 - self.epsilon), self.p), 0.0, (self.epsilon, self.tau_s)
 
 
 @dataclass(frozen=True)
@@ -208,7 +202,7 @@ class Hysteresis(FeltLaw):
     def _pressed(self) -> Pressed:
         a, b, c = (x * (1.0 + sum(self.beta)) for x in (self.a, self.b, self.c))
         pairs = [x for pair in zip(self.beta, self.eta, strict=True) for x in pair]
-        return Pressed("hysteresis", len(self.beta), (a, b, c), 0.0, pairs)
+        return "hysteresis", len(self.beta), (a, b, c), 0.0, pairs
 
 
 @dataclass(frozen=True)
@@ -244,4 +238,4 @@ class NamedLaw(FeltLaw):
     def _pressed(self) -> Pressed:
         curve = (self.a, self.b, self.c)
         memories, numbers = KNOWN[self.law].packed(f"felt law {self.law}", self.values, curve)
-        return Pressed(self.law, memories, curve, self.d, numbers)
+        return self.law, memories, curve, self.d, numbers

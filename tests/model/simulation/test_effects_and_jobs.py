@@ -240,7 +240,7 @@ def _motion(action: model.Action, choice: model.SceneChoice) -> None:
 def _motion_derivatives(action: model.Action, choice: model.SceneChoice) -> None:
     """Of angles and of what holds the motion, which goes on from rest, against Richardson's limit."""
     chosen, names = _printed(action, choice), ["hammer.mass", "contact01"]
-    names += [OF_MOVED[choice.moved]] * (choice.moved in OF_MOVED)
+    names += [OF_MOVED[choice.moved]] if choice.moved in OF_MOVED else []
     motion, _ = _motion_of(model.build_scene(chosen, choice), choice.moved, STEPS_OF_MOTION, _blow(choice))
     turns, at = motion.raised(-rest_angle(chosen, choice)), np.linspace(0.0, 0.12, 401)
     options = model.SensitivityOptions(

@@ -53,6 +53,16 @@ def test_felt_at_rest_presses_as_its_slow_curve_says_and_stays(action: model.Act
     assert np.max(np.abs(moved - rest.angle_rad)) < 1e-9
 
 
+def test_along_a_press_the_law_is_followed_however_it_is_sampled(action: model.Action) -> None:
+    """Through partings, and where one of two layers parts: a first-order error would be 2 % of the force."""
+    felt = model.felt.NamedLaw(action.law("contact12"), 4.41e10, -1.02e7, 1.57e4)
+    time_s = np.linspace(0.0, 0.02, 64_001)
+    depth_m = 6e-4 * np.sin(2.0 * np.pi * 80.0 * time_s) * np.cos(2.0 * np.pi * 23.0 * time_s)
+    fine, coarse = felt.response(time_s, depth_m), felt.response(time_s[::16], depth_m[::16])
+    for of_fine, of_coarse in zip(fine, coarse, strict=True):
+        np.testing.assert_allclose(of_coarse, of_fine[::16], rtol=0.0, atol=2e-4 * of_fine.max())
+
+
 @pytest.mark.parametrize(
     "job",
     [
