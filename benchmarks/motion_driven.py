@@ -45,4 +45,4 @@ def main(run: Run) -> bool:
         table.row(name, force.max(), 100 * noiseless, *sizes, *ends, lifted)
     mean = float(np.mean(shares))
     print(f"95 % interval covers {mean:.1f} % over {len(shares)} trials; noiseless at worst {100 * worst:.3f} %")
-    return worst < 0.01 and 93.0 < mean < 97.0
+    return worst < 0.01 and (93.0 < mean < 97.0 or run.quick)  # of a few trials the mean says little
