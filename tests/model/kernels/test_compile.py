@@ -16,10 +16,10 @@ from model.kernels.lanes import lanes_pay
 
 CODE = """
 import numpy as np, model
-from model.kernels.inputs import input_at
-from model.kernels.signatures import InputTable
-found = input_at(0.5, 0, InputTable(np.arange(4.0), np.arange(4.0), False))
-print(repr(found), input_at.stats.cache_hits and sum(input_at.stats.cache_hits.values()))
+from model.integrators.stick_slip import Pairs, stopped
+change, each = np.ones(2), np.eye(2)
+stopped(Pairs(each, each, np.ones(2), np.full(2, 0.5), np.zeros(2), np.zeros(2, dtype=np.int64)), change)
+print(repr(change.tolist()), stopped.stats.cache_hits and sum(stopped.stats.cache_hits.values()))
 """
 
 
@@ -41,10 +41,10 @@ def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) ->
     assert hits == 0
     again, hits = run(tmp_path, cache)
     assert again == first and hits == 1  # nothing changed: loaded, not compiled
-    callee = package / "kernels" / "inputs.py"
+    callee = package / "integrators" / "stick_slip.py"
     text = callee.read_text(encoding="utf-8")
-    assert text.count("slope * (t - time[k])") == 1
-    callee.write_text(text.replace("slope * (t - time[k])", "slope * (t + time[k])"), encoding="utf-8")
+    assert text.count("+= given[j, i] * step\n") == 1  # of `sweep_once`
+    callee.write_text(text.replace("+= given[j, i] * step\n", "-= given[j, i] * step\n"), encoding="utf-8")
     edited, hits = run(tmp_path, cache)
     assert edited != first and hits == 0
 
