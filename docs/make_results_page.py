@@ -33,9 +33,9 @@ print(scores.pivot_table("rmse_rad", ["session", "model"], "channel"))
 Curves stand beside it: `curves.nc` (netCDF-4; `xarray.open_dataset("curves.nc", engine="h5netcdf")`, or
 `validation.read_curves("curves.nc")` as a tidy table), and by channel `curves/*.csv` and `curves/*.json`.
 
-Changes of the schema. Version 5: table `compatible_changes` in the place of `single_changes`. Version 4: each of
-`results` has `outcome` and `sentence`; table `phases`. Version 3: scores beside a perfect model, the one test, table
-`single_changes`.
+Changes of the schema. Version 6: table `rivals`, distance of each trial, skill of each channel. Version 5: table
+`compatible_changes` in the place of `single_changes`. Version 4: each of `results` has `outcome` and `sentence`; table
+`phases`. Version 3: scores beside a perfect model, the one test, table `single_changes`.
 """
 FIELDS = """# Fields of results.json
 

@@ -44,6 +44,7 @@ TABLES = (
     "event_repeatability",
     "budget",
     "uncertainty",
+    "rivals",
 )
 """Tables that are also written as CSV files."""
 
@@ -61,7 +62,8 @@ class SessionTables:
     window : Window
         The evaluation window of every score.
     trials : DataFrame
-        One row per trial: whether it was used or why not, and what was done with its force.
+        One row per trial: whether it was used or why not, what was done with its force, and how far it lies from the
+        strokes that an identified set was fitted to.
     scores : DataFrame
         One row per trial and channel: every score of the model, of the null model and of the model driven by the raw
         force.
@@ -86,6 +88,8 @@ class SessionTables:
         One row per event: uncertainty budget of the difference; empty when none was requested.
     uncertainty : DataFrame
         One row per trial and channel: stated uncertainty of one sample.
+    rivals : DataFrame
+        One row per trial and channel: RMSE of the model and of each of its rivals, and which is nearest.
     spread : DataFrame
         On the common time base inside the window: time_s, then <channel>_mean_rad, _s_r_rad, _band95_rad (half width
         of the simultaneous 95 % band of the mean), _difference_rad (mean paired difference), its _difference_u95_rad
@@ -123,6 +127,7 @@ class SessionTables:
     event_repeatability: pd.DataFrame
     budget: pd.DataFrame
     uncertainty: pd.DataFrame
+    rivals: pd.DataFrame
     spread: pd.DataFrame
     traces: dict[int, pd.DataFrame]
     film_traces: dict[int, pd.DataFrame]
@@ -180,6 +185,11 @@ class ValidationResult(SessionTables):
             warnings += f"<li>and {len(self.warnings) - MOST_WARNINGS} more in <code>result.warnings</code></li>"
         lists = (f"<ul>{lines}</ul>" if lines else "") + (f"<p>Warnings:</p><ul>{warnings}</ul>" if warnings else "")
         return f"<div><p><strong>{sentence}</strong></p>{lists}</div>"
+
+    @property
+    def outside(self) -> frozenset[int]:
+        """Trials that lie outside of what an identified set was fitted to."""
+        return frozenset(int(t) for t in self.trials["trial"][self.trials["outside"].eq(True)])
 
     @property
     def verdict(self) -> str:
@@ -279,7 +289,8 @@ class ValidationResult(SessionTables):
             self.film_traces.get(trial),
             band_rad=reach if reach is not None and np.isfinite(reach).any() else None,
             marks=self.marks(trial),
-            title=f"trial {trial} of {self.session_name} and {self.action_name}",
+            title=f"trial {trial} of {self.session_name} and {self.action_name}"
+            + (", outside of what was fitted" if trial in self.outside else ""),
         )
 
     def _checked(self, trial: int) -> int:

@@ -130,7 +130,7 @@ def identify(
         scores=scores,
         events=events,
         provenance=_provenance(start, asked, sources, best, options),
-        posterior=joint_posterior(problem, best, estimates, sources.seals),
+        posterior=joint_posterior(problem, best, estimates, sources),
         details=Details(problem, best, tuple(profiles), sources),
     )
 

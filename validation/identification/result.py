@@ -7,7 +7,7 @@ uncertainty of the value; intervals are 95 %. ``z`` and its uncertainty are in p
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -30,8 +30,10 @@ from validation.identification.problem import Problem
 from validation.identification.scores import EventScore
 from validation.identification.sources import Sources
 from validation.measurement.trial import MeasuredTrial
+from validation.prediction.black_boxes import fit_black_boxes
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.posterior import Posterior, make_posterior
+from validation.prediction.posterior import Posterior, make_posterior, posterior_of
+from validation.statistics.rivals import stroke_example, stroke_features
 
 TITLE = "Which part of the model explains the difference"
 NOT_LOOKED_FOR = "nothing was looked for, the difference is a few thousandths of the motion or the model cannot run"
@@ -93,25 +95,36 @@ def _name(trial: ObservedTrial) -> str:
     return trial.label.rpartition(", trial")[0] or trial.label
 
 
-def joint_posterior(
-    problem: Problem, fitted: Fitted, estimates: Sequence[Estimate], trials: Mapping[str, str]
-) -> Posterior:
+def joint_posterior(problem: Problem, fitted: Fitted, estimates: Sequence[Estimate], sources: Sources) -> Posterior:
     """Posterior of every parameter the fit moved, without the force's errors; the asked ones as wide as stated.
 
-    Correlations stay.
+    Correlations stay. With it what a comparison needs to know of the fit: the values before, what the strokes were
+    like (with those of an earlier fit that these values started from), and the black boxes fitted to them.
 
     Parameters
     ----------
     problem, fitted : the fit
     estimates : of the asked parameters
-    trials : label -> SHA-256 of the trials fitted
+    sources : what was fitted
     """
     wider = np.ones(fitted.covariance.shape[0])
     for j, e in enumerate(estimates):
         wider[j] = e.z_u / np.sqrt(fitted.covariance[j, j])
     kept = [j for j, p in enumerate(problem.unknowns.moved) if p.paths]  # errors of the force are the bench's
     moved = [(p.name, p.paths, p.u, p.factor) for p in problem.unknowns.moved if p.paths]
-    return make_posterior(moved, (fitted.covariance * np.outer(wider, wider))[np.ix_(kept, kept)], trials)
+    made = make_posterior(moved, (fitted.covariance * np.outer(wider, wider))[np.ix_(kept, kept)], sources.seals)
+    earlier = posterior_of(problem.action)
+    strokes = {} if earlier is None else {f"before: {label}": one for label, one in earlier.strokes.items()}
+    by_force = [pair for of in driven_by_force(sources) for pair in zip(of[0][-len(of[1]) :], of[1], strict=True)]
+    for observed, m in by_force:
+        strokes[observed.label] = stroke_features(m)
+    boxes = fit_black_boxes([stroke_example(m) for _, m in by_force]) if by_force else {}
+    return replace(
+        made,
+        before={path: float(problem.action[path]) for path in sorted(made.moved)},
+        strokes=strokes,
+        black_boxes={kind: box.plain() for kind, box in boxes.items()},
+    )
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,8 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import PredictedSession, predict_session
 from validation.result import AGREES, ValidationResult
 from validation.scores.session import score_session
-from validation.statistics.model_comparison import null_closer
-from validation.tables.session import make_tables
+from validation.statistics.rivals import beside_rivals
+from validation.tables.session import make_tables, with_rivals
 
 SOFTWARE = ("piano-action-rig", "numpy", "scipy", "pandas", "matplotlib", "numba", "h5py")
 
@@ -117,8 +117,9 @@ def compare(
     **options
         tolerance : float, default 1e-5
             Requested largest error of any predicted angle, rad.
-        rivals : tuple of str, default ("null", "raw_force")
-            What is scored beside the model: the null model, and the model under the recorded force.
+        rivals : tuple of str, default ("null", "raw_force", "unfitted", "polynomial", "fir")
+            What is scored beside the model: the null model, the model under the recorded force, the values before an
+            identification, and two black boxes (`validation.statistics.rivals`).
         budget : bool, default True
             Make the uncertainty budget of the events, some fifty runs of one trial.
         suspect : bool, default True
@@ -181,11 +182,12 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
             explained = explain_difference(tested, of_one_kind(predicted.trials, findings))
         findings = replace(findings, faults=(*unexplained(findings, explained), *explained.findings))
     changes = [asdict(change) for change in explained.changes]
+    rivals = beside_rivals(predicted, scored, tested, findings.left_out)
     tables = make_tables(predicted, events, scored, findings, tested, chosen, changes)
+    tables = with_rivals(tables, rivals)
     tables.warnings.extend(identified_warnings(action))
     name = session.info.name or session.path.name
-    closer = null_closer(scored.scores, findings.left_out)
-    standing = Standing(tables.judgement, tables.budget, closer, tables.phases)
+    standing = Standing(tables.judgement, tables.budget, rivals.nearer, tables.phases)
     found, sentence = outcome(tables.channels, tables.phases, findings.faults, tables.judgement)
     if explained.sentence:
         finer = found == AGREES and not explained.nothing
@@ -196,7 +198,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     return ValidationResult(
         session_name=name,
         action_name=action.name,
-        verdict_lines=[head, *prediction_lines(action, predicted.trials), *rest],
+        verdict_lines=[head, *prediction_lines(action, predicted.trials), *rivals.domain, *rest, *rivals.skills],
         provenance=provenance(session, tested, predicted.trials, events.window, chosen.now())
         | {"judgement": tables.judgement, "cost": cost_of(predicted)},
         outcome=found,

@@ -78,13 +78,13 @@ class Standing:
     ----------
     judgement : `validation.result.SessionTables.judgement`
     budget : the uncertainty budget of the events
-    null_closer : what is to be said where the null model is closer, see `validation.statistics.model_comparison`
+    nearer : what is to be said where a rival is nearer, see `validation.statistics.rivals`
     phases : the judged difference by channel and phase
     """
 
     judgement: Mapping[str, Any] = field(default_factory=dict)
     budget: pd.DataFrame = field(default_factory=pd.DataFrame)
-    null_closer: str = ""
+    nearer: str = ""
     phases: pd.DataFrame = field(default_factory=pd.DataFrame)
 
 
@@ -115,8 +115,8 @@ def verdict_lines(
     distorted = distorted_trials(findings)
     head = f"Model {action} against {trials} of {session}, each driven by its own measured force: "
     head += outcome(channels, standing.phases, findings, standing.judgement)[1]
-    if standing.null_closer:
-        head += f" {standing.null_closer}"
+    if standing.nearer:
+        head += f" {standing.nearer}"
     differing = int((~events["agree"].astype(bool)).sum())
     if differing:
         head += f" {differing} kind{'s' if differing > 1 else ''} of event happen in one but not in the other."

@@ -19,7 +19,7 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.measurement.geometry import ActionGeometry, geometry_of
 
-RIVALS = ("null", "raw_force")
+RIVALS = ("null", "raw_force", "unfitted", "polynomial", "fir")
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,9 @@ class ModelUnderTest:
         Requested largest error of any angle, rad.
     stand_ins : StandIns
     rivals : tuple of str
-        What is predicted beside the model, some of `RIVALS`: the null model (one degree of freedom, nothing fitted)
-        under the same force, and the model itself under the force as recorded.
+        What stands beside the model, some of `RIVALS`: the null model (one degree of freedom, nothing fitted) under the
+        same force, the model itself under the force as recorded, the values before an identification, and two black
+        boxes (`validation.statistics.rivals`).
     store : ResultStore
         Results of earlier runs.
     """

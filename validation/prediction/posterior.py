@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -43,6 +43,8 @@ def principal_axes(covariance: Array) -> tuple[Array, Array]:
 
 
 TABLE = "posterior"
+KNOWN = ("before", "strokes", "black_boxes")
+"""What a file may hold of the fit beside the uncertainty; one made before these were kept does not."""
 TRIALS, EARLIER = "trials_sha256", "earlier_sha256"
 """In the provenance: of the trials fitted, and of those that the values it started from were fitted to."""
 UNKNOWN_STROKE = "tables "
@@ -65,6 +67,9 @@ class Posterior:
     directions : (k, p) orthonormal: combinations of z of which the strokes said something
     left : (k,) share of the variance of the prior that is left along each
     trials : label -> SHA-256 of each trial the values were fitted to, in this fit or in those it started from
+    before : parameter of the action -> value before the fit, SI
+    strokes : label -> what the trials fitted were like, see `validation.statistics.domain`
+    black_boxes : kind -> black box fitted to the same trials, see `validation.prediction.black_boxes`
     """
 
     names: tuple[str, ...]
@@ -74,6 +79,9 @@ class Posterior:
     directions: Array
     left: Array
     trials: Mapping[str, str]
+    before: Mapping[str, float] = field(default_factory=dict)
+    strokes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    black_boxes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def covariance(self) -> Array:
@@ -107,6 +115,7 @@ class Posterior:
             "factor": list(self.factor),
             "directions": [[float(f"{x:.{DIGITS}g}") for x in row] for row in self.directions],
             "left": [float(f"{x:.{DIGITS}g}") for x in self.left],
+            **{name: dict(known) for name in KNOWN if (known := getattr(self, name))},
         }
 
 
@@ -148,6 +157,8 @@ def posterior_of(action: model.Action) -> Posterior | None:
         u, factor = tuple(map(float, table["u"])), tuple(bool(x) for x in table["factor"])
         provenance = action.identification["provenance"]
         trials = dict(provenance[TRIALS])
+        kept: dict[str, dict[str, Any]] = {name: dict(table.get(name, {})) for name in KNOWN}
+        kept["before"] = {str(path): float(value) for path, value in kept["before"].items()}
         trials |= {f"an earlier fit's trial {k + 1}": str(seal) for k, seal in enumerate(provenance.get(EARLIER, []))}
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ValidationInputError(f"{where}: found damaged ({error}); {advice}") from None
@@ -158,10 +169,10 @@ def posterior_of(action: model.Action) -> Posterior | None:
     if not np.allclose(directions @ directions.T, np.eye(left.size), atol=1e-4):
         raise ValidationInputError(f"{where}: directions found not orthonormal; {advice}")
     known = model.quantities_of(action)
-    for path in (path for group in paths for path in group):
+    for path in (*(path for group in paths for path in group), *kept["before"]):
         if path not in known:
             raise ValidationInputError(f"{where}: parameter {path} is unknown; {advice}")
-    return Posterior(names, paths, u, factor, directions, left, trials)
+    return Posterior(names, paths, u, factor, directions, left, trials, **kept)
 
 
 VALUES_SHA256, ORIGIN_SHA256 = "values_sha256", "origin_sha256"

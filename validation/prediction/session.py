@@ -218,7 +218,7 @@ def _predict(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
     found = predict_trial(m, tested)
     missed = _missed(found, tested.tolerance)
     notes, rivals = [missed] if missed else [], {}
-    for name in tested.rivals:
+    for name in (name for name in tested.rivals if name in VARIANTS):
         try:
             rivals[name] = _curves_of(predict_trial(m, tested, name), m)
         except (ModelError, PredictionError) as error:

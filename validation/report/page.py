@@ -56,6 +56,15 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
     ("right model", "what the RMSE of a model would be that is right within the declared uncertainties."),
     ("perfect model, ceiling", "a model that differs from the trials only by errors of force and sensors."),
     ("null model", "one moving part, nothing fitted: the least that a model of many bodies should beat."),
+    (
+        "rivals, skill",
+        "what a model should beat: the null model, the values before a fit, and two black boxes fitted to the same "
+        "strokes; skill 0.6 is an error 60 % smaller than that of the best of them, below 0 it is larger.",
+    ),
+    (
+        "outside",
+        "a stroke faster, softer, briefer … than those the set was fitted to, or with a phase that none of them has.",
+    ),
     ("ISO-style score", "a score from 0 to 1 in the style of ISO/TS 18571; 1 is best."),
     ("95 % band", "a band that holds the whole curve, not each instant alone, in 19 sessions of 20."),
     (
@@ -158,7 +167,7 @@ def session_section(view: SessionView) -> dict[str, Any]:
         verdicts=[r.verdict_lines for r in view.results],
         warnings=_warnings(view),
         figures=all_figures(view),
-        scores=each(present.score_matrix),
+        scores=[*each(present.score_matrix), *each(present.rival_table)],
         differences=each(present.resolution_table),
         scorecards=each(scorecard_table),
         iso=each(present.iso_table),

@@ -21,7 +21,7 @@ from validation.result import ValidationResult
 from validation.side_by_side import SideBySide, alone
 
 SCHEMA = "piano-action-rig results"
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 
 
 def results_json(side: SideBySide) -> str:

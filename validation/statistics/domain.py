@@ -30,14 +30,16 @@ DOWN = 0.8
 BRIEF_S = 0.1
 """The key's time down counts as t / (t + this): whether a second or three, the hammer hangs in the back check."""
 REPEATED = "repetition"
+AGAIN = 0.5
+"""A note is repeated where the key comes up to less than this share of its depth: about there the jack comes back."""
 FEATURES = {
     "speed": ("fastest way down of the key", "{}/s", math.log(1.25)),
     "depth": ("deepest place of the key", "{}", math.log(1.12)),
-    "hold": ("time the key is down", "s", 0.15),
+    "hold": ("time the key is down", "s", 0.1),
     "release": ("fastest way up of the key", "{}/s", math.log(1.5)),
     "rate": ("strikes a second", "1/s", math.log(1.25)),
     "return": ("how far down the key stays between strikes", "of its depth", 0.15),
-    "force": ("largest force", "N", math.log(1.3)),
+    "force": ("largest force", "N", math.log(1.25)),
 }
 """Words, unit and widening of each property: of its logarithm (speed, depth, release, rate, force) or as it is."""
 LOGARITHMIC = ("speed", "depth", "release", "rate", "force")
@@ -75,7 +77,7 @@ def features_of(time_s: Array, key: Array, unit: str, force_n: Array | None = No
     if place.size <= reach or not deepest > 0.0:
         return {}
     speed, phase = (place[reach:] - place[:-reach]) / SPEED_OVER_S, key_phases(place, STEP_S)
-    every = strikes(place, phase)
+    every = _notes(place, strikes(place, phase))
     down = np.flatnonzero(np.diff(np.concatenate([[False], place > DOWN * deepest, [False]]).astype(np.int8)))
     out: dict[str, Any] = {"speed": float(speed.max()), "depth": deepest,
                            "hold": float((down[1::2] - down[::2]).max()) * STEP_S}  # fmt: skip
@@ -85,11 +87,23 @@ def features_of(time_s: Array, key: Array, unit: str, force_n: Array | None = No
         names.append("release")
     if len(every) > 1:
         out["rate"] = (len(every) - 1) / ((every[-1][0] - every[0][0]) * STEP_S)
-        out["return"] = min(float(place[a:b].min()) for (a, _), (b, _) in zip(every, every[1:], strict=False)) / deepest
+        lowest = [place[end : start + 1].min() for (_, end), (start, _) in zip(every, every[1:], strict=False)]
+        out["return"] = max(float(min(lowest)) / deepest, 0.0)
         names.append(REPEATED)
     if force_n is not None:
         out["force"] = float(np.nanmax(force_n))
     return {name: float(f"{value:.5g}") for name, value in out.items()} | {"phases": names, "unit": unit}
+
+
+def _notes(place: Array, every: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Strikes that are notes: a key that bounces on its front rail, or is pressed deeper, strikes no second one."""
+    out = list(every[:1])
+    for start, end in every[1:]:
+        if place[out[-1][1] : start + 1].min() < AGAIN * place.max():
+            out.append((start, end))
+        else:
+            out[-1] = (out[-1][0], end)
+    return out
 
 
 @dataclass(frozen=True)

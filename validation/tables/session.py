@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from validation.statistics.event_budget import COLUMNS as BUDGET_COLUMNS
 from validation.statistics.event_budget import event_budget
 from validation.statistics.paired_difference import Judgement, difference_draws, judge
 from validation.statistics.repeatability import event_repeatability, few_trials_warning
+from validation.statistics.rivals import Rivals
 from validation.tables.channels import (
     NO_CEILING,
     channel_tables,
@@ -175,6 +176,7 @@ def make_tables(
         event_repeatability=event_repeatability(counting, findings.kinds),
         budget=budget,
         uncertainty=uncertainty,
+        rivals=pd.DataFrame(),
         spread=spread,
         traces=traces.encoder,
         film_traces=traces.film,
@@ -183,6 +185,21 @@ def make_tables(
         judgement=judgement.facts(),
         nuisance=ceiling.nuisance,
     )
+
+
+def with_rivals(tables: SessionTables, rivals: Rivals) -> SessionTables:
+    """The same with the rivals' errors, each channel's skill against the best of them, and where each trial lies."""
+    skill = [rivals.skill.get(str(channel)) for channel in tables.channels["channel"]]
+    columns = {
+        "best_rival": [one.rival if one else "" for one in skill],
+        "skill": [one.skill if one else np.nan for one in skill],
+        "skill_low": [one.low if one else np.nan for one in skill],
+        "skill_high": [one.high if one else np.nan for one in skill],
+    }
+    places = tables.trials[["trial"]].merge(rivals.places, on="trial", how="left").drop(columns="trial")
+    places["outside"] = places["outside"].astype(object).where(places["outside"].notna(), None)
+    trials = pd.concat([tables.trials, places.fillna({"why_outside": ""})], axis=1)
+    return replace(tables, trials=trials, channels=tables.channels.assign(**columns), rivals=rivals.errors)
 
 
 def _in_verdict(judgement: Judgement, findings: SessionFindings) -> Judgement:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import model
+import validation
 from validation.errors import ValidationInputError
 from validation.identification.estimates import TOO_FEW
 from validation.identification.force_runs import Case, ForceRuns
@@ -21,7 +22,10 @@ from validation.identification.sources import IdentifyOptions, collect
 from validation.identification.unknowns import unknowns
 from validation.identification.write import write_identified, write_reading
 from validation.prediction.posterior import altered, posterior_of
+from validation.report.figures.overlays import trial_words
+from validation.report.view import SessionView
 
+QUICK = {"budget": False, "suspect": False, "keep_predictions": False}
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
 # the specimen of the example, but for what is asked for
 SPECIMEN = {
@@ -80,6 +84,49 @@ def test_the_file_holds_the_joint_uncertainty_and_the_prediction(found, written)
     assert max(speed["identified"], speed["before"]) < 0.2 * speed["null model"]
     with pytest.raises(ValidationInputError, match="were fitted to example_forte, trial 1 already and to 1 more"):
         identify([EXAMPLE], ["hammer.joint_friction"], action, fixed=("*",))
+
+
+def test_a_comparison_knows_how_far_the_strokes_lie_and_who_is_nearer(written) -> None:  # type: ignore[no-untyped-def]
+    action = model.load_action(written["action"])
+    joint = posterior_of(action)
+    assert joint is not None and joint.before == {
+        "hammer.joint_friction.A": model.load_action()["hammer.joint_friction.A"]
+    }
+    result = validation.compare(EXAMPLE, action, **QUICK)
+    trials = result.trials.set_index("trial")
+    assert trials["fitted"].to_dict() == {1: True, 2: True, 3: False} and trials["outside"].eq(False).all()
+    assert any(line.startswith("Domain: trial 3: inside of what was fitted") for line in result.verdict_lines)
+    rows = result.rivals.set_index(["trial", "channel"])
+    names = [f"{name}_rmse_rad" for name in ("null", "unfitted", "polynomial", "fir")]
+    assert np.all(rows.loc[(3, "hammer"), names].astype(float) > rows.loc[(3, "hammer"), "rmse_rad"])
+    hammer = result.channels.set_index("channel").loc["hammer"]
+    best = rows.loc[(3, "hammer"), f"{hammer['best_rival']}_rmse_rad"]
+    assert hammer["skill"] == pytest.approx(1 - rows.loc[(3, "hammer"), "rmse_rad"] / best) and np.isnan(
+        hammer["skill_low"]
+    )
+    assert any("no interval" in line and line.startswith("Skill") for line in result.verdict_lines)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"speed": 1.0, "force": 9.0}, "Domain: trial 3 (largest force"),
+        ({"phases": ["strike"]}, "Domain: trial 3 (release: no fitted stroke has it): outside"),
+        (None, "Domain: not known"),
+    ],
+)
+def test_a_stroke_unlike_those_fitted_is_said_to_be_outside(written, change, said) -> None:  # type: ignore[no-untyped-def]
+    action = model.load_action(written["action"])
+    table = dict(action.identification["posterior"])
+    strokes = table.pop("strokes")
+    if change is not None:
+        table["strokes"] = {label: one | change for label, one in strokes.items()}
+    other = replace(action, identification={**action.identification, "posterior": table})
+    result = validation.compare(EXAMPLE, other, **QUICK)
+    assert any(line.startswith(said) for line in result.verdict_lines)
+    assert result.outside == (frozenset() if change is None else {1, 2, 3})
+    view = SessionView((result,))
+    assert ("outside of what was fitted" in trial_words(view, "hammer", 3)) == (change is not None)
 
 
 def test_the_page_says_in_plain_sentences_what_is_known_and_what_is_not(found, written) -> None:  # type: ignore[no-untyped-def]

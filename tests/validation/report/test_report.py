@@ -103,7 +103,7 @@ def test_text_from_a_session_is_escaped(lonely):
 def test_results_json_has_no_nan_and_the_same_numbers(compared, written):
     text = written.files["results.json"].read_text(encoding="utf-8")
     content = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in results.json"))
-    assert (content["schema"], content["schema_version"]) == ("piano-action-rig results", 5)
+    assert (content["schema"], content["schema_version"]) == ("piano-action-rig results", 6)
     assert content["results"][0]["verdict_lines"] == compared.verdict_lines
     assert (content["results"][0]["outcome"], content["results"][0]["sentence"]) == (
         compared.outcome,

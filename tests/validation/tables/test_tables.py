@@ -146,9 +146,9 @@ def test_headline_is_the_outcome_of_the_test(shift, words):
     scores = score_curves(session, {n: np.full(3, 1e-4) for n in traces}, ResultStore())
     channels = with_scores(channels, scores, scorecard(scores, session))
     summary = event_summary({1: keystroke()}, {1: keystroke()})
-    standing = Standing(judgement.facts(), null_closer="The null model of one degree of freedom is closer in hammer.")
+    standing = Standing(judgement.facts(), nearer="Nearer than the model: in hammer the null model.")
     head = verdict_lines("s", "m", channels, summary, 5, (), standing)[0]
-    assert words in head and head.endswith("The null model of one degree of freedom is closer in hammer.")
+    assert words in head and head.endswith("Nearer than the model: in hammer the null model.")
     alone = verdict_lines("s", "m", channels, summary, 5)[0]
     assert alone.endswith("cannot be judged, because the uncertainty budget was not made.")
 

@@ -147,6 +147,7 @@ def trial_words(view: SessionView, channel: str, trial: int) -> str:
         row = own.iloc[0]
         called = "" if len(view.results) == 1 else f"{name}: "
         largest = f"largest difference {np.degrees(row['largest_rad']):.4f}° at {row['largest_at_s']:.4f} s"
+        called += "outside of what was fitted, " if trial in other.outside else ""
         parts.append(f"{called}RMSE {np.degrees(row['rmse_rad']):.4f}°, {largest}")
     return f"Trial {trial}: {'; '.join(parts)}." if parts else f"Trial {trial}: not compared."
 

@@ -11,6 +11,7 @@ from validation.curves.signs import SIGN
 from validation.events.definitions import EVENTS
 from validation.report.tables.formatting import DASH, PageTable, between, degrees, number, percent, rms, with_u
 from validation.result import ValidationResult
+from validation.statistics.rivals import CALLED, RIVALS
 
 MOST_TRIALS = 10  # more columns than that nobody reads side by side
 
@@ -58,6 +59,34 @@ def score_matrix(result: ValidationResult) -> PageTable:
     return PageTable(
         "scores", "RMSE of every trial and channel (°)" if trials else "RMSE (°)", head, rows, notes, "scores"
     )
+
+
+def rival_table(result: ValidationResult) -> PageTable:
+    """RMSE of the model and its rivals by channel, over all trials, and the skill against the best of them."""
+    rows = []
+    pooled = result.rivals.merge(_pooled(result)[["trial", "channel"]], on=["trial", "channel"])
+    skill = result.channels.set_index("channel")
+    names = [name for name in RIVALS if pooled[f"{name}_rmse_rad"].notna().any()]
+    for channel, part in pooled.groupby("channel", sort=False):
+        own = skill.loc[channel]
+        cells = [degrees(rms(part["rmse_rad"])), *(degrees(rms(part[f"{name}_rmse_rad"])) for name in names)]
+        best = CALLED.get(own["best_rival"], DASH).removeprefix("the ")
+        rows.append(
+            [
+                str(channel),
+                *cells,
+                best,
+                number(own["skill"], 2),
+                between(number(own["skill_low"], 2), number(own["skill_high"], 2)),
+            ]
+        )
+    head = ["channel", "model", *(CALLED[name].removeprefix("the ") for name in names), "best rival", "skill", "95 %"]
+    notes = [
+        "RMSE in degrees, all trials. Skill: 1 − error over that of the best rival, strokes paired; below 0 the rival "
+        "is nearer; an interval from four trials on. Polynomial and FIR filter are black boxes of the force: they know "
+        "no other regulation, no inner forces and no touch."
+    ]
+    return PageTable("rivals", "The model beside its rivals (°)", head, rows, notes, "rivals")
 
 
 def _pooled(result: ValidationResult) -> pd.DataFrame:
@@ -198,7 +227,9 @@ def trial_page_table(result: ValidationResult) -> PageTable:
         rows.append(
             [
                 str(t.trial),
-                "used" + (", filmed" if t.filmed else ""),
+                "used"
+                + (", filmed" if t.filmed else "")
+                + (f", outside: {t.why_outside}" if t.outside is True else ""),
                 number(t.peak_force_n, 4),
                 number(1e3 * t.quiet_s, 3),
                 with_u(t.offset_n, t.u_offset_n),
