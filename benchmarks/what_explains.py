@@ -1,4 +1,4 @@
-"""Planted changes of the specimen: which part of the model does a report say explains the difference?
+"""Planted faults of a session and changes of the specimen: which causes does a report say explain the difference?
 
     python -m benchmarks what_explains [--seed 1] [--sessions 20] [--changes 0,1,2,5,bench] [--strokes forte]
                                        [--results FILE] [--minutes M]
@@ -6,10 +6,13 @@
 Every session has three strokes of the virtual bench (motor arm, sensors with errors, strengths that scatter). Its
 specimen is the printed action with so many values changed, drawn anew for each session: frictions, felts, dampings and
 joint frictions by a factor of 1.2 to 1.6 or its inverse, masses and inertias by 3 to 10 %; ``bench`` is the bench's own
-specimen, ten values and a rail, a shank and an arm away from the model. Prints a line per session and a table:
-``named`` a set of nothing but what was changed is among those named (of what was changed some has next to no effect),
-``alone`` it is the only one, ``wrong``
-sets are named and none is right, ``none`` no part of the model explains it, ``nothing`` nothing need have changed.
+specimen, ten values and a rail, a shank and an arm away from the model. ``drift:4`` is a session of six strokes whose
+force gain drifts, to 4 % in the last one; ``one:4`` has 4 % in its fourth, ``step:4`` from the fourth on, ``late:0.8``
+reads the force of the fourth 0.8 ms late, ``law:40`` has 40 % more friction in the key's joint from the fourth on, and
+``clean`` nothing. ``drift:4+1`` and ``drift:4+bench`` have both. Prints a line per session and a table: ``named`` a set
+of nothing but what was planted is among those named (of what was changed some has next to no effect), ``alone`` it is
+the only one, ``wrong`` sets are named and none is right, ``none`` no cause that was tried explains it, ``nothing``
+nothing need be sought. Of a session with a fault this is said of what its trials differ by.
 """
 
 from __future__ import annotations
@@ -26,17 +29,28 @@ import numpy as np
 
 import model
 from benchmarks.bench_strokes import BENCH
+from benchmarks.planted_faults import delayed, louder
 from benchmarks.planted_sweep import stroke_of
 from benchmarks.runner import Run, Table, may_be
 from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo
 from rig.simulated.bench.plant import load_plant
 from validation.identification.difference.explain import Explained, explain_difference
-from validation.identification.unknowns import single_names
+from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, single_names
 from validation.measurement.session import measure_session
 from validation.prediction.model_under_test import ModelUnderTest
 
-TRIALS = 3
+TRIALS, MORE = 3, 6
+FAULTY = 4  # the trial that has a fault, or from which on
+LAW = "key.joint_friction.A"
+# cause, and in which trials
+FAULTS = {
+    "drift": (FORCE_GAIN, "trend"),
+    "one": (FORCE_GAIN, "one"),
+    "step": (FORCE_GAIN, "step"),
+    "late": (FORCE_DELAY, "one"),
+    "law": (LAW, "step"),
+}
 VERDICTS = ("alone", "named", "none", "nothing", "wrong")
 LAWS, MASSES = (".friction.A", ".joint_friction.A", ".normal.D", ".torque", ".stiffness"), (".mass", ".inertia")
 FACTORS, MASS_FACTORS = (1.2, 1.6), (1.03, 1.10)
@@ -61,7 +75,16 @@ def bench_factors() -> dict[str, float]:
     return {n: own[p[0]] / printed[p[0]] for n, p in names if own[p[0]] != printed[p[0]]}
 
 
-def explained(kind: str, seed: int, specimen: str, factors: dict[str, float]) -> tuple[Explained, float]:
+def amount(fault: str, size: float, number: int) -> float:
+    """How much of a fault a trial has."""
+    profile = FAULTS[fault][1]
+    share = {"trend": (number - 1) / (MORE - 1), "one": float(number == FAULTY), "step": float(number >= FAULTY)}
+    return size * share[profile]
+
+
+def explained(
+    kind: str, seed: int, specimen: str, factors: dict[str, float], fault: str = "", size: float = 0.0
+) -> tuple[Explained, float]:
     """What is said of one session, and processor seconds."""
     action = model.load_action()
     names = single_names(action) if specimen == "printed" else {}
@@ -71,9 +94,16 @@ def explained(kind: str, seed: int, specimen: str, factors: dict[str, float]) ->
             simulated=True, name="why", operator="why", rig=FileInfo(name="none"), profile=FileInfo(name=kind)
         )
         session = Session.create(Path(folder) / "session", info)
-        for number in range(1, TRIALS + 1):
-            played = (("changed", tuple(changed.items())),) if changed else ()
-            session.add_trial(stroke_of(kind, seed, number, specimen, played).data)
+        for number in range(1, (MORE if fault else TRIALS) + 1):
+            planted, by = dict(changed), amount(fault, size, number) if fault in FAULTS else 0.0
+            if fault == "law" and by:
+                planted[LAW] = planted.get(LAW, 0.0) + 0.01 * by * action[LAW]
+            played = (("changed", tuple(planted.items())),) if planted else ()
+            stroke = stroke_of(kind, seed, number, specimen, played)
+            data = stroke.data
+            if by and fault != "law":
+                data = (delayed(1e-3 * by) if fault == "late" else louder(1.0 + 0.01 * by))(data, stroke)
+            session.add_trial(data)
         tested = ModelUnderTest(action)
         measured = measure_session(session, tested.geometry_at, 6e-5)
         before = time.process_time()
@@ -81,25 +111,32 @@ def explained(kind: str, seed: int, specimen: str, factors: dict[str, float]) ->
         return found, time.process_time() - before
 
 
-def judged(found: Explained, factors: dict[str, float]) -> str:
+def judged(found: Explained, factors: dict[str, float], fault: str = "") -> str:
     """The verdict (see above)."""
-    sets: dict[int, dict[str, float]] = {}
+    sets: dict[int, set[tuple[str, str]]] = {}
     for row in found.changes:
-        sets.setdefault(row.set, {})[row.cause] = row.change
+        if (row.profile != "all") == bool(fault):
+            sets.setdefault(row.set, set()).add((row.cause, row.profile))
     if not sets:
-        return "none" if "no part of the model explains" in found.sentence else "nothing"
-    if not any(set(one) <= set(factors) for one in sets.values()):
+        return "none" if not fault and "none of the causes" in found.sentence else "nothing"
+    right = {FAULTS[fault]} if fault in FAULTS else {(name, "all") for name in factors} if not fault else set()
+    if not any(one <= right for one in sets.values()):
         return "wrong"
     return "alone" if len(sets) == 1 else "named"
 
 
 def case(kind: str, n: str, seed: int) -> dict[str, Any]:
     """One session as plain data."""
-    rng = np.random.default_rng([seed, 0 if n == "bench" else int(n)])
-    factors = bench_factors() if n == "bench" else drawn(model.load_action(), int(n), rng)
-    found, took = explained(kind, seed, "bench" if n == "bench" else "printed", factors)
+    fault, _, changes = n.partition("+") if n[0].isalpha() and n != "bench" else ("", "", n)
+    name, _, size = fault.partition(":")
+    changes = changes or "0"
+    rng = np.random.default_rng([seed, 0 if changes == "bench" else int(changes)])
+    factors = bench_factors() if changes == "bench" else drawn(model.load_action(), int(changes), rng)
+    specimen = "bench" if changes == "bench" else "printed"
+    found, took = explained(kind, seed, specimen, factors, name, float(size or 0.0))
     return {
-        "verdict": judged(found, factors), "factors": factors, "said": found.sentence,
+        "verdict": judged(found, factors, name), "shared": judged(found, factors), "factors": factors,
+        "said": "; ".join([*(f.text.split(": this")[0] for f in found.findings), found.sentence]),
         "changes": [asdict(c) for c in found.changes], "seconds": took,
     }  # fmt: skip
 
@@ -114,7 +151,7 @@ def main(run: Run) -> bool:
         print(f"{kind} {n} {seed}: {row['verdict']}: {planted or '–'} | {row['said']}", flush=True)
         table[n, row["verdict"]] += 1
         seconds.append(row["seconds"])
-    shown = Table("changed:>10s", *(f"{verdict}:8d" for verdict in VERDICTS))
+    shown = Table("changed:>14s", *(f"{verdict}:8d" for verdict in VERDICTS))
     for n in run.changes:
         shown.row(n, *(table[n, verdict] for verdict in VERDICTS))
     print(f"processor time of a session: median {np.median(seconds):.1f} s, most {np.max(seconds):.1f} s")

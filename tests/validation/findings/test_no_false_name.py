@@ -72,7 +72,7 @@ def test_what_explains_the_difference_is_named_with_its_size_and_is_no_finding(p
     assert changes["left"][0] < 0.01
     assert not set(planted.findings["kind"]) - set(KINDS)
     assert not planted.findings["text"].str.contains("friction").any()
-    (said,) = [text for text in planted.warnings if text.startswith("about the model, not a fault of the session")]
+    (said,) = [text for text in planted.warnings if text.startswith("about the model")]
     assert "key.joint_friction.A ×" in said and "an effect the model does not have may look like it" in said
     assert not any("friction" in line for line in planted.verdict_lines)
 

@@ -289,7 +289,7 @@ def decide(around: Around, nothing: Followed, numbers: Sequence[int]) -> Explain
     sentence = _sentence(rows, where, shared.nothing)
     if apart:
         sentence = BESIDE + sentence.replace(ABOUT, MODEL)
-    elif not told.nothing:  # they differ, and nothing that was tried says why
+    elif not told.nothing or told.search.promised(nothing) > math.log(ODDS):  # they may differ, by less than is named
         sentence = sentence.replace(ABOUT, MODEL)
     if len(numbers) < FEWEST_TOLD_APART:
         sentence = sentence.replace(ABOUT, MODEL) + "; a fault of single trials was not looked for in fewer than four"
@@ -305,7 +305,10 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
     for size in range(1, most + 1):
         if search.promised(best) < (LOOK if asked == BETWEEN and not best.members else margin):
             break
-        sets[size] = search.of_size(size, best)
+        found = _large(search, search.of_size(size, best))
+        if not found:
+            break
+        sets[size] = found
         best, lacks, scores = _weighed(search, sets)
         if len(search.own(best.members)) > 1:  # found together with what it does not need
             sets[size - 1] = _one_each([*sets[size - 1], *search.subsets(best)], search)
@@ -317,24 +320,20 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
         if search.own(best.members):  # what is known, and the sizes of the changes, look otherwise from there
             search = around(start, best, search, asked)
             best, lacks, scores = _weighed(search, sets)
-    top = max(max(found) for found in scores.values())
+    top = max(max(score) for score in scores.values())
     if search.promised(best) >= margin and (asked == MEAN or len(search.own(best.members)) == most):
         lacks = math.inf  # more would be named
     if search.own(best.members) and not (search.fits(best) or (asked == BETWEEN and search.left(best) < ENOUGH)):
         lacks = math.inf  # the best of bad ones
     if lacks > top + margin:
         return Answer((), search)
-    size = next(n for n, found in sorted(scores.items()) if max(found) >= top - (margin if n else least))
+    size = next(n for n, score in sorted(scores.items()) if max(score) >= top - (margin if n else least))
     if size == 0:
         return Answer((), search, nothing=True)
     best_of = max(scores[size])
     near = [s for score, s in zip(scores[size], sets[size], strict=True) if score >= best_of - margin]
-    if asked == BETWEEN:
-        near = [s for s in near if np.all(np.abs(s.z[[j not in start.members for j in s.members]]) > SMALLEST_CHANGE)]
-        if not near:
-            return Answer((), search, nothing=True)
     if size < most:  # a larger set that holds none of these is no less compatible for being larger
-        near += search.without(size + 1, [s.members for s in near])
+        near += _large(search, search.without(size + 1, [s.members for s in near]))
     plain = [search.log_evidence(s, chosen=False) for s in near]
     smallest = len(start.members) + size
     best_of = max(score for score, s in zip(plain, near, strict=True) if len(s.members) == smallest)
@@ -344,6 +343,11 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
         if score >= best_of - margin or len(s.members) == smallest
     )
     return Answer(tuple(sorted(kept, key=lambda pair: (len(pair[0].members), -pair[1]))), search)
+
+
+def _large(search: Search, found: Sequence[Followed]) -> list[Followed]:
+    """Sets of which every change is more than the blows scatter by, where some trials may have one."""
+    return [s for s in found if search.asked == MEAN or np.all(np.abs(s.z) > SMALLEST_CHANGE)]
 
 
 def _one_each(found: Sequence[Followed], search: Search) -> list[Followed]:
@@ -373,6 +377,7 @@ def _rows(search: Search, number: int, one: Followed, log_odds: float) -> list[C
             continue
         c = search.responses.candidates[j]
         s = search.responses.listed[c.source]
+        u = math.hypot(u, search.scatter(j))
         change = CompatibleChange(
             number, len(own), s.name, s.at(1.0 if s.unit == "1" else 0.0, float(at)), float(s.wrong * u), s.unit,
             log_odds, left,

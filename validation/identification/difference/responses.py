@@ -9,7 +9,7 @@ declared and not read; a level of 0.1 N is a preload declared 0.1 N too large.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -257,7 +257,7 @@ class _Place:
     knot: int = -1
 
 
-MOST_RUN = 2  # trials with the same amounts; others are moved as these are
+MOST_RUN = 2  # trials, where all have the same amounts; others are moved as these are
 
 
 class Responses:
@@ -290,27 +290,32 @@ class Responses:
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
         """Differences (trials, 3 m) at each point; None where a trial cannot be run there.
 
-        Of trials with the same amounts two are run; the others move as these do on the average.
+        Where all trials have the same, two are run, and the others move as these do on the average.
         """
         base = self.base
         if base is None:
             return [None] * len(points)
         alike = [self._alike(point) for point in points]
-        asked = [(place, t) for groups in alike for place, group in groups.items() for t in group[:MOST_RUN]]
+        asked = [(place, t) for groups in alike for place, group in groups.items() for t in self._run_of(groups, group)]
         found = iter(self._turns([(place, t) for place, t in asked if place.amounts]))
         out: list[Array | None] = []
         for groups in alike:
             each: Array | None = base.copy()
             for place, group in groups.items():
-                turns = [next(found) for _ in group[:MOST_RUN]] if place.amounts else []
+                run = self._run_of(groups, group)
+                turns = [next(found) for _ in run] if place.amounts else []
                 if any(turn is None for turn in turns):
                     each = None
                 elif turns and each is not None:
-                    run = group[:MOST_RUN]
                     each[run] = self.measured[run] - np.array(turns)
-                    each[group[MOST_RUN:]] += (each[run] - base[run]).mean(axis=0)
+                    each[group[len(run) :]] += (each[run] - base[run]).mean(axis=0)
             out.append(each)
         return out
+
+    @staticmethod
+    def _run_of(groups: Mapping[_Place, list[int]], group: list[int]) -> list[int]:
+        """Trials of a group that are run: what trials differ by is a matter of each."""
+        return group[:MOST_RUN] if len(groups) == 1 else group
 
     def columns(self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array]) -> list[Array]:
         """Derivative (3 m,) of one trial's prediction with respect to one source; zeros where none is found.

@@ -106,6 +106,10 @@ class Evidence:
             found.append(weight + max(gain(), 0.0))
         self.likeliest = self._thetas[int(np.argmax(found))]
 
+    def settle_beside(self, linear: Array, columns: Array) -> None:
+        """Take the size of the noise that is likeliest beside a set, of what trials differ by."""
+        self.likeliest = self._thetas[int(np.argmax(self._marginals(linear, columns, None, (BETWEEN,))))]
+
     def log_evidence(self, linear: Array, columns: Array, z: Array, lacking: bool = False, asked: int = MEAN) -> float:
         """Log marginal likelihood of a set.
 
@@ -123,7 +127,7 @@ class Evidence:
     def _sizes(lacking: bool, asked: int) -> Sequence[int]:
         return (BETWEEN,) if asked == BETWEEN else range(1, 1 + len(LACKS)) if lacking else (0,)
 
-    def _marginals(self, linear: Array, columns: Array, z: Array, sizes: Sequence[int]) -> list[float]:
+    def _marginals(self, linear: Array, columns: Array, z: Array | None, sizes: Sequence[int]) -> list[float]:
         out = []
         for theta in range(len(self._thetas)):
             for size in sizes:
@@ -213,17 +217,17 @@ def _log_density(theta: _Theta, rows: Array) -> float:
     return float(-0.5 * np.sum(w * w)) - len(rows) * theta.half_log(BETWEEN)
 
 
-def _marginal(gram: Array, z: Array) -> float:
+def _marginal(gram: Array, z: Array | None) -> float:
     """Log density of a difference, the first column, when the others have standard normal amounts, but for a constant.
 
     ``gram`` holds their products in units of the noise. What the linear model gains between the amounts that were run
-    and its own best ones counts to `UNTAKEN` only.
+    and its own best ones counts to `UNTAKEN` only; wholly where none are given.
     """
     out = -0.5 * float(gram[0, 0])
     if len(gram) > 1:
         inner, b = np.eye(len(gram) - 1) + gram[1:, 1:], gram[1:, 0]
         best = np.linalg.solve(inner, b)
-        untaken = 0.5 * float((best - z) @ inner @ (best - z))
+        untaken = 0.0 if z is None else 0.5 * float((best - z) @ inner @ (best - z))
         out += 0.5 * float(b @ best) - 0.5 * float(np.linalg.slogdet(inner)[1]) - max(untaken - UNTAKEN, 0.0)
     return out
 
@@ -234,7 +238,7 @@ LEAST_NOISE = 0.3  # of the same, that what is known of a value makes where its 
 FOLLOWED = 6  # sets from each ranking
 ALIKE = 2
 BRANCHES = 12  # candidates that larger sets are made of
-ROUNDS = 4
+ROUNDS, MORE_ROUNDS = 4, 8  # what some trials differ by bends more
 PAIRED = 60  # candidates, the best alone, whose pairs are looked at
 CLOSE = 0.1  # of a posterior u: a step below it is the last
 TOO_MUCH = 4.0  # standard deviations of the sum of squares
@@ -324,7 +328,7 @@ class Search:
         wanted: dict[tuple[int, ...], Followed] = {}
         for start, lacking in starts:
             ranked = self._ranked(size, start, lacking)
-            for members in ranked[:FOLLOWED] if self.asked == MEAN else self._unlike(ranked):
+            for members in ranked[:FOLLOWED] if self.asked == MEAN and size > 1 else self._unlike(ranked):
                 wanted.setdefault(members, self._started(members, start))
         return self._follow(list(wanted.values()))
 
@@ -340,7 +344,10 @@ class Search:
         self.evidence.settle(lambda: self._best_gain(at))
 
     def _unlike(self, ranked: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-        """The best sets, `ALIKE` of the same sources at most; and twice as many of faults of the session alone."""
+        """The best sets, `ALIKE` of the same sources at most; and twice as many of faults of the session alone.
+
+        A fault of the session has lost only if it was followed.
+        """
         counts: dict[tuple[int, ...], int] = {}
         kept: list[tuple[int, ...]] = []
         ours: list[tuple[int, ...]] = []
@@ -349,7 +356,7 @@ class Search:
             counts[own] = counts.get(own, 0) + 1
             if all(self.responses.listed[k].of_session for k in own):
                 ours.append(members)
-            elif counts[own] <= ALIKE:
+            elif counts[own] <= ALIKE or self.asked == MEAN:
                 kept.append(members)
         return kept[:FOLLOWED] + ours[: 2 * FOLLOWED]
 
@@ -378,6 +385,16 @@ class Search:
         """Share of the squared difference that is left with a set: of the mean, or of what the trials differ by."""
         asked = slice(1, None) if self.asked == BETWEEN else slice(0, 1)
         return float(np.sum(one.turned[asked] ** 2) / np.sum(self.start.turned[asked] ** 2))
+
+    def scatter(self, j: int) -> float:
+        """Standard uncertainty of an amount for what its source scatters by from trial to trial alone; 0 of the mean.
+
+        The noise holds that scatter as one stroke answers it; others may answer otherwise.
+        """
+        candidate = self.responses.candidates[j]
+        if self.asked == MEAN:
+            return 0.0
+        return self.responses.listed[candidate.source].scatter / float(np.linalg.norm(self._weights[1:, j]))
 
     def without(self, size: int, named: Sequence[tuple[int, ...]]) -> list[Followed]:
         """The likeliest sets of a size that hold none of the sets named, followed."""
@@ -497,20 +514,22 @@ class Search:
 
     def _follow(self, started: Sequence[Followed]) -> list[Followed]:
         """All sets, each where it is most probable; all go round together, so that their runs are done side by side."""
-        at, listed = list(started), self.responses.candidates
+        at, listed, likeliest = list(started), self.responses.candidates, self.evidence.likeliest
         going = {i: 1.0 for i in range(len(at))}
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS if self.asked == MEAN else MORE_ROUNDS):
             proposed: dict[int, Array] = {}
             for i, short in going.items():
+                self._settle_beside(at[i])
                 step = self._step(at[i])
                 if step is not None:
                     proposed[i] = at[i].z + short * step
             points = [replace(at[i], z=z).point for i, z in proposed.items()]
-            going, accepted = {}, []
+            tried, going, accepted = going, {}, []
             for (i, z), each in zip(proposed.items(), self.responses.differences(points), strict=True):
+                self._settle_beside(at[i])
                 here = self.evidence.objective(at[i].turned, at[i].z, self.asked)
                 if each is None or self.evidence.objective(turned(each), z, self.asked) >= here:
-                    going[i] = SHORTER
+                    going[i] = SHORTER * tried[i]
                     continue
                 at[i] = replace(at[i], z=z, each=each)
                 accepted.append(i)
@@ -522,7 +541,13 @@ class Search:
                 going[i] = 1.0
             if not going:
                 break
+        self.evidence.likeliest = likeliest
         return at
+
+    def _settle_beside(self, one: Followed) -> None:
+        """What some trials differ by would be noise; beside a set it is not."""
+        if self.asked == BETWEEN:
+            self.evidence.settle_beside(*self.linear(one))
 
     def _step(self, one: Followed) -> Array | None:
         """Gauss–Newton step of a set; None where it is small."""

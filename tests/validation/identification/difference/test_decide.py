@@ -172,6 +172,12 @@ def test_a_fault_of_some_trials_is_a_finding_whatever_the_model_lacks(
     assert found.sentence.startswith("beside that, ") and "not a fault of the session" not in found.sentence
 
 
+def test_what_a_channel_scatters_by_is_in_the_u_of_its_drift() -> None:
+    scattering = (replace(GAIN[0], scatter=0.06), *GAIN[1:])  # 0.3 % of the force
+    u = [said({}, trials=6, apart={0: EVENLY}, listed=listed).changes[0].u for listed in (GAIN, scattering)]
+    assert u[0] < 0.001 and u[1] == pytest.approx(0.003 / np.sqrt(0.7), rel=0.01)  # (0, 0.2, … 1) less their mean
+
+
 def test_a_law_that_jumps_between_trials_is_no_fault_of_a_channel() -> None:
     (finding,) = said({}, trials=6, apart={5: [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]}, listed=GAIN).findings
     assert (finding.kind, finding.trial) == ("changed condition", 4.0) and "law 5 × 1.3" in finding.text
