@@ -9,7 +9,7 @@ session: the discrepancy, what the model lacks.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,12 @@ class Block:
     load: Array
     channels: tuple[int, ...] = ENCODERS
     driven: int = 0
+
+    def until(self, phase: int) -> Block:
+        """The trial without what was measured from a phase on."""
+        there = (np.arange(self.white.size) % self.time_s.size < phase)[:, None]
+        kept = {name: getattr(self, name) * there for name in ("moved", "held", "instrument", "own")}
+        return replace(self, **kept, white=np.where(there[:, 0], self.white, LOST_RAD**2))
 
 
 def rows(curves: Array) -> Array:

@@ -234,6 +234,8 @@ def estimate_all(
     factor, jack, lack = factors(fitted), jackknife(fitted), of_lacking(fitted)
     strokes = jackknife_over_strokes(fitted)
     width = widened(np.sqrt(np.diag(fitted.covariance)), jack, len(problem.trials))
+    if fitted.wanted is not None:
+        width = np.hypot(width, fitted.wanted)
     out = []
     for j, parameter in enumerate(problem.unknowns.asked):
         made = None

@@ -7,8 +7,8 @@ damped (Marquardt) until it lowers the objective and the model can run there. `m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -62,6 +62,8 @@ class Fitted:
     left : whether it was left near the minimum, to go on otherwise
     own : what each trial has of its own where the linear model was made; None: made where all trials are alike
     before : badness of the fit that this went on from, if it is the end of one
+    wanted : (p,) what a last step that gained nothing would still have changed z by
+    forks : trials at a fork of their motion, with the first phase that was left out
     """
 
     z: Array
@@ -75,6 +77,8 @@ class Fitted:
     left: bool = False
     own: Sequence[Own] | None = None
     before: float | None = None
+    wanted: Array | None = None
+    forks: Mapping[int, int] = field(default_factory=dict)
 
     def own_at(self, z: Array) -> list[Own] | None:
         """What each trial most probably has of its own at other values."""

@@ -17,6 +17,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
@@ -147,6 +148,8 @@ def own_units(trial: ObservedTrial) -> Array:
 TOLERANCE = 2e-7
 MODES_RAD = 3e-5  # error of an angle by which a fit chooses a string's modes: the runs' own asks for all there are
 MOTION, TANGENT = 1e-7, 1e-4
+FINER = 0.1  # times the tolerance, of runs whose differences are derivatives: a run's error is divided by the step
+KEPT = 200  # actions, with their rests under each preload, that are kept from run to run
 PROBE = 0.01  # of a prior standard uncertainty: the step that checks the derivatives
 MISSED = 0.2  # of the change: derivatives that miss it by more are not used
 STEP = 0.015  # of a prior standard uncertainty: half a percent of a friction; after an impact larger steps bend
@@ -269,9 +272,11 @@ class PlacedRuns(ABC, Generic[Member]):
     ) -> None:
         strung = STRING_EFFECT in model.choice_of(action).effects
         self.action = with_modes(action, MODES_RAD) if strung else action
-        self.parameters, self.trials = tuple(parameters), tuple(trials)
+        self.parameters = tuple(parameters)
+        self.trials: tuple[ObservedTrial, ...] = tuple(trials)
         self.tolerance, self.executor = TOLERANCE if tolerance is None else tolerance, executor
         self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
+        self._known: dict[tuple[float, ...], tuple[model.Action, dict[float, model.RestState]]] = {}
 
     @abstractmethod
     def cases(self, at: Array, own: Sequence[Own] | None) -> list[Member]:
@@ -308,11 +313,17 @@ class PlacedRuns(ABC, Generic[Member]):
                 for out, here, column in zip(found, at, columns, strict=True):
                     unit = [self.parameters[j].per_u(self.action, float(here[j])) for j in by_tangent]
                     out[:, :, place] = column * np.array(unit)
-            if self._hold(at, own, which, found):
-                return found
         except ModelError:  # differences of runs go on where a tangent cannot
-            pass
-        return self.differences(at, own, which, [*by_tangent, *by_runs])
+            return self.differences(at, own, which, [*by_tangent, *by_runs])
+        wrong = self._wrong(at, own, which, found)
+        if wrong:
+            some = copy(self)
+            some.trials = tuple(self.trials[k] for k in wrong)
+            those = None if own is None else [own[k] for k in wrong]
+            again = some.differences(at[np.array(wrong)], those, which, [*by_tangent, *by_runs])
+            for k, redone in zip(wrong, again, strict=True):
+                found[k] = redone
+        return found
 
     def differences(
         self, at: Array, own: Sequence[Own] | None, which: Sequence[int], asked: Sequence[int]
@@ -329,8 +340,10 @@ class PlacedRuns(ABC, Generic[Member]):
             steps = np.array([STEP if self.parameters[j].factor else SMALL_STEP for j in asked])
             moved = [at + step * (np.arange(at.shape[1]) == j) for j, step in zip(asked, steps, strict=True)]
             members = [self.cases(place, own) for place in [at, *moved]]
+            fine = copy(self)
+            fine.tolerance = FINER * self.tolerance
             names, place = [self.parameters[j].name for j in asked], [list(which).index(j) for j in asked]
-            for columns, change in zip(out, self.changes(members, names), strict=True):
+            for columns, change in zip(out, fine.changes(members, names), strict=True):
                 columns[:, :, place] = change / steps
         return out
 
@@ -353,8 +366,8 @@ class PlacedRuns(ABC, Generic[Member]):
                 column[:, :, i] = curve - here
         return out
 
-    def _hold(self, at: Array, own: Sequence[Own] | None, which: list[int], jacobian: Sequence[Array]) -> bool:
-        """Whether a small step in all parameters at once does what the derivatives say.
+    def _wrong(self, at: Array, own: Sequence[Own] | None, which: list[int], jacobian: Sequence[Array]) -> list[int]:
+        """Trials in which a small step in all parameters at once does not do what the derivatives say.
 
         A tangent that steps over a layer in which friction turns round may grow without bound; a difference shows it.
         """
@@ -362,12 +375,13 @@ class PlacedRuns(ABC, Generic[Member]):
         step[which] = PROBE * np.where(np.arange(len(which)) % 2, 1.0, -1.0)
         here, there = self.run([self.cases(place, own) for place in (at, at + step)])
         if here is None or there is None:
-            return False
-        for a, b, derivative in zip(here, there, jacobian, strict=True):
+            return list(range(len(self.trials)))
+        missed = []
+        for k, (a, b, derivative) in enumerate(zip(here, there, jacobian, strict=True)):
             moved, said = b - a, derivative @ step[which]
             if np.sqrt(np.mean((moved - said) ** 2)) > MISSED * np.sqrt(np.mean(moved**2)) + self.tolerance:
-                return False
-        return True
+                missed.append(k)
+        return missed
 
 
 def acting(action: model.Action, parameter: Parameter) -> bool:
@@ -453,6 +467,8 @@ class ForceRuns(PlacedRuns[Case]):
         """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
         jobs: list[model.batch.Job] = []
         rests: list[list[tuple[model.Action, model.RestState]] | None] = []
+        if len(self._known) > KEPT:
+            self._known.clear()
         for cases in members:
             found = self._rests(cases)
             rests.append(found)
@@ -468,18 +484,18 @@ class ForceRuns(PlacedRuns[Case]):
         return [None if found is None else self._curves(cases, found, done) for cases, found in made]
 
     def _rests(self, cases: Sequence[Case]) -> list[tuple[model.Action, model.RestState]] | None:
-        """Action and rest of each trial; None where one of them has no rest. What trials share is found once."""
-        actions: dict[int, model.Action] = {}
-        known: dict[tuple[int, float], model.RestState] = {}
+        """Action and rest of each trial; None where one of them has no rest. What is known from before is kept."""
         out = []
         try:
             for case, trial in zip(cases, self.trials, strict=True):
-                one, preload = id(case.changed), case.preload_n(trial)
-                if one not in actions:
-                    actions[one] = self.action.with_values(case.changed)
-                if (one, preload) not in known:
-                    known[one, preload] = model.rest_state(actions[one], force_n=preload)
-                out.append((actions[one], known[one, preload]))
+                values, preload = tuple(case.changed.values()), case.preload_n(trial)
+                rests = self._known.get(values)
+                if rests is None:
+                    rests = self._known[values] = self.action.with_values(case.changed), {}
+                action, by_preload = rests
+                if preload not in by_preload:
+                    by_preload[preload] = model.rest_state(action, force_n=preload)
+                out.append((action, by_preload[preload]))
         except ModelError:
             return None
         return out

@@ -210,6 +210,15 @@ def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]
     said = [PROVISIONAL, *sources.refused, *sources.notes]
     if not best.converged:
         said.insert(0, "the fit did not settle: its last step was not small; treat the intervals as too narrow")
+    if best.forks:
+        where = [
+            f"{sources.fitted[k].label} from {1e3 * (t := sources.fitted[k].time_s)[i] - 1e3 * t[0]:.0f} ms on"
+            for k, i in sorted(best.forks.items())
+        ]
+        said.append(
+            f"left out, at a fork of the motion (a third of a u turns it by more than twice the noise): "
+            f"{', '.join(where)}, counted from the first phase compared"
+        )
     share = lacking(best)
     if share > LACKING:
         said.append(

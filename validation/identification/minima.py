@@ -5,7 +5,7 @@ Starts are drawn by a Latin hypercube within one prior standard uncertainty.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,17 +14,22 @@ from scipy.stats import norm, qmc
 from model.errors import ModelError
 from validation.conventions import Array
 from validation.identification.blocks import residuals
-from validation.identification.fit import CLOSE, LAST_ROUNDS, STALLED, Fitted, fit
+from validation.identification.fit import CLOSE, LAST_ROUNDS, Fitted, fit
 from validation.identification.force_runs import Own, nothing_own, without_own
 from validation.identification.noise import FLOOR, Marginal, OwnModes, box_step, largest_step, learn, likeliest
 from validation.identification.problem import Columns, Problem, curves_at, residuals_there
 
 MOST_STEPS = 15
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of the way to where the linear model puts values
-OWN_SHARES = (1.0, 0.5, 0.25, 0.1, 0.0)  # of each trial's way
+OWN_SHARES = (1.0, 0.5, 0.1)  # of each trial's way
+CORRECTIONS, CORRECTED = 3, (1.0, 0.3)  # of each trial's place, and shares of the way that are tried
 BENT, SEEN = 0.1, 0.05  # of a posterior standard uncertainty, of the noise: a bend that is not followed
+TINY = 1e-9  # of the same: a step below it has no direction
+PROBED, FORK = 0.3, 2.0  # of a posterior standard uncertainty, of the sensor's noise: a bend that is a fork
 FOLLOWED = 3.0  # cost of a trial, per datum: above it the model is not yet where the trial was
-SAME = 1.0  # of the log likelihood: a step that changes it less, and no value by half its u, is the last
+LEARNT = 2  # times that sizes of noise are learnt
+WANTED = 1.0  # of a posterior standard uncertainty: a step that gains nothing, and is counted in the uncertainty
+SAME, IDLE = 1.0, 2  # of twice the log likelihood: so many steps that gain no more end at a kink
 OWN_CLOSE = 0.1  # standard deviations, RMS: what trials have of their own is known where it is that well
 
 
@@ -39,11 +44,6 @@ class _Place:
     here: list[Array]
     marginal: Marginal
     costs: Array
-
-    @property
-    def evidence(self) -> float:
-        """Log likelihood of the linear model."""
-        return self.marginal.log_evidence(self.linear)
 
     @property
     def followed(self) -> bool:
@@ -77,35 +77,84 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
     here = [r - b.moved @ z for r, b in zip(linear, marginal.blocks, strict=True)]
     place = _Place(z, nothing_own(marginal.blocks), here, linear, here, marginal, np.full(len(linear), np.inf))
     converged, steps, asked = False, 0, np.arange(len(problem.unknowns.asked))
+    forks: dict[int, int] = {}
+    learnt, idle = 0, 0
     while not converged and steps < MOST_STEPS:
-        new = _step(problem, columns, place)
-        if new is None:  # a kink: no way on lowers the cost
-            converged = place.followed and largest_step(place.marginal, place.here, place.z, box, asked) < STALLED
+        found = _way_on(problem, place, SHARES[:1])
+        if found is None and np.median(place.costs) < FOLLOWED:
+            more = _forks(problem, place, forks)
+            if more != forks:
+                forks, place = more, _until(place, more)
+                if say is not None:
+                    where = ", ".join(f"{problem.trials[k].label} from phase {at} on" for k, at in forks.items())
+                    say(f"each trial: at a fork, left out: {where}")
+                continue
+        found = found or _way_on(problem, place, SHARES[1:])
+        new = None if found is None else _look(columns, found, place.marginal, forks, learnt < LEARNT)
+        if found is None or new is None:  # a kink: no way on lowers the cost
+            converged = place.followed and largest_step(place.marginal, place.here, place.z, box, asked) < WANTED
             break
-        steps += 1
-        gained, place = new.evidence - place.evidence, new
+        steps, gained, place = steps + 1, found[2], new
+        learnt += place.followed
         largest = largest_step(place.marginal, place.here, place.z, box, problem.watched)
         if say is not None:
-            said = f"each trial, step {steps}: log likelihood {gained:+.1f}, largest change left {largest:.2g} u"
+            said = f"each trial, step {steps}: gained {gained:.2g}, largest change left {largest:.2g} u"
             say(f"{said}, cost per datum up to {np.max(place.costs):.2g}")
-        still = largest < CLOSE and _known(place) or abs(gained) < SAME and largest < STALLED
-        converged = place.followed and still
+        if learnt <= LEARNT:  # the cost was another function
+            continue
+        converged = place.followed and largest < CLOSE and _known(place)
+        if gained < SAME:
+            converged = place.followed and largest_step(place.marginal, place.here, place.z, box, asked) < WANTED
+            idle += 1
+            if idle == IDLE:
+                break
     if steps == 0:
         return replace(fitted, converged=False)
-    return _fitted(problem, fitted, place, steps, converged)
+    return replace(_fitted(problem, fitted, place, steps, converged), forks=forks)
 
 
-def _step(problem: Problem, columns: Columns, place: _Place) -> _Place | None:
-    """As far towards where the linear model wants all as runs agree better; None where they do nowhere."""
+def _way_on(problem: Problem, place: _Place, shares: Sequence[float]) -> tuple[Array, _Way, float] | None:
+    """As far to where the linear model wants all as runs agree better, and the gain; None where they do nowhere."""
     step = box_step(place.marginal, place.here, place.z, problem.box(), 0.0)
     modes = OwnModes(place.marginal, place.linear, place.z)
     before = float(np.sum(modes.costs(place.run, place.own)) + place.z @ place.z)
-    for share in SHARES:
+    for share in shares:
         z = place.z + share * step
         way = _on_the_way(problem, place, z)
-        if way is not None and float(np.sum(way.costs) + z @ z) < before:
-            return _look(columns, z, way, place.marginal)
+        after = np.inf if way is None else float(np.sum(way.costs) + z @ z)
+        if way is not None and after < before:
+            return z, way, before - after
     return None
+
+
+def _forks(problem: Problem, place: _Place, known: Mapping[int, int]) -> dict[int, int]:
+    """Of each trial at a fork its first phase there, those known already among them.
+
+    A step of `PROBED` standard uncertainties, to where values are wanted and back, bends its motion by more than `FORK`
+    times the sensor's noise: a body just meets a stop, or misses it. No linear model holds from there on.
+    """
+    marginal = place.marginal
+    step = box_step(marginal, place.here, place.z, problem.box(), 0.0)
+    width = np.sqrt(np.diag(marginal.covariance)[: marginal.p])
+    step *= PROBED / max(float(np.max(np.abs(step / width)[problem.watched])), TINY)
+    out = dict(known)
+    found = problem.response.curves([place.z + step, place.z - step], [place.own, place.own])
+    for curves, sign in zip(found, (1.0, -1.0), strict=True):
+        there = [] if curves is None else residuals(problem.trials, curves)
+        for k, (new, old, b) in enumerate(zip(there, place.run, marginal.blocks, strict=False)):
+            bent = (np.abs(old - new - sign * (b.moved @ step)) / np.sqrt(b.white)).reshape(-1, b.time_s.size)
+            if np.any(bent > FORK):
+                phase = int(np.argmax(np.any(bent > FORK, axis=0)))
+                out[k] = min(phase, out.get(k, phase))
+    return out
+
+
+def _until(place: _Place, forks: Mapping[int, int]) -> _Place:
+    """The same place without what was measured after forks."""
+    blocks = [b.until(forks[k]) if k in forks else b for k, b in enumerate(place.marginal.blocks)]
+    marginal = Marginal(blocks, place.marginal.sizes)
+    costs = OwnModes(marginal, place.linear, place.z).costs(place.run, place.own)
+    return replace(place, marginal=marginal, costs=costs / np.array([r.size for r in place.run]))
 
 
 @dataclass(frozen=True)
@@ -118,30 +167,67 @@ class _Way:
 
 
 def _on_the_way(problem: Problem, place: _Place, z: Array) -> _Way | None:
-    """Of each trial the likeliest place on its way to where the linear model puts it; None where some cannot run."""
-    modes = OwnModes(place.marginal, place.linear, z)
-    tried = [[a.towards(b, s) for a, b in zip(place.own, modes.most, strict=True)] for s in OWN_SHARES]
+    """Of each trial the likeliest place near where the linear model puts it; None where some cannot run.
+
+    What a trial has of its own turns with z along a curve: from the first place it is corrected by what the run there
+    says, or the whole could follow z by a tenth of a step only.
+    """
+    blocks = place.marginal.blocks
+    way = _likeliest_way(problem, z, OwnModes(place.marginal, place.linear, z), place.own, OWN_SHARES)
+    for _ in range(CORRECTIONS):
+        if way is None:
+            break
+        there = without_own(blocks, way.run, way.own)
+        linear = [r + b.moved @ z for r, b in zip(there, blocks, strict=True)]
+        modes = OwnModes(place.marginal, linear, z)
+        known = modes.costs(way.run, way.own)
+        found = _likeliest_way(problem, z, modes, way.own, CORRECTED)
+        if found is None:
+            break
+        better = found.costs < known
+        pairs = [(found if take else way) for take in better]
+        way = _Way(
+            [w.own[k] for k, w in enumerate(pairs)],
+            [w.run[k] for k, w in enumerate(pairs)],
+            np.minimum(found.costs, known),
+        )
+        if float(np.sum(known - way.costs)) < SAME:
+            break
+    return way
+
+
+def _likeliest_way(
+    problem: Problem, z: Array, modes: OwnModes, own: Sequence[Own], shares: Sequence[float]
+) -> _Way | None:
+    """Of each trial the likeliest of some shares of the way to its mode; None where it cannot be run at all."""
+    tried = [[a.towards(b, s) for a, b in zip(own, modes.most, strict=True)] for s in shares]
     found = problem.response.curves(len(tried) * [z], tried)
     run = [(own, residuals(problem.trials, c)) for own, c in zip(tried, found, strict=True) if c is not None]
     if not run:
         return None
     costs = np.array([modes.costs(r, own) for own, r in run])
     best = [int(i) for i in np.argmin(costs, axis=0)]
-    own = [run[i][0][k] for k, i in enumerate(best)]
-    return _Way(own, [run[i][1][k] for k, i in enumerate(best)], np.asarray(costs.min(axis=0)))
+    every = [run[i][0][k] for k, i in enumerate(best)]
+    return _Way(every, [run[i][1][k] for k, i in enumerate(best)], np.asarray(costs.min(axis=0)))
 
 
-def _look(columns: Columns, z: Array, way: _Way, before: Marginal) -> _Place | None:
-    """The linear model at a place, with sizes as before until every trial is followed; None where it cannot be made."""
+def _look(
+    columns: Columns, found: tuple[Array, _Way, float], before: Marginal, forks: Mapping[int, int], anew: bool
+) -> _Place | None:
+    """The linear model at a place; None where it cannot be made.
+
+    Sizes are learnt ``anew`` once every trial is followed, and then kept, so that there is one function to minimise.
+    """
+    z, way, _ = found
     try:
-        blocks = columns.blocks(z, way.own)
+        blocks = [b.until(forks[k]) if k in forks else b for k, b in enumerate(columns.blocks(z, way.own))]
     except ModelError:
         return None
     here = without_own(blocks, way.run, way.own)
     linear = [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
     each = way.costs / np.array([r.size for r in linear])
-    followed = bool(np.max(each) < FOLLOWED)
-    marginal = learn(blocks, linear, before.sizes, LAST_ROUNDS, FLOOR) if followed else Marginal(blocks, before.sizes)
+    anew = anew and bool(np.max(each) < FOLLOWED)
+    marginal = learn(blocks, linear, before.sizes, LAST_ROUNDS, FLOOR) if anew else Marginal(blocks, before.sizes)
     return _Place(z, way.own, way.run, linear, here, marginal, each)
 
 
@@ -165,10 +251,11 @@ def _known(place: _Place) -> bool:
 
 
 def _fitted(problem: Problem, before: Fitted, place: _Place, steps: int, converged: bool) -> Fitted:
-    """Where it ended, with the likeliest sizes of noise."""
+    """Where it ended, with the likeliest sizes of noise, and what the last step would still have changed."""
     marginal = likeliest(place.marginal.blocks, place.linear, place.marginal.sizes, LAST_ROUNDS)
-    z, box = place.z, problem.box()
-    asked = np.arange(len(problem.unknowns.asked))
+    z, asked = place.z, np.arange(len(problem.unknowns.asked))
+    wanted = box_step(marginal, place.here, z, problem.box(), 0.0)
+    largest = np.max(np.abs(wanted[asked]) / np.sqrt(np.diag(marginal.covariance)[asked]))
     curves = curves_at(problem, z)
     return replace(
         before,
@@ -178,9 +265,10 @@ def _fitted(problem: Problem, before: Fitted, place: _Place, steps: int, converg
         linear=place.linear,
         objective=marginal.objective(place.here, z),
         steps=before.steps + steps,
-        converged=converged and largest_step(marginal, place.here, z, box, asked) < STALLED,
+        converged=converged and bool(largest < WANTED),
         own=place.own,
         before=before.badness,
+        wanted=wanted,
     )
 
 

@@ -16,7 +16,7 @@ from validation.identification.noise import family_of
 from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
 from validation.identification.unknowns import Unknowns
 
-AFAR = 1.0  # how far z may move before columns of force noise are found again
+AFAR = 3.0  # how far z may move before columns of force noise are found again
 
 
 @dataclass(frozen=True)
