@@ -337,11 +337,14 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
     plain = [search.log_evidence(s, chosen=False) for s in near]
     smallest = len(start.members) + size
     best_of = max(score for score, s in zip(plain, near, strict=True) if len(s.members) == smallest)
-    kept = (
+    kept = [
         (s, score - best_of)
         for score, s in zip(plain, near, strict=True)
         if score >= best_of - margin or len(s.members) == smallest
-    )
+    ]
+    if asked == MEAN and len(kept) == 1:  # none is singled out that others hold and explain as well
+        more = [(s, search.log_evidence(s, chosen=False) - best_of) for s in search.holding(kept[0][0], margin)]
+        kept += [(s, odds) for s, odds in more if odds >= -margin]
     return Answer(tuple(sorted(kept, key=lambda pair: (len(pair[0].members), -pair[1]))), search)
 
 

@@ -239,6 +239,7 @@ FOLLOWED = 6  # sets from each ranking
 ALIKE = 2
 BRANCHES = 12  # candidates that larger sets are made of
 ROUNDS, MORE_ROUNDS = 4, 8  # what some trials differ by bends more
+CLEAR = 2.0  # of a u: a change that is told from none
 PAIRED = 60  # candidates, the best alone, whose pairs are looked at
 CLOSE = 0.1  # of a posterior u: a step below it is the last
 TOO_MUCH = 4.0  # standard deviations of the sum of squares
@@ -405,6 +406,35 @@ class Search:
             for members in free[:FOLLOWED]:
                 wanted.setdefault(members, self._started(members, self.start))
         return self._follow(list(wanted.values()))
+
+    def holding(self, one: Followed, margin: float) -> list[Followed]:
+        """Sets with one or two changes more that explain as well, by a clear amount, or move a size by more than its u.
+
+        That a set is the smallest does not say that nothing else has changed: where such a set is as likely, to a log
+        evidence of ``margin``, neither the set alone nor its sizes are known.
+        """
+        gram, b = self._around(one, 0)
+        k = len(one.members)
+
+        def amounts(members: tuple[int, ...]) -> tuple[Array, Array]:
+            spread = np.linalg.inv(gram[np.ix_(members, members)] + np.eye(len(members)))
+            return spread @ b[list(members)], np.sqrt(np.diag(spread))
+
+        def differs(members: tuple[int, ...]) -> bool:
+            there, width = amounts(members)
+            return bool(np.any(np.abs(there[:k] - z) > u) or np.all(np.abs(there[k:]) > CLEAR * width[k:]))
+
+        z, u = amounts(one.members)
+        ((_, here),) = self._scored(gram, b, [one.members], 0.0)
+        found: list[tuple[int, ...]] = []
+        pool = [j for j in self.named if j not in one.members]
+        for more in (1, 2):
+            scored = self._scored(gram, b, [(*one.members, *extra) for extra in combinations(pool, more)], 0.0)
+            moved = [s for s, gain in scored if gain > here - margin and differs(s)]
+            found += moved[:FOLLOWED]
+            pool = [s[-1] for s in moved[:BRANCHES]]
+        followed = self._follow([self._started(members, one) for members in found])
+        return [s for s in followed if np.all(s.z[k:] != 0.0)]  # what runs do not confirm is where it started
 
     def own(self, members: Sequence[int]) -> tuple[int, ...]:
         """Members of a set without what is taken for granted."""

@@ -132,6 +132,12 @@ def test_all_that_act_alike_are_named_and_none_alone() -> None:
     assert sizes[f"law {SHAPES - 1}"] == pytest.approx(2 * sizes[f"law {SHAPES - 2}"], rel=0.05)
 
 
+def test_a_change_is_not_singled_out_where_a_set_that_holds_it_explains_as_well() -> None:
+    found = said({3: 1.2, 5: 0.005})
+    assert named(found) == {frozenset({"law 3"}), frozenset({"law 3", "law 5"})}
+    assert "no other that was tried" not in found.sentence and "cannot tell them apart" in found.sentence
+
+
 @pytest.mark.parametrize("truth", [{1: 1.0, 5: -0.8}, {0: -0.7, 4: 0.9, 8: 1.1}])
 def test_changes_that_explain_it_only_together_are_named_together(truth: dict[int, float]) -> None:
     found = said(truth)
