@@ -284,9 +284,10 @@ def _log_density(found: Array, drawn: Array, least: Array) -> float:
     n, d = drawn.shape
     free = n - d
     covariance = np.cov(drawn, rowvar=False).reshape(d, d) + least
-    root = np.linalg.cholesky(covariance * (n - 1.0) / free * (1.0 + 1.0 / n))
-    away = np.linalg.solve(root, found - drawn.mean(axis=0))
-    size = -np.log(np.diag(root)).sum() - 0.5 * d * np.log(np.pi * free)
+    variances, axes = np.linalg.eigh(covariance * (n - 1.0) / free * (1.0 + 1.0 / n))
+    variances = np.maximum(variances, d * np.finfo(float).eps * variances[-1])  # numbers that always move together
+    away = (found - drawn.mean(axis=0)) @ axes / np.sqrt(variances)
+    size = -0.5 * np.log(variances).sum() - 0.5 * d * np.log(np.pi * free)
     return float(gammaln(0.5 * n) - gammaln(0.5 * free) + size - 0.5 * n * np.log1p(away @ away / free))
 
 
