@@ -16,6 +16,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +25,33 @@ import numpy as np
 from llvmlite import binding
 from numba.core import codegen
 from numba.core import config as _config
+from numba.np import linalg
 
 from model.kernels.machine_code import make_machine_code_when_called
 from model.kernels.once import alone
 from model.kernels.typing_memo import remember_plain_numbers
 
+
+def ask_for_blas_later() -> None:
+    """Keep numba from importing SciPy's linear algebra, a sixth of a start, before something is compiled that needs it.
+
+    Numba asks at import whether there is BLAS, and again wherever it is used; there is, since the model needs SciPy.
+    """
+    ask: Any = getattr(linalg, "ensure_blas", None)
+    if "numba.np.arraymath" not in sys.modules and callable(ask):
+        linalg.ensure_blas = lambda: None
+        try:
+            arraymath: Any = import_module("numba.np.arraymath")
+            arraymath.ensure_blas = ask
+        finally:
+            linalg.ensure_blas = ask
+
+
 numba_config: Any = _config  # set at run time by numba; its names are unknown to type checkers
 _PACKAGE = Path(__file__).resolve().parents[1]
 remember_plain_numbers()
 make_machine_code_when_called()
+ask_for_blas_later()
 NO_WRAPPERS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
