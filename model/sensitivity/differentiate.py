@@ -131,12 +131,11 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
         relative_tolerance=options.relative_tolerance,
     )
     if options.events:
-        at, count = slice(rows, None), followed.count
-        slopes_there = followed.filled_angle[at, :, :count], followed.filled_speed[at, :, :count]
+        slopes_there = followed.whole_angle[rows:], followed.whole_speed[rows:]
         values, d_values = events.differentiate(at_events, slopes_there)
         out = replace(out, events=values, d_events=d_values, absent_events=events.found.absent)
     if options.contact_forces:
-        slopes_of_state = followed.filled_angle[:rows], followed.filled_speed[:rows], followed.channel[:rows]
+        slopes_of_state = followed.whole_angle[:rows], followed.whole_speed[:rows], followed.channel[:rows]
         normal, d_normal = recorded.normal_forces(states, slopes_of_state)
         out = replace(out, contact_names=scene.contacts, contact_forces=normal, d_contact_forces=d_normal)
     return out

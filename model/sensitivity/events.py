@@ -79,6 +79,16 @@ class Events:
         """Angles and speeds (m, n) at these times."""
         return self.states(self.times)
 
+    @cached_property
+    def depths(self) -> Array:
+        """Penetrations (m, c) of all contacts at these times."""
+        return self._contacts_at(*self.motion)[:, :, DEPTH]
+
+    def _contacts_at(self, angle: Array, speed: Array, vector: Array | None = None) -> Array:
+        numbers, n = self.scene.vector if vector is None else vector, len(self.scene.bodies)
+        rows = np.concatenate([angle[:, n:], speed[:, n:]], axis=1)  # felt and string play no part in a depth
+        return contacts_at(self.scene.static_tables, numbers, angle[:, :n], speed[:, :n], rows)
+
     # quantities, (m,) of states (m, n), how far joints give after the scene's own coordinates
 
     def _height(self, action: Action, angle: Array, _: Array) -> Array:
@@ -89,11 +99,14 @@ class Events:
 
     def _depth_of(self, contact: str, angle: Array, speed: Array, vector: Array | None = None) -> tuple[Array, Array]:
         """Penetration (m,) of a contact, m, negative where it is open, and its rate (m,), m/s."""
-        numbers, n = self.scene.vector if vector is None else vector, len(self.scene.bodies)
-        rows = np.concatenate([angle[:, n:], speed[:, n:]], axis=1)  # felt and string play no part in a depth
-        found = contacts_at(self.scene.static_tables, numbers, angle[:, :n], speed[:, :n], rows)
-        found = found[:, self.scene.contacts.index(contact)]
+        found = self._contacts_at(angle, speed, vector)[:, self.scene.contacts.index(contact)]
         return found[:, DEPTH], found[:, RATE]
+
+    def _depth(self, contact: str, angle: Array, speed: Array) -> Array:
+        """Penetration (m,) of a contact alone; at the times at which levels are looked for it is found once for all."""
+        if angle is self.motion[0]:
+            return self.depths[:, self.scene.contacts.index(contact)]
+        return self._depth_of(contact, angle, speed)[0]
 
     # where a level is passed
 
@@ -136,8 +149,8 @@ class Events:
             "the key dips by less than 0.1 mm",
         )
         if KEY_FRONT in self.scene.contacts:  # its own depth: where the key lifts, its angle alone does not tell
-            front = partial(self._depth_of, KEY_FRONT)
-            self._first("key_bottom_s", lambda q, v: front(q, v)[0], True, -np.inf, "the key does not reach its felt")
+            front = partial(self._depth, KEY_FRONT)
+            self._first("key_bottom_s", front, True, -np.inf, "the key does not reach its felt")
         else:
             self.found.absent["key_bottom_s"] = "the scene has no felt under the key's front"
         if STRING in self.scene.contacts and self._first(
@@ -160,14 +173,14 @@ class Events:
             "rebound_s", lambda q, v: self._height(action, q, v), True, strike, "the hammer does not leave the string"
         )
         driving = [contact for contact in (JACK_KNUCKLE, LEVER_KNUCKLE) if contact in self.scene.contacts]
-        presses = {contact: self._depth_of(contact, *self.motion)[0] > 0.0 for contact in driving}
+        presses = {contact: self._depth(contact, *self.motion) > 0.0 for contact in driving}
         knuckle = np.any([np.zeros(len(self.times), dtype=bool), *presses.values()], axis=0)
         before = np.flatnonzero(knuckle[:-1] & ~knuckle[1:] & (self.times[1:] < strike))
         if len(before):
             k = int(before[-1])
             leaving = next(contact for contact in driving if presses[contact][k])
             self._leaver = leaving
-            self.found.at["let_off_s"] = self._root(lambda q, v: self._depth_of(leaving, q, v)[0], k)
+            self.found.at["let_off_s"] = self._root(partial(self._depth, leaving), k)
         else:
             self.found.absent["let_off_s"] = "the hammer is carried to the string"
         if BACK_CHECK not in self.scene.contacts:
@@ -178,19 +191,17 @@ class Events:
 
     def _hold(self, strike: float) -> None:
         action = self.action
-        if not self._first(
-            "check_s", lambda q, v: self._depth_of(BACK_CHECK, q, v)[0], True, strike, "the back check does not touch"
-        ):
+        if not self._first("check_s", partial(self._depth, BACK_CHECK), True, strike, "the back check does not touch"):
             self.found.absent["check_m"] = self.found.absent["drop_s"] = "the back check does not touch"
             return
-        pressed = self._depth_of(BACK_CHECK, *self.motion)[0] > 0.0
+        pressed = self._depth(BACK_CHECK, *self.motion) > 0.0
         k = int(np.flatnonzero(pressed)[-1])
         last = float(self.times[k])
         if last - self.found.at["check_s"] < SHORTEST_HOLD_S:
             self.found.absent["check_m"] = self.found.absent["drop_s"] = "the hammer is not held"
             return
         if k + 1 < len(self.times):  # else it is held to the end
-            last = self.found.at[RELEASE] = self._root(lambda q, v: self._depth_of(BACK_CHECK, q, v)[0], k)
+            last = self.found.at[RELEASE] = self._root(partial(self._depth, BACK_CHECK), k)
         middle = 0.5 * (self.found.at["check_s"] + last)
         self.found.at["check_m"] = middle
         level = float(self._height(action, *self.states(np.array([middle])))[0]) + DROP_M

@@ -19,7 +19,7 @@ from model.errors import IntegrationError
 from model.integrators.step_control import FULL
 from model.integrators.tangents.channels import Channels, Modes
 from model.integrators.tangents.follow import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, Landings, follow
-from model.integrators.tangents.loads import LANES, Loads, Moved, normal_slopes
+from model.integrators.tangents.loads import LANES, Loads, Moved, Sources, normal_slopes
 from model.integrators.tangents.nodes import Linear, Space, linearise_node
 from model.integrators.tangents.radau import STAGES, Wanted
 from model.integrators.tangents.recorded_motion import Motion, Seen, find_kinks, states_along
@@ -39,6 +39,7 @@ STRIDE, STRIDE_AT, STRIDE_EXPONENT = 8, 2e-9, 0.2
 INPUT_KINKS, WEAK_KINK = 50, 0.01  # of the input that steps end at; of the strongest
 CACHE_LINE = 64  # bytes
 ROWS = 20_000  # steps recorded at a time
+UNTOUCHED = 1.2345e300  # what a kernel leaves in places that it fills in no state
 # derivatives below these, per change of a parameter by all of its value, do not decide about steps
 LEAST_ANGLE, LEAST_SPEED = 1e-4, 1e-2  # rad, rad/s
 
@@ -77,25 +78,30 @@ class _Run:
             aligned(count, p), aligned(2 * n, p), aligned(2 * n, p), np.zeros(count, dtype=np.int64),
             np.zeros((STAGES, 2)), aligned(1, p), np.array([*places, s.own, *s.solved]), self._channels(p),
         )  # fmt: skip
-        self.linear = Linear(
-            self.numbers, self.kernels, sources_of(directions), self._loads(), self.space, aligned(0, 2, p)
-        )
+        sources = sources_of(directions)
+        self.linear = Linear(self.numbers, self.kernels, sources, self._loads(sources), self.space, aligned(0, 2, p))
 
     def workspace(self) -> Array:
         """Memory in which the scene's kernels work."""
         return np.zeros(W.WITH_MEMORY if self.scene.remembers else W.SIZE)
 
-    def _loads(self) -> Loads:
+    def _loads(self, sources: Sources) -> Loads:
         s, tables = self.structure, self.scene.tables
         size, places = s.free + len(s.memory) + len(s.string), normal_places(s)
         first = np.cumsum([0, *(len(row) for row in places)])
         memory = np.cumsum([0, *(len(s.memories(c)) for c in range(len(s.contact)))])
         modes = self.count_of_modes()
+        numbers, by_number = slopes_of(tables, "numbers"), np.full(size * len(self.scene.vector), UNTOUCHED)
+        numbers(self.workspace(), np.zeros(1), self.scene.vector, by_number)
+        row = by_number.reshape(-1, size)[sources.number] != UNTOUCHED  # of what no law has, no derivative is ever put
+        k, i = np.nonzero(row)
+        acting = np.column_stack([size * sources.number[k] + i, i, sources.first[k], sources.first[k + 1]])
+        by_number[:] = 0.0
         return Loads(
-            slopes_of(tables, "numbers"), slopes_of(tables, "normals"), slopes_of(tables, "carried"), np.zeros(1),
-            np.zeros(size * len(self.scene.vector)), np.zeros(sum(normal_sizes(s))), np.zeros(CARRIED * modes),
+            numbers, slopes_of(tables, "normals"), slopes_of(tables, "carried"), np.zeros(1),
+            by_number, np.zeros(sum(normal_sizes(s))), np.zeros(CARRIED * modes),
             first, np.array([k for row in places for k in row], dtype=np.int64), memory,
-            s.string[0] if s.string else -1,
+            s.string[0] if s.string else -1, np.ascontiguousarray(acting),
         )  # fmt: skip
 
     def count_of_modes(self) -> int:
@@ -212,19 +218,16 @@ class Followed:
 
     Attributes
     ----------
-    filled_angle, filled_speed : (m, n, P') with columns of zeros that fill up the lanes; where joints give, how far
-        they do follows the scene's coordinates
-    channel : (m, C, P') of what felt and string remember, empty where it was not wanted
-    count : P, of parameters
+    whole_angle, whole_speed : (m, n, P); where joints give, how far they do follows the scene's coordinates
+    channel : (m, C, P') of what felt and string remember, filled up to lanes; empty where it was not wanted
     own : of the scene's coordinates
     acts : (P,) whether anything has moved with a parameter up to the last time
     counters : what was counted
     """
 
-    filled_angle: Array
-    filled_speed: Array
+    whole_angle: Array
+    whole_speed: Array
     channel: Array
-    count: int
     own: int
     acts: NDArray[np.bool_]
     counters: dict[str, int | float]
@@ -232,12 +235,12 @@ class Followed:
     @property
     def angle(self) -> Array:
         """Derivatives of the angles (m, n, P)."""
-        return self.filled_angle[:, : self.own, : self.count]
+        return self.whole_angle[:, : self.own]
 
     @property
     def speed(self) -> Array:
         """Derivatives of the speeds (m, n, P)."""
-        return self.filled_speed[:, : self.own, : self.count]
+        return self.whole_speed[:, : self.own]
 
 
 class Recorded:
@@ -362,7 +365,7 @@ class Recorded:
         scale = np.array([parameter.scale for parameter in self.directions.parameters])
         floor = aligned(2, filled)
         floor[:, :p], floor[:, p:] = [LEAST_ANGLE / scale, LEAST_SPEED / scale], 1.0
-        angle, speed = aligned(len(times), n, filled), aligned(len(times), n, filled)
+        angle, speed = np.zeros((len(times), n, p)), np.zeros((len(times), n, p))
         channel, woken = aligned(len(times) if forces and count else 0, count, filled), self._woken()
         landing = np.concatenate(
             [kinks[:found], input_kinks(self.drive.time, self.drive.value), np.repeat(woken[:, :1], 2, axis=1)]
@@ -389,27 +392,28 @@ class Recorded:
         counted = {"n_tangent_steps": steps, "n_tangent_rejected": rejected, "n_kinks": found}
         acts = np.any(run.space.largest[:, :p], axis=0)
         counters = {**self.simulation.work(), **counted}
-        return Followed(angle, speed, channel, p, run.scene.size, acts, counters)
+        return Followed(angle, speed, channel, run.scene.size, acts, counters)
 
     def remembered_slopes(self, followed: Followed, count: int) -> Array:
         """Derivatives (m, z, P) of ``count`` numbers that a run remembers; of a string's they are left 0."""
         s, n = self.run.structure, self.run.scene.size
-        out = np.zeros((len(followed.filled_angle), count, followed.count))
+        rows, _, p = followed.whole_angle.shape
+        out = np.zeros((rows, count, p))
         if len(s.memory):
-            out[:, : len(s.memory)] = followed.channel[:, : len(s.memory), : followed.count]
+            out[:, : len(s.memory)] = followed.channel[:, : len(s.memory), :p]
         for k, places in enumerate(s.pin_places(0).values()):
-            for place, of in zip(places, (followed.filled_angle, followed.filled_speed), strict=True):
-                out[:, place] = of[:, n + k, : followed.count]
+            for place, of in zip(places, (followed.whole_angle, followed.whole_speed), strict=True):
+                out[:, place] = of[:, n + k]
         return out
 
     def normal_forces(self, state: Array, slopes: tuple[Array, Array, Array]) -> tuple[Array, Array]:
         """Normal forces (m, c), N, and their derivatives (m, c, P).
 
-        ``state`` (m, N) are angles, speeds and what is remembered; ``slopes`` those of `Followed`, filled up to lanes.
+        ``state`` (m, N) are angles, speeds and what is remembered; ``slopes`` those of `Followed`.
         """
         scene, run = self.run.scene, self.run
         normal = np.empty((len(state), len(scene.contacts)))
-        out = aligned(*normal.shape, slopes[0].shape[2])
+        out = np.zeros((*normal.shape, len(self.directions.parameters)))
         moved, linear = Moved(np.ascontiguousarray(state), *slopes), run.linear
         normal_slopes(moved, scene.vector, scene.size, linear.sources, linear.loads, run.workspace(), normal, out)
-        return normal, out[:, :, : len(self.directions.parameters)]
+        return normal, out

@@ -47,9 +47,12 @@ NODE = numba_kernel(linearise_node, LINEARISE_NODE)
 
 @inlined_uncounted
 def copy(out, given):
-    """Number by number: an assigned row brings the text of numba's message about shapes, seconds to compile."""
-    for i in range(given.shape[0]):
-        for k in range(given.shape[1]):
+    """Number by number: an assigned row brings the text of numba's message about shapes, seconds to compile.
+
+    What fills ``given`` up to whole lanes is left out where ``out`` has no place for it.
+    """
+    for i in range(out.shape[0]):
+        for k in range(out.shape[1]):
             out[i, k] = given[i, k]
 
 
@@ -211,7 +214,9 @@ def follow(motion, drive, landings, linear, wanted, tangent, reached, linearise)
             find_values(step, space.slopes, channels)
         while out < wanted.time.shape[0] and wanted.time[out] <= after:
             row, x = wanted.row[out], (wanted.time[out] - t) / step
-            at_fraction(x, step, tangent, space, wanted.angle[row], wanted.speed[row])
+            at_fraction(x, step, tangent, space, reached[0], reached[1])
+            copy(wanted.angle[row], reached[0])
+            copy(wanted.speed[row], reached[1])
             if wanted.channel.shape[0] > 0:
                 channels_at(x, channels, wanted.channel[row])
             out += 1

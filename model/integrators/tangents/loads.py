@@ -11,7 +11,6 @@ from numba import types
 
 from model.kernels.compile import uncounted_loop
 from model.kernels.kernel_value import KernelType
-from model.kernels.lanes import rows
 from model.kernels.signatures import SLOPES
 from model.kernels.workspace import Q, V, Z
 
@@ -37,6 +36,8 @@ class Loads(NamedTuple):
 
     ``normal_first`` (c + 1,) is where the numbers of each contact begin in ``normal_number``, ``memory`` (c + 1,) the
     first memory of each contact; all memories of a contact lie together. ``string`` is the string's contact, or -1.
+    ``acting`` (k, 4) has places of ``by_number`` that parameters change: the place, its row of the loads, from where to
+    where its number's entries lie in the rest of `Sources`.
     """
 
     numbers: object
@@ -50,13 +51,16 @@ class Loads(NamedTuple):
     normal_number: np.ndarray
     memory: np.ndarray
     string: int
+    acting: np.ndarray
 
 
 _f, _i = types.float64, types.int64
 _numbers, _table, _cube = (types.Array(_f, k, "C") for k in (1, 2, 3))
 _integers = types.Array(_i, 1, "C")
 SOURCES = types.NamedTuple([_integers] * 3 + [_numbers, _integers], Sources)
-LOADS = types.NamedTuple([KernelType(SLOPES)] * 3 + [_numbers] * 4 + [_integers] * 3 + [_i], Loads)
+LOADS = types.NamedTuple(
+    [KernelType(SLOPES)] * 3 + [_numbers] * 4 + [_integers] * 3 + [_i, types.Array(_i, 2, "C")], Loads
+)
 PARAMETER_LOADS = types.void(_numbers, _numbers, _f, SOURCES, LOADS, _table, _table)
 
 
@@ -66,25 +70,23 @@ def parameter_loads(w, p, u, sources, loads, load, entering):
 
     And ``entering`` (C, P) with derivatives of the memories' rates, then of the string's force.
     """
-    n, size = load.shape[0], load.shape[0] + entering.shape[0]
+    n = load.shape[0]
     load[:, :] = 0.0
     entering[:, :] = 0.0
     loads.input[0] = u
     loads.numbers(w, loads.input, p, loads.by_number)
-    for s in range(sources.number.shape[0]):
-        at = size * sources.number[s]
-        for i in range(size):
-            change = loads.by_number[at + i]
-            if change != 0.0:
-                for e in range(sources.first[s], sources.first[s + 1]):
-                    if i < n:
-                        load[i, sources.column[e]] += sources.slope[e] * change
-                    else:
-                        entering[i - n, sources.column[e]] += sources.slope[e] * change
+    for k in range(loads.acting.shape[0]):
+        change, i = loads.by_number[loads.acting[k, 0]], loads.acting[k, 1]
+        if change != 0.0:
+            for e in range(loads.acting[k, 2], loads.acting[k, 3]):
+                if i < n:
+                    load[i, sources.column[e]] += sources.slope[e] * change
+                else:
+                    entering[i - n, sources.column[e]] += sources.slope[e] * change
 
 
 class Moved(NamedTuple):
-    """States (m, N) of a motion, derivatives (m, n, P), P a multiple of the lanes, and those of channels (m, C, P)."""
+    """States (m, N) of a motion, derivatives (m, n, P), those of channels (m, C, P); columns beyond P are not read."""
 
     state: np.ndarray
     d_angle: np.ndarray
@@ -102,10 +104,8 @@ def normal_slopes(moved, p, own, sources, loads, w, normal, out):
 
     ``own`` coordinates stand in a row of states before their speeds and what is remembered; ``w`` is a workspace.
     """
-    n, channels = moved.d_angle.shape[1], moved.d_channel.shape[1]
-    blocks = moved.d_angle.shape[2] // LANES
-    d_angle, d_speed, lanes = rows(moved.d_angle, LANES), rows(moved.d_speed, LANES), rows(out, LANES)
-    d_channel = rows(moved.d_channel, LANES)
+    n, count = moved.d_angle.shape[1], out.shape[2]
+    d_angle, d_speed, d_channel = moved.d_angle, moved.d_speed, moved.d_channel
     for m in range(moved.state.shape[0]):
         for i in range(own):
             w[Q + i], w[V + i] = moved.state[m, i], moved.state[m, own + i]
@@ -121,21 +121,18 @@ def normal_slopes(moved, p, own, sources, loads, w, normal, out):
             normal[m, c] = row[first]
             if not row[first] > 0.0:
                 continue
-            to = (m * normal.shape[1] + c) * blocks
             for k in range(n):
-                of = (m * n + k) * blocks
                 by_angle, by_speed = row[first + 1 + k], row[first + 1 + n + k]
                 if by_angle != 0.0 or by_speed != 0.0:
-                    for b in range(blocks):
-                        lanes[to + b] = lanes[to + b] + by_angle * d_angle[of + b] + by_speed * d_speed[of + b]
+                    for j in range(count):
+                        out[m, c, j] += by_angle * d_angle[m, k, j] + by_speed * d_speed[m, k, j]
             for k in range(memories):
-                of = (m * channels + loads.memory[c] + k) * blocks
-                for b in range(blocks):
-                    lanes[to + b] = lanes[to + b] + row[first + 1 + 2 * n + k] * d_channel[of + b]
+                by_memory, at_channel = row[first + 1 + 2 * n + k], loads.memory[c] + k
+                for j in range(count):
+                    out[m, c, j] += by_memory * d_channel[m, at_channel, j]
             if c == loads.string:
-                of = (m * channels + channels - 1) * blocks
-                for b in range(blocks):
-                    lanes[to + b] = lanes[to + b] + d_channel[of + b]
+                for j in range(count):
+                    out[m, c, j] += d_channel[m, d_channel.shape[1] - 1, j]
             for k in range(numbers):
                 s = sources.place[loads.normal_number[loads.normal_first[c] + k]]
                 change = row[first + 1 + 2 * n + memories + k]

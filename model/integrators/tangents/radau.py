@@ -29,8 +29,8 @@ class Wanted(NamedTuple):
     """Increasing times (m,) of the outputs, where each goes in ``angle`` and ``speed`` (m, n, P); what errors are
     measured by; longest step.
 
-    ``floor`` (2, P) is the least value that counts, of angles' and of speeds' derivatives; ``channel`` (m, C, P) is for
-    those of what felt and string remember, or (0, C, P).
+    ``floor`` (2, P') is the least value that counts, of angles' and of speeds' derivatives; ``channel`` (m, C, P') is
+    for those of what felt and string remember, or (0, C, P'): P' are columns filled up to lanes.
     """
 
     time: np.ndarray
