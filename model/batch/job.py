@@ -54,9 +54,10 @@ class Job(ArrayRecord):
     failure: Exception | None = None
     in_lanes: bool = False
 
-    def sha256(self) -> str:
-        """Hash of everything the answer depends on."""
-        return content_sha256(*(getattr(self, item.name) for item in fields(self) if item.name not in _LABELS))
+    def sha256(self, known: dict[int, bytes] | None = None) -> str:
+        """Hash of everything the answer depends on; ``known`` is kept for other jobs that share arrays and records."""
+        values = (getattr(self, item.name) for item in fields(self) if item.name not in _LABELS)
+        return content_sha256(*values, known=known)
 
 
 @dataclass(frozen=True)
@@ -79,33 +80,45 @@ class Member:
     reused: bool = False
 
 
-def content_sha256(*values: Any) -> str:
-    """Hash of plain values, arrays and records, and of the code that computes with them."""
+def content_sha256(*values: Any, known: dict[int, bytes] | None = None) -> str:
+    """Hash of plain values, arrays and records, and of the code that computes with them.
+
+    ``known`` has hashes of arrays and records by their ``id``: of what others share, while those live.
+    """
     digest = hashlib.sha256(code_sha256().encode())
     for value in values:
-        _feed(digest, value)
+        _feed(digest, value, {} if known is None else known)
     return digest.hexdigest()
 
 
-def _feed(digest: Any, value: Any) -> None:
+def _feed(digest: Any, value: Any, known: dict[int, bytes]) -> None:
     """Add a value to a hash, with its kind and length, so that no two values look alike."""
-    if isinstance(value, np.ndarray):
-        plain = np.ascontiguousarray(value)
-        digest.update(f"array {plain.dtype.str} {plain.shape}\0".encode())
-        digest.update(plain.data)
-    elif is_dataclass(value):
-        digest.update(f"{type(value).__name__}\0".encode())
-        for item in fields(value):
-            _feed(digest, getattr(value, item.name))
+    if isinstance(value, np.ndarray) or is_dataclass(value):
+        if id(value) not in known:
+            known[id(value)] = _whole(value, known)
+        digest.update(known[id(value)])
     elif isinstance(value, tuple):
         digest.update(f"tuple {len(value)}\0".encode())
         for one in value:
-            _feed(digest, one)
+            _feed(digest, one, known)
     elif value is None or isinstance(value, (bool, int, float, str)):
         text = repr(value).encode()
         digest.update(f"{type(value).__name__} {len(text)}\0".encode() + text)
     else:
         raise TypeError(f"a job cannot hold a {type(value).__name__}")
+
+
+def _whole(value: Any, known: dict[int, bytes]) -> bytes:
+    """Hash of an array or a record by itself."""
+    if isinstance(value, np.ndarray):
+        plain = np.ascontiguousarray(value)
+        digest = hashlib.sha256(f"array {plain.dtype.str} {plain.shape}\0".encode())
+        digest.update(plain.data)
+    else:
+        digest = hashlib.sha256(f"{type(value).__name__}\0".encode())
+        for item in fields(value):
+            _feed(digest, getattr(value, item.name), known)
+    return digest.digest()
 
 
 @cache

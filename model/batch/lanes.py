@@ -11,6 +11,8 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from model.batch.job import Job, Member, from_rest, run_job
 from model.derived.load import lane_kernels_of
 from model.errors import ModelError
@@ -77,19 +79,30 @@ def units(jobs: Sequence[Job], todo: Sequence[int], workers: int) -> list[list[i
         else:
             alone.append([i])
     together = []
+    known: dict[int, tuple[float, float]] = {}
     for group in groups.values():
-        # long ones first, the same force side by side: neighbours touch and end at about the same time
-        group.sort(key=lambda i: _order(jobs[i].run, i))
+        group.sort(key=lambda i: (*_order(jobs[i].run, known), i))
         rounds = -(-len(group) // (workers * UNIT))
         size = -(-len(group) // (workers * rounds))
+        if size > LANES:  # the last members of a unit leave lanes empty
+            size = -(-size // LANES) * LANES
         together += [group[k : k + size] for k in range(0, len(group), size)]
     return together + alone
 
 
-def _order(run: ForceDrivenRun | None, index: int) -> tuple[float, int, int]:
+def _order(run: ForceDrivenRun | None, known: dict[int, tuple[float, float]]) -> tuple[float, ...]:
+    """What sorts like members side by side, which touch and end at about the same time; those with more steps first.
+
+    Longer ones come first, then those whose force goes up and down more often, then the stronger; the same force is
+    looked at once, as ``known`` by its ``id``.
+    """
     assert run is not None
+    force = run.force_n
+    if id(force) not in known:
+        size = float(np.max(np.abs(force)))
+        known[id(force)] = -round(float(np.sum(np.abs(np.diff(force)))) / max(size, 1e-300)), -size
     end = run.output_time_s[-1] if len(run.output_time_s) else run.time_s[-1]
-    return -float(end - run.time_s[0]), id(run.force_n), index
+    return -float(end - run.time_s[0]), *known[id(force)]
 
 
 def warm(scene: Scene) -> None:

@@ -168,7 +168,8 @@ def run_jobs(
     if archive is not None and any(job.run is not None and "inside" in job.run.outputs for job in jobs):
         raise InputError("store: does not keep the inside view; allowed outputs contact_forces, energy")
     members: list[Member | None] = [None] * len(jobs)
-    hashes = [job.sha256() if job.failure is None else "" for job in jobs]
+    known: dict[int, bytes] = {}
+    hashes = [job.sha256(known) if job.failure is None else "" for job in jobs]
     for i, job in enumerate(jobs):
         if job.failure is not None:
             members[i] = Member(job.trial, job.parameters, "", error=job.failure)

@@ -29,8 +29,9 @@ from model.integrators.step_control import (
     ending_at,
     grown,
 )
-from model.kernels.compile import uncounted, uncounted_loop
+from model.kernels.compile import inlined_uncounted, uncounted, uncounted_loop
 from model.kernels.inputs import JUMP, constant_until, fit_to_kinks, input_between, input_gain
+from model.kernels.kernel_value import pointer_at
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RESTS, N_RHS, N_SKIPPED, N_STEPS
 from model.kernels.signatures import INTEGRATE_LANES, InputTable
 from model.kernels.workspace import (
@@ -71,25 +72,31 @@ QUIET = 10  # time up to which the input was last found to stay constant
 BASE_TIME, BASE, KINK = range(11, 14)  # point of the table before the start of the step, time of the next one
 N_NUMBERS = 14
 # its integers, of each lane
-MEMBER, TRIED, POINT, ROWS_DONE, FIRST, LAST, FIRST_WANTED, N_OUT, MOST, FIRST_ROW = range(10)
-N_WHOLE = 10
+MEMBER, TRIED, POINT, ROWS_DONE, FIRST, LAST, FIRST_WANTED, N_OUT, MOST = range(9)
+N_WHOLE = 9
 
 
 # a member takes a lane, rests in it, leaves it ------------------------------------------------------------------------
 
 
+@inlined_uncounted
+def write_row(lane, width, starts, members, space):
+    """Write angles, speeds and memories, which start at these rows, to the next output of a lane's member."""
+    memory, at = space.step, space.whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE]
+    sizes = members.angle.shape[1], members.angle.shape[1], members.memory.shape[1]
+    for k in range(3):
+        row = pointer_at(members.out[at[MEMBER], k])
+        for i in range(sizes[k]):
+            row[at[ROWS_DONE] * sizes[k] + i] = memory[(starts[k] + i) * width + lane]
+    at[ROWS_DONE] += 1
+
+
 @uncounted
 def fill_still(lane, width, until, members, space):
     """Fill the outputs wanted up to ``until`` with the state of a lane as it is."""
-    memory, at = space.step, space.whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE]
+    at = space.whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE]
     while at[ROWS_DONE] < at[N_OUT] and members.wanted[at[FIRST_WANTED] + at[ROWS_DONE]] <= until:
-        row = at[FIRST_ROW] + at[ROWS_DONE]
-        for i in range(members.angle.shape[1]):
-            members.out_angle[row, i] = memory[(Q + i) * width + lane]
-            members.out_speed[row, i] = memory[(V + i) * width + lane]
-        for i in range(members.memory.shape[1]):
-            members.out_memory[row, i] = memory[(Z + i) * width + lane]
-        at[ROWS_DONE] += 1
+        write_row(lane, width, (Q, V, Z), members, space)
 
 
 @uncounted
@@ -120,12 +127,11 @@ def sit_down(lane, width, m, members, space):
     at[FIRST_WANTED] = place[2]
     at[N_OUT] = place[3]
     at[MOST] = place[4]
-    at[FIRST_ROW] = place[5]
     at[ROWS_DONE] = 0
     fill_still(lane, width, members.start[m, 0], members, space)
 
 
-@uncounted
+@inlined_uncounted
 def leave(lane, width, memory, number):
     """Leave a lane without a member: its numbers are computed with the others, and used by nobody."""
     memory[IDLE * width + lane] = 1.0
@@ -152,7 +158,7 @@ def get_up(lane, width, status, members, space):
     leave(lane, width, memory, number)
 
 
-@uncounted
+@inlined_uncounted
 def fill_lanes(busy, following, width, members, space):
     """Give each lane that is not ``busy`` the next member with something to do; which lanes are, who is next."""
     for lane in range(width):
@@ -168,7 +174,7 @@ def fill_lanes(busy, following, width, members, space):
     return busy, following
 
 
-@uncounted
+@inlined_uncounted
 def nearly_still(lane, width, n, memory, number):
     """Whether a lane moves so little, under an input that does not change, that it may be at rest."""
     if number[SLOPE * width + lane] != 0.0:
@@ -179,7 +185,7 @@ def nearly_still(lane, width, n, memory, number):
     return fastest * number[WANTED * width + lane] < number[REST * width + lane]
 
 
-@uncounted
+@inlined_uncounted
 def rest(bits, width, parent, members, space):
     """Let members of the lanes of ``bits`` that are at rest stay until their input changes; which ones did."""
     number, whole, memory, single = space.number, space.whole, space.step, space.single
@@ -215,7 +221,7 @@ def rest(bits, width, parent, members, space):
 # an attempt -----------------------------------------------------------------------------------------------------------
 
 
-@uncounted
+@inlined_uncounted
 def read_start(bits, width, n_contacts, members, space):
     """Input at the start of the step of all lanes, read in those of ``bits``, whose forces will be linearised there."""
     number, whole, counters, memory = space.number, space.whole, members.counters, space.step
@@ -238,24 +244,27 @@ def read_start(bits, width, n_contacts, members, space):
             memory[NOW * width + lane] = number[TIME * width + lane]
 
 
-@uncounted
+@inlined_uncounted
 def read_inputs(bits, width, node, members, space):
     """Read the input at the times of a stage, at the fraction ``node`` of the steps."""
-    number, whole = space.number, space.whole
+    number, whole, memory = space.number, space.whole, space.step
+    late = 0
+    for lane in range(width):  # of all lanes, so that they are computed together
+        t = number[TIME * width + lane] + node * number[STEP * width + lane]
+        since = t - number[BASE_TIME * width + lane]
+        memory[INPUT * width + lane] = number[BASE * width + lane] + number[SLOPE * width + lane] * since
+        late |= (t >= number[KINK * width + lane]) << lane
+    late &= bits
     drive = InputTable(members.time, members.value, False)
     for lane in range(width):
-        if bits >> lane & 1:
+        if late >> lane & 1:
             t = number[TIME * width + lane] + node * number[STEP * width + lane]
-            if t < number[KINK * width + lane]:
-                u = number[BASE * width + lane] + number[SLOPE * width + lane] * (t - number[BASE_TIME * width + lane])
-            else:
-                at = N_WHOLE * lane
-                k, first, last = whole[at + POINT], whole[at + FIRST], whole[at + LAST]
-                u, _, whole[at + POINT] = input_between(t, k, first, last, drive)
-            space.step[INPUT * width + lane] = u
+            at = N_WHOLE * lane
+            k, first, last = whole[at + POINT], whole[at + FIRST], whole[at + LAST]
+            memory[INPUT * width + lane], _, whole[at + POINT] = input_between(t, k, first, last, drive)
 
 
-@uncounted
+@inlined_uncounted
 def want_steps(width, space):
     """The steps wanted, before they are fitted to events."""
     for lane in range(width):
@@ -263,7 +272,7 @@ def want_steps(width, space):
         space.number[WANTED * width + lane] = space.step[FITTED * width + lane] = h
 
 
-@uncounted
+@inlined_uncounted
 def choose_steps(bits, width, gamma, members, space):
     """Steps that end where their member ends, in the lanes of ``bits`` shortened to kinks of their input tables."""
     number, whole, memory = space.number, space.whole, space.step
@@ -290,7 +299,7 @@ def choose_steps(bits, width, gamma, members, space):
             memory[(ALLOWANCE + i) * width + lane] = 1.5 * step * abs(v) + step * step * abs(acc) + 1e-7
 
 
-@uncounted
+@inlined_uncounted
 def weigh_slopes(width, d, space):
     """What the change of the input adds to a stage."""
     for lane in range(width):
@@ -298,7 +307,7 @@ def weigh_slopes(width, d, space):
         space.step[INPUT_RATE * width + lane] = weight
 
 
-@uncounted
+@inlined_uncounted
 def count_contacts(exceeded, width, n_contacts, space):
     """Count all contacts, not only those needed, in the lanes in which a coordinate left its allowance."""
     for lane in range(width):
@@ -306,7 +315,7 @@ def count_contacts(exceeded, width, n_contacts, space):
             space.number[EXCEEDED * width + lane] += n_contacts - space.step[NEEDED * width + lane]
 
 
-@uncounted
+@inlined_uncounted
 def judge(trying, sound, rejected, exponent, width, space):
     """Steps to want next; the lanes whose error is within its limits."""
     number, memory = space.number, space.step
@@ -327,14 +336,14 @@ def judge(trying, sound, rejected, exponent, width, space):
     return within
 
 
-@uncounted
+@inlined_uncounted
 def end_of_step(lane, width, number):
     """Time at which the step of a lane ends."""
     t, step, end = number[TIME * width + lane], number[STEP * width + lane], number[END * width + lane]
     return end if step == end - t else t + step
 
 
-@uncounted
+@inlined_uncounted
 def ask(bits, width, members, space):
     """Of the lanes of ``bits`` those with another output within their steps; sets its fraction of the step."""
     number, whole = space.number, space.whole
@@ -351,23 +360,15 @@ def ask(bits, width, members, space):
     return asking
 
 
-@uncounted
+@inlined_uncounted
 def write_rows(bits, width, members, space):
     """Write the state inside the step of each lane of ``bits`` to its member's next row."""
-    memory, whole = space.step, space.whole
     for lane in range(width):
         if bits >> lane & 1:
-            at = N_WHOLE * lane
-            row = whole[at + FIRST_ROW] + whole[at + ROWS_DONE]
-            for i in range(members.angle.shape[1]):
-                members.out_angle[row, i] = memory[(AUDIT_Q + i) * width + lane]
-                members.out_speed[row, i] = memory[(AUDIT_V + i) * width + lane]
-            for i in range(members.memory.shape[1]):
-                members.out_memory[row, i] = memory[(AUDIT_Z + i) * width + lane]
-            whole[at + ROWS_DONE] += 1
+            write_row(lane, width, (AUDIT_Q, AUDIT_V, AUDIT_Z), members, space)
 
 
-@uncounted
+@inlined_uncounted
 def commit(within, width, members, space):
     """State and time of the lanes that were accepted."""
     memory = space.step
@@ -385,7 +386,7 @@ def commit(within, width, members, space):
             space.number[TIME * width + lane] = end_of_step(lane, width, space.number)
 
 
-@uncounted
+@inlined_uncounted
 def count(trying, within, prepared, shape, width, members, space):
     """Count an attempt: steps, rejections, evaluations; ``shape`` are numbers of stages and of contacts."""
     n_stages, n_contacts = shape
@@ -401,7 +402,7 @@ def count(trying, within, prepared, shape, width, members, space):
                 members.counters[m, N_SKIPPED] += (n_stages - 1) * n_contacts - evaluated
 
 
-@uncounted
+@inlined_uncounted
 def settle(busy, rejected, sound, width, members, space):
     """Take members that are done, or cannot go on, out of their lanes; which lanes stay busy."""
     number, whole = space.number, space.whole
@@ -432,12 +433,14 @@ def loop_in_lanes(width: int) -> Any:
         a, c, b, node, d, dense, gamma, exponent = method
         memory, numbers, _, _, _, _ = space
         n_z, n_stages, n_dense = members.memory.shape[1], b.shape[0], dense.shape[0]
-        # a plain 0 would be a type of its own, for which numba compiles all that takes a seat once more
-        busy, following = fill_lanes(int64(0), int64(0), width, members, space)
-        fresh = busy
-        rejected = 0
-        attempts = 0
-        while busy:
+        busy = fresh = rejected = following = attempts = int64(0)  # a plain 0 would be a type of its own, compiled anew
+        while True:
+            stayed = busy
+            busy, following = fill_lanes(stayed, following, width, members, space)
+            if not busy:
+                return attempts
+            fresh = (fresh & stayed) | (busy & ~stayed)
+            rejected &= stayed
             attempts += 1
             read_start(fresh, width, n_contacts, members, space)
             kernels.linearise(memory, numbers)
@@ -470,10 +473,6 @@ def loop_in_lanes(width: int) -> Any:
             count(trying, within, prepared, (n_stages, n_contacts), width, members, space)
             rejected = trying & ~within
             fresh = within | rested
-            stayed = settle(busy, rejected, sound, width, members, space)
-            busy, following = fill_lanes(stayed, following, width, members, space)
-            fresh = (fresh & stayed) | (busy & ~stayed)
-            rejected &= stayed
-        return attempts
+            busy = settle(busy, rejected, sound, width, members, space)
 
     return integrate

@@ -15,7 +15,7 @@ from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import Signature
 from numba.core.typing.templates import signature as call_signature
-from numba.extending import NativeValue, lower_builtin, models, register_model, typeof_impl, unbox
+from numba.extending import NativeValue, intrinsic, lower_builtin, models, register_model, typeof_impl, unbox
 
 from model.kernels.compile import kernel
 
@@ -114,6 +114,16 @@ def _lower_call(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return result
     function = ir.FunctionType(context.get_value_type(of.return_type), [value.type for value in given])
     return builder.call(builder.inttoptr(args[0], function.as_pointer()), given)
+
+
+@intrinsic
+def pointer_at(typingctx: Any, address: Any) -> Any:
+    """The numbers at an address, an integer; what calls the loop keeps them alive."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], context.get_value_type(pointer))
+
+    return pointer(types.int64), generate
 
 
 @kernel

@@ -108,10 +108,10 @@ class LaneMembers(NamedTuple):
     """Members of a batch, a row each: what they are given, and what becomes of them.
 
     ``start`` (m, 7): time, end and first step (s), motion that counts as rest (rad), longest step (s), limits of local
-    errors (rad, rad/s). ``place`` (m, 6): where its input starts in ``time`` and ``value`` and how many points it has,
-    the same of its outputs in ``wanted``, most attempts, where its rows of outputs start.
-    ``reached`` (m, 3): time, next step, time at rest (s). ``angle``, ``speed`` and ``memory`` are changed in place;
-    ``out_angle``, ``out_speed`` and ``out_memory`` hold the outputs of all members, one after the other.
+    errors (rad, rad/s). ``place`` (m, 5): where its input starts in ``time`` and ``value`` and how many points it has,
+    the same of its outputs in ``wanted``, most attempts. ``out`` (m, 3): addresses of the rows that its angles, speeds
+    and memories at these are written to.
+    ``reached`` (m, 3): time, next step, time at rest (s). ``angle``, ``speed`` and ``memory`` are changed in place.
     """
 
     start: np.ndarray
@@ -123,9 +123,7 @@ class LaneMembers(NamedTuple):
     time: np.ndarray
     value: np.ndarray
     wanted: np.ndarray
-    out_angle: np.ndarray
-    out_speed: np.ndarray
-    out_memory: np.ndarray
+    out: np.ndarray
     reached: np.ndarray
     status: np.ndarray
     counters: np.ndarray
@@ -186,7 +184,7 @@ _COEFFICIENTS = types.NamedTuple([_array, _array, _array, _array, _array, _table
 INTEGRATE_LANES = _i(  # attempts, each of all lanes
     types.NamedTuple(
         [
-            _table, _integer_table, *[_table] * 4, *[_array] * 3, *[_table] * 4, _integers, _integer_table,
+            _table, _integer_table, *[_table] * 4, *[_array] * 3, _integer_table, _table, _integers, _integer_table,
         ],
         LaneMembers,
     ),

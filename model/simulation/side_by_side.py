@@ -85,11 +85,9 @@ def advance_together(tables: Tables, plans: Sequence[Plan], lanes: int) -> list[
         [(p.span.time, p.span.end, p.span.step, p.limits.rest, p.limits.longest_step, p.limits.angle, p.limits.speed)
          for p in plans]
     )  # fmt: skip
-    counts = [len(plan.out.time) for plan in plans]
-    first_row = np.cumsum([0, *counts])
     place = np.array(
-        [(at, len(plan.drive.time), out, len(plan.out.time), plan.limits.most_steps, row)
-         for plan, at, out, row in zip(plans, first, first_out, first_row[:-1], strict=True)]
+        [(at, len(plan.drive.time), out, len(plan.out.time), plan.limits.most_steps)
+         for plan, at, out in zip(plans, first, first_out, strict=True)]
     )  # fmt: skip
     memory = np.array([plan.span.memory for plan in plans]).reshape(count, -1)
     members = LaneMembers(
@@ -102,9 +100,7 @@ def advance_together(tables: Tables, plans: Sequence[Plan], lanes: int) -> list[
         time,
         value,
         wanted,
-        np.full((first_row[-1], n), np.nan),
-        np.full((first_row[-1], n), np.nan),
-        np.full((first_row[-1], memory.shape[1]), np.nan),
+        np.array([[rows.ctypes.data for rows in (plan.out.angle, plan.out.speed, plan.out.memory)] for plan in plans]),
         np.zeros((count, 3)),
         np.zeros(count, dtype=np.int64),
         np.zeros((count, len(COUNTERS)), dtype=np.int64),
@@ -121,9 +117,6 @@ def advance_together(tables: Tables, plans: Sequence[Plan], lanes: int) -> list[
     for i, plan in enumerate(plans):
         plan.span.angle[:], plan.span.speed[:] = members.angle[i], members.speed[i]
         plan.span.memory[:] = members.memory[i]
-        rows = slice(first_row[i], first_row[i + 1])
-        plan.out.angle[:], plan.out.speed[:] = members.out_angle[rows], members.out_speed[rows]
-        plan.out.memory[:] = members.out_memory[rows]
         plan.account.counters[:] += members.counters[i]
         plan.account.time_at_rest[0] += members.reached[i, 2]
     return [(float(t), float(h), int(s)) for (t, h, _), s in zip(members.reached, members.status, strict=True)]
