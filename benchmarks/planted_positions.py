@@ -27,7 +27,16 @@ from rig.session.ruler import ruler_curve
 from validation.conventions import HAMMER
 from validation.identification.positions import read_identified
 from validation.pipeline.compare_positions import PositionComparison, compare_positions
-from validation.prediction.positions import NAMES, Nominal, Sensing, action_of, bowed, hammer_reading, sensing_of
+from validation.prediction.positions import (
+    NAMES,
+    Nominal,
+    Sensing,
+    action_of,
+    bowed,
+    hammer_place,
+    hammer_reading,
+    sensing_of,
+)
 
 Array = NDArray[np.float64]
 
@@ -149,7 +158,10 @@ def write_recording(path: Path, specimen: Specimen, kinds: Sequence[str], exact:
     columns = [time_s]
     for one in _mapping().positions:
         turn = np.concatenate([t.key_turn if one.ruler.body == "key" else t.hammer_turn for t in truths])[::OVER]
-        place = _key_place(turn, specimen.sensing) if one.ruler.body == "key" else _hammer_place(turn, specimen.sensing)
+        if one.ruler.body == "key":
+            place = _key_place(turn, specimen.sensing)
+        else:
+            place = hammer_place(turn, specimen.sensing, _travel("hammer"))
         reading = _reading(place, RulerInfo(**one.ruler.model_dump()), None if exact else random)
         if not exact:
             away = np.concatenate([np.full(t.time_s.size, DRIFT[one.name] * random.standard_normal()) for t in truths])
@@ -168,13 +180,6 @@ def _key_place(turn: Array, sensing: Sensing) -> Array:
     grid = sensing.key_rad_per_m * (_travel("key") * bowed(u, sensing.key_shape) - sensing.key_zero_m)
     up = np.maximum.accumulate(grid)
     return np.asarray(_travel("key") * np.interp(turn - sensing.key_rad_per_m * sensing.key_zero_m, up, u))
-
-
-def _hammer_place(turn: Array, sensing: Sensing) -> Array:
-    travel = _travel("hammer")
-    u = turn * sensing.hammer_m_per_rad / travel
-    inside = bowed(np.clip(u, 0.0, 1.0), sensing.hammer_shape) + u - np.clip(u, 0.0, 1.0)
-    return np.asarray(travel * inside + sensing.hammer_zero_m)
 
 
 def _reading(place_m: Array, ruler: RulerInfo, random: np.random.Generator | None) -> Array:

@@ -1,10 +1,10 @@
 """Make `sessions/kawai_kg3c` of the recording of a real action: import, identification, everything but the text files.
 
-Run:  python sessions/make_kawai.py kawai_kg3c_e4_part1.csv.gz [--out FOLDER]
+Run:  python sessions/make_kawai.py kawai_kg3c_e4_part1.csv.gz kawai_kg3c_e4_repeated.csv.gz [--out FOLDER]
 
-The recording is gzweigle/Piano-Data, folder kawai_kg-3c_action/hammer_and_damper0, its first 36 s as a table of time and
-two readings; README.md of the session says more. Some minutes of processor time; the same numbers at every run on one
-machine.
+The recording is gzweigle/Piano-Data, folder kawai_kg-3c_action/hammer_and_damper0, its first 38.46 s as two tables of
+time and two readings; README.md of the session says more. A quarter of an hour of processor time; the same numbers at
+every run on one machine.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ import rig
 from validation.identification.positions import FILE, identify_session, write_identified
 
 HOME = Path(__file__).parent / "kawai_kg3c"
-FIT_TO = "2,3,5"
-"""Slow press, medium stroke, first fast one; the slide-off and the second fast one are held out."""
+FIT_TO = "2,3,5,7,8"
+"""Slow press, medium stroke, two fast ones, four of the eight repeated; the slide-off and a fast one are held out."""
 ACTION = "hirschkorn2004-regulated"
 
 
 def main() -> None:
     """Import, identify, put the files in place."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recording", type=Path, help="The table, .csv or .csv.gz.")
+    parser.add_argument("recordings", type=Path, nargs="+", help="The tables, .csv or .csv.gz.")
     parser.add_argument("--mapping", type=Path, default=HOME / "mapping.toml", help="Which column is what.")
     parser.add_argument("--out", type=Path, default=HOME, help="Session folder; its texts stay.")
     parser.add_argument("--fit", default=FIT_TO, help="Trials to identify on.")
@@ -35,9 +35,9 @@ def main() -> None:
     trials = [int(number) for number in given.fit.split(",")]
     with tempfile.TemporaryDirectory() as temporary:
         made = Path(temporary) / "kawai_kg3c"
-        session = rig.import_session(made, [given.recording], rig.load_mapping(given.mapping))
+        session = rig.import_session(made, given.recordings, rig.load_mapping(given.mapping))
         write_identified(made / FILE, identify_session(session, trials, ACTION, say=print))
-        _excerpt(given.recording, made / "excerpt.csv")
+        _excerpt(given.recordings[0], made / "excerpt.csv")
         given.out.mkdir(parents=True, exist_ok=True)
         for file in made.iterdir():
             shutil.copy(file, given.out / file.name)

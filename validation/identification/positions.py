@@ -21,7 +21,7 @@ from validation.errors import ValidationInputError
 from validation.events.strikes import RELEASE, phases
 from validation.measurement.positions import Stroke, measure_positions, smoothed
 from validation.prediction.black_boxes import Example, fit_black_boxes
-from validation.prediction.positions import FREE, NAMES, SENSORS, Predict, of_model, of_null
+from validation.prediction.positions import FREE, NAMES, SENSORS, Mixture, Predict, of_model, of_null
 from validation.statistics.bands import PredictedStroke, PredictionBand, prediction_band, spread
 from validation.statistics.domain import features_of
 
@@ -131,7 +131,7 @@ def fit(
     return Fit(found.x, covariance, 0.5 * float(before @ before), float(found.cost), int(found.nfev))
 
 
-SCHEMA = "piano-action-rig identified positions 2"
+SCHEMA = "piano-action-rig identified positions 3"
 FILE = "identified.json"
 MODELS = ("regulated", "null", "identified")
 
@@ -155,8 +155,10 @@ class Identified:
         In standard deviations of the priors.
     misfit : dict of str
         Before and after.
+    mixture : Mixture
+        The valleys kept; predictions are their mean. ``z`` is the best.
     left_out : dict
-        Parameters without each of the fitted strokes, from which the bands come.
+        For each model and fitted stroke the mixture found without strokes of its kind, from which the bands come.
     bands : dict of str to PredictionBand
         For each model how its band was chosen and calibrated.
     release : dict
@@ -181,18 +183,11 @@ class Identified:
     null_covariance: list[list[float]]
     misfit: dict[str, float]
     bands: dict[str, PredictionBand]
-    left_out: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    mixture: Mixture
+    left_out: dict[str, dict[str, Mixture]] = field(default_factory=dict)
     release: dict[str, dict[str, float]] = field(default_factory=dict)
     strokes: dict[str, dict[str, Any]] = field(default_factory=dict)
     black_boxes: dict[str, dict[str, Any]] = field(default_factory=dict)
-
-    def fit(self) -> Fit:
-        """The full model's parameters."""
-        return Fit(np.array(self.z), np.array(self.covariance), self.misfit["before"], self.misfit["after"], 0)
-
-    def null_fit(self) -> Fit:
-        """The null model's."""
-        return Fit(np.array(self.null_z), np.array(self.null_covariance), 0.0, 0.0, 0)
 
     def check(self, strokes: tuple[Stroke, ...], where: str) -> None:
         """Refuse strokes measured by other sensors."""
@@ -240,9 +235,11 @@ def read_identified(path: Path) -> Identified:
     if not isinstance(plain, dict) or plain.pop("schema", None) != SCHEMA:
         raise ValidationInputError(f"{file}: not an identified set, its schema must be {SCHEMA!r}")
     try:
-        bands = {name: PredictionBand(**plain["bands"][name]) for name in MODELS}
-        names = {key: tuple(plain[key]) for key in ("names", "null_names")}
-        found = Identified(**{**plain, **names, "bands": bands})
+        plain["bands"] = {name: PredictionBand(**plain["bands"][name]) for name in MODELS}
+        plain["mixture"] = Mixture(**plain["mixture"])
+        left_out = plain.get("left_out", {}).items()
+        plain["left_out"] = {name: {n: Mixture(**sets) for n, sets in of.items()} for name, of in left_out}
+        found = Identified(**{**plain, **{key: tuple(plain[key]) for key in ("names", "null_names")}})
     except (TypeError, KeyError) as error:
         raise ValidationInputError(f"{file}: a field is missing or unknown ({error}); identify it again") from None
     if found.names != NAMES or found.null_names != NAMES[: len(SENSORS)]:
@@ -250,10 +247,23 @@ def read_identified(path: Path) -> Identified:
     return found
 
 
-START = {"stop_felt": -2.5, "key_felt": -1.0, "hammer_shape": 1.0, "key_shape": 0.5, "check": -0.2, "spring": -0.5}
-"""Where a fit begins, in standard deviations of the priors: soft felts and a weak spring, as the curves suggest."""
-DRAWS, SEED, SPREAD = 40, 5, 0.6
-"""A second fit begins at the best of so many seeded draws from the priors, narrowed by the last, and nominal."""
+START = {
+    "key_scale": -0.4, "key_zero": 1.1, "key_shape": 0.6, "hammer_scale": 0.6, "hammer_zero": 0.5,
+    "hammer_curve_04": 1.2, "hammer_curve_10": 1.6, "hammer_curve_20": 1.1, "hammer_curve_40": 0.5,
+    "hammer_curve_70": -0.5, "let_off": -0.5, "drop": -0.4, "check": -0.1, "jack_pad": -0.3, "repetition_pad": -0.2,
+    "capstan": 1.1, "string": 0.8, "stop_felt": 0.4, "stop_damping": 1.2, "key_felt": -1.4, "spring": -0.3,
+    "spring_torque": 0.2, "hammer_mass": 0.9, "hammer_friction": -1.6, "lever_friction": 0.4, "knuckle_friction": 0.5,
+    "check_friction": 0.2, "rest_damping": -0.9, "knuckle_damping": -0.1,
+}  # fmt: skip
+"""Where a search begins, in standard deviations of the priors: found on the training strokes of the Kawai, rounded."""
+DRAWS, SEED, SPREAD = 24, 5, 0.4
+"""Seeded draws about `START` that are tried beside nominal."""
+STARTS, COARSE, FINE = 3, 5, 6
+"""A search begins at `START` and the best of those; most evaluations of a first fit, and of one that is carried on."""
+VALLEYS, AS_GOOD = 2, 1.5
+"""So many first fits are carried on at most, those within this factor of the best misfit."""
+INDEPENDENT_PHASES = 4
+"""What a stroke counts for in the weight of a valley: one value a phase, since a model's errors go on within one."""
 GROUPS = {
     "repetition spring": ("spring", "spring_torque", "lever_friction", "repetition_pad", "drop"),
     "hammer's mass": ("hammer_mass",),
@@ -296,14 +306,17 @@ def identify_session(
     action = model.load_action(action_name)
     full, null = of_model(action), of_null(action)
     say("identified set: all strokes")
-    best = _search(strokes, full, len(FREE), say)
-    null_best = _search(strokes, null, len(SENSORS), say)
-    left_z: dict[str, dict[str, list[float]]] = {"null": {}, "identified": {}}
-    for stroke in strokes:
-        say(f"without trial {stroke.number}")
-        others = [one for one in strokes if one is not stroke]
-        left_z["null"][str(stroke.number)] = _search(others, null, len(SENSORS), say).z.tolist()
-        left_z["identified"][str(stroke.number)] = _search(others, full, len(FREE), say).z.tolist()
+    best, mixture = search(strokes, full, len(FREE), say)
+    null_best, _ = search(strokes, null, len(SENSORS), say)
+    left_out: dict[str, dict[str, Mixture]] = {"null": {}, "identified": {}}
+    for kind in dict.fromkeys(map(kind_of, strokes)):
+        say(f"without {kind}")
+        others = [one for one in strokes if kind_of(one) != kind]
+        null_left = search(others, null, len(SENSORS), say)[1]
+        left = search(others, full, len(FREE), say, starts=1)[1]
+        for stroke in strokes:
+            if kind_of(stroke) == kind:
+                left_out["null"][str(stroke.number)], left_out["identified"][str(stroke.number)] = null_left, left
     return Identified(
         action=action_name,
         session=session.info.name or session.path.name,
@@ -316,8 +329,9 @@ def identify_session(
         null_z=null_best.z.tolist(),
         null_covariance=null_best.covariance.tolist(),
         misfit={"before": _cost(np.zeros(len(FREE)), strokes, full), "after": best.cost, "null": null_best.cost},
-        bands=bands_of(strokes, action, left_z),
-        left_out=left_z,
+        bands=bands_of(strokes, action, left_out),
+        mixture=mixture,
+        left_out=left_out,
         release=explain_release(strokes, full, best.z),
         **known_of(strokes),
     )
@@ -338,17 +352,17 @@ def example_of(stroke: Stroke) -> Example:
 
 
 def bands_of(
-    strokes: Sequence[Stroke], action: model.Action, left_out: dict[str, dict[str, list[float]]]
+    strokes: Sequence[Stroke], action: model.Action, left_out: dict[str, dict[str, Mixture]]
 ) -> dict[str, PredictionBand]:
     """Choose and calibrate the band of each model on strokes predicted by parameters that have not seen them."""
-    full, null, nominal = of_model(action), of_null(action), [0.0] * len(FREE)
+    full, null, nominal = of_model(action), of_null(action), Mixture.of_one(np.zeros(len(FREE)))
     found = {}
     for name, predict in (("regulated", full), ("null", null), ("identified", full)):
         left = []
         for stroke in strokes:
-            z = np.array(left_out.get(name, {}).get(str(stroke.number), nominal))
-            prediction = predict(z, stroke, None)
-            left.append(PredictedStroke(stroke, prediction, spread(stroke, predict, z, prediction)))
+            sets = left_out.get(name, {}).get(str(stroke.number), nominal)
+            prediction = sets.predict(predict, stroke)
+            left.append(PredictedStroke(stroke, prediction, spread(stroke, predict, sets, prediction)))
         found[name] = prediction_band(left)
     return found
 
@@ -358,14 +372,47 @@ def _cost(z: Array, strokes: Sequence[Stroke], predict: Predict) -> float:
     return 0.5 * float(r @ r)
 
 
-def _search(strokes: Sequence[Stroke], predict: Predict, size: int, say: Callable[[str], None]) -> Fit:
-    """The better of two fits: the misfit has many valleys."""
+def kind_of(stroke: Stroke) -> str:
+    """How a stroke was played; one of which that is not said is a kind of its own."""
+    return stroke.condition or f"trial {stroke.number}"
+
+
+def search(
+    strokes: Sequence[Stroke], predict: Predict, size: int, say: Callable[[str], None], starts: int = STARTS
+) -> tuple[Fit, Mixture]:
+    """Find the valleys of a misfit that has many.
+
+    Fits begin at several places; the best of them are carried on, and are the mixture. A valley weighs as the
+    likelihood of a scatter that is not known, misfit to the power −n/2, with `INDEPENDENT_PHASES` values a stroke.
+
+    Parameters
+    ----------
+    strokes : sequence of Stroke
+    predict : callable
+    size : int
+        How many of the parameters, the first ones, are fitted.
+    say : callable
+        Told of the progress.
+    starts : int
+        At how many places fits begin.
+
+    Returns
+    -------
+    Fit, Mixture
+        The best, and all.
+    """
     random = np.random.default_rng(SEED)
     first = np.array([START.get(name, 0.0) for name in NAMES])[:size]
-    draws = [np.zeros(size), *(SPREAD * random.standard_normal(size) for _ in range(DRAWS))]
-    second = min(draws, key=lambda z: _cost(z, strokes, predict))
-    fits = [fit(strokes, predict, start, say=say) for start in (first, second)]
-    return min(fits, key=lambda one: one.cost)
+    draws = [np.zeros(size), *(first + SPREAD * random.standard_normal(size) for _ in range(DRAWS))]
+    best = sorted(draws, key=lambda z: _cost(z, strokes, predict)) if starts > 1 else []
+    coarse = sorted(
+        (fit(strokes, predict, z, runs=COARSE, say=say) for z in (first, *best[: starts - 1])),
+        key=lambda one: one.cost,
+    )
+    chosen = [one for one in coarse if one.cost < AS_GOOD * coarse[0].cost][:VALLEYS]
+    fine = sorted((fit(strokes, predict, one.z, runs=FINE, say=say) for one in chosen), key=lambda one: one.cost)
+    weight = np.array([one.cost / fine[0].cost for one in fine]) ** (-0.5 * INDEPENDENT_PHASES * len(strokes))
+    return fine[0], Mixture([one.z.tolist() for one in fine], (weight / weight.sum()).tolist())
 
 
 def explain_release(strokes: Sequence[Stroke], predict: Predict, z: Array) -> dict[str, dict[str, float]]:

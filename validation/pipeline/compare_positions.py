@@ -14,10 +14,10 @@ import model
 from rig.session import Session
 from validation.conventions import Array
 from validation.events.strikes import EVENTS, PHASES, find, phases
-from validation.identification.positions import FILE, MODELS, Fit, Identified, example_of, read_identified
+from validation.identification.positions import FILE, Identified, example_of, read_identified
 from validation.measurement.positions import Stroke, measure_positions
 from validation.prediction.black_boxes import BlackBox, left_out_boxes
-from validation.prediction.positions import FREE, SENSORS, Predict, of_model, of_null
+from validation.prediction.positions import FREE, SENSORS, Mixture, Predict, of_model, of_null
 from validation.statistics.bands import PredictedStroke, half_width, score, spread
 from validation.statistics.domain import features_of, left_out_distances, place
 from validation.statistics.rivals import CALLED, skill_of
@@ -130,9 +130,9 @@ def compare_positions(
     for stroke in strokes:
         say(f"stroke {stroke.number} {stroke.condition}")
         event_rows += _event_rows(stroke, "measured", stroke.hammer.value_m)
-        for label, (predict, fitted) in models.items():
+        for label, (predict, sets) in models.items():
             try:
-                made = predict(fitted.z, stroke, None)
+                made = sets.predict(predict, stroke)
             except model.ModelError as error:
                 say(f"stroke {stroke.number}: {label}: {error}")
                 rows.append({"trial": stroke.number, "condition": stroke.condition, "model": label})
@@ -140,7 +140,7 @@ def compare_positions(
             half = np.full(made.size, np.nan)
             if record is not None:
                 band = record.bands[label]
-                half = half_width(PredictedStroke(stroke, made, spread(stroke, predict, fitted.z, made)), band, band.q)
+                half = half_width(PredictedStroke(stroke, made, spread(stroke, predict, sets, made)), band, band.q)
             predicted = Predicted(label, stroke, made, half)
             predictions.append(predicted)
             fitted_to = label != "regulated" and seals[stroke.number] in fitted_seals
@@ -168,25 +168,22 @@ def compare_positions(
     )
 
 
-def _models(action: model.Action, record: Identified | None) -> dict[str, tuple[Predict, Fit]]:
+def _models(action: model.Action, record: Identified | None) -> dict[str, tuple[Predict, Mixture]]:
     """Predictions by name with their parameters; the action as it is and the null model have no spread of their own."""
     full, null = of_model(action), of_null(action)
-    if record is None:
-        nothing = Fit(np.zeros(len(SENSORS)), np.zeros((len(SENSORS),) * 2), 0.0, 0.0, 0)
-        return {"regulated": (full, _nominal()), "null": (null, nothing)}
-    return dict(zip(MODELS, ((full, _nominal()), (null, record.null_fit()), (full, record.fit())), strict=True))
-
-
-def _nominal() -> Fit:
-    return Fit(np.zeros(len(FREE)), np.zeros((len(FREE), len(FREE))), 0.0, 0.0, 0)
+    found = {
+        "regulated": (full, Mixture.of_one(np.zeros(len(FREE)))),
+        "null": (null, Mixture.of_one(np.array(record.null_z) if record else np.zeros(len(SENSORS)))),
+    }
+    return found | ({"identified": (full, record.mixture)} if record else {})
 
 
 def _left_out(record: Identified | None, label: str, predict: Predict, stroke: Stroke) -> float:
     """RMSE (rulers) of a stroke by parameters that have not seen it."""
-    z = None if record is None else record.left_out.get(label, {}).get(str(stroke.number))
-    if z is None:
+    sets = None if record is None else record.left_out.get(label, {}).get(str(stroke.number))
+    if sets is None:
         return float("nan")
-    error = (predict(np.array(z), stroke, None) - stroke.hammer.value_m) / stroke.hammer.travel_m
+    error = (sets.predict(predict, stroke) - stroke.hammer.value_m) / stroke.hammer.travel_m
     return float(np.sqrt(np.mean(error**2)))
 
 

@@ -171,7 +171,8 @@ def parameters(result: PositionComparison) -> list[dict[str, Any]]:
     if record is None:
         return []
     z, u = np.array(record.z), np.sqrt(np.diag(np.array(record.covariance)))
-    left_out = list(record.left_out.get("identified", {}).values())
+    by_kind = {tuple(sets.z[0]): sets for sets in record.left_out.get("identified", {}).values()}
+    left_out = [list(z) for z in by_kind]
     if len(left_out) > 1:  # a fit without a stroke may end in another valley: then these data do not determine it
         u = np.maximum(u, jackknife_u(left_out))
     values = values_of(z)

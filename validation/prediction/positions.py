@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
 import model
@@ -50,13 +50,20 @@ class Free:
     adds: bool = False
 
 
+CURVE_AT = (0.04, 0.1, 0.2, 0.4, 0.7)
+"""Shares of the hammer's ruler at which its sensor may show more or less than is there (rulers)."""
 SENSORS = (
     Free("key_scale", "key: turn per displacement of the calibrated point (key ratio)", (), 0.13),
     Free("key_zero", "key: place of the rest", (), 3e-4, adds=True),
     Free("key_shape", "key: bow of the calibration curve", (), 0.2, adds=True),
     Free("hammer_scale", "hammer: displacement of the calibrated point per turn (hammer lever)", (), 0.15),
     Free("hammer_zero", "hammer: place of the rest", (), 5e-5, adds=True),
-    Free("hammer_shape", "hammer: bow of the calibration curve", (), 0.1, adds=True),
+    *(
+        Free(
+            f"hammer_curve_{100 * at:02.0f}", f"hammer: shown too high at {100 * at:.0f} % of its ruler", (), 0.05, True
+        )
+        for at in CURVE_AT
+    ),
 )
 ACTION = (
     Free("let_off", "regulation: button", ("contact08.second.y",), 2e-3, adds=True),
@@ -97,8 +104,10 @@ class Sensing:
     key_rad_per_m, key_zero_m, key_shape : float
         The key turns by ``key_rad_per_m`` per metre of its calibrated point, from ``key_zero_m`` on, the displacement u
         (in rulers) bowed to u + shape u (1 − u).
-    hammer_m_per_rad, hammer_zero_m, hammer_shape : float
+    hammer_m_per_rad, hammer_zero_m : float
         Likewise the other way round.
+    hammer_curve : tuple of float
+        What the hammer's sensor shows too much at the shares `CURVE_AT` of its ruler, in rulers.
     """
 
     key_rad_per_m: float
@@ -106,7 +115,7 @@ class Sensing:
     key_shape: float
     hammer_m_per_rad: float
     hammer_zero_m: float
-    hammer_shape: float
+    hammer_curve: tuple[float, ...]
 
 
 def values_of(z: Array) -> dict[str, float]:
@@ -166,7 +175,7 @@ def sensing_of(nominal: Nominal, z: Array, key_travel_m: float, hammer_travel_m:
         away["key_shape"],
         hammer_travel_m / nominal.string_rad * float(np.exp(away["hammer_scale"])),
         away["hammer_zero"],
-        away["hammer_shape"],
+        tuple(away[one.name] for one in SENSORS if one.name.startswith("hammer_curve")),
     )
 
 
@@ -207,14 +216,19 @@ def key_motion(stroke: Stroke, turn_rad: Array, rest_rad: float) -> model.KeyMot
     return model.KeyMotion(spline.x, rows)
 
 
+def hammer_place(turn_rad: Array, sensing: Sensing, travel_m: float) -> Array:
+    """What a sensor of the hammer would show of its turn from rest, m, if its ruler had no ends.
+
+    Between the shares `CURVE_AT` a monotone cubic; beyond the ruler what is there.
+    """
+    u = turn_rad * sensing.hammer_m_per_rad / travel_m
+    more = PchipInterpolator((0.0, *CURVE_AT, 1.0), (0.0, *sensing.hammer_curve, 0.0))(np.clip(u, 0.0, 1.0))
+    return np.asarray(travel_m * (u + more) + sensing.hammer_zero_m)
+
+
 def hammer_reading(turn_rad: Array, sensing: Sensing, travel_m: float) -> Array:
     """What the hammer's sensor shows of its turn from rest, m, held at the ruler's ends."""
-    u = turn_rad * sensing.hammer_m_per_rad / travel_m
-    # beyond the ruler the bow goes on as a straight line: a parabola would turn back
-    inside = bowed(np.clip(u, 0.0, 1.0), sensing.hammer_shape) + np.where(
-        (u < 0.0) | (u > 1.0), u - np.clip(u, 0, 1), 0.0
-    )
-    return np.asarray(np.clip(travel_m * inside + sensing.hammer_zero_m, 0.0, travel_m))
+    return np.clip(hammer_place(turn_rad, sensing, travel_m), 0.0, travel_m)
 
 
 def predict_hammer(
@@ -351,6 +365,39 @@ def _march(null: NullAction, s: Array, w: Array) -> Array:
 T = TypeVar("T")
 Predict = Callable[[Array, Stroke, Array | None], Array]
 """Displacement of the hammer (n,), m, for parameters (p,) and a stroke, the key's displacement given or measured."""
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Sets of parameters that explain the same strokes: each (p,), in standard deviations of the priors, the best
+    first, and their weights, which sum to one."""
+
+    z: list[list[float]]
+    weight: list[float]
+
+    @classmethod
+    def of_one(cls, z: Array) -> Mixture:
+        """A single set."""
+        return cls([z.tolist()], [1.0])
+
+    def predict(self, predict: Predict, stroke: Stroke) -> Array:
+        """Mean of the sets' predictions (n,), m; a set that cannot follow the key says nothing.
+
+        Raises
+        ------
+        model.ModelError
+            None can follow.
+        """
+        total, weights, failed = np.zeros(stroke.time_s.size), 0.0, None
+        for z, weight in zip(self.z, self.weight, strict=True):
+            try:
+                total += weight * predict(np.array(z), stroke, None)
+                weights += weight
+            except model.ModelError as error:
+                failed = error
+        if failed is not None and not weights:
+            raise failed
+        return total / weights
 
 
 def of_model(action: model.Action) -> Predict:

@@ -45,7 +45,7 @@ import model
 from validation.conventions import Array
 from validation.events.strikes import PHASES, phases
 from validation.measurement.positions import NORMAL, Stroke
-from validation.prediction.positions import Predict
+from validation.prediction.positions import Mixture, Predict
 
 WINDOW = 1 / 6  # of the time in which the mean curve would cover its range at its largest speed
 LONGEST = 0.5  # of the same time: a longer shift is not told from a difference in value
@@ -318,18 +318,18 @@ class PredictedStroke:
     u_m: Array
 
 
-def spread(stroke: Stroke, predict: Predict, z: Array, prediction: Array) -> Array:
+def spread(stroke: Stroke, predict: Predict, sets: Mixture, prediction: Array) -> Array:
     """Standard uncertainty u(t) (n,), m, of a prediction beside what the model lacks, without floor.
 
-    The ensemble draws calibrations and rests of the key; its spread is the median departure, so that a draw in which
-    the hammer goes another way (is not caught, say) does not set it. What other strokes would have made of the
-    parameters is in q.
+    The ensemble draws calibrations and rests of the key, and one of the sets; its spread is the median departure, so
+    that a draw in which the hammer goes another way (is not caught, say) does not set it. What other strokes would have
+    made of the parameters is in q.
     """
     random = np.random.default_rng(SEED)
     away = []
-    for _ in range(DRAWS):
+    for chosen in np.random.default_rng(SEED + 1).choice(len(sets.z), DRAWS, p=sets.weight):
         try:
-            away.append(np.abs(predict(z, stroke, stroke.key.draw(random)) - prediction))
+            away.append(np.abs(predict(np.array(sets.z[chosen]), stroke, stroke.key.draw(random)) - prediction))
         except model.ModelError:
             continue
     drawn = NORMAL * np.median(away, axis=0) if away else np.zeros(prediction.size)

@@ -11,6 +11,7 @@ from tests.validation.positions.test_measured import PRESS_M, RATE, TIME_S, tria
 from validation.events.strikes import HOLD, PHASES, RELEASE, STRIKE, find, phases
 from validation.identification.positions import SCATTER, fit, misfit
 from validation.measurement.positions import measure_stroke
+from validation.prediction.positions import Mixture
 from validation.statistics.bands import (
     FLOORS,
     PredictedStroke,
@@ -121,10 +122,10 @@ def test_spread_carries_the_keys_calibration_and_no_stray_draw(stroke) -> None:
         return predict(z, of, displacement_m) + (0.01 if next(count) % 4 == 0 else 0.0)
 
     made = predict(np.zeros(1), stroke, None)
-    u, top = spread(stroke, predict, np.zeros(1), made), int(np.argmax(made))
+    u, top = spread(stroke, predict, Mixture.of_one(np.zeros(1)), made), int(np.argmax(made))
     own = stroke.hammer.position.u_calibration_m
     assert u[0] == pytest.approx(own[0], rel=0.2) and 1.1 * u[0] < u[top]
-    assert spread(stroke, stray, np.zeros(1), made)[top] < 3 * u[top]
+    assert spread(stroke, stray, Mixture.of_one(np.zeros(1)), made)[top] < 3 * u[top]
 
 
 def test_fit_finds_parameters_through_outliers(stroke) -> None:

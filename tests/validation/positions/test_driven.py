@@ -14,6 +14,7 @@ from validation.measurement.positions import Measured, Stroke
 from validation.prediction.positions import (
     FREE,
     NAMES,
+    SENSORS,
     Nominal,
     NullAction,
     action_of,
@@ -64,7 +65,7 @@ def test_a_changed_regulation_changes_the_answer(stroke) -> None:
 
 
 def test_the_null_model_rises_strikes_and_comes_back(stroke) -> None:
-    made = of_null(ACTION)(np.zeros(6), stroke, None)
+    made = of_null(ACTION)(np.zeros(len(SENSORS)), stroke, None)
     top = int(np.argmax(made))
     assert made[top] > 0.98 * HAMMER_M and abs(stroke.time_s[top] - 0.112) < 0.005
     assert made[0] == pytest.approx(0.0, abs=1e-6) and made[-1] < 0.1 * HAMMER_M
@@ -73,17 +74,17 @@ def test_the_null_model_rises_strikes_and_comes_back(stroke) -> None:
 
 
 def test_a_null_hammer_never_leaves_path_and_string(stroke) -> None:
-    sensing = sensing_of(Nominal.of(ACTION), np.zeros(6), KEY_M, HAMMER_M)
+    sensing = sensing_of(Nominal.of(ACTION), np.zeros(len(SENSORS)), KEY_M, HAMMER_M)
     wide = dataclasses.replace(sensing, key_rad_per_m=1.2 * sensing.key_rad_per_m)
     made = predict_null(NullAction.of(ACTION), stroke, wide)
     assert np.isfinite(made).all() and made.min() >= 0.0 and made.max() <= HAMMER_M
 
 
-def test_readings_are_bowed_inside_the_ruler_and_held_at_its_ends() -> None:
-    sensing = sensing_of(Nominal.of(ACTION), np.zeros(6), KEY_M, HAMMER_M)
-    bowed = dataclasses.replace(sensing, hammer_shape=0.2)
-    turn = np.array([-0.1, 0.0, 0.5, 1.0, 1.3]) * HAMMER_M / sensing.hammer_m_per_rad
-    assert hammer_reading(turn, bowed, HAMMER_M) / HAMMER_M == pytest.approx([0.0, 0.0, 0.55, 1.0, 1.0])
+def test_readings_follow_the_curve_inside_the_ruler_and_are_held_at_its_ends() -> None:
+    sensing = sensing_of(Nominal.of(ACTION), np.zeros(len(SENSORS)), KEY_M, HAMMER_M)
+    more = dataclasses.replace(sensing, hammer_curve=(0.02, 0.05, 0.05, 0.0, -0.01))
+    turn = np.array([-0.1, 0.0, 0.1, 0.7, 1.0, 1.3]) * HAMMER_M / sensing.hammer_m_per_rad
+    assert hammer_reading(turn, more, HAMMER_M) / HAMMER_M == pytest.approx([0.0, 0.0, 0.15, 0.69, 1.0, 1.0])
 
 
 def test_parameters_mean_what_they_say() -> None:

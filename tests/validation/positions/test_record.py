@@ -12,7 +12,7 @@ from tests.validation.positions.test_measured import trial
 from validation.errors import ValidationInputError
 from validation.identification.positions import MODELS, Identified, read_identified, sensors_of, write_identified
 from validation.measurement.positions import measure_stroke
-from validation.prediction.positions import NAMES, SENSORS
+from validation.prediction.positions import NAMES, SENSORS, Mixture
 from validation.statistics.bands import PredictionBand
 
 N, M = len(NAMES), len(SENSORS)
@@ -21,6 +21,8 @@ BANDS = {name: PredictionBand(0.02, True, "pooled", {"rest": 2.0}, {"2": {"insid
 SET = Identified(
     "hirschkorn2004-regulated", "here", {"2": "ab"}, sensors_of(STROKE), NAMES, [0.1] * N, np.eye(N).tolist(),
     NAMES[:M], [0.0] * M, np.eye(M).tolist(), {"before": 9.0, "after": 1.0, "null": 5.0}, BANDS,
+    Mixture([[0.1] * N, [0.2] * N], [0.7, 0.3]),
+    {"identified": {"2": Mixture.of_one(np.zeros(N))}},
 )  # fmt: skip
 
 
@@ -35,7 +37,7 @@ def test_round_trip(tmp_path) -> None:
         ("nonsense", "not JSON"),
         ("[1]", "not an identified set"),
         (json.dumps({"schema": "other"}), "not an identified set"),
-        (json.dumps({"schema": "piano-action-rig identified positions 2"}), "a field is missing"),
+        (json.dumps({"schema": "piano-action-rig identified positions 3"}), "a field is missing"),
     ],
 )
 def test_another_file_is_refused(tmp_path, text, said) -> None:
