@@ -258,7 +258,7 @@ START = {
 """Where a search begins, in standard deviations of the priors: found on the training strokes of the Kawai, rounded."""
 DRAWS, SEED, SPREAD = 24, 5, 0.4
 """Seeded draws about `START` that are tried beside nominal."""
-STARTS, COARSE, FINE = 3, 5, 6
+STARTS, COARSE, FINE = 3, 4, 6
 """A search begins at `START` and the best of those; most evaluations of a first fit, and of one that is carried on."""
 VALLEYS, AS_GOOD = 2, 1.5
 """So many first fits are carried on at most, those within this factor of the best misfit."""
@@ -271,6 +271,7 @@ GROUPS = {
     "friction and damping": ("hammer_friction", "knuckle_friction", "rest_damping", "knuckle_damping"),
     "felt between key and whippen": ("key_felt",),
     "jack, let-off, stop": ("let_off", "jack_pad", "capstan", "string", "stop_felt", "stop_damping"),
+    "hammer's sensor near rest": tuple(one.name for one in SENSORS if one.name.startswith("hammer_curve")),
     "sensors": tuple(one.name for one in SENSORS),
 }
 
@@ -312,7 +313,7 @@ def identify_session(
     for kind in dict.fromkeys(map(kind_of, strokes)):
         say(f"without {kind}")
         others = [one for one in strokes if kind_of(one) != kind]
-        null_left = search(others, null, len(SENSORS), say)[1]
+        null_left = search(others, null, len(SENSORS), say, starts=2)[1]
         left = search(others, full, len(FREE), say, starts=1)[1]
         for stroke in strokes:
             if kind_of(stroke) == kind:
@@ -382,8 +383,9 @@ def search(
 ) -> tuple[Fit, Mixture]:
     """Find the valleys of a misfit that has many.
 
-    Fits begin at several places; the best of them are carried on, and are the mixture. A valley weighs as the
-    likelihood of a scatter that is not known, misfit to the power −n/2, with `INDEPENDENT_PHASES` values a stroke.
+    Fits begin at several places; the best of them are carried on, and are the mixture. With one start it is `START`.
+    A valley weighs as the likelihood of a scatter that is not known, misfit to the power −n/2, with
+    `INDEPENDENT_PHASES` values a stroke.
 
     Parameters
     ----------
@@ -402,15 +404,14 @@ def search(
         The best, and all.
     """
     random = np.random.default_rng(SEED)
-    first = np.array([START.get(name, 0.0) for name in NAMES])[:size]
-    draws = [np.zeros(size), *(first + SPREAD * random.standard_normal(size) for _ in range(DRAWS))]
-    best = sorted(draws, key=lambda z: _cost(z, strokes, predict)) if starts > 1 else []
-    coarse = sorted(
-        (fit(strokes, predict, z, runs=COARSE, say=say) for z in (first, *best[: starts - 1])),
-        key=lambda one: one.cost,
-    )
-    chosen = [one for one in coarse if one.cost < AS_GOOD * coarse[0].cost][:VALLEYS]
-    fine = sorted((fit(strokes, predict, one.z, runs=FINE, say=say) for one in chosen), key=lambda one: one.cost)
+    begun = [np.array([START.get(name, 0.0) for name in NAMES])[:size]]
+    if starts > 1:
+        draws = [np.zeros(size), *(begun[0] + SPREAD * random.standard_normal(size) for _ in range(DRAWS))]
+        draws = sorted(draws, key=lambda z: _cost(z, strokes, predict))[: starts - 1]
+        coarse = [fit(strokes, predict, z, runs=COARSE, say=say) for z in (*begun, *draws)]
+        least = min(one.cost for one in coarse)
+        begun = [one.z for one in sorted(coarse, key=lambda one: one.cost) if one.cost < AS_GOOD * least][:VALLEYS]
+    fine = sorted((fit(strokes, predict, z, runs=FINE, say=say) for z in begun), key=lambda one: one.cost)
     weight = np.array([one.cost / fine[0].cost for one in fine]) ** (-0.5 * INDEPENDENT_PHASES * len(strokes))
     return fine[0], Mixture([one.z.tolist() for one in fine], (weight / weight.sum()).tolist())
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
@@ -93,6 +94,12 @@ ACTION = (
 )
 FREE = (*SENSORS, *ACTION)
 NAMES = tuple(one.name for one in FREE)
+AFTER_THE_TURN = np.array(
+    [name.startswith("hammer_") and one in SENSORS for name, one in zip(NAMES, FREE, strict=True)]
+)
+"""Parameters that change what is shown of a turn, not the turn."""
+TURNS = 32
+"""So many turns of the hammer are kept: slopes by the parameters above cost nothing."""
 
 
 @dataclass(frozen=True)
@@ -231,40 +238,32 @@ def hammer_reading(turn_rad: Array, sensing: Sensing, travel_m: float) -> Array:
     return np.clip(hammer_place(turn_rad, sensing, travel_m), 0.0, travel_m)
 
 
-def predict_hammer(
-    action: model.Action, stroke: Stroke, sensing: Sensing, key_rest_rad: float, displacement_m: Array | None = None
-) -> Array:
-    """Predict the displacement of the hammer's calibrated point.
-
-    In: a stroke, an action and how sensors and angles are tied. Out: the displacement of the hammer's calibrated point,
-    m, from rest, held at the ends of its ruler as a reading is.
+def hammer_turn(action: model.Action, stroke: Stroke, key_turn_rad: Array, key_rest_rad: float) -> Array:
+    """Predict the turn of the hammer.
 
     Parameters
     ----------
     action : model.Action
         The action that moves.
     stroke : Stroke
-        Its key's displacement goes in.
-    sensing : Sensing
+    key_turn_rad : ndarray, shape (n,)
+        Turn of the key from where its sensor reads zero.
     key_rest_rad : float
-        Angle of the key where its sensor reads zero.
-    displacement_m : ndarray, shape (n,), optional
-        Another displacement of the key.
+        Angle of the key there.
 
     Returns
     -------
     ndarray
-        Displacement (n,), m.
+        Turn from rest (n,), rad.
 
     Raises
     ------
     model.ModelError
         The action cannot follow.
     """
-    motion = key_motion(stroke, key_turn(stroke, sensing, displacement_m), key_rest_rad)
+    motion = key_motion(stroke, key_turn_rad, key_rest_rad)
     run = run_prescribed(action, motion, stroke.time_s, tolerance=TOLERANCE_RAD)
-    turn = run.angle_rad[0, HAMMER] - run.angle_rad[:, HAMMER]
-    return hammer_reading(turn, sensing, stroke.hammer.travel_m)
+    return np.asarray(run.angle_rad[0, HAMMER] - run.angle_rad[:, HAMMER])
 
 
 STEP_S = 2.5e-4
@@ -405,9 +404,21 @@ def of_model(action: model.Action) -> Predict:
 
     nominal = _known(action, Nominal.of)
 
+    @lru_cache(maxsize=TURNS)
+    def turn(key: bytes, stroke: Stroke) -> Array:
+        z = np.frombuffer(key)
+        return hammer_turn(
+            action_of(action, z), stroke, key_turn(stroke, _sensing(nominal, z, stroke)), nominal.key_rest_rad
+        )
+
     def predict(z: Array, stroke: Stroke, displacement_m: Array | None) -> Array:
-        sensing = _sensing(nominal, z, stroke)
-        return predict_hammer(action_of(action, z), stroke, sensing, nominal.key_rest_rad, displacement_m)
+        sensing, travel = _sensing(nominal, z, stroke), stroke.hammer.travel_m
+        if displacement_m is None:
+            moved = turn(np.where(AFTER_THE_TURN, 0.0, z).tobytes(), stroke)
+        else:
+            given = key_turn(stroke, sensing, displacement_m)
+            moved = hammer_turn(action_of(action, z), stroke, given, nominal.key_rest_rad)
+        return hammer_reading(moved, sensing, travel)
 
     return predict
 

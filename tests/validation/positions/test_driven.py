@@ -99,3 +99,15 @@ def test_parameters_mean_what_they_say() -> None:
     }  # fmt: skip
     with pytest.raises(model.ModelError):
         action_of(ACTION, 3000.0 * z)
+
+
+def test_a_mixture_is_the_mean_of_the_sets_that_can_follow(stroke) -> None:
+    def predict(z, stroke, displacement_m):
+        if z[0] < 0.0:
+            raise model.ModelError("cannot follow")
+        return np.full(stroke.time_s.size, z[0])
+
+    made = Mixture([[1.0], [3.0], [-1.0]], [0.45, 0.15, 0.4]).predict(predict, stroke)
+    assert made == pytest.approx(np.full(stroke.time_s.size, 1.5))
+    with pytest.raises(model.ModelError, match="cannot follow"):
+        Mixture.of_one(np.array([-1.0])).predict(predict, stroke)
