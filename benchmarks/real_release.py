@@ -1,8 +1,6 @@
-"""What takes away how much of what the identified set misses on the real piano, and what a change of digits does.
+"""What the identified set misses on the real piano, what takes it away, and what a change of digits does.
 
-    python benchmarks/real_release.py                      # falls, candidates
-    python benchmarks/real_release.py --perturbed          # the same predictions by an integrator off by a little
-    python benchmarks/real_release.py --figure FILE.svg
+    python -m benchmarks real_release [--parts falls candidates perturbed] [--svg FILE]
 
 Falls: speed of the hammer as its sensor shows it, by place, in every fall of the training strokes. Candidates: scenes
 and further parameters on top of the identified set; from there up to four steps with slopes taken once, so what a
@@ -11,8 +9,6 @@ candidate takes away is a lower bound. Training strokes alone. Why: docs/explana
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -22,10 +18,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import model
 import validation.prediction.positions as predicting
+from benchmarks.planted_positions import SHIPPED
+from benchmarks.runner import Run
 from model.scene.selection import SceneChoice
 from rig.session import Session
 from validation.events.strikes import RELEASE, phases
@@ -52,7 +48,6 @@ from validation.prediction.positions import (
 from validation.report.figures.svg import STYLE
 
 Array = NDArray[np.float64]
-SHIPPED = Path(__file__).resolve().parents[1] / "sessions" / "kawai_kg3c"
 PLACES = (0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05)
 LANDED, FAST = 0.005, 5.0
 """A fall ends where the hammer is shown below the first, faster than the second (rulers, rulers a second)."""
@@ -239,13 +234,13 @@ SHARES = (1.0 + 1e-12, 0.9, 0.5)
 
 def perturbed(record: Identified, strokes: Sequence[Stroke]) -> None:
     """Print how far the mixture's answer, and each valley's, moves when the integrator's tolerance is another."""
-    predict = predicting.of_model(model.load_action(record.action))
-    asked, sets = predicting.TOLERANCE_RAD, record.mixture
+    action, asked, sets = model.load_action(record.action), predicting.TOLERANCE_RAD, record.mixture
     print("RMS change, % of the ruler, of the mixture and of each valley; tolerance x", ", ".join(map(str, SHARES)))
     for stroke in strokes:
         every = []
         for share in (1.0, *SHARES):
             predicting.TOLERANCE_RAD = share * asked
+            predict = predicting.of_model(action)  # a new one: it keeps what it has predicted
             alone = [predict(np.array(z), stroke, None) for z in sets.z]
             every.append(np.array([sets.predict(predict, stroke), *alone]) / stroke.hammer.travel_m)
         predicting.TOLERANCE_RAD = asked
@@ -253,7 +248,7 @@ def perturbed(record: Identified, strokes: Sequence[Stroke]) -> None:
         print(f"trial {stroke.number} {stroke.condition:10s}", *(one.round(2) for one in away), flush=True)
 
 
-def figure(record: Identified, strokes: Sequence[Stroke], path: Path) -> None:
+def draw(record: Identified, strokes: Sequence[Stroke], path: Path) -> None:
     """Write the repeated strokes by the regulated and the identified set, the falls by place, the sensor's curve."""
     predict, stroke = predicting.of_model(model.load_action(record.action)), strokes[-1]
     time_s, travel = stroke.time_s, stroke.hammer.travel_m
@@ -282,22 +277,16 @@ def figure(record: Identified, strokes: Sequence[Stroke], path: Path) -> None:
         drawn.savefig(path, format="svg", metadata={"Date": None})
 
 
-def main() -> None:
-    """Print or draw."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--perturbed", action="store_true", help="Predictions with other tolerances.")
-    parser.add_argument("--figure", type=Path, help="Write the figure of the page.")
-    given = parser.parse_args()
+def main(run: Run) -> None:
+    """Print the parts, and draw the figure where one is asked for."""
     record, strokes = training()
-    if given.figure:
-        return figure(record, strokes, given.figure)
-    if given.perturbed:
-        return perturbed(record, strokes)
-    print("speed of every fall (rulers/s) where it is shown at", ", ".join(f"{place:g}" for place in PLACES))
-    for name, speeds in falls(strokes).items():
-        print(f"{name:24s}", np.round(speeds, 1))
-    return candidates(record, strokes)
-
-
-if __name__ == "__main__":
-    main()
+    if not run.parts or "falls" in run.parts:
+        print("speed of every fall (rulers/s) where it is shown at", ", ".join(f"{place:g}" for place in PLACES))
+        for name, speeds in falls(strokes).items():
+            print(f"{name:24s}", np.round(speeds, 1))
+    if not run.parts or "candidates" in run.parts:
+        candidates(record, strokes)
+    if not run.parts or "perturbed" in run.parts:
+        perturbed(record, strokes)
+    if run.svg:
+        draw(record, strokes, Path(run.svg))
