@@ -256,7 +256,7 @@ START = {
     "check_friction": 0.2, "rest_damping": -0.9, "knuckle_damping": -0.1,
 }  # fmt: skip
 """Where a search begins, in standard deviations of the priors: found on the training strokes of the Kawai, rounded."""
-DRAWS, SEED, SPREAD = 24, 5, 0.4
+DRAWS, SEED, SPREAD = 24, 5, 0.15
 """Seeded draws about `START` that are tried beside nominal."""
 STARTS, COARSE, FINE = 3, 4, 6
 """A search begins at `START` and the best of those; most evaluations of a first fit, and of one that is carried on."""

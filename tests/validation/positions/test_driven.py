@@ -15,6 +15,7 @@ from validation.prediction.positions import (
     FREE,
     NAMES,
     SENSORS,
+    Mixture,
     Nominal,
     NullAction,
     action_of,
