@@ -144,12 +144,14 @@ def falls(strokes: Sequence[Stroke]) -> dict[str, list[float]]:
     """Speed (rulers a second) at `PLACES` of every fall, by stroke and time."""
     found = {}
     for stroke in strokes:
-        shown, n = stroke.hammer.value_m / stroke.hammer.travel_m, round(0.04 / stroke.interval_s)
+        shown, n = stroke.hammer.value_m / stroke.hammer.travel_m, round(0.08 / stroke.interval_s)
         even = gaussian_filter1d(shown, 3e-3 / stroke.interval_s)
         speed = np.gradient(even, stroke.interval_s)
         for k in np.flatnonzero((shown[1:] <= LANDED) & (shown[:-1] > LANDED)):
-            if speed[k] < -FAST and even[k - n : k].max() > PLACES[0]:
-                at = [k - n + int(np.argmin(np.abs(even[k - n : k] - place))) for place in PLACES]
+            landed = shown[max(k - n // 3, 0) : k].min() <= LANDED  # noise about the place: the same fall
+            if speed[k] < -FAST and even[k - n : k].max() > PLACES[0] and not landed:
+                top = k - n + int(np.argmax(even[k - n : k]))
+                at = [top + int(np.argmin(np.abs(even[top:k] - place))) for place in PLACES]
                 found[f"{stroke.number} {stroke.condition}, {stroke.time_s[k]:.2f} s"] = [-float(speed[i]) for i in at]
     return found
 
