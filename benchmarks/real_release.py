@@ -247,7 +247,11 @@ def perturbed(record: Identified, strokes: Sequence[Stroke]) -> None:
             every.append(np.array([sets.predict(predict, stroke), *alone]) / stroke.hammer.travel_m)
         predicting.TOLERANCE_RAD = asked
         away = [100 * np.sqrt(np.mean((one - every[0]) ** 2, axis=1)) for one in every[1:]]
-        print(f"trial {stroke.number} {stroke.condition:10s}", *(one.round(2) for one in away), flush=True)
+        print(
+            f"trial {stroke.number} {stroke.condition:10s}",
+            *(np.array2string(one, precision=1) for one in away),
+            flush=True,
+        )
 
 
 def draw(record: Identified, strokes: Sequence[Stroke], path: Path) -> None:
