@@ -72,9 +72,7 @@ KINDS: dict[str, list[tuple[float, float]]] = {
     "fast": strike(0.0, 10.0, 0.3, 0.05),
     "fortissimo": strike(0.0, 16.0, 0.2, 0.05),
     "slide-off": strike(0.0, 10.0, 0.02, 0.004),
-    "repetitions": [
-        point for k in range(8) for point in strike(0.2 * k, 8.0, 0.02, 0.02, 0.0 if k in (3, 7) else 0.2)
-    ],
+    "repetitions": [point for k in range(8) for point in strike(0.2 * k, 8.0, 0.02, 0.02, 0.0 if k in (3, 7) else 0.2)],
 }
 """Force on the key's front over time: corner points, s and N."""
 
