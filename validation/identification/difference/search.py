@@ -138,8 +138,7 @@ class Evidence:
     def _gram(self, theta: int, size: int, linear: Array, columns: Array) -> tuple[Array, float]:
         """Products (1 + k, 1 + k) of differences and columns in units of the noise; half the log of its determinant."""
         noise, both = self._thetas[theta], np.concatenate([linear[..., None], columns], axis=-1)
-        flat = both[1:].reshape(self.contrasts, both.shape[1], -1)
-        gram = np.einsum("tik,til->kl", flat, noise.inverse(BETWEEN) @ flat)
+        gram = np.einsum("tik,til->kl", both[1:], noise.inverse(BETWEEN) @ both[1:])
         half_log = self.contrasts * noise.half_log(BETWEEN)
         if size != BETWEEN:
             gram = gram + both[0].T @ noise.inverse(size) @ both[0]

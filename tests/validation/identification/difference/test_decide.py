@@ -124,6 +124,12 @@ def test_one_change_is_named_alone_with_its_size_where_no_other_explains_it(seed
     assert "this change explains the difference of trials 1, 2, 3" in found.sentence and "law 3 × 1.4" in found.sentence
 
 
+def test_a_single_trial_is_explained_as_several_are() -> None:
+    found = said({3: 1.2}, trials=1)
+    assert named(found) == {frozenset({"law 3"})} and "law 3 × 1.4" in found.sentence
+    assert not said({}, trials=1).changes
+
+
 def test_all_that_act_alike_are_named_and_none_alone() -> None:
     found = said({SHAPES - 2: 0.9})
     assert named(found) == {frozenset({f"law {SHAPES - 2}"}), frozenset({f"law {SHAPES - 1}"})}
