@@ -33,7 +33,7 @@ from rig.simulated.bench.plant import load_plant
 from validation import compare_session
 
 TRIALS = 6
-QUICK = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False}
+QUICK = {"keep_predictions": False, "rivals": (), "budget": False}
 VERDICTS = ("named", "flagged", "silent", "wrong")
 
 

@@ -42,13 +42,14 @@ from validation.prediction.posterior import TABLE
 
 ODDS = 20.0
 LOOK = 20.0  # log odds that the linear model promises, from which on is looked for what some trials differ by
-SURE = 1e4  # odds from which on some trials are said to differ: it is a finding, which blames a session
+SURE = 100.0  # log odds from which on some trials are said to differ: a finding blames a session, and near a fork of the
+# motion what blows scatter by bends more than the noise of the odds knows
 MOST_LAWS = 3
 MOST_APART = 2  # changes that some trials have
 MOST_NAMED = 6
 MOST_TRIALS = 12
 ENOUGH = 0.05  # of the squared difference between trials: a set that leaves less needs no further change
-SMALLEST_CHANGE = 0.2  # of how far off a value may be: 1 % of the force, 6 % of a law; less is scatter of the blows
+SMALLEST_CHANGE = 0.5  # of how far off a value may be: 2.5 % of the force, 15 % of a law; less is scatter of the blows
 SMALLEST_DIFFERENCE = 4e-3  # of the range of a channel, root mean square: below, nothing is looked for
 FAR = 3.0  # times the margin: a fourth change that promises so much is not looked at more closely
 ABOUT = "about the model, not a fault of the session: "
@@ -299,7 +300,7 @@ def decide(around: Around, nothing: Followed, numbers: Sequence[int]) -> Explain
 def _answer(around: Around, search: Search, most: int) -> Answer:
     """The sets that explain what is asked, up to so many changes."""
     margin, start, asked = math.log(ODDS), search.start, search.asked
-    least = math.log(SURE) if asked == BETWEEN else margin
+    least = SURE if asked == BETWEEN else margin
     sets = {0: [start]}
     best, lacks, scores = _weighed(search, sets)
     for size in range(1, most + 1):
