@@ -24,11 +24,13 @@ RESULTS, PAGE = ROOT / "benchmarks" / "results.jsonl", ROOT / "docs" / "figures.
 HEAD = """# Figures
 
 Made by `python -m benchmarks figures` from `benchmarks/results.jsonl`: do not edit. The command in each row reproduces
-its figure; `python -m benchmarks` lists all benchmarks with their claims. A busy machine did other work as well.
-**Older than its code** marks a figure that was measured before the last change of what it measures. Up to 2026-11-26 a
-row's commit is the one that wrote its figure down on that date, or the last of that day.
+its figure; `python -m benchmarks` lists all benchmarks with their claims. Machine: 2 cores at 2.5 GHz unless said; busy:
+it did other work as well. **Older than its code** marks a figure that was measured before the last change of what it
+measures, by the commit named. Up to 2026-11-26 a row's commit is the one that wrote its figure down on that date, or the
+last of that day.
 """
-MARK = re.compile(r"; \*\*older than its code\*\* \(\S+ of \S+\)")
+MARK = re.compile(r"; \*\*older than its code\*\* \(\S+\)")
+USUAL = "2 cores at 2.5 GHz, "
 Row = dict[str, Any]
 
 
@@ -78,8 +80,8 @@ def store(name: str, figure: str, command: str = "", benchmark: str = "") -> Non
 
 
 def changed_since(row: Row, measures: Sequence[str]) -> str:
-    """The last commit after a row's own that touched what it measures, with its date; empty where there is none."""
-    return git("log", "-1", "--format=%h of %cs", f"{row['commit'].rstrip('+')}..HEAD", "--", *measures)
+    """The last commit after a row's own that touched what it measures; empty where there is none."""
+    return git("log", "-1", "--format=%h", f"{row['commit'].rstrip('+')}..HEAD", "--", *measures)
 
 
 def page(known: Sequence[Row], later: Sequence[str]) -> str:
@@ -92,7 +94,8 @@ def page(known: Sequence[Row], later: Sequence[str]) -> str:
             out += ["| quantity | figure | machine | date, commit | command |", "|---|---|---|---|---|"]
         mark = f"; **older than its code** ({commit})" if commit else ""
         when = f"{row['date']}, {row['commit']}{mark}"
-        out.append(f"| {row['quantity']} | {row['figure']} | {row['machine']} | {when} | {row['command']} |")
+        cells = (row["quantity"], row["figure"], row["machine"].removeprefix(USUAL), when, row["command"])
+        out.append(f"| {' | '.join(cells)} |")
     return "\n".join(out) + "\n"
 
 
