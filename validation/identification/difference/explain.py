@@ -42,8 +42,9 @@ from validation.prediction.posterior import TABLE
 
 ODDS = 20.0
 LOOK = 20.0  # log odds that the linear model promises, from which on is looked for what some trials differ by
-SURE = 100.0  # log odds from which on some trials are said to differ: a finding blames a session, and near a fork of the
-# motion what blows scatter by bends more than the noise of the odds knows
+SURE = 100.0
+"""Log odds from which on some trials are said to differ: a finding blames a session, and near a fork of the motion what
+blows scatter by bends more than the noise of the odds knows."""
 MOST_LAWS = 3
 MOST_APART = 2  # changes that some trials have
 MOST_NAMED = 6
@@ -344,14 +345,20 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
         if score >= best_of - margin or len(s.members) == smallest
     ]
     if asked == MEAN and len(kept) == 1:  # none is singled out that others hold and explain as well
-        more = [(s, search.log_evidence(s, chosen=False) - best_of) for s in search.holding(kept[0][0], margin)]
-        kept += [(s, odds) for s, odds in more if odds >= -margin]
+        held = search.log_evidence(kept[0][0])
+        more = [s for s in search.holding(kept[0][0], margin) if search.log_evidence(s) >= held - margin]
+        kept += [(s, search.log_evidence(s, chosen=False) - best_of) for s in _least(more)]
     return Answer(tuple(sorted(kept, key=lambda pair: (len(pair[0].members), -pair[1]))), search)
 
 
 def _large(search: Search, found: Sequence[Followed]) -> list[Followed]:
     """Sets of which every change is more than the blows scatter by, where some trials may have one."""
     return [s for s in found if search.asked == MEAN or np.all(np.abs(s.z) > SMALLEST_CHANGE)]
+
+
+def _least(found: Sequence[Followed]) -> list[Followed]:
+    """Sets that hold no other of them: what such a set adds is not needed."""
+    return [s for s in found if not any(set(other.members) < set(s.members) for other in found)]
 
 
 def _one_each(found: Sequence[Followed], search: Search) -> list[Followed]:
