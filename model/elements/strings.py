@@ -215,9 +215,8 @@ class StringContact(Contact):
         """What modes, felt and what gives way store, J, and lose, W; to names that end with ``label``."""
         modes, row = self.modes, self.modes.row
         pressing, force, slow = self._on_string
-        pressed, held = where(pressing, force, 0.0), where(pressing, slow, 0.0)
-        x = self.under[0] - modes.give * held
-        kept = 0.5 * modes.give * held * held + stored(x, self.curve)
+        x = self.under[0] - modes.give * slow
+        kept = 0.5 * modes.give * slow * slow + stored(x, self.curve)
 
         def lost(i: Expression) -> list[Statement]:
             u = modes.state(row, 1, i)
@@ -225,7 +224,7 @@ class StringContact(Contact):
 
         touch: list[Statement] = [
             Add(name("energy" + label), kept),
-            Add(name("felt" + label), (pressed - held) * self.under[1]),
+            Add(name("felt" + label), (where(pressing, force, 0.0) - slow) * self.under[1]),
         ]
         inside = [each("lost", modes.count, lost), *modes.sums(row), If(self.under[0] > 0.0, touch)]
         return [modes.stored(row, name("energy" + label)), If(self.awake, inside)]

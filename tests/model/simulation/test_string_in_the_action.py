@@ -114,6 +114,12 @@ def test_energy_balances_and_a_ringing_string_is_met_again(action: model.Action)
     assert len(run.state.memory) == 2 + 2 * count
 
 
+def test_felt_that_leaves_a_string_faster_than_it_can_follow_loses_what_it_stored(action: model.Action) -> None:
+    damped = action.with_values({"contact12.normal.D": 6.0})  # 1 + D dx/dt < 0: it presses no more, and is deep still
+    run = model.simulate(damped, *FORTE, scene=STRUNG, tolerance=1e-8, energy=True)
+    assert run.energy is not None and abs(run.energy.residual) < 1e-6 * run.energy.work_in
+
+
 def test_free_modes_wait_and_swing_on_in_closed_form(action: model.Action) -> None:
     run = started(action)
     at = np.array([0.3, 0.3 + 1e-4, 0.4])
