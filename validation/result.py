@@ -159,6 +159,8 @@ class ValidationResult(SessionTables):
         One of `OUTCOMES`.
     sentence : str
         The outcome in one sentence, without the names of session and model.
+    advice : tuple of str
+        What to do, at most three sentences of `validation.pipeline.advice`.
     """
 
     session_name: str
@@ -168,6 +170,7 @@ class ValidationResult(SessionTables):
     files: dict[str, Path] = field(default_factory=dict)
     outcome: str = NOT_JUDGED
     sentence: str = ""
+    advice: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         n = len(self.traces)

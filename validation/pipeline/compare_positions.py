@@ -16,11 +16,12 @@ from validation.conventions import Array
 from validation.events.strikes import EVENTS, PHASES, find, phases
 from validation.identification.positions import FILE, Identified, example_of, read_identified
 from validation.measurement.positions import Stroke, measure_positions
+from validation.pipeline.advice import IDENTIFY, USE, beyond, nearer
 from validation.prediction.black_boxes import BlackBox, left_out_boxes
 from validation.prediction.positions import FREE, SENSORS, Mixture, Predict, of_model, of_null
 from validation.statistics.bands import PredictedStroke, half_width, score, spread
 from validation.statistics.domain import features_of, left_out_distances, place
-from validation.statistics.rivals import CALLED, skill_of
+from validation.statistics.rivals import CALLED, Skill, skill_of
 
 GOAL_COVER, GOAL_HALF_WIDTH = 0.9, 0.1
 """Share of each held-out stroke inside the 95 % band, and median half width in rulers."""
@@ -66,6 +67,8 @@ class PositionComparison:
     refused : dict
         Trials that were not used, with the reason.
     sentence : str
+    advice : tuple of str
+        What to do, of `validation.pipeline.advice`.
     verdict_lines : tuple of str
     files : dict
         What was written, by name.
@@ -83,6 +86,7 @@ class PositionComparison:
     training_distances: dict[str, float]
     refused: dict[int, str]
     sentence: str
+    advice: tuple[str, ...]
     verdict_lines: tuple[str, ...]
     files: dict[str, Path] = field(default_factory=dict)
 
@@ -151,6 +155,7 @@ def compare_positions(
     scores, events = pd.DataFrame(rows), pd.DataFrame(event_rows)
     rivals = _rivals(strokes, scores, record)
     sentence, lines = _verdict(session.info.name, scores, rivals, record)
+    advice = _advice(rivals, record)
     return PositionComparison(
         session.info.name or session.path.name,
         action.name,
@@ -164,7 +169,8 @@ def compare_positions(
         left_out_distances(record.strokes) if record else {},
         refused,
         sentence,
-        lines,
+        tuple(advice),
+        (*lines, f"What to do: {' '.join(advice)}") if advice else lines,
     )
 
 
@@ -301,9 +307,7 @@ def _beside(rivals: pd.DataFrame, tested: str, record: Identified | None) -> lis
             f"Domain: trial{'s' if len(inside) > 1 else ''} {named}: inside of what was fitted (1 is the limit)."
         )
     for where, part in (("", held[~outside]), (" outside", held[outside])):
-        errors = {name.removesuffix(ENDING): part[name].to_numpy() for name in part if name.endswith(ENDING)}
-        skill = skill_of(errors.pop(tested), errors)
-        if skill is not None:
+        if skill := _skill(part, tested):
             fitted = "" if record is not None and record.black_boxes else "; black boxes fitted to the other strokes"
             lines.append(f"{tested}, strokes not fitted{where}: {skill.words}{fitted}.")
     for _, row in held.iterrows():
@@ -311,6 +315,23 @@ def _beside(rivals: pd.DataFrame, tested: str, record: Identified | None) -> lis
             own = f"{100 * row[tested + ENDING]:.1f} %"
             lines.append(f"Trial {row['trial']}: nearer than {tested} ({own}): {', '.join(found)}.")
     return lines
+
+
+def _skill(rivals: pd.DataFrame, tested: str) -> Skill | None:
+    """Skill of the model on these strokes."""
+    errors = {name.removesuffix(ENDING): rivals[name].to_numpy() for name in rivals if name.endswith(ENDING)}
+    return skill_of(errors.pop(tested), errors)
+
+
+def _advice(rivals: pd.DataFrame, record: Identified | None) -> list[str]:
+    """What to do, of `validation.pipeline.advice`."""
+    if record is None:
+        return [IDENTIFY]
+    held = rivals[~rivals["fitted"]]
+    skill = _skill(held[~held["outside"].eq(True)], "identified")
+    said = beyond({row.trial: row.why if row.outside else "" for row in held.itertuples()})
+    said += nearer({"hammer": skill}) if skill else []
+    return said or ([USE] if skill and skill.skill > 0.0 else [])
 
 
 def _verdict(

@@ -27,6 +27,7 @@ from validation.identification.difference.explain import Explained, explain_diff
 from validation.measurement.session import measure_session, open_session, representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import CompareOptions, ComparisonOptions
+from validation.pipeline.advice import what_to_do
 from validation.pipeline.verdict import (
     Standing,
     fitted_trials,
@@ -192,17 +193,26 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     if explained.sentence:
         finer = found == AGREES and not explained.nothing
         tables.warnings.append(explained.sentence + (FINER if finer else ""))
+    advice = what_to_do(findings.faults, explained, rivals, found)
     head, *rest = verdict_lines(
         name, action.name, tables.channels, tables.event_summary, len(predicted.trials), findings.faults, standing
     )
     return ValidationResult(
         session_name=name,
         action_name=action.name,
-        verdict_lines=[head, *prediction_lines(action, predicted.trials), *rivals.domain, *rest, *rivals.skills],
+        verdict_lines=[
+            head,
+            *([f"What to do: {' '.join(advice)}"] if advice else []),
+            *prediction_lines(action, predicted.trials),
+            *rivals.domain,
+            *rest,
+            *rivals.skills,
+        ],
         provenance=provenance(session, tested, predicted.trials, events.window, chosen.now())
         | {"judgement": tables.judgement, "cost": cost_of(predicted)},
         outcome=found,
         sentence=sentence,
+        advice=advice,
         **vars(tables),
     )
 

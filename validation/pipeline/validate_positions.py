@@ -238,6 +238,7 @@ def _results(result: PositionComparison, made: str) -> dict[str, Any]:
         "session": result.session_name,
         "action": result.action_name,
         "sentence": result.sentence,
+        "advice": list(result.advice),
         "scores": records(result.scores),
         "rmse_by_phase": records(result.by_phase),
         "events": records(result.events),

@@ -43,6 +43,7 @@ def results_json(side: SideBySide) -> str:
                 "model": r.action_name,
                 "outcome": r.outcome,
                 "sentence": r.sentence,
+                "advice": list(r.advice),
                 "verdict_lines": r.verdict_lines,
                 "warnings": r.warnings,
                 "provenance": _plain(r.provenance),

@@ -1,0 +1,121 @@
+"""The head of a report says what to do: a closed list, each sentence by its trigger."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from validation.findings.finding import KINDS, SessionFinding
+from validation.identification.difference.explain import CompatibleChange, Explained
+from validation.pipeline import advice
+from validation.pipeline.compare_positions import _advice
+from validation.result import AGREES, ERROR_SHOWN
+from validation.statistics.rivals import Rivals, Skill
+
+NO_PLACES = pd.DataFrame({"trial": [], "fitted": [], "why_outside": []})
+
+
+def rivals(places: pd.DataFrame = NO_PLACES, skill: dict[str, Skill] | None = None) -> Rivals:
+    """Rivals with as much as is looked at."""
+    return Rivals(pd.DataFrame(), skill or {}, places, (), (), "")
+
+
+def found(kind: str, trial: float = math.nan, channel: str = "hammer", value: float = 1.1e-3) -> SessionFinding:
+    """A finding."""
+    return SessionFinding(kind, trial, channel, value, 0.0, "text")
+
+
+def change(number: int, cause: str, unit: str = "1") -> CompatibleChange:
+    """A change of a set that all trials share."""
+    return CompatibleChange(number, 1, cause, 1.05, 0.01, unit, 0.0, 0.1)
+
+
+def test_every_finding_but_a_lifting_key_has_its_sentence_and_no_other_has() -> None:
+    assert set(KINDS) - set(advice.MEND) == {"key lift"} and set(advice.MEND) < set(KINDS)
+    for kind in advice.MEND:
+        (said,) = advice.mend([found(kind, 3.0), found(kind, 5.0)])
+        assert said.endswith((".", ").")) and "{" not in said
+
+
+@pytest.mark.parametrize(
+    ("value", "side"), [(1.1e-3, "1.1 mm further from the string"), (-0.7e-3, "0.7 mm closer to the string")]
+)
+def test_let_off_says_how_far_and_to_which_side(value: float, side: str) -> None:
+    (said,) = advice.mend([found("regulation", channel="let_off", value=value)])
+    assert side in said and "regulate" in said
+
+
+def test_trials_and_channels_of_one_kind_are_named_together() -> None:
+    (said,) = advice.mend([found("encoder return", 5.0, "key"), found("encoder return", 2.0, "whippen")])
+    assert "key and whippen" in said and "trials 2, 5" in said
+
+
+def test_a_fault_that_spoils_the_comparison_is_all_that_is_said() -> None:
+    explained = Explained("x", (change(1, "hammer.mass"),))
+    said = advice.what_to_do([found("force gain")], explained, rivals(), ERROR_SHOWN)
+    assert said == (advice.MEND["force gain"],) and "loosen nothing" in said[0]
+    said = advice.what_to_do([found("hum", 1.0, "force")], explained, rivals(), ERROR_SHOWN)
+    assert said[0] == advice.MEND["hum"] and "hammer.mass" in said[1]
+
+
+def test_causes_are_measured_alone_or_told_apart() -> None:
+    one = Explained("x", (change(1, "hammer.mass"), change(1, "key.mass")))
+    assert advice.about_the_causes(one) == ["Measure hammer.mass and key.mass, which explain the difference."]
+    several = Explained("x", tuple(change(n, f"part {n}") for n in range(1, 6)))
+    (said,) = advice.about_the_causes(several)
+    assert "part 1 or part 2 or part 3 or 2 more" in said and "cannot tell" in said
+    (said,) = advice.about_the_causes(Explained("x", (change(1, "force gain"),)))
+    assert said.startswith("Calibrate the bench") and "loosen nothing" in said
+    drift = CompatibleChange(1, 1, "force gain", 1.05, 0.01, "1", 0.0, 0.1, "trend", 1, 6)
+    assert not advice.about_the_causes(Explained("x", (drift,)))  # a finding says it
+
+
+def test_strokes_outside_of_what_was_fitted() -> None:
+    places = pd.DataFrame(
+        {
+            "trial": [1, 4, 6],
+            "fitted": [True, False, False],
+            "why_outside": ["speed", "repetition: no fitted stroke has it", ""],
+        }
+    )
+    said = advice.what_to_do([], Explained(), rivals(places), AGREES)
+    assert said == ("Record repetitions and identify again before you trust the model there.",)
+    assert advice.beyond({3: "", 7: "fastest way down of the key 2, fitted up to 1 1/s", 5: "x"}) == [
+        "Record strokes like trials 5, 7 and identify again before you trust the model there."
+    ]
+
+
+def test_a_rival_is_named_only_where_its_interval_says_so() -> None:
+    sure, not_sure = Skill("fir", -0.4, -0.6, -0.2, 6), Skill("null", -0.4, -0.9, 0.1, 6)
+    few = Skill("null", -0.4, math.nan, math.nan, 2)
+    (said,) = advice.nearer({"key": sure, "hammer": not_sure, "whippen": few})
+    assert "for key on" in said and "the FIR filter is nearer" in said
+
+
+def test_at_most_three_and_nothing_to_do() -> None:
+    many = [found(kind, 1.0) for kind in advice.MEND]
+    assert len(advice.what_to_do(many, Explained(), rivals(), ERROR_SHOWN)) == advice.MOST == 3
+    assert advice.what_to_do([], Explained(), rivals(), AGREES) == (advice.NOTHING,)
+    assert advice.what_to_do([], Explained(), rivals(), ERROR_SHOWN) == ()
+
+
+def position_rivals(fitted: bool, identified: float, why: str = "") -> pd.DataFrame:
+    """One stroke of a session of positions beside one rival of 5 %."""
+    outside = why != ""
+    return pd.DataFrame(
+        [{"trial": 4, "fitted": fitted, "outside": outside, "why": why, "identified_rmse_share": identified,
+          "fir_rmse_share": 0.05}]
+    )  # fmt: skip
+
+
+def test_positions_say_what_the_set_may_be_used_for() -> None:
+    identified: Any = object()
+    assert _advice(position_rivals(False, 0.02), None) == [advice.IDENTIFY]
+    assert _advice(position_rivals(False, 0.02), identified) == [advice.USE]
+    assert _advice(position_rivals(False, 0.08), identified) == []  # one stroke does not show that the rival is nearer
+    assert _advice(position_rivals(True, 0.02), identified) == []
+    (said,) = _advice(position_rivals(False, 0.02, "repetition: no fitted stroke has it"), identified)
+    assert said.startswith("Record repetitions and identify again")
