@@ -12,7 +12,6 @@ layer cover each other, which is the safe assumption when nothing is known. Bad 
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.arrays import as_numbers
-from vision.atomic_write import whole_file
 from vision.errors import BodyError, VisionInputError
+from vision.files import read_toml, toml_text, whole_file
 
 
 @dataclass(frozen=True)
@@ -136,14 +135,7 @@ def load_bodies(toml_path: str | os.PathLike[str]) -> list[Body]:
     ['whippen', 'jack', 'repetition']
     """
     path = Path(toml_path)
-    try:
-        with path.open("rb") as file:
-            document = tomllib.load(file)
-    except OSError as error:
-        raise BodyError(f"{path}: cannot be read ({error.strerror}); give a TOML file of bodies") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BodyError(f"{path}: not valid TOML ({error}); correct the file") from None
-    tables = document.get("body")
+    tables = read_toml(path, BodyError, "give a TOML file of bodies").get("body")
     if not isinstance(tables, list) or not tables:
         raise BodyError(f"{path}: holds no [[body]] table; give one per body with name and polygon_px")
     try:
@@ -189,17 +181,12 @@ def save_bodies(toml_path: str | os.PathLike[str], bodies: Sequence[Body]) -> No
     lines = ["# Outlines on the still frames: picture coordinates (x right, y down), pixels."]
     for body in bodies:
         points = ", ".join(f"[{float(x)!r}, {float(y)!r}]" for x, y in body.polygon_px)
-        lines += ["", "[[body]]", f"name = {_toml_text(body.name)}"]
+        lines += ["", "[[body]]", f"name = {toml_text(body.name)}"]
         if body.parent is not None:
-            lines.append(f"parent = {_toml_text(body.parent)}")
+            lines.append(f"parent = {toml_text(body.parent)}")
         lines += [f"layer = {body.layer}", f"polygon_px = [{points}]"]
     with whole_file(path, BodyError, "choose a writable folder") as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-
-
-def _toml_text(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c >= " " and c != "\x7f" else f"\\u{ord(c):04x}" for c in escaped) + '"'
 
 
 def signed_distance(polygon_px: NDArray[np.float64], height: int, width: int) -> NDArray[np.float32]:

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,8 +28,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.arrays import as_numbers, as_points
-from vision.atomic_write import whole_file
 from vision.errors import VisionInputError
+from vision.files import read_toml, toml_text, whole_file
 
 MAX_DISTORTION = 0.25
 
@@ -304,11 +303,8 @@ def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, not
         "[made_from]",
     ]
     for name, value in notes.items():
-        text = str(value).replace("\\", "\\\\").replace('"', '\\"')
-        number = isinstance(value, int | float)
-        lines.append(
-            f"{name} = {value if isinstance(value, int) else float(value)!r}" if number else f'{name} = "{text}"'
-        )
+        number = value if isinstance(value, int) else repr(float(value)) if isinstance(value, float) else None
+        lines.append(f"{name} = {toml_text(str(value)) if number is None else number}")
     with whole_file(path, VisionInputError, "choose a writable folder") as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
@@ -340,14 +336,7 @@ def load_calibration(path: str | os.PathLike[str]) -> CalibratedCamera:
     2240.0
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            document = tomllib.load(file)
-    except OSError as error:
-        raise VisionInputError(f"{path}: cannot be read ({error.strerror}); give a file of calibrate-camera") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise VisionInputError(f"{path}: not valid TOML ({error}); run calibrate-camera again") from None
-    table = document.get("camera")
+    table = read_toml(path, VisionInputError, "give a file of calibrate-camera").get("camera")
     if not isinstance(table, dict):
         raise VisionInputError(f"{path}: holds no [camera] table; give a file of calibrate-camera")
     try:

@@ -94,23 +94,13 @@ class AviFilm(Film):
             self._check_frames()
             self._read_compression()
 
-    def read(self, index: int) -> NDArray[Any]:
-        """Whole frame, shape (height, width)."""
-        return self.read_region(index, 0, self.height, 0, self.width)
-
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame; of uncompressed films only its rows are read."""
         self._check_index(index)
         self._check_region(y0, y1, x0, x1)
         start = self._offset[index]
         if not self._pixel_bytes:
-            newest = self._newest
-            if newest.index != index or newest.picture is None:
-                # released first: one decoded picture at a time
-                newest.picture = None
-                newest.picture = self._jpeg(index, self._file.view(start, start + self._size[index]))
-                newest.index = index
-            return newest.picture[y0:y1, x0:x1]
+            return self._newest.of(index, self._jpeg)[y0:y1, x0:x1]
         top, bottom = (self.height - y1, self.height - y0) if self._bottom_up else (y0, y1)
         data = self._file.view(start + top * self._row_bytes, start + bottom * self._row_bytes)
         rows = data.reshape(bottom - top, self._row_bytes)[:, x0 * self._pixel_bytes : x1 * self._pixel_bytes]
@@ -125,14 +115,11 @@ class AviFilm(Film):
             return grey_of(colour, self._channel)
         return np.rint(colour @ LUMA).astype(np.uint8)
 
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-    def _jpeg(self, index: int, data: NDArray[np.uint8]) -> NDArray[Any]:
+    def _jpeg(self, index: int) -> NDArray[Any]:
         # start-up: OpenCV costs 0.12 s, MRAW and uncompressed films do without
         import cv2
 
+        data = self._file.view(self._offset[index], self._offset[index] + self._size[index])
         # decoders fill up a picture that breaks off; its end mark shows that it is whole
         tail = data[-64:].tobytes().rstrip(b"\0")
         picture = None

@@ -20,8 +20,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.atomic_write import whole_file
 from vision.errors import FilmError
+from vision.files import whole_file
 from vision.film.source import check_frame
 
 MAX_BYTES = 2**31 - 2**20

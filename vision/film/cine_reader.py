@@ -114,10 +114,6 @@ class CineFilm(Film):
             return None
         return (self._first + np.arange(self.n_frames, dtype=float)) / self.frame_rate_hz + half
 
-    def read(self, index: int) -> NDArray[Any]:
-        """Whole frame, shape (height, width), uint8 or uint16."""
-        return self.read_region(index, 0, self.height, 0, self.width)
-
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame; only the pages with its rows are touched."""
         self._check_index(index)
@@ -140,10 +136,6 @@ class CineFilm(Film):
             return rows[:, x0:x1]
         colour = rows.reshape(y1 - y0, self.width, 3)[:, x0:x1]
         return grey_of(np.ascontiguousarray(colour), self._channel)
-
-    def close(self) -> None:
-        """Close the file; frames already read stay valid."""
-        self._file.close()
 
     def _unpack(self, layout: struct.Struct, at: int) -> tuple[Any, ...]:
         return layout.unpack(self._file.view(at, min(at + layout.size, self._file.size)).tobytes())

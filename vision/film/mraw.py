@@ -37,8 +37,8 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.atomic_write import remove, temporary_name
 from vision.errors import FilmError, VisionWarning
+from vision.files import remove, temporary_name
 from vision.film.mmap_window import FileWindow
 from vision.film.source import Film, check_frame
 
@@ -254,7 +254,9 @@ class MrawFilm(Film):
     header : FilmHeader
     """
 
-    def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
+    def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
+        if channel is not None:
+            raise FilmError(f"{path}: films of this format are read in grey; leave the channel ({channel}) out")
         data_path, header_path = _pair(path)
         self.path = data_path
         self.header = header = read_header(header_path)
@@ -310,10 +312,6 @@ class MrawFilm(Film):
                 "the first frame are set too; correct side or depth in the header"
             )
 
-    def read(self, index: int) -> NDArray[Any]:
-        """Whole frame, shape (height, width), uint8 or uint16."""
-        return self.read_region(index, 0, self.height, 0, self.width)
-
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame; only the pages with its rows are touched."""
         self._check_index(index)
@@ -341,10 +339,6 @@ class MrawFilm(Film):
             return None
         data = self._file.view(start * size, end * size).view(np.uint16 if bits == 16 else np.uint8)
         return data.reshape(end - start, self.height, self.width)
-
-    def close(self) -> None:
-        """Close the file; frames already read stay valid."""
-        self._file.close()
 
 
 def unpack12_region(data: NDArray[np.uint8], skip: int, width: int, rows: int, x0: int, x1: int) -> NDArray[np.uint16]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 from vision.errors import FilmError
@@ -12,7 +13,7 @@ from vision.film.cine_reader import CineFilm
 from vision.film.mraw import MrawFilm
 from vision.film.opencv_video import VideoFilm
 from vision.film.picture_stack import PICTURE_SUFFIXES, PagedPicture, PictureFolder
-from vision.film.source import CHANNELS, Film
+from vision.film.source import CHANNELS, Film, FrameSource
 
 
 def _avi(path: Path, *, allow_truncated: bool, channel: str | None) -> Film:
@@ -24,14 +25,8 @@ def _avi(path: Path, *, allow_truncated: bool, channel: str | None) -> Film:
     return VideoFilm(path, allow_truncated=allow_truncated, channel=channel)
 
 
-def _grey(path: Path, *, allow_truncated: bool, channel: str | None) -> Film:
-    if channel is not None:
-        raise FilmError(f"{path}: films of this format are read in grey; leave the channel ({channel}) out")
-    return MrawFilm(path, allow_truncated=allow_truncated)
-
-
 READERS: dict[str, Callable[..., Film]] = {
-    **dict.fromkeys((".mraw", ".cih", ".cihx"), _grey),
+    **dict.fromkeys((".mraw", ".cih", ".cihx"), MrawFilm),
     ".cine": CineFilm,
     ".avi": _avi,
     **dict.fromkeys((".mp4", ".mov", ".mkv", ".m4v"), VideoFilm),
@@ -83,3 +78,10 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
         raise FilmError(f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {readable}")
     reader = PictureFolder if path.is_dir() else READERS[suffix]
     return reader(path, allow_truncated=allow_truncated, channel=channel)
+
+
+def film_of(path_or_source: str | os.PathLike[str] | FrameSource) -> AbstractContextManager[FrameSource]:
+    """A film to work with: from a path opened and closed again, else the one given, which stays open."""
+    if isinstance(path_or_source, str | os.PathLike):
+        return open_film(path_or_source)
+    return nullcontext(path_or_source)

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
-from vision.film.source import Compression, Film, grey_of
+from vision.film.source import Compression, Film, NewestFrame, grey_of
 
 if TYPE_CHECKING:
     import cv2
@@ -107,7 +107,7 @@ class VideoFilm(Film):
         self.codec = _four_letters(int(self._capture.get(cv2.CAP_PROP_FOURCC)))
         depth = _stored_bits(int(self._capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)))
         self._next = 0
-        self._last: tuple[int, NDArray[Any]] | None = None
+        self._newest = NewestFrame()
         if self.codec.strip().upper() not in INTRA_CODECS:
             self.compression = Compression(None)
             warnings.warn(
@@ -125,11 +125,10 @@ class VideoFilm(Film):
 
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width), uint8; fastest in order."""
-        # start-up: as above
-
         self._check_index(index)
-        if self._last is not None and self._last[0] == index:
-            return self._last[1]
+        return self._newest.of(index, self._decoded)
+
+    def _decoded(self, index: int) -> NDArray[Any]:
         if index < self._next:
             self._capture.release()
             self._capture = self._open()
@@ -138,8 +137,6 @@ class VideoFilm(Film):
             if not self._capture.grab():
                 self._ended(self._next)
             self._next += 1
-        # released first: the colour picture is three times as large already
-        self._last = None
         ok, picture = self._capture.read()
         if not ok or picture is None:
             self._ended(index)
@@ -150,7 +147,6 @@ class VideoFilm(Film):
                 f"{self.path}: frame {index} is {grey.shape[1]} x {grey.shape[0]}, the header says "
                 f"{self.width} x {self.height}; the film is damaged"
             )
-        self._last = (index, grey)
         return grey
 
     def close(self) -> None:

@@ -81,65 +81,75 @@ JPEG_SUFFIXES = (".jpg", ".jpeg")
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".bmp", *JPEG_SUFFIXES)
 
 
-class PictureFolder(Film):
+class _Pictures(Film):
+    """Pictures of one size and depth, each decoded whole."""
+
+    def __init__(self, path: Path, n_frames: int, channel: str | None) -> None:
+        self.path, self.n_frames, self._channel = path, n_frames, channel
+        self._newest = NewestFrame()
+        _, first = self._decoded(0)
+        (self.height, self.width), self._type = first.shape, first.dtype
+        self.bit_depth = 8 * first.dtype.itemsize
+
+    def read(self, index: int) -> NDArray[Any]:
+        """Whole frame, shape (height, width)."""
+        self._check_index(index)
+        return self._newest.of(index, self._fitting)
+
+    def _fitting(self, index: int) -> NDArray[Any]:
+        where, picture = self._decoded(index)
+        if picture.shape != (self.height, self.width) or picture.dtype != self._type:
+            raise FilmError(
+                f"{where}: {picture.shape[1]} x {picture.shape[0]} {picture.dtype}, the first picture is "
+                f"{self.width} x {self.height} {self._type}; keep one film per folder or file"
+            )
+        return picture
+
+    def _decoded(self, index: int) -> tuple[str, NDArray[Any]]:
+        """Where a picture stands, and its grey values."""
+        raise NotImplementedError
+
+
+class PictureFolder(_Pictures):
     """A folder of pictures, one per frame, all of one size and depth, numbered without gaps in their names.
 
     With ``allow_truncated`` a folder with a gap is read up to the gap.
     """
 
     def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
-        self.path = path
         try:
             found = [entry for entry in path.iterdir() if entry.suffix.lower() in PICTURE_SUFFIXES]
         except OSError as error:
             raise FilmError(f"{path}: folder cannot be read ({error.strerror})") from None
         if not found:
             raise FilmError(f"{path}: holds no picture ({', '.join(PICTURE_SUFFIXES)}); give a film or such a folder")
-        self._newest = NewestFrame()
         self._files = _one_series(path, sorted(found, key=_by_number), allow_truncated)
-        self.n_frames = len(self._files)
-        self._channel = channel
-        first = _decode(self._files[0], channel)
-        self.height, self.width = first.shape
-        self.bit_depth = 8 * first.dtype.itemsize
+        super().__init__(path, len(self._files), channel)
         if self._files[0].suffix.lower() in JPEG_SUFFIXES:
             self.compression = Compression(jpeg_steps(self._files[0].read_bytes()))
-        self._type = first.dtype
 
-    def read(self, index: int) -> NDArray[Any]:
-        """Whole frame, shape (height, width)."""
-        self._check_index(index)
-        if self._newest.index == index and self._newest.picture is not None:
-            return self._newest.picture
-        file = self._files[index]
-        picture = _decode(file, self._channel)
-        if picture.shape != (self.height, self.width) or picture.dtype != self._type:
-            raise FilmError(
-                f"{file}: {picture.shape[1]} x {picture.shape[0]} {picture.dtype}, the first picture is "
-                f"{self.width} x {self.height} {self._type}; keep one film per folder"
-            )
-        self._newest.index, self._newest.picture = index, picture
-        return picture
-
-
-class PagedPicture(Film):
-    """A TIFF file with one frame per page, or a single picture."""
-
-    def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
+    def _decoded(self, index: int) -> tuple[str, NDArray[Any]]:
         # start-up: OpenCV costs 0.12 s, MRAW films do without
         import cv2
 
-        self.path, self._channel = path, channel
-        self._newest = NewestFrame()
+        where = str(self._files[index])
+        return where, _grey(cv2.imread(where, cv2.IMREAD_UNCHANGED), where, self._channel)
+
+
+class PagedPicture(_Pictures):
+    """A TIFF file with one frame per page, or a single picture."""
+
+    def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
+        # start-up: as above
+        import cv2
+
         try:
-            self.n_frames = int(cv2.imcount(str(path), cv2.IMREAD_UNCHANGED))
+            n_frames = int(cv2.imcount(str(path), cv2.IMREAD_UNCHANGED))
         except cv2.error as error:
             raise FilmError(f"{path}: cannot be decoded ({error.err})") from None
-        if self.n_frames < 1:
+        if n_frames < 1:
             raise FilmError(f"{path}: cannot be decoded; the file is damaged or not a picture")
-        first = self._page(0)
-        self.height, self.width = first.shape
-        self.bit_depth = 8 * first.dtype.itemsize
+        super().__init__(path, n_frames, channel)
         if allow_truncated:
             self.n_frames = self._whole_pages()
         elif path.suffix.lower() in (".tif", ".tiff") and not chain_is_whole(path):
@@ -152,33 +162,23 @@ class PagedPicture(Film):
         """Pages up to the first that cannot be decoded."""
         for index in range(1, self.n_frames):
             try:
-                self._page(index)
+                self._decoded(index)
             except FilmError:
                 return index
         return self.n_frames
 
-    def read(self, index: int) -> NDArray[Any]:
-        """Whole frame, shape (height, width)."""
-        self._check_index(index)
-        if self._newest.index == index and self._newest.picture is not None:
-            return self._newest.picture
-        page = self._page(index)
-        if page.shape != (self.height, self.width):
-            raise FilmError(f"{self.path}: page {index} is {page.shape[1]} x {page.shape[0]}, page 0 is not")
-        self._newest.index, self._newest.picture = index, page
-        return page
-
-    def _page(self, index: int) -> NDArray[Any]:
+    def _decoded(self, index: int) -> tuple[str, NDArray[Any]]:
         # start-up: as above
         import cv2
 
+        where = f"{self.path}: page {index}"
         try:
             ok, pages = cv2.imreadmulti(str(self.path), start=index, count=1, flags=cv2.IMREAD_UNCHANGED)
         except cv2.error as error:
-            raise FilmError(f"{self.path}: page {index} cannot be decoded ({error.err})") from None
+            raise FilmError(f"{where} cannot be decoded ({error.err})") from None
         if not ok or len(pages) != 1:
-            raise FilmError(f"{self.path}: page {index} of {self.n_frames} cannot be decoded; the film is cut short")
-        return _grey(pages[0], self.path, self._channel)
+            raise FilmError(f"{where} of {self.n_frames} cannot be decoded; the film is cut short")
+        return where, _grey(pages[0], where, self._channel)
 
 
 def _by_number(file: Path) -> tuple[list[int], str]:
@@ -213,16 +213,9 @@ def _one_series(folder: Path, files: list[Path], allow_truncated: bool) -> list[
     return files[: gaps[0] + 1] if gaps else files
 
 
-def _decode(file: Path, channel: str | None) -> NDArray[Any]:
-    # start-up: as above
-    import cv2
-
-    return _grey(cv2.imread(str(file), cv2.IMREAD_UNCHANGED), file, channel)
-
-
-def _grey(picture: NDArray[Any] | None, file: Path, channel: str | None) -> NDArray[Any]:
+def _grey(picture: NDArray[Any] | None, where: str, channel: str | None) -> NDArray[Any]:
     if picture is None:
-        raise FilmError(f"{file}: cannot be decoded; the file is damaged or not a picture")
+        raise FilmError(f"{where}: cannot be decoded; the file is damaged or not a picture")
     if picture.dtype not in (np.uint8, np.uint16):
-        raise FilmError(f"{file}: pixel type {picture.dtype}, readable are 8 and 16 bit; convert the picture")
+        raise FilmError(f"{where}: pixel type {picture.dtype}, readable are 8 and 16 bit; convert the picture")
     return grey_of(picture, channel)

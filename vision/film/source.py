@@ -15,6 +15,7 @@ and the frame says nothing about its own time.
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -25,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.arrays import as_numbers
 from vision.errors import FilmError, VisionInputError
+from vision.film.mmap_window import FileWindow
 
 ZIGZAG = sorted(
     ((row, column) for row in range(8) for column in range(8)),
@@ -155,10 +157,18 @@ class NewestFrame(threading.local):
     index = -1
     picture: NDArray[Any] | None = None
 
+    def of(self, index: int, decode: Callable[[int], NDArray[Any]]) -> NDArray[Any]:
+        """Frame ``index``, decoded where the newest is another."""
+        if self.index != index or self.picture is None:
+            self.picture = None  # released first: one decoded picture at a time
+            self.index, self.picture = index, decode(index)
+        return self.picture
+
 
 class Film:
     """Shared part of the readers: bounds checks, the context manager, frame times from the frame rate.
 
+    A reader gives `read` or `read_region`, of which each is made from the other, and closes its ``_file`` if it has.
     ``in_order`` is True where frames are decoded one after the other; of all other films several threads may read.
     """
 
@@ -171,6 +181,7 @@ class Film:
     exposure_s: float | None = None
     compression: Compression | None = None
     in_order = False
+    _file: FileWindow
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
@@ -180,8 +191,8 @@ class Film:
         return np.arange(self.n_frames) / self.frame_rate_hz + 0.5 * (self.exposure_s or 0.0)
 
     def read(self, index: int) -> NDArray[Any]:
-        """Whole frame, shape (height, width)."""
-        raise NotImplementedError
+        """Whole frame, shape (height, width), uint8 or uint16."""
+        return self.read_region(index, 0, self.height, 0, self.width)
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame; here cut from the whole frame."""
@@ -189,7 +200,9 @@ class Film:
         return self.read(index)[y0:y1, x0:x1]
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Close the file; frames already read stay valid."""
+        if hasattr(self, "_file"):
+            self._file.close()
 
     def __enter__(self) -> Film:
         return self
@@ -209,6 +222,21 @@ class Film:
                 f"{self.path}: region rows {y0}..{y1}, columns {x0}..{x1} requested, the picture has "
                 f"{self.height} rows and {self.width} columns"
             )
+
+
+class Corrected(Film):
+    """A film whose frames have something taken off; in all else it is as ``film``."""
+
+    def __init__(self, film: FrameSource) -> None:
+        self.film = film
+        for name in ("path", "n_frames", "height", "width", "bit_depth", "frame_rate_hz", "exposure_s", "compression"):
+            setattr(self, name, getattr(film, name))
+        self.in_order = getattr(film, "in_order", True)
+
+    @property
+    def frame_time_s(self) -> NDArray[np.float64] | None:
+        """As of the film."""
+        return self.film.frame_time_s
 
 
 class ArrayFilm(Film):

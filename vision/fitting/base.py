@@ -7,10 +7,12 @@ its place in the reference.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from vision.film.source import FrameSource
@@ -19,6 +21,9 @@ from vision.fitting.template import Template
 
 MARGIN_PX = 14
 """Read around the body: 8 px for the spline filter, the rest for motion beyond the prediction."""
+LEAST_PX = 16
+"""Side of a region."""
+NO_REGION = -1
 
 
 @dataclass(frozen=True)
@@ -48,50 +53,57 @@ class Fit:
 FAILED = Fit(np.full(3, np.nan), np.full((3, 3), np.nan), 0.0, 0.0, 0.0, np.nan, np.nan, 0, False)
 
 
-class Fitter(Protocol):
-    """An engine that fits one body."""
+class Fitter(ABC):
+    """An engine that fits one body; one that carries nothing over from frame to frame need only fit."""
 
     template: Template
-    has_cautious_start: bool
+    has_cautious_start = False
     """Whether ``cautious`` makes a difference to `reset`."""
 
+    @abstractmethod
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``; ``covered`` marks template pixels to leave out."""
-        ...
 
-    def reset(self, cautious: bool = False) -> None:
+    def reset(self, cautious: bool = False) -> None:  # noqa: B027  # nothing to forget
         """Forget the state carried over from the previous frame; ``cautious`` as for much of the body hidden."""
-        ...
 
     def state(self) -> dict[str, NDArray[Any]]:
         """What is carried over from frame to frame, as arrays."""
-        ...
+        return {}
 
-    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:  # noqa: B027  # nothing to restore
         """Continue from what `state` gave."""
-        ...
+
+
+@njit(cache=True, nogil=True)
+def region_at(
+    turn: float, x: float, y: float, box: tuple[float, float, float, float], size: tuple[int, int], margin: int
+) -> tuple[int, int, int, int]:
+    """Rectangle (y0, y1, x0, x1) of a frame of ``size`` (height, width) that holds a body whose ``box`` (left, right,
+    top, bottom) has turned about its centre, which is at (x, y); y0 is `NO_REGION` where too little is inside."""
+    nothing = (NO_REGION, 0, 0, 0)
+    if not math.isfinite(turn + x + y) or abs(x) + abs(y) > 1e9:
+        return nothing
+    cosine, sine = math.cos(turn), math.sin(turn)
+    left, right, top, bottom = box
+    # each corner coordinate is a sum of two products, the least of which is the sum of the least
+    low_x, high_x = (left, right) if cosine >= 0.0 else (right, left)
+    low_y, high_y = (top, bottom) if cosine >= 0.0 else (bottom, top)
+    down_x, up_x = (left, right) if sine >= 0.0 else (right, left)
+    down_y, up_y = (top, bottom) if sine >= 0.0 else (bottom, top)
+    x0 = max(0, int(math.floor(x + (cosine * low_x - sine * up_y))) - margin)
+    x1 = min(size[1], int(math.ceil(x + (cosine * high_x - sine * down_y))) + margin + 1)
+    y0 = max(0, int(math.floor(y + (sine * down_x + cosine * low_y))) - margin)
+    y1 = min(size[0], int(math.ceil(y + (sine * up_x + cosine * high_y))) + margin + 1)
+    return (y0, y1, x0, x1) if x1 - x0 >= LEAST_PX and y1 - y0 >= LEAST_PX else nothing
 
 
 def region_of(
     template: Template, pose: NDArray[np.float64], height: int, width: int, margin_px: int = MARGIN_PX
 ) -> tuple[int, int, int, int] | None:
     """Rectangle (y0, y1, x0, x1) of the frame that holds the body at a pose, or None when too little is inside."""
-    # plain numbers, once per body and frame: the loop over the corners cost as much as a tenth of a fit
-    turn, shift_x, shift_y = pose.tolist()
-    centre_x, centre_y = template.centre_px[0] + shift_x, template.centre_px[1] + shift_y
-    if not math.isfinite(turn + centre_x + centre_y):
-        return None
-    cosine, sine = math.cos(turn), math.sin(turn)
-    left, right, top, bottom = template.box_px
-    # each corner coordinate is a sum of two products, the least of which is the sum of the least
-    low_x, high_x = (left, right) if cosine >= 0.0 else (right, left)
-    low_y, high_y = (top, bottom) if cosine >= 0.0 else (bottom, top)
-    down_x, up_x = (left, right) if sine >= 0.0 else (right, left)
-    down_y, up_y = (top, bottom) if sine >= 0.0 else (bottom, top)
-    x0 = max(0, math.floor(centre_x + (cosine * low_x - sine * up_y)) - margin_px)
-    x1 = min(width, math.ceil(centre_x + (cosine * high_x - sine * down_y)) + margin_px + 1)
-    y0 = max(0, math.floor(centre_y + (sine * down_x + cosine * low_y)) - margin_px)
-    y1 = min(height, math.ceil(centre_y + (sine * up_x + cosine * high_y)) + margin_px + 1)
-    if x1 - x0 < 16 or y1 - y0 < 16:
-        return None
-    return y0, y1, x0, x1
+    turn, x, y = pose.tolist()
+    # as Python: a call of compiled code costs more than the sums
+    x, y = template.centre_px[0] + x, template.centre_px[1] + y
+    region: tuple[int, int, int, int] = region_at.py_func(turn, x, y, template.box_px, (height, width), margin_px)
+    return None if region[0] == NO_REGION else region

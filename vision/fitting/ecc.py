@@ -11,7 +11,6 @@ engine. OpenCV raises when it does not converge; here that is ``converged = Fals
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import cv2
 import numpy as np
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from vision.errors import VisionInputError
 from vision.film.source import FrameSource
-from vision.fitting.base import FAILED, Fit, region_of
+from vision.fitting.base import FAILED, Fit, Fitter, region_of
 from vision.fitting.pose_covariance import pose_covariance
 from vision.fitting.template import Template
 
@@ -28,10 +27,8 @@ STEP_TOLERANCE = 1e-6
 INLIER_SIGMA = 3.0
 
 
-class EccFitter:
+class EccFitter(Fitter):
     """Fits one body with `cv2.findTransformECCWithMask`."""
-
-    has_cautious_start = False
 
     def __init__(self, template: Template) -> None:
         if not hasattr(cv2, "findTransformECCWithMask"):
@@ -50,16 +47,6 @@ class EccFitter:
         self._picture[rows, cols] = template.columns[3] + np.float32(template.mean_grey)
         self._mask = np.zeros(shape, dtype=np.uint8)
         self._mask[rows, cols] = 255
-
-    def reset(self, cautious: bool = False) -> None:
-        """Nothing is carried over."""
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Nothing."""
-        return {}
-
-    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Nothing to continue from."""
 
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``."""

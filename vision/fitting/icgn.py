@@ -31,7 +31,7 @@ from vision.fitting.assessment import (
     blocks_of,
     ratios_of,
 )
-from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
+from vision.fitting.base import FAILED, MARGIN_PX, Fit, Fitter, region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.kernels import (
@@ -103,7 +103,7 @@ def fit_settings() -> Settings:
     return Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
 
 
-class IcgnFitter:
+class IcgnFitter(Fitter):
     """Fits one body; carries the weights of its pixels over from frame to frame."""
 
     has_cautious_start = True

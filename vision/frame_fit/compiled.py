@@ -33,9 +33,30 @@ from numpy.typing import NDArray
 from vision import fitting
 from vision.bodies import occlusion
 from vision.bodies.occlusion import mark_covered
+from vision.film import source
+from vision.film.source import SATURATED_SHARE
 from vision.fitting.assessment import Assessed, Blocks, BodyFacts, assess
+from vision.fitting.base import MARGIN_PX, region_at
 from vision.fitting.frame_spline import prefilter, saturated_inside
+from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET
 from vision.fitting.kernels import F32, F64, I32, I64, Region, Settings, State, Subset, fit_rigid
+from vision.fitting.light import HIDDEN_SUSPECTED
+from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR
+
+# up to where a fit is accepted without a second look; frozen into the compiled code, whose key holds this file
+MIN_INLIER = 0.3
+MAX_JUMP_RAD = math.radians(8.0)
+MAX_JUMP_PX = 12.0
+USUAL_SHARE = 0.85
+"""Least correlation as a share of the usual one; blur lowers it slowly, a wrong pose abruptly."""
+NOISE_ONLY = 1.15
+"""Residuals up to this many times the noise of the still frames are taken for noise."""
+MIN_GAIN = 0.6
+"""Flicker changes the light by some per cent; where the contrast changes more than by this factor, up or down, another
+surface may hide the body."""
+COVERED_SHARE = 0.1
+"""Share of visible pixels that do not agree; noise alone makes 0.003."""
+MOST_HIDDEN = min(COVERED_SHARE, HIDDEN_SUSPECTED)
 
 
 def digest_of_sources() -> str:
@@ -44,7 +65,8 @@ def digest_of_sources() -> str:
     for folder in (Path(__file__).parent, Path(fitting.__file__).parent):
         for path in sorted(folder.rglob("*.py")):
             digest.update(path.read_bytes())
-    digest.update(Path(occlusion.__file__).read_bytes())
+    for module in (occlusion, source):
+        digest.update(Path(str(module.__file__)).read_bytes())
     return digest.hexdigest()
 
 
@@ -100,26 +122,6 @@ class Bodies(NamedTuple):
     distance: F32
 
 
-class Limits(NamedTuple):
-    """Up to where a fit is accepted without a second look: constants of `tracking.body_tracker`, `fitting.icgn` and
-    `fitting.assessment`."""
-
-    usual_share: float
-    noise_only: float
-    least_gain: float
-    least_inlier: float
-    most_turn: float
-    most_jump_px: float
-    most_shift_px: float
-    most_hidden: float
-    suspected: float
-    saturated_share: float
-    margin_px: int
-    quiet: float
-    excess: float
-    factor: float
-
-
 class History(NamedTuple):
     """The last three places of each body, oldest first: ``known`` (m,) of them, ``step`` (m, 3), ``place`` (m, 3, 3); a
     place is turn, x and y of the centre."""
@@ -127,6 +129,11 @@ class History(NamedTuple):
     known: I64
     step: I64
     place: F64
+
+    @classmethod
+    def empty(cls, m: int) -> History:
+        """Of bodies that have never been placed."""
+        return cls(np.zeros(m, dtype=np.int64), np.zeros((m, 3), dtype=np.int64), np.zeros((m, 3, 3)))
 
 
 class States(NamedTuple):
@@ -211,13 +218,9 @@ class Stop(NamedTuple):
     begun: I64
 
 
-SMALLEST_PX = 16
-"""Least side of the region of a body, as in `fitting.base.region_of`."""
-
-
 @uncounted
 def predict_place(history: History, body: int, step: int, place: F64) -> None:
-    """As `PlacementHistory.predict`."""
+    """Place of a body at a step: constant acceleration from three neighbours, else the newest known one."""
     known, last = history.known[body], history.place[body]
     for k in range(3):
         if step != history.step[body, known - 1] + 1 or known < 2:
@@ -230,7 +233,7 @@ def predict_place(history: History, body: int, step: int, place: F64) -> None:
 
 @uncounted
 def add_place(history: History, body: int, step: int, turn: float, x: float, y: float) -> None:
-    """As `PlacementHistory.add`."""
+    """Record the place of a body at a step; after a gap its history starts anew."""
     known = history.known[body]
     if known > 0 and step != history.step[body, known - 1] + 1:
         known = 0
@@ -255,8 +258,8 @@ def parent_at(bodies: Bodies, states: States, body: int, step: int) -> int:
 
 
 @uncounted
-def expect_body(bodies: Bodies, states: States, found: Found, margin: int, body: int, step: int) -> None:
-    """As `BodyTracker.predict` and `fitting.base.region_of`."""
+def expect_body(bodies: Bodies, states: States, found: Found, body: int, step: int) -> None:
+    """As `BodyTracker.predict`, with the region that holds the body."""
     pose, box = found.expected[body], bodies.box[body]
     parent = parent_at(bodies, states, body, step)
     if parent >= 0 and states.relative.known[body] > 0:
@@ -272,24 +275,12 @@ def expect_body(bodies: Bodies, states: States, found: Found, margin: int, body:
     else:
         predict_place(states.absolute, body, step, pose)
     pose[1], pose[2] = pose[1] - bodies.centre[body, 0], pose[2] - bodies.centre[body, 1]
-    region = found.region[body]
-    region[0] = -1
+    size = (bodies.distance.shape[1], bodies.distance.shape[2])
     x, y = bodies.centre[body, 0] + pose[1], bodies.centre[body, 1] + pose[2]
-    if not math.isfinite(pose[0] + x + y) or abs(x) + abs(y) > 1e9:
-        return
-    cosine, sine = math.cos(pose[0]), math.sin(pose[0])
-    left, right, top, bottom = box[0], box[1], box[2], box[3]
-    low_x, high_x = (left, right) if cosine >= 0.0 else (right, left)
-    low_y, high_y = (top, bottom) if cosine >= 0.0 else (bottom, top)
-    down_x, up_x = (left, right) if sine >= 0.0 else (right, left)
-    down_y, up_y = (top, bottom) if sine >= 0.0 else (bottom, top)
-    height, width = bodies.distance.shape[1], bodies.distance.shape[2]
-    x0 = max(0, int(math.floor(x + (cosine * low_x - sine * up_y))) - margin)
-    x1 = min(width, int(math.ceil(x + (cosine * high_x - sine * down_y))) + margin + 1)
-    y0 = max(0, int(math.floor(y + (sine * down_x + cosine * low_y))) - margin)
-    y1 = min(height, int(math.ceil(y + (sine * up_x + cosine * high_y))) + margin + 1)
-    if x1 - x0 >= SMALLEST_PX and y1 - y0 >= SMALLEST_PX:
-        region[0], region[1], region[2], region[3] = y0, y1, x0, x1
+    region = found.region[body]
+    region[0], region[1], region[2], region[3] = region_at(
+        pose[0], x, y, (box[0], box[1], box[2], box[3]), size, MARGIN_PX
+    )
 
 
 @uncounted
@@ -305,41 +296,31 @@ def place_body(bodies: Bodies, states: States, body: int, step: int, pose: F64) 
         add_place(states.relative, body, step, pose[0] - there[0], cosine * x + sine * y, cosine * y - sine * x)
 
 
-@njit(cache=True, nogil=True)
-def expect_bodies(bodies: Bodies, states: States, found: Found, margin: int, step: int) -> bool:
-    """Fill in where all bodies are expected; False where one has never been placed."""
-    for body in range(bodies.order.size):
-        if states.absolute.known[body] == 0:
-            return False
-        expect_body(bodies, states, found, margin, body, step)
-    return True
-
-
 ALL_DONE, NOT_BEGUN, DOUBTFUL, OUTSIDE = 0, 1, 2, 3
 """How `go_on` ends: no body is left; Python must fit the next; the next is fitted, and Python must judge it; the next
 is not inside the part of the frame."""
 
 
 @uncounted
-def is_good(limits: Limits, bodies: Bodies, states: States, found: Found, body: int) -> bool:
+def is_good(bodies: Bodies, states: States, found: Found, body: int) -> bool:
     """Whether a fit passes every test of `BodyTracker` and none of `IcgnFitter` asks for another."""
     figures, pose, expected = found.figures[body], found.pose[body], found.expected[body]
     zncc, inlier, noise, gain = figures[0], figures[1], figures[2], figures[3]
     for k in range(3):
-        if found.ratio[body, -1, k] > limits.suspected:
+        if found.ratio[body, -1, k] > CHANGE_SUSPECTED:
             return False
-    noise_only = noise <= limits.noise_only * bodies.noise[body] * max(gain, 1.0)
-    if not (zncc >= bodies.least_zncc[body] and (noise_only or zncc >= limits.usual_share * states.usual[body, 0])):
+    noise_only = noise <= NOISE_ONLY * bodies.noise[body] * max(gain, 1.0)
+    if not (zncc >= bodies.least_zncc[body] and (noise_only or zncc >= USUAL_SHARE * states.usual[body, 0])):
         return False
     share, changed = bodies.contrast[body], gain / states.usual[body, 1]
-    if not limits.least_gain * share <= changed <= 1.0 / limits.least_gain / share:
+    if not MIN_GAIN * share <= changed <= 1.0 / MIN_GAIN / share:
         return False
     x, y = abs(pose[1] - expected[1]), abs(pose[2] - expected[2])
-    if figures[4] - inlier > limits.most_hidden:
+    if figures[4] - inlier > MOST_HIDDEN:
         return False
-    if not (inlier >= limits.least_inlier and abs(pose[0] - expected[0]) <= limits.most_turn):
+    if not (inlier >= MIN_INLIER and abs(pose[0] - expected[0]) <= MAX_JUMP_RAD):
         return False
-    if not (max(x, y) <= limits.most_shift_px and x + y <= limits.most_jump_px):
+    if not (max(x, y) <= FAR_PX and x + y <= MAX_JUMP_PX):
         return False
     total = 0.0
     for j in range(3):
@@ -375,7 +356,7 @@ def cover(bodies: Bodies, states: States, found: Found, body: int, step: int) ->
 
 @inner
 def fit_body(
-    part: Region, settings: Settings, limits: Limits, bodies: Bodies, states: States, found: Found, body: int, step: int
+    part: Region, settings: Settings, bodies: Bodies, states: States, found: Found, body: int, step: int
 ) -> bool:
     """Fit one body from its expected pose and say whether it is good; ``found`` is filled in either way."""
     start, count = bodies.start[body], bodies.n_pixels[body]
@@ -407,9 +388,9 @@ def fit_body(
         bodies.noise_normal[body],
         bodies.averaged[body],
         bodies.noise[body],
-        limits.quiet,
-        limits.excess,
-        limits.factor,
+        QUIET,
+        PATTERN_EXCESS,
+        TUKEY_FACTOR,
     )
     out = Assessed(
         found.variance[body], found.covariance[body], found.inverse[body], found.ratio[body], found.blocks[body]
@@ -419,7 +400,7 @@ def fit_body(
         return False
     figures[0], figures[1], figures[2] = out.figures[1], sums.inlier / count, math.sqrt(out.figures[0])
     figures[3], figures[4] = fit.gain, sums.seen / count
-    return is_good(limits, bodies, states, found, body)
+    return is_good(bodies, states, found, body)
 
 
 @inner
@@ -427,7 +408,6 @@ def go_on(
     part: Region,
     n_saturated: int,
     settings: Settings,
-    limits: Limits,
     bodies: Bodies,
     states: States,
     found: Found,
@@ -440,21 +420,21 @@ def go_on(
     """
     height, width = part.coefficient.shape
     y0, x0 = int(part.origin_y), int(part.origin_x)
-    step, margin = at[1], limits.margin_px
+    step = at[1]
     for position in range(at[0], bodies.order.size):
         at[0], body = position, bodies.order[position]
         if parent_at(bodies, states, body, step) >= 0:
-            expect_body(bodies, states, found, margin, body, step)
+            expect_body(bodies, states, found, body, step)
         region = found.region[body]
         inside = region[0] >= y0 and region[1] <= y0 + height and region[2] >= x0 and region[3] <= x0 + width
-        saturated = 2 * n_saturated > limits.saturated_share * bodies.n_pixels[body]
+        saturated = 2 * n_saturated > SATURATED_SHARE * bodies.n_pixels[body]
         if states.apart[body] != 0 or region[0] < 0:
             return NOT_BEGUN
         if not inside:
             return OUTSIDE
         if saturated:
             return NOT_BEGUN
-        if not fit_body(part, settings, limits, bodies, states, found, body, step):
+        if not fit_body(part, settings, bodies, states, found, body, step):
             return DOUBTFUL
         figures, usual = found.figures[body], states.usual[body]
         states.scale[body] = found.sums[body, 3]
@@ -473,7 +453,6 @@ def _compiled(digest: str) -> Callable[..., int]:
         part: Region,
         n_saturated: int,
         settings: Settings,
-        limits: Limits,
         bodies: Bodies,
         states: States,
         found: Found,
@@ -482,7 +461,7 @@ def _compiled(digest: str) -> Callable[..., int]:
         """As `go_on`."""
         if len(digest) == 0:
             return NOT_BEGUN
-        return go_on(part, n_saturated, settings, limits, bodies, states, found, at)
+        return go_on(part, n_saturated, settings, bodies, states, found, at)
 
     return fit_bodies
 
@@ -558,7 +537,6 @@ def _compiled_walk(digest: str) -> Callable[..., int]:
     def walk(
         film: Film,
         settings: Settings,
-        limits: Limits,
         bodies: Bodies,
         states: States,
         found: Found,
@@ -575,7 +553,7 @@ def _compiled_walk(digest: str) -> Callable[..., int]:
             for body in range(bodies.order.size):
                 if states.absolute.known[body] == 0:
                     return done
-                expect_body(bodies, states, found, limits.margin_px, body, at[1])
+                expect_body(bodies, states, found, body, at[1])
             first = found.region[bodies.order[0]]
             if len(digest) == 0 or first[0] < 0 or not union_of(found, expected):
                 return done
@@ -583,7 +561,7 @@ def _compiled_walk(digest: str) -> Callable[..., int]:
             coefficient, stop.n_saturated[0] = filtered(film, k, box, states.coefficient)
             while True:
                 part = Region(coefficient, float(box[2]), float(box[0]))
-                ended = go_on(part, stop.n_saturated[0], settings, limits, bodies, states, found, at)
+                ended = go_on(part, stop.n_saturated[0], settings, bodies, states, found, at)
                 if ended == ALL_DONE:
                     break
                 stop.begun[0] = ended

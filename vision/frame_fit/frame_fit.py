@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from vision.bodies.occlusion import Occlusion
 from vision.film.source import FrameSource, Repeats
 from vision.fitting.assessment import N_LEVELS, Assessed, Blocks, Ratios
-from vision.fitting.base import Fit
+from vision.fitting.base import NO_REGION, Fit
 from vision.fitting.frame_spline import FilteredPart
 from vision.fitting.icgn import Begun, FitMemory, fit_settings
 from vision.fitting.kernels import Region, ResidualSums, RigidFit
@@ -24,18 +24,15 @@ from vision.frame_fit.compiled import (
     Film,
     Found,
     History,
-    Limits,
     Rows,
     States,
     Stop,
-    expect_bodies,
     fit_bodies,
     walk,
 )
 
 ALIGNED = 16
 """Pixels of a body begin at a multiple of so many."""
-NO_REGION = -1
 
 
 class FrameFit:
@@ -47,9 +44,8 @@ class FrameFit:
         occlusion: Occlusion,
         order: Sequence[int],
         parents: Sequence[int | None],
-        limits: Limits,
     ) -> None:
-        self.templates, self._limits, self._settings = templates, limits, fit_settings()
+        self.templates, self._settings = templates, fit_settings()
         self._order = list(order)
         self.stop = Stop(*(np.zeros(n, dtype=np.int64) for n in (2, 4, 4, 1, 1)))
         count = [template.n_pixels for template in templates]
@@ -114,27 +110,22 @@ class FrameFit:
         one = slice(body, body + 1)
         return FitMemory(states.weight[start:end], work, states.at[start:end], states.scale[one], states.apart[one])
 
-    def expect(self, step: int) -> bool:
-        """Find out where the bodies are expected; False where one has never been placed."""
-        return bool(expect_bodies(self._bodies, self.states, self.found, self._limits.margin_px, step))
-
-    def regions(self) -> list[tuple[int, int, int, int] | None]:
-        """Rectangles (y0, y1, x0, x1) of the frame that hold the expected bodies."""
-        return [None if y0 == NO_REGION else (y0, y1, x0, x1) for y0, y1, x0, x1 in self.found.region.tolist()]
+    def expect(self, poses: Sequence[NDArray[np.float64]], regions: Sequence[tuple[int, int, int, int] | None]) -> None:
+        """Take in where the bodies are expected, and the rectangles (y0, y1, x0, x1) of the frame that hold them."""
+        self.found.expected[:] = poses
+        self.found.region[:] = [(NO_REGION, 0, 0, 0) if region is None else region for region in regions]
 
     def go_on(self, part: FilteredPart, position: int, step: int) -> tuple[int, int]:
         """Fit bodies from the ``position``-th in order on; returns where that ended and how (`compiled.go_on`)."""
         y0, _, x0, _ = part.box
         at, region = self.stop.at, Region(part.coefficient, float(x0), float(y0))
         at[0], at[1] = position, step
-        ended = fit_bodies(
-            region, part.n_saturated, self._settings, self._limits, self._bodies, self.states, self.found, at
-        )
+        ended = fit_bodies(region, part.n_saturated, self._settings, self._bodies, self.states, self.found, at)
         return int(at[0]), ended
 
     def walk(self, film: Film, rows: Rows) -> int:
         """Track rows of a film; returns how many were done. `stop` says where in the next one it ended."""
-        return int(walk(film, self._settings, self._limits, self._bodies, self.states, self.found, rows, self.stop))
+        return int(walk(film, self._settings, self._bodies, self.states, self.found, rows, self.stop))
 
     def region(self, body: int) -> tuple[int, int, int, int]:
         """Rectangle (y0, y1, x0, x1) of the frame that holds one expected body."""
@@ -175,9 +166,6 @@ def _starts_and_counts(sizes: Sequence[int], rows: int) -> NDArray[np.int64]:
 
 
 def _empty_states(m: int, n: int, n_frame: int) -> States:
-    def history() -> History:
-        return History(np.zeros(m, dtype=np.int64), np.zeros((m, 3), dtype=np.int64), np.zeros((m, 3, 3)))
-
     return States(
         weight=np.ones(n, dtype=np.float32),
         work=np.zeros(5 * n, dtype=np.float32),
@@ -186,8 +174,8 @@ def _empty_states(m: int, n: int, n_frame: int) -> States:
         scale=np.zeros(m),
         apart=np.zeros(m, dtype=np.uint8),
         usual=np.tile([0.0, 1.0], (m, 1)),
-        absolute=history(),
-        relative=history(),
+        absolute=History.empty(m),
+        relative=History.empty(m),
         coefficient=np.empty(n_frame, dtype=np.float32),
     )
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from vision.angles import picture_to_ccw
 from vision.arrays import ArrayRecord
 from vision.errors import TrackingError, VisionInputError
-from vision.film.open import open_film
+from vision.film.open import film_of
 from vision.film.source import FrameSource, Repeats
 from vision.fitting.base import region_of
 from vision.fitting.frame_spline import FrameSpline
@@ -155,19 +155,16 @@ def follow_marks(
     >>> result.x_px.shape, int(result.failed.sum())
     ((15, 1), 0)
     """
-    if isinstance(path_or_source, str | os.PathLike):
-        with open_film(path_or_source) as opened:
-            return follow_marks(opened, marks, frame_time_s, every=every, n_still=n_still, progress=progress)
-    film = path_or_source
-    if not marks:
-        raise VisionInputError(f"{film.path}: no marks given; name at least one point or line")
-    if isinstance(every, bool) or every < 1:
-        raise VisionInputError(f"every = {every!r}; needs a whole number of at least 1")
-    time_s = frame_times(film, frame_time_s)
-    trackers, n_still = _prepared(film, marks, n_still)
-    table = PoseTable.empty(np.arange(0, film.n_frames, every), len(marks))
-    _follow(film, trackers, table, n_still, progress)
-    return _result(film, marks, trackers, table, time_s, n_still)
+    with film_of(path_or_source) as film:
+        if not marks:
+            raise VisionInputError(f"{film.path}: no marks given; name at least one point or line")
+        if isinstance(every, bool) or every < 1:
+            raise VisionInputError(f"every = {every!r}; needs a whole number of at least 1")
+        time_s = frame_times(film, frame_time_s)
+        trackers, n_still = _prepared(film, marks, n_still)
+        table = PoseTable.empty(np.arange(0, film.n_frames, every), len(marks))
+        _follow(film, trackers, table, n_still, progress)
+        return _result(film, marks, trackers, table, time_s, n_still)
 
 
 def _trackers(film: FrameSource, marks: Sequence[Mark], n_still: int) -> list[BodyTracker]:

@@ -7,7 +7,6 @@ followed across itself only; seen from its first point towards its second, posit
 from __future__ import annotations
 
 import os
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import BodyError
+from vision.files import read_toml
 
 LEAST_PX = 3.0
 
@@ -130,12 +130,7 @@ def load_marks(toml_path: str | os.PathLike[str]) -> list[Mark]:
     [PointMark(name='dot', at_px=(40.0, 30.0), radius_px=9.0)]
     """
     path = Path(toml_path)
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise BodyError(f"{path}: cannot be read ({error.strerror or error}); give an existing file of marks") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BodyError(f"{path}: is no TOML file ({error})") from None
+    tables = read_toml(path, BodyError, "give a TOML file of marks")
     unknown = sorted(set(tables) - {"point", "line"})
     if unknown or not tables:
         found = f"table {unknown[0]!r}" if unknown else "nothing"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vision.errors import BodyError
 from vision.film.source import FrameSource
 from vision.fitting.assessment import blocks_of, ratios_of
-from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
+from vision.fitting.base import FAILED, MARGIN_PX, Fit, Fitter, region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import QUIET, SCALE_FLOOR_GREY
@@ -89,10 +89,8 @@ def _motions(mark: Mark, template: Template) -> F64:
     raise BodyError(f"mark {mark.name}: there is no {what} to follow; look at its place on the first frame")
 
 
-class MarkFitter:
+class MarkFitter(Fitter):
     """Fits one mark; carries the weights of its pixels over from frame to frame."""
-
-    has_cautious_start = False
 
     def __init__(self, template: Template, motions: F64, frames: FrameSpline) -> None:
         self.template, self.motions = template, motions

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.arrays import as_numbers
-from vision.atomic_write import whole_file
 from vision.bodies.outlines import Body, signed_distance
 from vision.errors import FilmError
+from vision.files import whole_file
 from vision.film.source import FrameSource
 from vision.output.colours import bgr, colour_of
 
@@ -25,6 +25,8 @@ MARGIN_PX = 44
 SCALE_STEP_PX = 60
 """Least distance of two numbers along a side."""
 WHITE = (255, 255, 255)
+Colour = tuple[int, int, int]
+"""Blue, green, red."""
 GRID = (0, 220, 255)
 
 
@@ -108,15 +110,26 @@ def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int, gri
     _write(picture, "px", MARGIN_PX // 2 - 2, MARGIN_PX - 14, WHITE, 0.4)
 
 
-def _write(picture: NDArray[Any], text: str, x: int, y: int, colour: tuple[int, int, int], size: float) -> None:
+def _write(picture: NDArray[Any], text: str, x: int, y: int, colour: Colour, size: float) -> None:
     """Text about a point, moved into the picture, with a dark rim."""
-    plain = text.encode("ascii", "replace").decode()
-    (wide, high), _ = cv2.getTextSize(plain, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
+    wide, high = text_size(text, size)
     at = (
         min(max(x - wide // 2, 2), picture.shape[1] - wide - 2),
         min(max(y + high // 2, high + 2), picture.shape[0] - 4),
     )
-    for shade, width in (((0, 0, 0), 4), (colour, 1)):
+    put_text(picture, text, at, colour, size, rim=4)
+
+
+def text_size(text: str, size: float) -> tuple[int, int]:
+    """Width and height of a text, px."""
+    (wide, high), _ = cv2.getTextSize(text.encode("ascii", "replace").decode(), cv2.FONT_HERSHEY_SIMPLEX, size, 1)
+    return wide, high
+
+
+def put_text(picture: NDArray[Any], text: str, at: tuple[int, int], colour: Colour, size: float, rim: int = 0) -> None:
+    """Text from a point, its lower left corner, on; a dark rim keeps it readable on any grey."""
+    plain = text.encode("ascii", "replace").decode()
+    for shade, width in [((0, 0, 0), rim)] * bool(rim) + [(colour, 1)]:
         cv2.putText(picture, plain, at, cv2.FONT_HERSHEY_SIMPLEX, size, shade, width, cv2.LINE_AA)
 
 
@@ -184,7 +197,7 @@ def draw_frames(film: FrameSource, count: int = 4) -> NDArray[np.uint8]:
         drawn = draw_bodies(film.read(int(index)), [], film.bit_depth, grid=True)
         title = np.zeros((TITLE_PX, drawn.shape[1], 3), dtype=np.uint8)
         words = f"frame {index}" + (" (outlines are drawn on this one)" if index == 0 else "")
-        cv2.putText(title, words, (8, TITLE_PX - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.5, WHITE, 1, cv2.LINE_AA)
+        put_text(title, words, (8, TITLE_PX - 8), WHITE, 0.5)
         tiles.append(np.vstack([title, drawn]))
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
     strips = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]

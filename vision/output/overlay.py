@@ -25,7 +25,7 @@ from vision.errors import VisionInputError
 from vision.film.avi_writer import write_avi
 from vision.film.source import FrameSource
 from vision.output.colours import LOST, bgr, colour_of
-from vision.output.outline_drawing import write_picture
+from vision.output.outline_drawing import WHITE, grey_picture, put_text, text_size, write_picture
 from vision.results.flags import FAILURE, FrameFlag
 from vision.results.track_result import TrackResult
 
@@ -77,21 +77,15 @@ def write_overlay(
         for row in rows:
             picture = draw.picture(row)
             words = f"{int(result.frame[row])}  {result.time_s[row] * 1e3:.2f} ms"
-            _write(picture, words, 0, (255, 255, 255))
+            put_text(picture, words, (4, 12), WHITE, 0.4, rim=3)
             for i, body in enumerate(result.bodies):
                 lost = bool(result.failed[row, i])
-                _write(picture, f"{body} lost" if lost else body, i + 1, bgr(LOST if lost else colour_of(body, i)))
+                name, colour = (f"{body} lost", LOST) if lost else (body, colour_of(body, i))
+                put_text(picture, name, (4, 26 + 14 * i), bgr(colour), 0.4, rim=3)
             yield picture
 
     report = None if progress is None else (lambda done: progress(done, len(rows)))
     return write_avi(path, pictures(), playback_hz, quality=90, progress=report)
-
-
-def _write(picture: NDArray[Any], text: str, line: int, colour: tuple[int, int, int]) -> None:
-    """A line of text in the upper left corner, with a dark rim that keeps it readable on any grey."""
-    for shade, width in (((0, 0, 0), 3), (colour, 1)):
-        at = (4, 12 + 14 * line)
-        cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.4, shade, width, cv2.LINE_AA)
 
 
 class OutlineDrawer:
@@ -117,9 +111,7 @@ class OutlineDrawer:
     def picture(self, row: int) -> NDArray[Any]:
         """Frame of a row of the result in colour, shape (height, width, 3)."""
         result, film = self._result, self._film
-        frame = film.read(int(result.frame[row]))
-        grey = (frame >> max(0, film.bit_depth - 8)).astype(np.uint8) if frame.dtype != np.uint8 else frame
-        colour = cv2.cvtColor(np.ascontiguousarray(grey), cv2.COLOR_GRAY2BGR)
+        colour = cv2.cvtColor(grey_picture(film.read(int(result.frame[row])), film.bit_depth), cv2.COLOR_GRAY2BGR)
         for i, shape in enumerate(self._shapes):
             lost = bool(result.failed[row, i])
             before = self._found[i][self._found[i] <= row]
@@ -137,7 +129,7 @@ class OutlineDrawer:
 
 TILE_WIDTH_PX = 360
 LINE_PX = 20
-WHITE, GREY = (255, 255, 255), (170, 170, 170)
+GREY = (170, 170, 170)
 Picture = NDArray[Any]
 
 
@@ -255,9 +247,8 @@ def _legend(width: int, film: str, bodies: tuple[str, ...]) -> Picture:
 
 def _write_label(strip: Picture, text: str, place: tuple[int, int], colour: tuple[int, int, int], size: float) -> int:
     """Write text in a strip, smaller where it would not fit; returns where it ends."""
-    plain = text.encode("ascii", "replace").decode()
-    (wide, _), _ = cv2.getTextSize(plain, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
+    wide, _ = text_size(text, size)
     room = strip.shape[1] - place[0] - 6
     size *= min(1.0, max(room, 10) / max(wide, 1))
-    cv2.putText(strip, plain, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
+    put_text(strip, text, place, colour, size)
     return place[0] + min(wide, room)

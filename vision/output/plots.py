@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from vision.atomic_write import whole_file
 from vision.errors import FilmError
+from vision.files import whole_file
 from vision.output.colours import colour_of
 from vision.results.track_result import TrackResult
 

@@ -162,14 +162,7 @@ def _most_shared(first: F64, place: F64, free: NDArray[np.bool_], keeps_px: floa
 def _settled(groups: Groups, first: F64, place: F64, usable: NDArray[np.bool_]) -> Groups:
     """Motions that are one joined, those of few points left out, and every point with the one it keeps to best."""
     motions, group = groups.motions, groups.group.copy()
-    for i in range(len(motions) - 1, 0, -1):
-        same = [
-            j
-            for j in range(i)
-            if apart(motions[i], motions[j], first[(group == i) | (group == j)]) < groups.within.same_px
-        ]
-        if same:
-            group[group == i] = same[0]
+    _join(motions, group, first, groups.within.same_px)
     kept = [i for i in range(1, len(motions)) if np.count_nonzero(group == i) >= LEAST_POINTS]
     fitted = [rigid(first[group == i], place[group == i]) for i in kept]
     motions = [motions[0], *(motion for motion in fitted if motion is not None)]
@@ -177,6 +170,15 @@ def _settled(groups: Groups, first: F64, place: F64, usable: NDArray[np.bool_]) 
     best = np.argmin(off, axis=0)
     best[~usable | (off.min(axis=0) > 2.0 * groups.within.keeps_px)] = -1
     return Groups(motions, np.asarray(best, dtype=np.intp), groups.key, groups.within)
+
+
+def _join(motions: list[Motion], group: NDArray[np.intp], first: F64, same_px: float) -> None:
+    """Give the points of motions that are one to the first of them, from the last motion on."""
+    for i in range(len(motions) - 1, 0, -1):
+        for j in range(i):
+            if apart(motions[i], motions[j], first[(group == i) | (group == j)]) < same_px:
+                group[group == i] = j
+                break
 
 
 def apart(one: Motion, other: Motion, points: F64) -> float:
@@ -199,12 +201,7 @@ def refined(tracks: PointTracks, groups: Groups) -> Groups:
     motions, group = list(groups.motions), groups.group.copy()
     for i in range(1, len(motions)):
         motions[i] = _refined(tracks, groups, i) or motions[i]
-    first = tracks.place_px[:, 0]
-    for i in range(len(motions) - 1, 0, -1):
-        for j in range(i):
-            if apart(motions[i], motions[j], first[(group == i) | (group == j)]) < groups.within.same_px:
-                group[group == i] = j
-                break
+    _join(motions, group, tracks.place_px[:, 0], groups.within.same_px)
     kept = [0, *(i for i in range(1, len(motions)) if np.count_nonzero(group == i) >= LEAST_POINTS)]
     renamed = np.full(len(motions), -1, dtype=np.intp)
     renamed[kept] = np.arange(len(kept))

@@ -30,7 +30,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.film.source import Film, FrameSource, saturated_grey
+from vision.film.source import Corrected, FrameSource, saturated_grey
 from vision.fitting.template import Template
 
 FAR = 2.5
@@ -46,24 +46,12 @@ NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=np.uint8)
 AROUND = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 
 
-class WithoutDefects(Film):
+class WithoutDefects(Corrected):
     """A film whose defect pixels (rows, columns) have the median grey value of their neighbours."""
 
     def __init__(self, film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> None:
-        self.film, self.rows, self.columns = film, rows, columns
-        self.path, self.n_frames, self.height, self.width = film.path, film.n_frames, film.height, film.width
-        self.bit_depth, self.frame_rate_hz, self.exposure_s = film.bit_depth, film.frame_rate_hz, film.exposure_s
-        self.compression = film.compression
-        self.in_order = getattr(film, "in_order", True)
-
-    @property
-    def frame_time_s(self) -> NDArray[np.float64] | None:
-        """As of the film."""
-        return self.film.frame_time_s
-
-    def read(self, index: int) -> NDArray[Any]:
-        """Whole frame, shape (height, width)."""
-        return self.read_region(index, 0, self.height, 0, self.width)
+        super().__init__(film)
+        self.rows, self.columns = rows, columns
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame."""
@@ -117,25 +105,16 @@ OUTLYING = 3.0
 ROUNDS = 3
 
 
-class WithoutRowFlicker(Film):
+class WithoutRowFlicker(Corrected):
     """A film whose even and odd rows are brought to the same light, frame by frame; saturated pixels stay so.
 
     Grey values are float32. ``box`` (y0, y1, x0, x1) is where the light is looked at.
     """
 
     def __init__(self, film: FrameSource, box: tuple[int, int, int, int]) -> None:
-        self.film, self.box = film, box
-        self.path, self.n_frames, self.height, self.width = film.path, film.n_frames, film.height, film.width
-        self.bit_depth, self.frame_rate_hz, self.exposure_s = film.bit_depth, film.frame_rate_hz, film.exposure_s
-        self.compression = film.compression
-        self.in_order = getattr(film, "in_order", True)
-        self._top = saturated_grey(film.bit_depth)
+        super().__init__(film)
+        self.box, self._top = box, saturated_grey(film.bit_depth)
         self._amplitudes: dict[int, float] = {}
-
-    @property
-    def frame_time_s(self) -> NDArray[np.float64] | None:
-        """As of the film."""
-        return self.film.frame_time_s
 
     def amplitude(self, index: int) -> float:
         """By how much the even rows of a frame are brighter than the mean of all, as a share."""
@@ -143,10 +122,6 @@ class WithoutRowFlicker(Film):
             grey = self.film.read_region(index, *self.box)
             self._amplitudes[index] = alternation(grey, self.box[0], self._top)[0]
         return self._amplitudes[index]
-
-    def read(self, index: int) -> NDArray[Any]:
-        """Whole frame, shape (height, width)."""
-        return self.read_region(index, 0, self.height, 0, self.width)
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame."""

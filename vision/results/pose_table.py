@@ -79,19 +79,14 @@ class PoseTable:
     def reject(self, row: int, body: int, flag: FrameFlag) -> None:
         """Replace a body's values in a row by NaN, with a flag."""
         self.flag[row, body] |= np.uint16(int(flag))
-        for name in ("pose", "covariance", "zncc", "inlier", "noise_grey", "gain", "ratio", "blocks"):
+        for name in (field.name for field in fields(self)[1:] if field.name != "flag"):
             getattr(self, name)[row, body] = np.nan
 
     def rows(self, rows: NDArray[np.intp]) -> PoseTable:
         """A table of some of the rows."""
         return PoseTable(*(getattr(self, field.name)[rows] for field in fields(self)))
 
-    def copy_row(self, row: int, other: PoseTable, other_row: int) -> None:
-        """Take a row of another table, all bodies."""
+    def take(self, at: int | tuple[int, int], other: PoseTable, there: int | tuple[int, int]) -> None:
+        """Take a row, or a row of one body, of another table."""
         for name in (field.name for field in fields(self)[1:]):
-            getattr(self, name)[row] = getattr(other, name)[other_row]
-
-    def copy_from(self, other: PoseTable, row: int, body: int) -> None:
-        """Take one row of one body from another table of the same frames."""
-        for name in (field.name for field in fields(self)[1:]):
-            getattr(self, name)[row, body] = getattr(other, name)[row, body]
+            getattr(self, name)[at] = getattr(other, name)[there]

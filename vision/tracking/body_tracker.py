@@ -29,6 +29,18 @@ from numpy.typing import NDArray
 from vision.film.source import FrameSource
 from vision.fitting.base import FAILED, Fit, Fitter
 from vision.fitting.template import Template
+from vision.frame_fit.compiled import (
+    COVERED_SHARE,
+    MAX_JUMP_PX,
+    MAX_JUMP_RAD,
+    MIN_GAIN,
+    MIN_INLIER,
+    NOISE_ONLY,
+    USUAL_SHARE,
+    History,
+    add_place,
+    predict_place,
+)
 from vision.results.flags import FAILURE, FrameFlag
 
 TURN_STEP_RAD = math.radians(2.5)
@@ -155,60 +167,42 @@ def from_parent(relative: Placement, parent: Placement) -> Placement:
 class PlacementHistory:
     """The last three placements of a body, for extrapolation; after a gap it starts anew.
 
-    They are kept in arrays (``known`` (1,), their steps (3,) and themselves (3, 3), oldest first), which may be parts
-    of larger ones, where compiled code finds them.
+    They are kept in the arrays of a `History` of one body, which may be parts of larger ones, where compiled code finds
+    them; what that does with them is done here by the same functions, as Python.
     """
 
-    def __init__(
-        self,
-        known: NDArray[np.int64] | None = None,
-        steps: NDArray[np.int64] | None = None,
-        places: NDArray[np.float64] | None = None,
-    ) -> None:
-        self._known = np.zeros(1, dtype=np.int64) if known is None else known
-        self._steps = np.zeros(3, dtype=np.int64) if steps is None else steps
-        self._places = np.zeros((3, 3)) if places is None else places
+    def __init__(self, kept: History | None = None) -> None:
+        self._kept = History.empty(1) if kept is None else kept
 
     def add(self, step: int, placement: Placement) -> None:
         """Record the placement found at a step (the running number of the tracked frame)."""
-        known = int(self._known[0])
-        if known and step != self._steps[known - 1] + 1:
-            known = 0
-        if known == 3:
-            self._steps[:2], self._places[:2] = self._steps[1:].copy(), self._places[1:].copy()
-            known = 2
-        self._steps[known], self._places[known] = step, placement
-        self._known[0] = known + 1
+        add_place.py_func(self._kept, 0, step, *placement.tolist())
 
     def clear(self) -> None:
         """Forget everything."""
-        self._known[0] = 0
+        self._kept.known[0] = 0
 
     def items(self) -> list[tuple[int, Placement]]:
         """The placements, oldest first, with their steps."""
-        return [(int(self._steps[k]), self._places[k].copy()) for k in range(int(self._known[0]))]
+        return [(int(self._kept.step[0, k]), self._kept.place[0, k].copy()) for k in range(int(self._kept.known[0]))]
 
     def newest(self) -> Placement | None:
         """The newest known placement."""
-        known = int(self._known[0])
-        return self._places[known - 1].copy() if known else None
+        known = int(self._kept.known[0])
+        return self._kept.place[0, known - 1].copy() if known else None
 
     def newest_step(self) -> int | None:
         """Step of the newest known placement."""
-        known = int(self._known[0])
-        return int(self._steps[known - 1]) if known else None
+        known = int(self._kept.known[0])
+        return int(self._kept.step[0, known - 1]) if known else None
 
     def predict(self, step: int) -> Placement | None:
         """Placement at a step: constant acceleration from three neighbours, else the newest known one."""
-        known = int(self._known[0])
-        if not known:
+        if not self._kept.known[0]:
             return None
-        if step != self._steps[known - 1] + 1 or known < 2:
-            return self._places[known - 1].copy()
-        if known == 2:
-            return np.asarray(2.0 * self._places[1] - self._places[0])
-        (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = self._places.tolist()
-        return np.array([3.0 * c0 - 3.0 * b0 + a0, 3.0 * c1 - 3.0 * b1 + a1, 3.0 * c2 - 3.0 * b2 + a2])
+        place = np.empty(3)
+        predict_place.py_func(self._kept, 0, step, place)
+        return place
 
 
 GOOD = FrameFlag.GOOD
@@ -219,22 +213,10 @@ EXPECTED_SHARE = 0.75
 CHANCE = 12.0
 """A correlation may be chance whose Fisher transform is below this over the root of the number of pixels: neighbouring
 pixels are alike."""
-MIN_INLIER = 0.3
-MAX_JUMP_RAD = math.radians(8.0)
-MAX_JUMP_PX = 12.0
-USUAL_SHARE = 0.85
-"""Least correlation as a share of the usual one; blur lowers it slowly, a wrong pose abruptly."""
-NOISE_ONLY = 1.15
-"""Residuals up to this many times the noise of the still frames are taken for noise."""
-MIN_GAIN = 0.6
-"""Flicker changes the light by some per cent; where the contrast changes more than by this factor, up or down, another
-surface may hide the body."""
 LEAST_LIGHT, SAME_LEVEL, SAME_INLIER = 0.25, 1.3, 0.9
 """Unless only the light has changed, by the first factor at most: then the mean grey value has changed with the
 contrast (out of focus it does not), up to the second, and at least this share of the pixels agrees, as well as before.
 """
-COVERED_SHARE = 0.1
-"""Share of visible pixels that do not agree; noise alone makes 0.003."""
 FAR_EVERY = 3
 """Of the lost frames in a row that are searched, the whole picture is in one out of this many, the first included."""
 FAR_SHARE = 0.95

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.atomic_write import remove, whole_file
 from vision.bodies.outlines import Body
 from vision.errors import VisionInputError
+from vision.files import remove, whole_file
 from vision.film.source import FrameSource
 from vision.results.pose_table import PoseTable
 from vision.tracking.body_tracker import BodyTracker

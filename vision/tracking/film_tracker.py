@@ -14,38 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.bodies.outlines import parents_first
-from vision.film.source import SATURATED_SHARE, Repeats, saturated_grey
-from vision.fitting.base import MARGIN_PX, Fit, region_of
+from vision.film.source import Repeats, saturated_grey
+from vision.fitting.base import Fit, region_of
 from vision.fitting.ecc import EccFitter
 from vision.fitting.frame_spline import FrameSpline
-from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET, Begun, IcgnFitter
-from vision.fitting.light import HIDDEN_SUSPECTED
-from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR
-from vision.frame_fit.compiled import DOUBTFUL, NOT_BEGUN, OUTSIDE, Film, Limits, Rows
+from vision.fitting.icgn import Begun, IcgnFitter
+from vision.frame_fit.compiled import DOUBTFUL, NOT_BEGUN, OUTSIDE, Film, History, Rows
 from vision.frame_fit.frame_fit import FrameFit, Watch, frames_around
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
 from vision.results.pose_table import PoseTable
-from vision.tracking import body_tracker
 from vision.tracking.body_tracker import BodyTracker, PlacementHistory
 
-LIMITS = Limits(
-    usual_share=body_tracker.USUAL_SHARE,
-    noise_only=body_tracker.NOISE_ONLY,
-    least_gain=body_tracker.MIN_GAIN,
-    least_inlier=body_tracker.MIN_INLIER,
-    most_turn=body_tracker.MAX_JUMP_RAD,
-    most_jump_px=body_tracker.MAX_JUMP_PX,
-    most_shift_px=float(FAR_PX),
-    most_hidden=min(body_tracker.COVERED_SHARE, HIDDEN_SUSPECTED),
-    suspected=CHANGE_SUSPECTED,
-    saturated_share=SATURATED_SHARE,
-    margin_px=MARGIN_PX,
-    quiet=QUIET,
-    excess=PATTERN_EXCESS,
-    factor=TUKEY_FACTOR,
-)
-"""What compiled code may accept without a second look."""
 NOISE_SHOWN_BY = 5
 """Still frames compared to see whether the film has noise."""
 
@@ -69,7 +49,7 @@ class FilmTracker:
         if self.ready.method == "ecc":
             self.trackers = [BodyTracker(EccFitter(template)) for template in self.ready.templates]
         else:
-            self._together = FrameFit(self.ready.templates, self.ready.occlusion, self.order, parents, LIMITS)
+            self._together = FrameFit(self.ready.templates, self.ready.occlusion, self.order, parents)
             self.trackers = trackers_in(self._together, self._frames)
         for i in self.order:
             parent = parents[i]
@@ -89,24 +69,20 @@ class FilmTracker:
 
     def step(self, index: int, step: int, search: bool = True) -> None:
         """Fit all bodies in frame ``index``, the ``step``-th tracked one, parents first."""
-        if self._together is not None and self._together.expect(step):
-            self._step_together(self._together, index, step, search)
-            return
-        film, trackers = self.ready.film, self.trackers
-        expected = [tracker.predict(step) for tracker in trackers]
+        film, together = self.ready.film, self._together
+        expected = [tracker.predict(step) for tracker in self.trackers]
         boxes = [
             region_of(body.template, pose, film.height, film.width)
-            for body, pose in zip(trackers, expected, strict=True)
+            for body, pose in zip(self.trackers, expected, strict=True)
         ]
         self._frames.expect(index, [box for box in boxes if box is not None])
-        for i in self.order:
-            self._step_alone(i, index, step, search, expected)
-
-    def _step_together(self, together: FrameFit, index: int, step: int, search: bool) -> None:
-        """As `step`, in one compiled call while every body's fit is good."""
-        regions = together.regions()
-        self._frames.expect(index, [region for region in regions if region is not None])
-        first = regions[self.order[0]]
+        if together is None:
+            for i in self.order:
+                self._step_alone(i, index, step, search, expected)
+            return
+        # in one compiled call while every body's fit is good
+        together.expect(expected, boxes)
+        first = boxes[self.order[0]]
         if first is not None:
             self._frames.part(index, first)
         self._finish(together, index, step, search)
@@ -238,7 +214,7 @@ def trackers_in(together: FrameFit, frames: FrameSpline) -> list[BodyTracker]:
     for i, template in enumerate(together.templates):
         one = slice(i, i + 1)
         absolute, relative = (
-            PlacementHistory(history.known[one], history.step[i], history.place[i])
+            PlacementHistory(History(history.known[one], history.step[one], history.place[one]))
             for history in (states.absolute, states.relative)
         )
         fitter = IcgnFitter(template, frames, together.memory(i))

@@ -95,7 +95,7 @@ def track_forward(
                 go_on(start, end)
                 continue
             for row in range(start, end):
-                table.copy_row(row, stretch.table, row - start + SHARED_ROWS)
+                table.take(row, stretch.table, row - start + SHARED_ROWS)
             stretch.tracker.searched_before(newest)
             newest = stretch.tracker
             keeper.rows_done(end, newest)
@@ -220,7 +220,7 @@ def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px
     if forward_lost and backward_lost:
         return
     if forward_lost:
-        table.copy_from(back, row, body)
+        table.take((row, body), back, (row, body))
         table.flag[row, body] |= np.uint16(int(FrameFlag.REACQUIRED))
         return
     apart = table.pose[row, body] - back.pose[row, body]
@@ -229,7 +229,7 @@ def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px
             table.reject(row, body, FrameFlag.UNCONFIRMED)
     elif not agree(table, row, back, row, body, radius_px):
         if back.zncc[row, body] > table.zncc[row, body]:
-            table.copy_from(back, row, body)
+            table.take((row, body), back, (row, body))
         table.covariance[row, body] += np.outer(apart, apart)
 
 

@@ -17,7 +17,7 @@ from vision.bodies.occlusion import Occlusion
 from vision.bodies.outlines import Body
 from vision.each import Each, in_turn
 from vision.errors import VisionInputError, VisionWarning
-from vision.film.open import open_film
+from vision.film.open import film_of
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import build_template
@@ -141,10 +141,8 @@ def predict_uncertainty(
     >>> all(0.0 < u < 1e-3 for u in expected.values())
     True
     """
-    if isinstance(path_or_source, str | os.PathLike):
-        with open_film(path_or_source) as film:
-            return predict_uncertainty(film, bodies, n_still=n_still)
-    ready = prepare(path_or_source, bodies, n_still)
+    with film_of(path_or_source) as film:
+        ready = prepare(film, bodies, n_still)
     return {template.name: predicted_u_angle(template, ready.reference.noise_grey) for template in ready.templates}
 
 

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from vision.angles import ccw_to_picture
 from vision.bodies.outlines import Body
 from vision.errors import VisionInputError
-from vision.film.open import open_film
+from vision.film.open import film_of
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import PATTERN_EXCESS
+from vision.reference.prepared_film import PreparedFilm
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
-from vision.tracking.assemble_result import assemble_result, zero_of_still_frames
+from vision.tracking.assemble_result import Zero, assemble_result, zero_of_still_frames
 from vision.tracking.moving_parts import confirm_hidden
 from vision.tracking.options import FitOptions, FitSettings
 from vision.tracking.passes import fit_alone
@@ -73,32 +74,29 @@ def retrack_frames(
     array([50])
     """
     settings = FitSettings(**options)
-    if isinstance(path_or_source, str | os.PathLike):
-        with open_film(path_or_source) as opened:
-            return retrack_frames(opened, bodies, frames, places, frame_time_s, **options)
-    film = path_or_source
-    time_s = frame_times(film, frame_time_s)
-    wrong = [frame for frame in frames if not 0 <= frame < film.n_frames]
-    if wrong or not len(frames) or len(frames) != len(places):
-        found = f"frame {wrong[0]}" if wrong else f"{len(frames)} frames with {len(places)} places"
-        raise VisionInputError(
-            f"{film.path}: {found} to track again; allowed 0..{film.n_frames - 1}, one place per frame"
-        )
-    ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
-    zero = zero_of_still_frames(ready)
-    table = PoseTable.empty(np.array(frames, dtype=np.int64), len(bodies))
-    for row, place in enumerate(places):
-        poses = []
-        for template, zero_rad in zip(ready.templates, zero.turn_rad, strict=True):
-            if template.name not in place or not np.all(np.isfinite(place[template.name])):
-                raise VisionInputError(f"{film.path}: frame {frames[row]}: no place given for body {template.name}")
-            angle, x, y = place[template.name]
-            phi = float(ccw_to_picture(angle)) + zero_rad
-            poses.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
-        fit_alone(ready, table, row, poses)
-    if settings.method == "icgn":
-        confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
-    return assemble_result(ready, zero, table, time_s, settings, {"retracked": list(frames)})
+    with film_of(path_or_source) as film:
+        time_s = frame_times(film, frame_time_s)
+        wrong = [frame for frame in frames if not 0 <= frame < film.n_frames]
+        if wrong or not len(frames) or len(frames) != len(places):
+            found = f"frame {wrong[0]}" if wrong else f"{len(frames)} frames with {len(places)} places"
+            raise VisionInputError(
+                f"{film.path}: {found} to track again; allowed 0..{film.n_frames - 1}, one place per frame"
+            )
+        ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
+        zero = zero_of_still_frames(ready)
+
+        def poses() -> Iterator[Sequence[NDArray[np.float64]]]:
+            for frame, place in zip(frames, places, strict=True):
+                pose = []
+                for template, zero_rad in zip(ready.templates, zero.turn_rad, strict=True):
+                    if template.name not in place or not np.all(np.isfinite(place[template.name])):
+                        raise VisionInputError(f"{film.path}: frame {frame}: no place given for body {template.name}")
+                    angle, x, y = place[template.name]
+                    phi = float(ccw_to_picture(angle)) + zero_rad
+                    pose.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
+                yield pose
+
+        return _fitted(ready, zero, (np.array(frames, dtype=np.int64), poses()), time_s, settings, "retracked")
 
 
 def preview(
@@ -139,19 +137,29 @@ def preview(
     (3, 0)
     """
     settings = FitSettings(**options)
-    if isinstance(path_or_source, str | os.PathLike):
-        with open_film(path_or_source) as opened:
-            return preview(opened, bodies, count, frame_time_s, **options)
-    film = path_or_source
-    time_s = frame_times(film, frame_time_s)
-    if isinstance(count, bool) or count < 1:
-        raise VisionInputError(f"{film.path}: {count} frames to preview; allowed 1..{film.n_frames - 1}")
-    ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
-    zero = zero_of_still_frames(ready)
-    chosen = np.unique(np.rint(np.linspace(0, film.n_frames - 1, count + 1)[1:]).astype(np.int64))
-    table = PoseTable.empty(chosen, len(bodies))
-    for row, (_, pose) in enumerate(starts(ready, np.arange(film.n_frames), [int(frame) + 1 for frame in chosen])):
-        fit_alone(ready, table, row, list(pose))
+    with film_of(path_or_source) as film:
+        time_s = frame_times(film, frame_time_s)
+        if isinstance(count, bool) or count < 1:
+            raise VisionInputError(f"{film.path}: {count} frames to preview; allowed 1..{film.n_frames - 1}")
+        ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
+        chosen = np.unique(np.rint(np.linspace(0, film.n_frames - 1, count + 1)[1:]).astype(np.int64))
+        poses = (list(pose) for _, pose in starts(ready, np.arange(film.n_frames), (chosen + 1).tolist()))
+        return _fitted(ready, zero_of_still_frames(ready), (chosen, poses), time_s, settings, "preview")
+
+
+def _fitted(
+    ready: PreparedFilm,
+    zero: Zero,
+    rows: tuple[NDArray[np.int64], Iterable[Sequence[NDArray[np.float64]]]],
+    time_s: NDArray[np.float64],
+    settings: FitSettings,
+    what: str,
+) -> TrackResult:
+    """Frames fitted each by itself from the poses of all bodies; those after the last poses are lost."""
+    frames, poses = rows
+    table = PoseTable.empty(frames, len(ready.bodies))
+    for row, pose in enumerate(poses):
+        fit_alone(ready, table, row, pose)
     if settings.method == "icgn":
         confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
-    return assemble_result(ready, zero, table, time_s, settings, {"preview": chosen.tolist()})
+    return assemble_result(ready, zero, table, time_s, settings, {what: frames.tolist()})

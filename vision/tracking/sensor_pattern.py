@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.bodies.masks import build_masks
-from vision.film.source import Film, FrameSource, saturated_grey
+from vision.film.source import Corrected, FrameSource, saturated_grey
 from vision.fitting.base import region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.pose_covariance import PATTERN_EXCESS
@@ -56,20 +56,12 @@ BETTER = 0.85
 """Residual variance of the second tracking over the first below which the pattern is taken."""
 
 
-class WithoutPattern(Film):
+class WithoutPattern(Corrected):
     """A film whose frames have a fixed pattern taken off; saturated pixels stay so. Grey values are float32."""
 
     def __init__(self, film: FrameSource, pattern: NDArray[np.float32]) -> None:
-        self.film, self._pattern = film, pattern
-        self.path, self.n_frames, self.height, self.width = film.path, film.n_frames, film.height, film.width
-        self.bit_depth, self.frame_rate_hz, self.exposure_s = film.bit_depth, film.frame_rate_hz, film.exposure_s
-        self.compression = film.compression
-        self.in_order = getattr(film, "in_order", True)
-        self._top = saturated_grey(film.bit_depth)
-
-    def read(self, index: int) -> NDArray[Any]:
-        """Whole frame, shape (height, width)."""
-        return self.read_region(index, 0, self.height, 0, self.width)
+        super().__init__(film)
+        self._pattern, self._top = pattern, saturated_grey(film.bit_depth)
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame."""

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
-from vision.film.open import open_film
+from vision.film.open import film_of
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import PATTERN_EXCESS, predicted_u_angle
 from vision.reference.camera_faults import WithoutDefects, WithoutRowFlicker
@@ -116,10 +116,8 @@ def track(
     >>> result.to_table().to_csv("angles.csv")
     """
     settings = TrackSettings(**options)
-    if isinstance(path_or_source, str | os.PathLike):
-        with open_film(path_or_source) as opened:
-            return _track(opened, bodies, frame_time_s, settings)
-    return _track(path_or_source, bodies, frame_time_s, settings)
+    with film_of(path_or_source) as film:
+        return _track(film, bodies, frame_time_s, settings)
 
 
 track_film = track

@@ -26,7 +26,7 @@ Poses are as in `vision.fitting.base`, shape (n, 3).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,17 +72,8 @@ class PoseResponse:
 
         ``pose`` is the motion seen by the perfect camera (to first order the tracked one); NaN stays NaN.
         """
-        centre = np.array(self.template.centre_px)
-        flat, flat_centre = camera.rectified(centre + self._at), camera.rectified(centre)
-        result = np.empty((len(pose), 3))
-        for start in range(0, len(pose), ROWS_AT_ONCE):
-            rows = pose[start : start + ROWS_AT_ONCE]
-            c, s = np.cos(rows[:, 0]), np.sin(rows[:, 0])
-            moved_centre = centre + rows[:, 1:]
-            apart = camera.seen(_moved(flat - flat_centre, c, s, camera.rectified(moved_centre)))
-            apart -= _moved(self._at, c, s, moved_centre)
-            result[start : start + ROWS_AT_ONCE] = self._of(apart, c, s)
-        return result
+        apart = _off_rigid(self.template, camera, self._at)
+        return self._of(pose, lambda part, c, s: apart(pose[part], c, s))
 
     def read_late(
         self, pose: NDArray[np.float64], speed: NDArray[np.float64], rows_per_s: float
@@ -92,24 +83,31 @@ class PoseResponse:
         ``speed`` (n, 3) is that of ``pose``, rad/s and px/s. A row is as late as its number over ``rows_per_s``, and
         what it shows has moved on by then.
         """
-        centre = np.array(self.template.centre_px)
+
+        def apart(part: slice, c: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
+            rate, place = speed[part, :, None], _moved(self._at, c, s, np.zeros((len(c), 2)))
+            late = (place[..., 1] + self.template.centre_px[1] + pose[part, 2:]) / rows_per_s
+            x, y = rate[:, 1] - rate[:, 0] * place[..., 1], rate[:, 2] + rate[:, 0] * place[..., 0]
+            return np.asarray(late[..., None] * np.stack([x, y], axis=-1))
+
+        return self._of(pose, apart)
+
+    def _of(
+        self,
+        pose: NDArray[np.float64],
+        apart: Callable[[slice, NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]],
+    ) -> NDArray[np.float64]:
+        """Change of poses (n, 3), in the body's own axes for the shift, by what ``apart`` says of the displacements
+        (k, cells, 2) along the picture's axes in some rows, given the k cosines and sines of their turns."""
         result = np.empty((len(pose), 3))
         for start in range(0, len(pose), ROWS_AT_ONCE):
-            rows, rate = pose[start : start + ROWS_AT_ONCE], speed[start : start + ROWS_AT_ONCE, :, None]
-            c, s = np.cos(rows[:, 0]), np.sin(rows[:, 0])
-            place = _moved(self._at, c, s, np.zeros((len(rows), 2)))
-            late = (place[..., 1] + centre[1] + rows[:, 2:]) / rows_per_s
-            x, y = rate[:, 1] - rate[:, 0] * place[..., 1], rate[:, 2] + rate[:, 0] * place[..., 0]
-            result[start : start + ROWS_AT_ONCE] = self._of(late[..., None] * np.stack([x, y], axis=-1), c, s)
+            part = slice(start, start + ROWS_AT_ONCE)
+            c, s = np.cos(pose[part, 0]), np.sin(pose[part, 0])
+            x, y = np.moveaxis(apart(part, c, s), -1, 0)
+            # summed along the picture's axes first, then turned into the template's: c and s leave the sum
+            along, across = x @ self._gain_x + y @ self._gain_y, y @ self._gain_x - x @ self._gain_y
+            result[part] = c[:, None] * along + s[:, None] * across
         return result
-
-    def _of(self, apart: NDArray[np.float64], c: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pose (n, 3), in the body's own axes for the shift, by displacements (n, cells, 2) in the picture's."""
-        # summed along the picture's axes first, then turned into the template's: c and s leave the sum
-        x, y = apart[..., 0], apart[..., 1]
-        along = x @ self._gain_x + y @ self._gain_y
-        across = y @ self._gain_x - x @ self._gain_y
-        return c[:, None] * along + s[:, None] * across
 
     def without_error(self, camera: Projection, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """Turn, rad, shape (n,), that a perfect camera would give for tracked poses."""
@@ -123,12 +121,26 @@ def displacement(
     template: Template, camera: Projection, pose: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """How far each template pixel is off a rigid motion at a pose (3,), px along the template's x and y, each (n,)."""
-    centre, offset = np.array(template.centre_px), template.offset_px.T.astype(float)
-    flat, flat_centre = camera.rectified(centre + offset), camera.rectified(centre)
-    c, s, moved_centre = np.cos(pose[:1]), np.sin(pose[:1]), centre + pose[None, 1:]
-    apart = camera.seen(_moved(flat - flat_centre, c, s, camera.rectified(moved_centre)))
-    apart = (apart - _moved(offset, c, s, moved_centre))[0]
+    c, s = np.cos(pose[:1]), np.sin(pose[:1])
+    apart = _off_rigid(template, camera, template.offset_px.T.astype(float))(pose[None], c, s)[0]
     return c * apart[:, 0] + s * apart[:, 1], c * apart[:, 1] - s * apart[:, 0]
+
+
+def _off_rigid(
+    template: Template, camera: Projection, offset: NDArray[np.float64]
+) -> Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]:
+    """What says how far places ``offset`` (cells, 2) of a body are off a rigid motion in a camera's picture, (k, cells,
+    2) px, at poses (k, 3) with these cosines and sines of the turn."""
+    centre = np.array(template.centre_px)
+    flat, flat_centre = camera.rectified(centre + offset), camera.rectified(centre)
+
+    def apart(pose: NDArray[np.float64], c: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
+        moved_centre = centre + pose[:, 1:]
+        seen = camera.seen(_moved(flat - flat_centre, c, s, camera.rectified(moved_centre)))
+        seen -= _moved(offset, c, s, moved_centre)
+        return seen
+
+    return apart
 
 
 def _moved(
@@ -239,7 +251,6 @@ def expected_budget(
     common = u / math.sqrt(n_still + 1.0)
     pose = np.zeros((2, m, 3))
     pose[:, :, 0] = np.array([-motion.turn_rad, motion.turn_rad])[:, None]
-    absolute, relative = _camera_terms(ready, camera, pose)
     single = {
         "noise": np.sqrt(np.maximum(u**2 - common**2, 0.0)),
         "reference": common,
@@ -247,14 +258,10 @@ def expected_budget(
         "synchronisation": np.full(m, u_time_s * motion.speed_rad_per_s),
         "shutter": np.full(m, motion.acceleration_rad_per_s2 * _shutter_factor(ready.film)),
     }
-    for name, values in single.items():
-        absolute[name] = np.tile(values, (2, 1))
-        relative[name] = _joined(absolute[name], ready.parents)
+    own = {name: np.tile(values, (2, 1)) for name, values in single.items()}
     speed = np.zeros_like(pose)
     speed[..., 0] = motion.speed_rad_per_s
-    absolute["rows"], relative["rows"] = _row_terms(ready, pose, speed, rows_per_s)
-    names = tuple(b.name for b in ready.bodies)
-    return ErrorBudget(names, absolute, relative, camera.description(), shutter_text(rows_per_s))
+    return _budget(ready, camera, pose, speed, own, {}, rows_per_s)
 
 
 def budget_of(
@@ -266,22 +273,16 @@ def budget_of(
     each: Each = in_turn,
 ) -> ErrorBudget:
     """Budget of every tracked frame; ``u_time_s`` is the standard uncertainty of the frame times."""
-    parents = ready.parents
     angle_rad, u_noise_rad = tracked.angle_rad, tracked.u_noise_rad
-    absolute, relative = _camera_terms(ready, camera, tracked.pose, each)
-    absolute["noise"] = u_noise_rad
-    absolute["reference"] = np.where(np.isfinite(u_noise_rad), tracked.u_common_rad, np.nan)
     typical = np.array([rms(u_noise_rad[:, i]) for i in range(u_noise_rad.shape[1])])
-    absolute["codec"] = np.where(np.isfinite(u_noise_rad), _codec(ready, typical), np.nan)
-    for name in ("noise", "reference", "codec"):
-        relative[name] = _joined(absolute[name], parents)
-    against = np.full_like(angle_rad, np.nan)
-    u_against = np.full_like(angle_rad, np.nan)
-    for i, parent in enumerate(parents):
-        if parent is not None:
-            against[:, i] = angle_rad[:, i] - angle_rad[:, parent]
-            u_against[:, i] = np.hypot(u_noise_rad[:, i], u_noise_rad[:, parent])
-    for terms, angle, u in ((absolute, angle_rad, u_noise_rad), (relative, against, u_against)):
+    own = {
+        "noise": u_noise_rad,
+        "reference": np.where(np.isfinite(u_noise_rad), tracked.u_common_rad, np.nan),
+        "codec": np.where(np.isfinite(u_noise_rad), _codec(ready, typical), np.nan),
+    }
+    against: dict[str, NDArray[np.float64]] = {}
+    relative_rad, u_relative_rad = _paired(angle_rad, ready.parents, np.subtract), _paired(u_noise_rad, ready.parents)
+    for terms, angle, u in ((own, angle_rad, u_noise_rad), (against, relative_rad, u_relative_rad)):
         speed, acceleration = _speed_and_acceleration(tracked.time_s, angle, u)
         terms["synchronisation"] = u_time_s * speed
         terms["shutter"] = acceleration * _shutter_factor(ready.film)
@@ -289,7 +290,25 @@ def budget_of(
     if len(tracked.time_s) > 1:
         # zero where a neighbour is lost, as in the terms above
         speed = np.nan_to_num(np.gradient(tracked.pose, tracked.time_s, axis=0))
-    absolute["rows"], relative["rows"] = _row_terms(ready, tracked.pose, speed, rows_per_s)
+    return _budget(ready, camera, tracked.pose, speed, own, against, rows_per_s, each)
+
+
+def _budget(
+    ready: PreparedFilm,
+    camera: CameraModel,
+    pose: NDArray[np.float64],
+    speed: NDArray[np.float64],
+    own: dict[str, NDArray[np.float64]],
+    against: dict[str, NDArray[np.float64]],
+    rows_per_s: float | None,
+    each: Each = in_turn,
+) -> ErrorBudget:
+    """Terms of camera and shutter at poses (n, m, 3) of a speed, beside each body's ``own``, (n, m); of a body and its
+    parent these are independent but for those that are given as ``against`` each other."""
+    absolute, relative = _camera_terms(ready, camera, pose, each)
+    absolute |= own
+    relative |= {name: _paired(values, ready.parents) for name, values in own.items()} | against
+    absolute["rows"], relative["rows"] = _row_terms(ready, pose, speed, rows_per_s)
     names = tuple(b.name for b in ready.bodies)
     return ErrorBudget(names, absolute, relative, camera.description(), shutter_text(rows_per_s))
 
@@ -302,11 +321,7 @@ def _row_terms(
     if rows_per_s is not None and math.isfinite(rows_per_s):
         for i, template in enumerate(ready.templates):
             off[:, i] = PoseResponse(template).read_late(pose[:, i], speed[:, i], rows_per_s)[:, 0]
-    against = np.full_like(off, np.nan)
-    for i, parent in enumerate(ready.parents):
-        if parent is not None:
-            against[:, i] = off[:, i] - off[:, parent]
-    return np.abs(off), np.abs(against)
+    return np.abs(off), np.abs(_paired(off, ready.parents, np.subtract))
 
 
 def _shutter_factor(film: FrameSource) -> float:
@@ -343,7 +358,6 @@ def _camera_terms(
     """Tilt and distortion of absolute and relative angles."""
     width, height = ready.film.width, ready.film.height
     n, m = pose.shape[:2]
-    parents = ready.parents
     responses = each(PoseResponse, ready.templates)
 
     def turned(projection: Projection) -> NDArray[np.float64]:
@@ -352,17 +366,11 @@ def _camera_terms(
     nominal, variants = camera.nominal(width, height), list(camera.variants(width, height))
     base = np.zeros((n, m)) if nominal is None else turned(nominal)
     absolute = {name: np.zeros((n, m)) for name in ("tilt", "distortion")}
-    relative = {name: np.full((n, m), np.nan) for name in ("tilt", "distortion")}
-    for i, parent in enumerate(parents):
-        if parent is not None:
-            for name in relative:
-                relative[name][:, i] = 0.0
+    relative = {name: _paired(values, ready.parents) for name, values in absolute.items()}
     for variant, found in zip(variants, each(turned, [variant.projection for variant in variants]), strict=True):
         off = found - base
         absolute[variant.term] += variant.weight * off**2
-        for i, parent in enumerate(parents):
-            if parent is not None:
-                relative[variant.term][:, i] += variant.weight * (off[:, i] - off[:, parent]) ** 2
+        relative[variant.term] += variant.weight * _paired(off, ready.parents, np.subtract) ** 2
     return (
         {name: np.sqrt(values) for name, values in absolute.items()},
         {name: np.sqrt(values) for name, values in relative.items()},
@@ -379,10 +387,12 @@ def _codec(ready: PreparedFilm, u_noise: NDArray[np.float64]) -> NDArray[np.floa
     )
 
 
-def _joined(values: NDArray[np.float64], parents: Sequence[int | None]) -> NDArray[np.float64]:
-    """Independent parts of child and parent, added in squares; NaN without a parent."""
+def _paired(
+    values: NDArray[np.float64], parents: Sequence[int | None], join: Callable[..., Any] = np.hypot
+) -> NDArray[np.float64]:
+    """What child and parent make together, (n, m): independent parts add in squares; NaN without a parent."""
     joined = np.full_like(values, np.nan)
     for i, parent in enumerate(parents):
         if parent is not None:
-            joined[:, i] = np.hypot(values[:, i], values[:, parent])
+            joined[:, i] = join(values[:, i], values[:, parent])
     return joined

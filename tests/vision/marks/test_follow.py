@@ -141,7 +141,7 @@ def test_what_shows_no_motion_is_refused() -> None:
         ("[[line]]\nname = 'a'\nfrom_px = [1, 2]\nto_px = [2, 2]", "draw a longer line"),
         ("[[point]]\nname = 'a'\nat_px = [1, nan]", "finite"),
         ("[[point]]\nname = 'a'\nat_px = [1, 2]\n[[point]]\nname = 'a'\nat_px = [5, 2]", "named 2 times"),
-        ("[[point]\n", "no TOML"),
+        ("[[point]\n", "not valid TOML"),
     ],
 )
 def test_marks_files(tmp_path: object, text: str, words: str) -> None:

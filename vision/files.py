@@ -1,4 +1,4 @@
-"""Files that appear under their name only when they are complete.
+"""Files: written so that they appear under their name only when they are complete; TOML read and written.
 
 They are written under a temporary name in the same folder, which is put in place at the end; whatever goes wrong
 before leaves what stood there as it was, and nothing else behind.
@@ -7,9 +7,11 @@ before leaves what stood there as it was, and nothing else behind.
 from __future__ import annotations
 
 import os
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from vision.errors import VisionError
 
@@ -44,3 +46,19 @@ def whole_file(path: Path, error: type[VisionError], advice: str) -> Iterator[Pa
         raise error(f"{path}: cannot be written ({problem.strerror or problem}); {advice}") from None
     finally:
         remove(temporary)
+
+
+def read_toml(path: Path, error: type[VisionError], advice: str) -> dict[str, Any]:
+    """What a TOML file holds; ``error`` with the reason and ``advice`` where it cannot be read."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as problem:
+        raise error(f"{path}: cannot be read ({problem.strerror or problem}); {advice}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+        raise error(f"{path}: not valid TOML ({problem}); {advice}") from None
+
+
+def toml_text(text: str) -> str:
+    """A text as TOML has it."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c >= " " and c != "\x7f" else f"\\u{ord(c):04x}" for c in escaped) + '"'
