@@ -17,11 +17,90 @@ from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
 from validation.events.session import SessionEvents
-from validation.findings.finding import SessionFinding
+from validation.findings.finding import CURVES, OF_TRIALS, PREDICTION, SessionFinding, finds
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import PredictedSession
 from validation.statistics.repeatability import FEWEST_TO_STAND_OUT, STANDS_OUT, distance_ratios, on_common_base
+
+RATE_RELATIVE = 1e-4
+SHORT_S = 0.02
+SHORT_SHARE = 0.1
+
+
+@finds({"sample rate": "Record all trials at one rate."}, among=OF_TRIALS)
+def rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+    """Trials that were sampled at another rate than most."""
+    rate = {m.number: (m.time_s.size - 1) / float(m.time_s[-1] - m.time_s[0]) for m in measured}
+    usual = float(np.median(list(rate.values())))
+    return [
+        SessionFinding(
+            "sample rate",
+            number,
+            "",
+            value,
+            usual,
+            f"trial {number}: sampled at {value:.6g} Hz, most trials at {usual:.6g} Hz; curves are put on one time "
+            "base by straight lines, prefer one rate per session",
+        )
+        for number, value in rate.items()
+        if abs(value / usual - 1) > RATE_RELATIVE
+    ]
+
+
+@finds(
+    {"short record": "Annotate {trials}, which ends early, or record it again: no score looks further."},
+    among=OF_TRIALS,
+)
+def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+    """Trials whose record ends well before the others': every curve is scored up to there only."""
+    end = {m.number: float(m.time_s[-1]) for m in measured}
+    usual = float(np.median(list(end.values())))
+    return [
+        SessionFinding(
+            "short record",
+            number,
+            "",
+            value,
+            usual,
+            f"trial {number}: its record ends at {value:.3f} s, most end at {usual:.3f} s; no score looks further than "
+            "the shortest record, annotate this trial to leave it out",
+        )
+        for number, value in end.items()
+        if value < usual - max(SHORT_S, SHORT_SHARE * usual)
+    ]
+
+
+FEWEST_MOVED = 50  # samples that differ from the one before: two records of rest may well agree
+
+
+@finds({"duplicated trial": "Reject {trials}: a copy (pianorig annotate)."}, spoils=CURVES, among=OF_TRIALS)
+def duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+    """Trials that repeat an earlier one, in counts or in force."""
+    out = []
+    for first, second in combinations(trials, 2):
+        same = [
+            words
+            for words, a, b in (
+                ("counts", _counts(first), _counts(second)),
+                ("force readings", first.raw_force_n, second.raw_force_n),
+            )
+            if a.shape == b.shape and np.array_equal(a, b) and np.count_nonzero(np.diff(a, axis=0)) >= FEWEST_MOVED
+        ]
+        if not same:
+            continue
+        text = (
+            f"trial {second.number}: the same {' and '.join(same)} as in trial {first.number} at every sample: it is "
+            f"a copy, "
+            "and makes the scatter look smaller; reject one (pianorig annotate)"
+        )
+        out.append(SessionFinding("duplicated trial", second.number, "", float(first.number), 0.0, text))
+    return out
+
+
+def _counts(m: MeasuredTrial) -> np.ndarray:
+    return np.rint((m.change_rad - m.change_rad[0]) / m.resolution_rad)
+
 
 HELD_S = 0.02
 
@@ -126,36 +205,6 @@ def force_reach(tested: ModelUnderTest, m: MeasuredTrial, start_s: float, end_s:
     return float(tested.store.value("force reach", inputs, run))
 
 
-FEWEST_MOVED = 50  # samples that differ from the one before: two records of rest may well agree
-
-
-def duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
-    """Trials that repeat an earlier one, in counts or in force."""
-    out = []
-    for first, second in combinations(trials, 2):
-        same = [
-            words
-            for words, a, b in (
-                ("counts", _counts(first), _counts(second)),
-                ("force readings", first.raw_force_n, second.raw_force_n),
-            )
-            if a.shape == b.shape and np.array_equal(a, b) and np.count_nonzero(np.diff(a, axis=0)) >= FEWEST_MOVED
-        ]
-        if not same:
-            continue
-        text = (
-            f"trial {second.number}: the same {' and '.join(same)} as in trial {first.number} at every sample: it is "
-            f"a copy, "
-            "and makes the scatter look smaller; reject one (pianorig annotate)"
-        )
-        out.append(SessionFinding("duplicated trial", second.number, "", float(first.number), 0.0, text))
-    return out
-
-
-def _counts(m: MeasuredTrial) -> np.ndarray:
-    return np.rint((m.change_rad - m.change_rad[0]) / m.resolution_rad)
-
-
 APART = 1.25
 ALSO = 1.05
 OVER_SPREAD = 4.0
@@ -204,6 +253,7 @@ def two_kinds(trials: Sequence[MeasuredTrial]) -> TwoKinds | None:
     return None
 
 
+@finds({"mixed strokes": "Validate the two kinds of stroke apart (conditions of the plan, or pianorig annotate)."})
 def mixed_strokes(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """What is said of two kinds of stroke, if there are two."""
     kinds = two_kinds(trials)
@@ -238,6 +288,10 @@ ONSET_SIGMA = 5.0
 SCALE_EXPLAINS = 0.9  # of the squared distance
 
 
+@finds(
+    {"outlying trial": "Look at {trials}, unlike the others: annotate what was no such blow (pianorig annotate)."},
+    spoils=CURVES,
+)
 def outlying(
     base: Array,
     traces: dict[int, pd.DataFrame],
@@ -361,6 +415,10 @@ def _odd(values: dict[int, float], number: int) -> bool:
 LARGER = 5.0
 
 
+@finds(
+    {"outlying residual": "Look at force and encoders of {trials}; annotate a disturbed blow (pianorig annotate)."},
+    spoils=PREDICTION,
+)
 def outlying_residuals(
     tested: ModelUnderTest, trials: dict[int, MeasuredTrial], residuals: Residuals
 ) -> list[SessionFinding]:
@@ -402,6 +460,7 @@ DEVIATIONS = 7.0
 LEAST = 0.005  # of the range
 
 
+@finds({"changed condition": "Look for what changed in action, motor or force channel, and validate both parts apart."})
 def changed_condition(
     tested: ModelUnderTest, trials: Mapping[int, MeasuredTrial], residuals: Residuals
 ) -> list[SessionFinding]:

@@ -1,4 +1,4 @@
-"""Checks of the recorded trials: wiring, dead channels, hum, sample rates, short records, lifts of the key.
+"""Faults of the encoders: wiring, dead channels, scale, lost counts, stuck bits, lifts of the key.
 
 Conventions: nothing is repaired and no trial removed; a finding names the trial, what was found, the limit, what to do.
 Source: each rule compares with the model under test or with the other trials; limits stand beside the rules, and a
@@ -18,10 +18,61 @@ from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import Event
 from validation.events.encoder_wiring import WRONG_WIRED, miswired_channels
 from validation.events.key_lift import KeyLift
-from validation.findings.finding import SessionFinding
+from validation.findings.finding import CHANNEL, CURVES, SessionFinding, finds
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.session import PredictedAngles
+
+STANDS_STILL = 0.01  # of the predicted range
+
+
+@finds(
+    {
+        "sign flip": "Turn the sign of {channel} in the rig file and record {trials} again.",
+        "swapped channels": "Exchange the channels {channel} in the rig file and record {trials} again.",
+    },
+    spoils=CHANNEL,
+)
+def wiring(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
+    """Encoders that turn the wrong way round, or stand in each other's place."""
+    out = []
+    for found in miswired_channels(m, p):
+        name, recorded_as = ENCODER_CHANNELS[found.place], ENCODER_CHANNELS[found.source]
+        is_swapped = recorded_as != name
+        parts = []
+        if is_swapped:
+            parts.append(f"what is recorded as {recorded_as} moves as the {name} should; channels are swapped")
+        if found.reversed:
+            parts.append("it turns the wrong way round (sign flip)")
+        text = (
+            f"trial {m.number}: encoder {name}: {', and '.join(parts)}; error {100 * found.error:.0f} % of the "
+            f"predicted motion, {100 * found.error_rewired:.0f} % the other way; it counts in no pooled figure; "
+            "correct the rig file's channels or signs and record again"
+        )
+        kind = "swapped channels" if is_swapped else "sign flip"
+        out.append(SessionFinding(kind, m.number, name, found.error, WRONG_WIRED, text))
+    return out
+
+
+@finds({"dead channel": "Check scale, cable and counter of {channel}, which stands still in {trials}."}, spoils=CHANNEL)
+def dead(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
+    """Encoders that stand still while their body should move."""
+    out = []
+    for i, name in enumerate(ENCODER_CHANNELS):
+        moved, expected = (
+            np.ptp(m.change_rad[:, i]),
+            np.ptp(p.change_rad(name)[np.isfinite(p.angle_rad[:, 0])]),
+        )
+        if moved < STANDS_STILL * expected:
+            text = (
+                f"trial {m.number}: encoder {name}: it moves by {1e3 * moved:.2f} mrad where {1e3 * expected:.0f} mrad "
+                "are predicted (dead channel); check scale, cable and counter"
+            )
+            out.append(
+                SessionFinding("dead channel", m.number, name, float(moved), float(STANDS_STILL * expected), text)
+            )
+    return out
+
 
 STOPS_MAY = 0.05
 SCALE_ONLY = 0.2
@@ -84,6 +135,13 @@ def _turns_sharply(time: Array, way: Array, step: float) -> bool:
     return bool(min(rise, fall) > SHARP_M_PER_S)
 
 
+@finds({"encoder scale": "Check decoding and lines per revolution of {channel} in the rig file."}, spoils=CHANNEL)
+@finds(
+    {
+        "encoder scale or stops": "Measure key dip and blow distance: is it the stops or the scale of {channel}?.",
+        "stops not reached": "Look at the action: in {trials} key and whippen end elsewhere than at its stops.",
+    }
+)
 def encoder_travel(travels: Mapping[int, Travel], without: Sequence[tuple[int, str]] = ()) -> list[SessionFinding]:
     """Encoders whose travel does not fit the action's stops or levers.
 
@@ -207,6 +265,10 @@ def at_rest_again(m: MeasuredTrial) -> NDArray[np.bool_]:
     return stands_still(m) & (np.abs(m.change_rad[end_of(m)].mean(axis=0)) < np.array(RETURNS_RAD))
 
 
+@finds(
+    {"encoder return": "Check signal level and largest count rate of {channel}, then record {trials} again."},
+    spoils=CURVES,
+)
 def encoder_return(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """Encoders that stand still elsewhere than where they began, though the stroke is over.
 
@@ -247,6 +309,7 @@ LOWEST = 6  # below, a sector is so narrow that wrong decoding leaves it empty
 PASSES = 4
 
 
+@finds({"stuck bit": "Check cable and counter of {channel}, then record {trials} again."}, spoils=CURVES)
 def stuck_bits(m: MeasuredTrial) -> list[SessionFinding]:
     """Bits of each encoder's counter that never change.
 
@@ -274,105 +337,10 @@ def stuck_bits(m: MeasuredTrial) -> list[SessionFinding]:
     return out
 
 
-HUM_N = 0.1
 LIFT_LATE_M = 0.15e-3  # as stated, which is some 70 % of the true lift
-RATE_RELATIVE = 1e-4
-SHORT_S = 0.02
-SHORT_SHARE = 0.1
-STANDS_STILL = 0.01  # of the predicted range
 
 
-def wiring(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Encoders that turn the wrong way round, or stand in each other's place."""
-    out = []
-    for found in miswired_channels(m, p):
-        name, recorded_as = ENCODER_CHANNELS[found.place], ENCODER_CHANNELS[found.source]
-        is_swapped = recorded_as != name
-        parts = []
-        if is_swapped:
-            parts.append(f"what is recorded as {recorded_as} moves as the {name} should; channels are swapped")
-        if found.reversed:
-            parts.append("it turns the wrong way round (sign flip)")
-        text = (
-            f"trial {m.number}: encoder {name}: {', and '.join(parts)}; error {100 * found.error:.0f} % of the "
-            f"predicted motion, {100 * found.error_rewired:.0f} % the other way; it counts in no pooled figure; "
-            "correct the rig file's channels or signs and record again"
-        )
-        kind = "swapped channels" if is_swapped else "sign flip"
-        out.append(SessionFinding(kind, m.number, name, found.error, WRONG_WIRED, text))
-    return out
-
-
-def dead(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Encoders that stand still while their body should move."""
-    out = []
-    for i, name in enumerate(ENCODER_CHANNELS):
-        moved, expected = (
-            np.ptp(m.change_rad[:, i]),
-            np.ptp(p.change_rad(name)[np.isfinite(p.angle_rad[:, 0])]),
-        )
-        if moved < STANDS_STILL * expected:
-            text = (
-                f"trial {m.number}: encoder {name}: it moves by {1e3 * moved:.2f} mrad where {1e3 * expected:.0f} mrad "
-                "are predicted (dead channel); check scale, cable and counter"
-            )
-            out.append(
-                SessionFinding("dead channel", m.number, name, float(moved), float(STANDS_STILL * expected), text)
-            )
-    return out
-
-
-def hum(m: MeasuredTrial) -> list[SessionFinding]:
-    """Mains hum that was subtracted and is large enough to look for its cause."""
-    fit = m.force.hum
-    amplitude = max(fit.amplitude_n)
-    if not fit.accepted or amplitude <= HUM_N:
-        return []
-    text = (
-        f"trial {m.number}: force: hum of {amplitude:.2f} N at {fit.frequency_hz:.2f} Hz was subtracted "
-        f"(limit {HUM_N:g} N); check shield and ground of the load cell"
-    )
-    return [SessionFinding("hum", m.number, "force", amplitude, HUM_N, text)]
-
-
-def rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
-    """Trials that were sampled at another rate than most."""
-    rate = {m.number: (m.time_s.size - 1) / float(m.time_s[-1] - m.time_s[0]) for m in measured}
-    usual = float(np.median(list(rate.values())))
-    return [
-        SessionFinding(
-            "sample rate",
-            number,
-            "",
-            value,
-            usual,
-            f"trial {number}: sampled at {value:.6g} Hz, most trials at {usual:.6g} Hz; curves are put on one time "
-            "base by straight lines, prefer one rate per session",
-        )
-        for number, value in rate.items()
-        if abs(value / usual - 1) > RATE_RELATIVE
-    ]
-
-
-def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
-    """Trials whose record ends well before the others': every curve is scored up to there only."""
-    end = {m.number: float(m.time_s[-1]) for m in measured}
-    usual = float(np.median(list(end.values())))
-    return [
-        SessionFinding(
-            "short record",
-            number,
-            "",
-            value,
-            usual,
-            f"trial {number}: its record ends at {value:.3f} s, most end at {usual:.3f} s; no score looks further than "
-            "the shortest record, annotate this trial to leave it out",
-        )
-        for number, value in end.items()
-        if value < usual - max(SHORT_S, SHORT_SHARE * usual)
-    ]
-
-
+@finds({"key lift": ""})
 def lifts(by_trial: Mapping[int, Sequence[KeyLift]], release_s: Mapping[int, float]) -> list[SessionFinding]:
     """The largest lift of each trial that has one; after the release the model's timing tells large ones only."""
     out = []

@@ -6,7 +6,7 @@ import numpy as np
 
 from validation.conventions import FILM_CHANNELS, WHIPPEN, Array
 from validation.events.encoder_wiring import best_wiring
-from validation.findings.finding import SessionFinding
+from validation.findings.finding import CURVES, SessionFinding, finds
 from validation.measurement.force_correction import correlation_inflation
 from validation.measurement.trial import FilmAngles, MeasuredTrial
 from validation.prediction.session import PredictedAngles
@@ -17,6 +17,13 @@ SIGMAS = 5.0
 MOVES = 0.02  # of the largest speed: a frame in which the whippen moves tells the clock
 
 
+@finds(
+    {
+        "camera offset": "Check trigger frame, exposure and delay of the camera ({trials}).",
+        "film clock": "Check the camera's rate and look for lost frames ({trials}).",
+    },
+    spoils=CURVES,
+)
 def camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
     """Film times against the DAQ clock, by the whippen that both film and encoder see."""
     film = m.film
@@ -109,6 +116,14 @@ FEWEST_FRAMES = 20
 SCALES_MAY = 0.05  # also what a late film does to the regression
 
 
+@finds(
+    {
+        "film mirrored": "Mirror the film of {trials} and track it again.",
+        "film bodies swapped": "Correct the names of the outlines of {trials} and track again.",
+        "film body reversed": "Check the outlines of {trials} and track again.",
+        "film or encoder scale": "Check the scale of the whippen's encoder, and whether the film was seen at an angle.",
+    }
+)
 def film_wiring(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: bool) -> list[SessionFinding]:
     """Bodies of a film that turn the wrong way round or stand in each other's place, or move by another scale.
 

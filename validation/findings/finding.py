@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -13,42 +13,6 @@ from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
 from validation.measurement.trial import MeasuredTrial
 from validation.statistics.repeatability import curve_repeatability, on_common_base
-
-# the channel is no measurement of what it is named after
-WIRING = ("sign flip", "swapped channels", "dead channel", "encoder scale")
-# the trial's curves are not what happened, or not the others' blow
-DISTORTING = ("camera offset", "film clock", "outlying trial", "encoder return", "stuck bit", "duplicated trial")
-# its prediction is wrong
-FORCE = (
-    "force sign",
-    "force unit",
-    "force gain",
-    "force level",
-    "force drift",
-    "force saturation",
-    "outlying residual",
-)
-KINDS = (
-    *WIRING,
-    *DISTORTING,
-    *FORCE,
-    "force delay",
-    "hum",
-    "key lift",
-    "sample rate",
-    "short record",
-    "film mirrored",
-    "film bodies swapped",
-    "film body reversed",
-    "film or encoder scale",
-    "encoder scale or stops",
-    "stops not reached",
-    "mixed strokes",
-    "changed condition",
-    "regulation",
-    "check height",
-)
-"""Every kind of finding: faults of the session and causes that nothing else the toolkit knows explains as well."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +27,56 @@ class SessionFinding:
     text: str
 
 
+CHANNEL, CURVES, PREDICTION = "channel", "curves", "prediction"
+"""What a finding may spoil: its channel is no measurement of what it is named after; its trial's curves are not what
+happened, or not the others' blow; its trial's prediction is wrong."""
+
+
+class Kind(NamedTuple):
+    """What a kind of finding spoils, and a sentence of what to do about it; either may be empty."""
+
+    spoils: str
+    mend: str
+
+
+KINDS = {
+    "force gain": Kind(
+        PREDICTION, "Calibrate the load cell (pianorig calibrate-force); loosen nothing in the action for this."
+    ),
+    "force level": Kind(PREDICTION, "Zero the load cell, check its mounting; loosen nothing in the action for this."),
+}
+"""Every kind of finding: faults of the session and causes that nothing else the toolkit knows explains as well. These
+two are of the search for causes (`validation.identification.difference`); the checks of this folder enter theirs by
+`finds`."""
+Check = TypeVar("Check", bound=Callable[..., Any])
+OF_TRIAL: list[Callable[[MeasuredTrial], list[SessionFinding]]] = []
+OF_TRIALS: list[Callable[[Sequence[MeasuredTrial]], list[SessionFinding]]] = []
+"""Checks that rest on nothing but the recording, of each trial and of all, in the order in which they are entered:
+`validation.findings.find_faults` asks them before all others, which depend on each other and which it calls by name."""
+
+
+def finds(
+    kinds: Mapping[str, str], spoils: str = "", among: list[Callable[[Any], list[SessionFinding]]] | None = None
+) -> Callable[[Check], Check]:
+    """Enter the kinds that a check finds, with what is to be done about each and what all of them spoil, and the check
+    ``among`` those of one sort.
+
+    In what is to be done ``{trials}`` and ``{channel}`` stand for where it was found, ``{value_mm}`` and ``{side}`` for
+    its value in mm and whether that lies further from or closer to the string.
+    """
+
+    def entered(check: Check) -> Check:
+        KINDS.update({kind: Kind(spoils, mend) for kind, mend in kinds.items()})
+        if among is not None:
+            among.append(check)
+        return check
+
+    return entered
+
+
 def distorted_trials(findings: Sequence[SessionFinding]) -> list[int]:
     """Trials whose curves are not what happened, or not the others' blow: they distort what is called repeatability."""
-    return sorted({int(f.trial) for f in findings if f.kind in DISTORTING and np.isfinite(f.trial)})
+    return sorted({int(f.trial) for f in findings if KINDS[f.kind].spoils == CURVES and np.isfinite(f.trial)})
 
 
 def are_faulty(numbers: Sequence[int]) -> str:
@@ -102,7 +113,7 @@ def left_out(findings: Iterable[SessionFinding]) -> frozenset[tuple[int, str]]:
     with the reason and "n of N". A trial that only stands out stays in; the scatter without it is stated beside. A
     channel of which no trial is left has no pooled figures.
     """
-    return frozenset((int(f.trial), f.channel) for f in findings if f.kind in WIRING)
+    return frozenset((int(f.trial), f.channel) for f in findings if KINDS[f.kind].spoils == CHANNEL)
 
 
 def pooled(trials: Mapping[int, T], channel: str, without: LeftOut) -> dict[int, T]:
@@ -135,7 +146,7 @@ def sound_trials(
     trials: Sequence[MeasuredTrial], findings: Iterable[SessionFinding], but: str = ""
 ) -> list[MeasuredTrial]:
     """Trials without a fault that spoils the comparison of one trial with the model; one kind may be let pass."""
-    broken = {f.trial for f in findings if f.kind in (*WIRING, *DISTORTING, *FORCE) and f.kind != but}
+    broken = {f.trial for f in findings if KINDS[f.kind].spoils and f.kind != but}
     return [m for m in trials if m.number not in broken]
 
 

@@ -14,11 +14,80 @@ from numpy.typing import NDArray
 from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, KEY, Array
 from validation.findings.encoders import at_rest_again, end_of
-from validation.findings.finding import SessionFinding
+from validation.findings.finding import OF_TRIAL, PREDICTION, SessionFinding, finds
 from validation.measurement.force_correction import correlation_inflation
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import PredictedAngles
+
+HUM_N = 0.1
+
+
+@finds({"hum": "Check shield and ground of the load cell."}, among=OF_TRIAL)
+def hum(m: MeasuredTrial) -> list[SessionFinding]:
+    """Mains hum that was subtracted and is large enough to look for its cause."""
+    fit = m.force.hum
+    amplitude = max(fit.amplitude_n)
+    if not fit.accepted or amplitude <= HUM_N:
+        return []
+    text = (
+        f"trial {m.number}: force: hum of {amplitude:.2f} N at {fit.frequency_hz:.2f} Hz was subtracted "
+        f"(limit {HUM_N:g} N); check shield and ground of the load cell"
+    )
+    return [SessionFinding("hum", m.number, "force", amplitude, HUM_N, text)]
+
+
+FLAT = 0.2  # of the noise
+FEWEST_FLAT, FEWEST_EQUAL = 5, 3
+COARSE = 0.05
+
+
+@finds(
+    {"force saturation": "Widen the range of the force channel and record {trials} again."},
+    spoils=PREDICTION,
+    among=OF_TRIAL,
+)
+def force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
+    """A plateau at the largest or the smallest reading.
+
+    Conventions: raw readings, N. A plateau is three equal readings in a row at the largest or smallest value, or five
+    within a fifth of the channel's noise. Not judged are a channel without noise and, for equal readings, one whose
+    converter is so coarse that more than a twentieth of the neighbours at rest are equal. Detectable from three
+    readings.
+    """
+    force = m.raw_force_n
+    steps = np.diff(force[: m.quiet.stop])
+    noise = float(np.std(steps, ddof=1) / np.sqrt(2))
+    if not noise > 0:
+        return []
+    fine = float(np.mean(steps == 0)) < COARSE
+    for sign, words in ((1.0, "largest"), (-1.0, "smallest")):
+        most = float((sign * force).max())
+        start, length = _longest_run(sign * force > most - FLAT * noise)
+        fewest = FEWEST_FLAT
+        if length < fewest and fine:
+            start, length = _longest_run(sign * force == most)
+            fewest = FEWEST_EQUAL
+        if length < fewest:
+            continue
+        text = (
+            f"trial {m.number}: force: {length} readings in a row stay at the {words} value {sign * most:.2f} N from "
+            f"{m.time_s[start]:.4f} s, without the channel's noise of {noise:.3f} N: the channel saturates; widen its "
+            "range"
+        )
+        return [SessionFinding("force saturation", m.number, "force", float(length), float(fewest), text)]
+    return []
+
+
+def _longest_run(flat: NDArray[np.bool_]) -> tuple[int, int]:
+    """Start and length of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flat.astype(np.int8), [0]])))
+    if not edges.size:
+        return 0, 0
+    runs = edges[1::2] - edges[::2]
+    longest = int(runs.argmax())
+    return int(edges[::2][longest]), int(runs[longest])
+
 
 MISSED = 0.3  # of the motion
 LEAVES = 0.4  # of the error
@@ -41,6 +110,13 @@ FACTORS = {
 }
 
 
+@finds(
+    {
+        "force sign": "Turn the sign of the load cell in the rig file and record {trials} again.",
+        "force unit": "Check unit and sensitivity of the load cell in the rig file.",
+    },
+    spoils=PREDICTION,
+)
 def force_sign_and_unit(
     tested: ModelUnderTest, m: MeasuredTrial, p: PredictedAngles, until_s: float
 ) -> list[SessionFinding]:
@@ -202,6 +278,7 @@ def _extended(values: Array, by: int) -> Array:
     return np.pad(values, by, mode="reflect", reflect_type="odd")
 
 
+@finds({"force delay": "Measure the delay of the force channel and state it in the rig file."})
 def force_delay(lags: Mapping[int, tuple[float, float]]) -> list[SessionFinding]:
     """A delay of the force in all trials, or in one trial alone; ``lags`` are those of `force_lag` by trial.
 
@@ -238,6 +315,10 @@ RETURNS_N = 0.1
 SIGMAS = 5.0
 
 
+@finds(
+    {"force drift": "Let the load cell warm up, check its cable and mounting; loosen nothing in the action for this."},
+    spoils=PREDICTION,
+)
 def force_drift(m: MeasuredTrial) -> list[SessionFinding]:
     """Force at rest after the stroke against the force at rest before it.
 
@@ -265,50 +346,3 @@ def force_drift(m: MeasuredTrial) -> list[SessionFinding]:
         "not return; check warm-up, cable and mounting of the load cell"
     )
     return [SessionFinding("force drift", m.number, "force", away, limit, text)]
-
-
-FLAT = 0.2  # of the noise
-FEWEST_FLAT, FEWEST_EQUAL = 5, 3
-COARSE = 0.05
-
-
-def force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
-    """A plateau at the largest or the smallest reading.
-
-    Conventions: raw readings, N. A plateau is three equal readings in a row at the largest or smallest value, or five
-    within a fifth of the channel's noise. Not judged are a channel without noise and, for equal readings, one whose
-    converter is so coarse that more than a twentieth of the neighbours at rest are equal. Detectable from three
-    readings.
-    """
-    force = m.raw_force_n
-    steps = np.diff(force[: m.quiet.stop])
-    noise = float(np.std(steps, ddof=1) / np.sqrt(2))
-    if not noise > 0:
-        return []
-    fine = float(np.mean(steps == 0)) < COARSE
-    for sign, words in ((1.0, "largest"), (-1.0, "smallest")):
-        most = float((sign * force).max())
-        start, length = _longest_run(sign * force > most - FLAT * noise)
-        fewest = FEWEST_FLAT
-        if length < fewest and fine:
-            start, length = _longest_run(sign * force == most)
-            fewest = FEWEST_EQUAL
-        if length < fewest:
-            continue
-        text = (
-            f"trial {m.number}: force: {length} readings in a row stay at the {words} value {sign * most:.2f} N from "
-            f"{m.time_s[start]:.4f} s, without the channel's noise of {noise:.3f} N: the channel saturates; widen its "
-            "range"
-        )
-        return [SessionFinding("force saturation", m.number, "force", float(length), float(fewest), text)]
-    return []
-
-
-def _longest_run(flat: NDArray[np.bool_]) -> tuple[int, int]:
-    """Start and length of the longest run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flat.astype(np.int8), [0]])))
-    if not edges.size:
-        return 0, 0
-    runs = edges[1::2] - edges[::2]
-    longest = int(runs.argmax())
-    return int(edges[::2][longest]), int(runs[longest])

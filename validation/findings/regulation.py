@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from validation.events.definitions import Event
-from validation.findings.finding import SessionFinding
+from validation.findings.finding import SessionFinding, finds
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.session import PredictedAngles
@@ -64,29 +64,31 @@ def _resolved(events: Mapping[str, Event], model: Mapping[str, Event], speed: fl
     return min(events["hammer_speed"].value, model["hammer_speed"].value) >= speed
 
 
+@finds(
+    {
+        "regulation": "Measure the let-off, {value_mm:.1f} mm {side} the string than the model's, and regulate the "
+        "action or the model (pianorig regulate).",
+        "check height": "Measure the height of check, {value_mm:.1f} mm {side} the string than the model's, and "
+        "regulate the action or the model (pianorig regulate), or look at the back check's friction.",
+    }
+)
 def regulation(let_off_m: Mapping[int, float], check_m: Mapping[int, float]) -> list[SessionFinding]:
     """Differences of let-off and check that all trials share; arguments by trial, of the two functions above."""
     out = []
-    d = _common(let_off_m, LET_OFF_M)
-    if d is not None:
-        side = "further from" if d > 0 else "closer to"
-        text = (
-            f"regulation: in all trials the hammer is let off {1e3 * abs(d):.1f} mm {side} the string than in the "
-            f"model (limit "
-            f"{1e3 * LET_OFF_M:g} mm): let-off button or drop screw are not regulated as the model's; measure "
-            f"let-off, or "
-            "regulate the model alike (pianorig regulate)"
-        )
-        out.append(SessionFinding("regulation", float("nan"), "let_off", d, LET_OFF_M, text))
-    d = _common(check_m, CHECK_M)
-    if d is not None:
-        side = "further from" if d > 0 else "closer to"
-        text = (
-            f"check: in all trials the hammer is caught {1e3 * abs(d):.1f} mm {side} the string than in the model "
-            f"(limit "
-            f"{1e3 * CHECK_M:g} mm): the back check is not regulated as the model's, or its friction is not the model's"
-        )
-        out.append(SessionFinding("check height", float("nan"), "check_height", d, CHECK_M, text))
+    for kind, channel, differences, limit, what, cause in (
+        ("regulation", "let_off", let_off_m, LET_OFF_M, "regulation: in all trials the hammer is let off",
+         "let-off button or drop screw are not regulated as the model's; measure let-off, or regulate the model alike "
+         "(pianorig regulate)"),
+        ("check height", "check_height", check_m, CHECK_M, "check: in all trials the hammer is caught",
+         "the back check is not regulated as the model's, or its friction is not the model's"),
+    ):  # fmt: skip
+        d = _common(differences, limit)
+        if d is not None:
+            side = "further from" if d > 0 else "closer to"
+            text = (
+                f"{what} {1e3 * abs(d):.1f} mm {side} the string than in the model (limit {1e3 * limit:g} mm): {cause}"
+            )
+            out.append(SessionFinding(kind, float("nan"), channel, d, limit, text))
     return out
 
 

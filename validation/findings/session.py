@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from validation.events.session import SessionEvents
 from validation.findings.between_trials import (
     changed_condition,
-    duplicates,
     force_reach,
     mixed_strokes,
     outlying,
@@ -24,22 +23,37 @@ from validation.findings.encoders import (
     dead,
     encoder_return,
     encoder_travel,
-    hum,
     lifts,
-    rates,
-    short_records,
     stuck_bits,
     travel_of,
     wiring,
 )
 from validation.findings.film import camera_clock, film_wiring
-from validation.findings.finding import FORCE, WIRING, SessionFinding, left_out, sound_trials, with_and_without
-from validation.findings.force import force_delay, force_drift, force_lag, force_saturation, force_sign_and_unit
+from validation.findings.finding import (
+    CHANNEL,
+    CURVES,
+    KINDS,
+    OF_TRIAL,
+    OF_TRIALS,
+    PREDICTION,
+    Kind,
+    SessionFinding,
+    left_out,
+    sound_trials,
+    with_and_without,
+)
+from validation.findings.force import force_delay, force_drift, force_lag, force_sign_and_unit
 from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import PredictedSession
 from validation.scores.session import ScoredSession
+
+
+def urgent_first() -> dict[str, Kind]:
+    """Every kind of finding, those that spoil most first."""
+    order = (CHANNEL, CURVES, PREDICTION, "")
+    return dict(sorted(KINDS.items(), key=lambda item: order.index(item[1].spoils)))
 
 
 @dataclass(frozen=True)
@@ -61,7 +75,7 @@ def find_faults(
 ) -> SessionFindings:
     """Faults of the session, wiring first."""
     trials, traces = predicted.trials, scored.traces
-    found = rates(trials) + short_records(trials) + duplicates(trials)
+    found = [f for check in OF_TRIALS for f in check(trials)]
     found += _single_trials(predicted, events, tested)
     travel = _travel(predicted, events, tested, found)
     let_off = _regulation(predicted, events, tested, [*found, *travel])
@@ -99,7 +113,7 @@ def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: M
         films += camera_clock(m) if sound and not films else []
         if not forces and not any(f.channel == "key" for f in encoders):
             lags[m.number] = force_lag(m, p)
-        found += hum(m) + force_saturation(m) + forces + encoders + films
+        found += [f for check in OF_TRIAL for f in check(m)] + forces + encoders + films
     return found + force_delay(lags)
 
 
@@ -115,7 +129,7 @@ def _travel(
             tested.geometry_at(m.force.preload_n),
         )
         for m in predicted.trials
-        if not any(f.trial == m.number and f.kind in FORCE for f in found)
+        if not any(f.trial == m.number and KINDS[f.kind].spoils == PREDICTION for f in found)
     }
     return encoder_travel(travels, [(int(f.trial), f.channel) for f in found if f.trial == f.trial])
 
@@ -185,6 +199,8 @@ def _lifts(events: SessionEvents, found: Sequence[SessionFinding]) -> list[Sessi
     scaled = any(f.kind == "encoder scale or stops" and f.channel != "hammer" for f in found)
     if scaled or any(f.kind in ("regulation", "force delay") for f in found if f.trial != f.trial):
         return []
-    broken = {f.trial for f in found if f.kind in ("encoder return", "stuck bit", *WIRING, *FORCE)}
+    broken = {
+        f.trial for f in found if f.kind in ("encoder return", "stuck bit") or KINDS[f.kind] in (CHANNEL, PREDICTION)
+    }
     release = {number: e["key_release"].value for number, e in events.trial.items()}
     return lifts({number: x for number, x in events.lifts.items() if number not in broken}, release)

@@ -10,54 +10,22 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 
 from validation.events.definitions import EVENTS
-from validation.findings.finding import DISTORTING, FORCE, KINDS, WIRING, SessionFinding
+from validation.findings.finding import SessionFinding
+from validation.findings.session import urgent_first
 from validation.identification.difference.explain import CompatibleChange, Explained
 from validation.identification.difference.responses import ALL
 from validation.result import AGREES
-from validation.statistics.rivals import CALLED, Rivals, Skill
+from validation.statistics.rivals import Rivals
+from validation.statistics.skill import CALLED, Skill
 
 MOST = 3
 MOST_CAUSES = 3
 NOTHING = "Nothing: no difference beyond the stated uncertainty is shown."
 USE = "Use the identified set for strokes like those it was fitted to; record and fit others before it is used there."
 IDENTIFY = "Identify a set on some of these strokes (pianorig identify) before the hammer is predicted for others."
-MEND = {
-    "sign flip": "Turn the sign of {channel} in the rig file and record {trials} again.",
-    "swapped channels": "Exchange the channels {channel} in the rig file and record {trials} again.",
-    "dead channel": "Check scale, cable and counter of {channel}, which stands still in {trials}.",
-    "encoder scale": "Check decoding and lines per revolution of {channel} in the rig file.",
-    "camera offset": "Check trigger frame, exposure and delay of the camera ({trials}).",
-    "film clock": "Check the camera's rate and look for lost frames ({trials}).",
-    "outlying trial": "Look at {trials}, unlike the others: annotate what was no such blow (pianorig annotate).",
-    "encoder return": "Check signal level and largest count rate of {channel}, then record {trials} again.",
-    "stuck bit": "Check cable and counter of {channel}, then record {trials} again.",
-    "duplicated trial": "Reject {trials}: a copy (pianorig annotate).",
-    "force sign": "Turn the sign of the load cell in the rig file and record {trials} again.",
-    "force unit": "Check unit and sensitivity of the load cell in the rig file.",
-    "force gain": "Calibrate the load cell (pianorig calibrate-force); loosen nothing in the action for this.",
-    "force level": "Zero the load cell, check its mounting; loosen nothing in the action for this.",
-    "force drift": "Let the load cell warm up, check its cable and mounting; loosen nothing in the action for this.",
-    "force saturation": "Widen the range of the force channel and record {trials} again.",
-    "outlying residual": "Look at force and encoders of {trials}; annotate a disturbed blow (pianorig annotate).",
-    "force delay": "Measure the delay of the force channel and state it in the rig file.",
-    "hum": "Check shield and ground of the load cell.",
-    "sample rate": "Record all trials at one rate.",
-    "short record": "Annotate {trials}, which ends early, or record it again: no score looks further.",
-    "film mirrored": "Mirror the film of {trials} and track it again.",
-    "film bodies swapped": "Correct the names of the outlines of {trials} and track again.",
-    "film body reversed": "Check the outlines of {trials} and track again.",
-    "film or encoder scale": "Check the scale of the whippen's encoder, and whether the film was seen at an angle.",
-    "encoder scale or stops": "Measure key dip and blow distance: is it the stops or the scale of {channel}?.",
-    "stops not reached": "Look at the action: in {trials} key and whippen end elsewhere than at its stops.",
-    "mixed strokes": "Validate the two kinds of stroke apart (conditions of the plan, or pianorig annotate).",
-    "changed condition": "Look for what changed in action, motor or force channel, and validate both parts apart.",
-    "regulation": "Measure the let-off, {value_mm:.1f} mm {side} the string than the model's, and regulate the "
-    "action or the model (pianorig regulate).",
-    "check height": "Measure the height of check, {value_mm:.1f} mm {side} the string than the model's, and regulate "
-    "the action or the model (pianorig regulate), or look at the back check's friction.",
-}
+MEND = {name: kind.mend for name, kind in urgent_first().items() if kind.mend}
 """What to do about each kind of finding; of a key that lifts nothing, its samples are left out."""
-SPOIL = {*WIRING, *DISTORTING, *FORCE}
+SPOIL = {name for name, kind in urgent_first().items() if kind.spoils}
 TRAINING = {"repetition": "repetitions", "strike": "strokes that strike", "release": "strokes that are let go"}
 """What to record where no fitted stroke has a phase."""
 
@@ -95,17 +63,17 @@ def what_to_do(
 
 
 def mend(findings: Sequence[SessionFinding]) -> list[str]:
-    """One sentence for each kind of finding, in the order of `KINDS`."""
+    """One sentence for each kind of finding, the most urgent first."""
     said = []
-    for kind in KINDS:
+    for kind, words in MEND.items():
         own = [f for f in findings if f.kind == kind]
-        if not own or kind not in MEND:
+        if not own:
             continue
         numbers = sorted({int(f.trial) for f in own if math.isfinite(f.trial)})
         channels = dict.fromkeys(EVENTS[f.channel].title if f.channel in EVENTS else f.channel for f in own)
         value = own[0].value
         said.append(
-            MEND[kind].format(
+            words.format(
                 trials=_trials(numbers) if numbers else "the session",
                 channel=" and ".join(channels) or "the channel",
                 value_mm=1e3 * abs(value),

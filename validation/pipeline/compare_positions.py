@@ -21,7 +21,7 @@ from validation.prediction.black_boxes import BlackBox, left_out_boxes
 from validation.prediction.positions import FREE, SENSORS, Mixture, Predict, of_model, of_null
 from validation.statistics.bands import PredictedStroke, half_width, score, spread
 from validation.statistics.domain import features_of, left_out_distances, place
-from validation.statistics.rivals import CALLED, Skill, skill_of
+from validation.statistics.skill import CALLED, Skill, skill_of
 
 GOAL_COVER, GOAL_HALF_WIDTH = 0.9, 0.1
 """Share of each held-out stroke inside the 95 % band, and median half width in rulers."""

@@ -29,7 +29,7 @@ from validation.report.figures.svg import STYLE, figure_svg
 from validation.report.files import check_folder, write_files
 from validation.report.page import style_text, templates
 from validation.report.write import records
-from validation.statistics.rivals import CALLED
+from validation.statistics.skill import CALLED
 
 COLOURS = {"identified": "#00508c", "regulated": "#b35900", "null": "#6b6b6b"}
 SIZE_IN = (9.2, 5.4)

@@ -78,7 +78,7 @@ class Standing:
     ----------
     judgement : `validation.result.SessionTables.judgement`
     budget : the uncertainty budget of the events
-    nearer : what is to be said where a rival is nearer, see `validation.statistics.rivals`
+    nearer : what is to be said where a rival is nearer, see `validation.statistics.skill`
     phases : the judged difference by channel and phase
     """
 

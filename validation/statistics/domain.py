@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from validation.conventions import Array
 from validation.events.strikes import RELEASE, key_phases, strikes
@@ -161,3 +162,36 @@ def _scaled(name: str, value: float) -> float:
     if name in LOGARITHMIC:
         return math.log(max(value, 1e-12))
     return value / (value + BRIEF_S) if name == "hold" else value
+
+
+MOST_NAMED = 4
+
+
+def domain_lines(action: str, places: pd.DataFrame, known: bool) -> list[str]:
+    """Where the trials that were not fitted lie, in sentences."""
+    if not known:
+        return [
+            f"Domain: not known, {action} does not say what the strokes it was fitted to were like; identify it again."
+        ]
+    held = places[~places["fitted"]]
+    outside, inside = held[held["outside"].eq(True)], held[held["outside"].eq(False)]
+    lines = []
+    if len(outside):
+        parts = [f"{row.trial} ({row.why_outside}{_far(row.distance)})" for row in outside.itertuples()]
+        more = f" and {len(parts) - MOST_NAMED} more" if len(parts) > MOST_NAMED else ""
+        lines.append(
+            f"Domain: trial{'s' if len(parts) > 1 else ''} {', '.join(parts[:MOST_NAMED])}{more}: outside of what was "
+            "fitted, where nothing says how well the model does."
+        )
+    if len(inside):
+        named = ", ".join(map(str, inside["trial"].iloc[:MOST_NAMED]))
+        more = f" and {len(inside) - MOST_NAMED} more" if len(inside) > MOST_NAMED else ""
+        lines.append(
+            f"Domain: trial{'s' if len(inside) > 1 else ''} {named}{more}: inside of what was fitted (distance at most "
+            f"{inside['distance'].max():.1f}, 1 is the limit)."
+        )
+    return lines
+
+
+def _far(distance: float) -> str:
+    return f"; distance {distance:.1f}" if np.isfinite(distance) else ""

@@ -197,15 +197,7 @@ def sign_flip_p(differences: Array) -> float:
 
     1 when there is one difference or all are zero.
     """
-    d = np.asarray(differences, dtype=float)
-    n = d.size
-    size = float(np.abs(d).sum())
-    if n < 2 or size == 0:
-        return 1.0
-    signs, extra = _signs(n)
-    # sums that are equal but for rounding count as equal
-    as_far = int((np.abs(signs @ d) >= abs(d.sum()) - 1e-12 * size).sum())
-    return (as_far + extra) / (len(signs) + extra)
+    return float(joint_sign_flip(np.asarray(differences, dtype=float)[:, None])[0])
 
 
 EVIDENCE_COLUMNS = [

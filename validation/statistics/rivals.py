@@ -1,19 +1,17 @@
-"""Is the model nearer than its rivals, stroke by stroke: a skill score against the best of them, with its interval.
+"""A model beside its rivals on the trials of a session: their errors, and how far each trial lies from the fitted ones.
 
-Skill = 1 − error over error: 0.6 is an error 60 % smaller than that of the best rival, 0 as large, below 0 larger. The
-errors are RMSE, the mean over strokes is that of their logarithms, so that no stroke counts more because it is harder.
-Its 95 % interval is Student's t of the paired differences of the logarithms; it speaks for strokes like these.
+Rivals: the null model, the set before it was identified, and two black boxes fitted to the set's strokes, or to the
+other trials.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.special import stdtrit
 
 from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
@@ -24,63 +22,8 @@ from validation.prediction.posterior import Posterior, posterior_of
 from validation.prediction.session import PredictedSession, predict_trial
 from validation.scores.session import ScoredSession
 from validation.scores.traces import scored
-from validation.statistics.domain import features_of, place
-from validation.statistics.model_comparison import LEVEL, joint_sign_flip
-
-RIVALS = ("null", "unfitted", "polynomial", "fir")
-FEWEST = 4
-"""Strokes from which an interval is stated: with three Student's t is 4.3 and says nothing."""
-LEAST = 1e-12
-CALLED = {
-    "null": "the null model",
-    "unfitted": "the unfitted set",
-    "regulated": "the unfitted set",
-    "polynomial": "the polynomial",
-    "fir": "the FIR filter",
-}
-"""Rivals in words; polynomial and FIR filter are the black boxes of `validation.prediction.black_boxes`."""
-
-
-@dataclass(frozen=True)
-class Skill:
-    """Skill against the best rival, its 95 % interval (NaN with fewer than `FEWEST` strokes), and how many strokes."""
-
-    rival: str
-    skill: float
-    low: float
-    high: float
-    strokes: int
-
-    @property
-    def interval(self) -> str:
-        """Its interval in brackets; empty where there is none."""
-        return f" [{self.low:.2f}, {self.high:.2f}]" if np.isfinite(self.low) else ""
-
-    @property
-    def words(self) -> str:
-        """In a sentence's words."""
-        size = f"{100 * abs(self.skill):.0f} % {'smaller' if self.skill >= 0 else 'larger'}"
-        nearer = f"{size} than that of {CALLED.get(self.rival, self.rival)}"
-        n = f"{self.strokes} stroke{'s' if self.strokes > 1 else ''}"
-        return f"error {nearer} (skill {self.skill:.2f}{self.interval}; {n}{'' if self.interval else ': no interval'})"
-
-
-def skill_of(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
-    """Skill of a model's errors (n,) against those of the rival that is best on the same strokes.
-
-    Strokes that one of them has not are left out, a rival that has none altogether; None where nothing is left.
-    """
-    there = {name: np.asarray(of, dtype=float) for name, of in rivals.items() if np.isfinite(of).any()}
-    known = np.isfinite(np.asarray(model, dtype=float)) & np.all([np.isfinite(of) for of in there.values()], axis=0)
-    if not there or not known.any():
-        return None
-    size = {name: np.log(np.maximum(of[known], LEAST)) for name, of in there.items()}
-    best = min(size, key=lambda name: float(size[name].mean()))
-    ratio = np.log(np.maximum(np.asarray(model, dtype=float)[known], LEAST)) - size[best]
-    n, mean = ratio.size, float(ratio.mean())
-    reach = float(stdtrit(n - 1, 0.975) * ratio.std(ddof=1) / np.sqrt(n)) if n >= FEWEST else float("nan")
-    low, high = 1.0 - np.exp(mean + reach), 1.0 - np.exp(mean - reach)
-    return Skill(best, 1.0 - float(np.exp(mean)), float(low), float(high), n)
+from validation.statistics.domain import domain_lines, features_of, place
+from validation.statistics.skill import RIVALS, Skill, nearer, skill_lines, skill_of
 
 
 def stroke_features(m: MeasuredTrial) -> dict[str, Any]:
@@ -170,104 +113,9 @@ def beside_rivals(
     table = pd.DataFrame(rows)
     places = _places(predicted.trials, posterior)
     skill = _skills(table, places, without)
-    domain = () if posterior is None else _domain_lines(tested.action.name, places, bool(posterior.strokes))
+    domain = () if posterior is None else domain_lines(tested.action.name, places, bool(posterior.strokes))
     fitted = "the strokes it was fitted to" if posterior is not None and posterior.black_boxes else "the other trials"
-    return Rivals(table, skill, places, tuple(domain), _skill_lines(skill, fitted), nearer(table, without))
-
-
-def _skill_lines(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
-    """The skill of every channel in one line."""
-    if not skill:
-        return ()
-    of = [
-        f"{channel} {one.skill:.2f}{one.interval} ({CALLED[one.rival].removeprefix('the ')})"
-        for channel, one in skill.items()
-    ]
-    n = min(one.strokes for one in skill.values())
-    few = f"; {n} trial{'s' if n > 1 else ''}: no interval" if n < FEWEST else ""
-    return (
-        f"Skill, 1 − RMSE over that of the best rival (null model, unfitted set, black boxes fitted to {fitted}"
-        f"{few}): {', '.join(of)}.",
-    )
-
-
-MOST_NAMED = 4
-
-
-def _domain_lines(action: str, places: pd.DataFrame, known: bool) -> list[str]:
-    """Where the trials that were not fitted lie, in sentences."""
-    if not known:
-        return [
-            f"Domain: not known, {action} does not say what the strokes it was fitted to were like; identify it again."
-        ]
-    held = places[~places["fitted"]]
-    outside, inside = held[held["outside"].eq(True)], held[held["outside"].eq(False)]
-    lines = []
-    if len(outside):
-        parts = [f"{row.trial} ({row.why_outside}{_far(row.distance)})" for row in outside.itertuples()]
-        more = f" and {len(parts) - MOST_NAMED} more" if len(parts) > MOST_NAMED else ""
-        lines.append(
-            f"Domain: trial{'s' if len(parts) > 1 else ''} {', '.join(parts[:MOST_NAMED])}{more}: outside of what was "
-            "fitted, where nothing says how well the model does."
-        )
-    if len(inside):
-        named = ", ".join(map(str, inside["trial"].iloc[:MOST_NAMED]))
-        more = f" and {len(inside) - MOST_NAMED} more" if len(inside) > MOST_NAMED else ""
-        lines.append(
-            f"Domain: trial{'s' if len(inside) > 1 else ''} {named}{more}: inside of what was fitted (distance at most "
-            f"{inside['distance'].max():.1f}, 1 is the limit)."
-        )
-    return lines
-
-
-def _far(distance: float) -> str:
-    return f"; distance {distance:.1f}" if np.isfinite(distance) else ""
-
-
-def nearer(errors: pd.DataFrame, without: Collection[tuple[int, str]] = ()) -> str:
-    """What the headline says of rivals; empty where the model is nearer in every channel.
-
-    Conventions: RMSE in rad, paired by trial; a channel is named where a rival's pooled RMSE is the smaller one, the
-    best with its figures. A claim at 5 % needs the sign flips of all channels together
-    (`validation.statistics.model_comparison.joint_sign_flip`), which six trials allow.
-    """
-    counts = errors[[pair not in without for pair in zip(errors["trial"], errors["channel"], strict=True)]]
-    parts = []
-    for channel, part in counts.groupby("channel", sort=False):
-        found = []
-        for rival in RIVALS:
-            pairs = part[["rmse_rad", f"{rival}_rmse_rad"]].dropna().to_numpy(dtype=float)
-            if len(pairs):
-                model, other = np.degrees(np.sqrt(np.mean(pairs**2, axis=0)))
-                closer = int((pairs[:, 1] < pairs[:, 0]).sum())
-                found += [(other, model, closer, len(pairs), rival)] if other < model else []
-        if not found:
-            continue
-        other, model, closer, n, rival = min(found)
-        shown = (
-            "shown at 5 %"
-            if _shown(counts, rival, str(channel))
-            else f"{n} trial{'s do' if n > 1 else ' does'} not show it"
-        )
-        also = [CALLED[name] for *_, name in sorted(found)[1:]]
-        parts.append(
-            f"{channel} {CALLED[rival]} (RMSE {other:.2g}° against {model:.2g}°, in {closer} of {n} trials; {shown})"
-            + (f", also {' and '.join(also)}" if also else "")
-        )
-    return f"Nearer than the model: in {'; in '.join(parts)}." if parts else ""
-
-
-def _shown(counts: pd.DataFrame, rival: str, channel: str) -> bool:
-    """Whether that a rival is nearer in a channel is shown at 5 %, all channels taken together."""
-    names = ["rmse_rad", f"{rival}_rmse_rad"]
-    known = counts.dropna(subset=names)
-    wide = known.pivot_table(index="trial", columns="channel", values=names)
-    wide = wide.dropna() if len(wide.dropna()) else wide
-    difference = wide[names[1]] - wide[names[0]]
-    if not difference.notna().all(axis=None):
-        return False
-    p = joint_sign_flip(difference.to_numpy(dtype=float))
-    return bool(p[list(difference.columns).index(channel)] <= LEVEL)
+    return Rivals(table, skill, places, tuple(domain), skill_lines(skill, fitted), nearer(table, without))
 
 
 def _black_boxes(

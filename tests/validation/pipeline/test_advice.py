@@ -13,7 +13,8 @@ from validation.identification.difference.explain import CompatibleChange, Expla
 from validation.pipeline import advice
 from validation.pipeline.compare_positions import _advice
 from validation.result import AGREES, ERROR_SHOWN
-from validation.statistics.rivals import Rivals, Skill
+from validation.statistics.rivals import Rivals
+from validation.statistics.skill import Skill
 
 NO_PLACES = pd.DataFrame({"trial": [], "fitted": [], "why_outside": []})
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from validation.statistics.domain import features_of, left_out_distances, place
-from validation.statistics.rivals import skill_of
+from validation.statistics.skill import skill_of
 
 TIME_S = np.arange(0.0, 2.0, 2e-4)
 

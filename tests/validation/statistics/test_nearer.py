@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from validation.statistics.rivals import RIVALS, nearer
+from validation.statistics.skill import RIVALS, nearer
 
 
 def errors(model: dict[str, np.ndarray], **rivals: dict[str, np.ndarray]) -> pd.DataFrame:

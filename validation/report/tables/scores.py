@@ -11,7 +11,7 @@ from validation.curves.signs import SIGN
 from validation.events.definitions import EVENTS
 from validation.report.tables.formatting import DASH, PageTable, between, degrees, number, percent, rms, with_u
 from validation.result import ValidationResult
-from validation.statistics.rivals import CALLED, RIVALS
+from validation.statistics.skill import CALLED, RIVALS
 
 MOST_TRIALS = 10  # more columns than that nobody reads side by side
 
