@@ -10,9 +10,11 @@ from __future__ import annotations
 import atexit
 import difflib
 import gc
+import importlib.util
 import os
 import sys
 import warnings
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -22,12 +24,15 @@ from typer.main import get_command
 from pianorig import commands
 from pianorig.console.compile_notice import tell_when_compiling
 from pianorig.console.failures import Interrupted, how_stopped, tell_failure
-from pianorig.console.plain_text import write_what_the_terminal_can
 from pianorig.console.progress import say
-from pianorig.console.shadowed_packages import refuse_shadowed_packages
+from pianorig.console.terminal import write_what_the_terminal_can
+from pianorig.errors import CommandInputError
 
 OLD_SPELLINGS = {"figures": "figure", "plot": "figure", "png": "out"}
 """Options that were called otherwise once: still understood, no longer listed."""
+
+HOUSE = Path(__file__).resolve().parents[1]
+PACKAGES = ("model", "vision", "rig", "validation")
 
 STYLE: dict[str, Any] = {
     "pretty_exceptions_enable": False,
@@ -127,6 +132,29 @@ def _options(
 def _one_line_warning(message: Warning | str, *where: Any, **more: Any) -> None:
     """A warning without the line of our source that raised it."""
     say(f"warning: {' '.join(str(message).split())}")
+
+
+def refuse_shadowed_packages() -> None:
+    """Check, without importing them, that Python finds our packages beside this one.
+
+    They have common names (``model``, ``rig`` …): a file ``model.py`` in the current folder, or another project
+    installed beside this one, would be imported in place of ours (docs/explanation/page.md).
+
+    Raises
+    ------
+    CommandInputError : another package or file has the name, or one of ours is missing
+    """
+    for name in PACKAGES:
+        spec = importlib.util.find_spec(name)
+        places = [] if spec is None else [spec.origin, *(spec.submodule_search_locations or [])]
+        found = next((Path(place) for place in places if place and place != "frozen"), None)
+        if found is None:
+            raise CommandInputError(f"package {name}: not found in {HOUSE}; install piano-action-rig again")
+        if found.resolve() not in (HOUSE / name / "__init__.py", HOUSE / name):
+            raise CommandInputError(
+                f"package {name}: Python finds {found}, not {HOUSE / name} of piano-action-rig; rename it, start from "
+                "another folder, or install piano-action-rig into an environment of its own"
+            )
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -9,7 +9,7 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.options import AsJson
-from pianorig.console.output import print_json
+from pianorig.console.output import tell
 from pianorig.console.progress import working
 
 
@@ -25,8 +25,4 @@ def command(
     """
     with working("writing examples", quiet=as_json) as words:
         paths = workflows.write_examples(folder, words)
-    if as_json:
-        print_json({"files": paths})
-        return
-    for name, path in paths.items():
-        print(f"{path!s:<28} {workflows.EXAMPLES[name]}")
+    tell(as_json, {"files": paths}, (f"{path!s:<28} {workflows.EXAMPLES[name]}" for name, path in paths.items()))

@@ -11,7 +11,7 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.options import AsJson
-from pianorig.console.output import print_json
+from pianorig.console.output import tell
 from pianorig.errors import CommandInputError
 
 PACKAGES = (
@@ -46,15 +46,13 @@ def command(
         facts = workflows.backend_facts(backend, rig)
     else:
         facts = _versions() if session is None else workflows.session_facts(session)
-    if as_json:
-        print_json(facts)
-        return
+    lines = []
     for key, value in facts.items():
         if isinstance(value, list):
-            for row in value:
-                print("  " + "  ".join(f"{k} {v}" for k, v in row.items()))
+            lines += ["  " + "  ".join(f"{k} {v}" for k, v in row.items()) for row in value]
         else:
-            print(f"{key:<16} {value}")
+            lines.append(f"{key:<16} {value}")
+    tell(as_json, facts, lines)
 
 
 def _versions() -> dict[str, str]:

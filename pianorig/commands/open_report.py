@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import webbrowser
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pianorig import workflows
-from pianorig.console.options import AsJson
-from pianorig.console.output import print_json
+from pianorig.console.options import SESSIONS, AsJson
+from pianorig.console.output import tell
+from pianorig.errors import CommandInputError
+
+REPORT = "report.html"
 
 
 def command(
@@ -24,9 +28,34 @@ def command(
 
     Example:  pianorig open sessions/try
     """
-    report = workflows.find_report(session)
-    opened = show and workflows.show_in_browser(report)
-    if as_json:
-        print_json({"report": report, "opened": opened})
-    else:
-        print(f"report: {report}" + ("" if opened or not show else "; no browser answered, open this file yourself"))
+    report = find_report(session)
+    opened = False
+    if show:
+        with suppress(webbrowser.Error):
+            opened = webbrowser.open(report.as_uri())
+    unseen = "; no browser answered, open this file yourself" if show and not opened else ""
+    tell(as_json, {"report": report, "opened": opened}, [f"report: {report}{unseen}"])
+
+
+def find_report(where: Path | None = None) -> Path:
+    """The report in a folder, the file itself, or the newest one below ``sessions/``.
+
+    Raises
+    ------
+    CommandInputError : there is none, with the command that makes it
+    """
+    if where is None:
+        reports = sorted(SESSIONS.glob(f"*/{REPORT}"), key=lambda path: path.stat().st_mtime)
+        if not reports:
+            raise CommandInputError(f"{SESSIONS}: no report below it; name a session, or make one with  pianorig demo")
+        return reports[-1].resolve()
+    if where.is_file() and where.suffix == ".html":
+        return where.resolve()
+    if not where.is_dir():
+        raise CommandInputError(
+            f"{where}: no such folder; allowed a session, a folder with a report, or its .html file"
+        )
+    report = where / REPORT
+    if not report.is_file():
+        raise CommandInputError(f"{where}: has no {REPORT} yet; make it with  pianorig validate {where}")
+    return report.resolve()

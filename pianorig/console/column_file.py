@@ -37,10 +37,10 @@ def check_writable(path: Path, *endings: str) -> None:
         raise CommandInputError(f"{path}: cannot be written ({problem.strerror}); {ADVICE}") from None
 
 
-def make_folder(out: Path) -> None:
+def make_folder(out: Path, parents: bool = False) -> None:
     """Make the folder for results, or say why that cannot be."""
     try:
-        out.mkdir(exist_ok=True)
+        out.mkdir(parents=parents, exist_ok=True)
     except OSError as problem:
         raise CommandInputError(f"{out}: folder cannot be made ({problem.strerror}); {ADVICE}") from None
 

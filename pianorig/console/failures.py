@@ -8,8 +8,8 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from pianorig.console.live_line import LIVE
 from pianorig.console.output import print_json
+from pianorig.console.terminal import LIVE
 
 KINDS = {1: "defect", 2: "bad input", 3: "hardware or safety", 130: "interrupted"}
 INTERRUPTED = 130

@@ -1,16 +1,44 @@
-"""Options that several commands have, so that each is named and explained in one way; a command gives its default."""
+"""Options that several commands have, so that each is named and explained in one way; a command gives its default.
+
+Names a shell can complete, built-in profiles, rigs, actions and scenes, are found without importing what reads them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
 import typer
 
-from pianorig.console.built_in_names import complete_file, complete_scene
+HOUSE = Path(__file__).resolve().parents[2]
+SCENES = (
+    "whole", "without-string", "key", "key-whippen", "lifting-key", "flexible-shank", "motor-arm", "motor-drive",
+    "motor-voltage", "compliant-tip", "finger", "string", "lifting-key-flexible-shank", "giving-hammer",
+    "giving-joints",
+)  # fmt: skip
+"""Those of ``model.SCENES``, which a test compares: importing it would cost a second of NumPy and numba."""
+
+
+def complete_file(folder: str) -> Callable[[str], list[str]]:
+    """A completion by the names of the TOML files in one of our folders, such as ``rig/profiles``."""
+
+    def complete(incomplete: str) -> list[str]:
+        names = sorted(path.stem for path in (HOUSE / folder).glob("*.toml"))
+        return [name for name in names if name.startswith(incomplete)]
+
+    return complete
+
+
+def complete_scene(incomplete: str) -> list[str]:
+    """A completion by the names of the scenes."""
+    return [name for name in SCENES if name.startswith(incomplete)]
+
 
 DEFAULT_ACTION = "hirschkorn2004"
 BUILT_IN_ACTION = "Built-in action or a TOML file."
+SESSIONS = Path("sessions")
+"""Where sessions go when no folder is named."""
 SELFTESTS = Path("selftests")
 """Where ``pianorig selftest`` puts its records."""
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pianorig.console.live_line import drawing_width
+from pianorig.console.terminal import drawing_width
 
 
 def _plain(value: Any) -> Any:
@@ -16,32 +17,51 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
+def _finite(content: Any) -> Any:
+    if hasattr(content, "tolist"):
+        content = content.tolist()
+    if isinstance(content, float):
+        return content if math.isfinite(content) else None
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(value) for value in content]
+    return content
+
+
+def json_text(content: Any) -> str:
+    """JSON of plain values, NumPy's, and paths; a number that is none, or not finite, is null."""
+    try:
+        return json.dumps(content, default=_plain, allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(content), default=_plain)
+
+
 def print_json(item: Mapping[str, Any]) -> None:
     """One JSON object on a line of standard output, at once."""
-    print(json.dumps(item, default=_plain), flush=True)
+    print(json_text(item), flush=True)
 
 
-def nan_as_null(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A row of plain values for JSON, with None where there is no number."""
-    return {key: None if value != value else value for key, value in row.items()}
+def tell(as_json: bool, facts: Mapping[str, Any], lines: Iterable[str]) -> None:
+    """What a command found, for programs as one JSON object, or for people as lines, which are made only then."""
+    if as_json:
+        print_json(facts)
+        return
+    for line in lines:
+        print(line)
 
 
-def print_verdict(lines: Sequence[str]) -> None:
+def verdict_lines(lines: Sequence[str]) -> list[str]:
     """Headline of a comparison, then its details one below the other."""
-    headline, *details = lines
-    print(headline)
-    for line in details:
-        print(f"  - {line}")
+    return [lines[0], *(f"  - {line}" for line in lines[1:])]
 
 
-def print_paragraphs(texts: Iterable[str]) -> None:
+def paragraphs(texts: Iterable[str]) -> list[str]:
     """Sentences for people, wrapped to the terminal, at most 100 characters wide."""
-    for text in texts:
-        print(textwrap.fill(text, min(drawing_width(), 100), initial_indent="  ", subsequent_indent="  "))
+    wide = min(drawing_width(), 100)
+    return [textwrap.fill(text, wide, initial_indent="  ", subsequent_indent="  ") for text in texts]
 
 
-def print_files(paths: Iterable[Path | None]) -> None:
-    """Names of the files that were written, one per line."""
-    for path in paths:
-        if path is not None:
-            print(path)
+def file_lines(paths: Iterable[Path | None]) -> list[str]:
+    """Names of the files that were written."""
+    return [str(path) for path in paths if path is not None]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from pianorig.console.live_line import LIVE
+from pianorig.console.terminal import LIVE
 
 PROGRESS = "PIANORIG_PROGRESS"
 """Environment variable; at ``lines`` a bar is plain lines, one a per cent, for a program that shows them."""

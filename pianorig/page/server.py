@@ -18,19 +18,15 @@ from tornado.web import Application
 
 from pianorig.errors import CommandInputError
 from pianorig.page.access import LOOPBACK, Access
-from pianorig.page.catalogue.catalogue import Catalogue
-from pianorig.page.control.order import Bench
-from pianorig.page.control.plan_control import PlanControl
-from pianorig.page.handlers import action, live, outlines, plan, review, sessions, shell
-from pianorig.page.handlers.reply import NotFound, Served
+from pianorig.page.answers import drawing_scripts, routes
+from pianorig.page.catalogue import Catalogue
 from pianorig.page.jobs import Jobs
-from pianorig.page.review.film_shelf import FilmShelf
-from pianorig.player.animation import SCRIPTS
-from pianorig.player.animation import WEB as PLAYER
+from pianorig.page.plan import Bench, PlanControl
+from pianorig.page.reply import NotFound, Served
+from pianorig.page.review import FilmShelf
 
 LARGEST_REQUEST_BYTES = 1_000_000
 WORKERS = 4
-NAME, NUMBER = r"([^/]+)", r"(\d{1,9})"
 
 
 @dataclass(frozen=True)
@@ -60,7 +56,7 @@ class BenchServer:
     """
 
     def __init__(self, options: BenchOptions) -> None:
-        scripts = shell.drawing_scripts()
+        scripts = drawing_scripts()
         catalogue = Catalogue(options.folder)
         try:
             listening = socket.create_server((LOOPBACK, options.port))
@@ -76,7 +72,13 @@ class BenchServer:
         self._films = FilmShelf()
         self._plan = PlanControl(options.bench)
         served = Served(self.access, catalogue, self._workers, self._jobs, self._films, self._plan)
-        self._server = HTTPServer(application(served, scripts), max_body_size=LARGEST_REQUEST_BYTES)
+        page = Application(
+            routes(served, scripts),
+            default_handler_class=NotFound,
+            default_handler_args={"served": served},
+            log_function=_silent,
+        )
+        self._server = HTTPServer(page, max_body_size=LARGEST_REQUEST_BYTES)
         self._server.add_socket(listening)
 
     async def close(self) -> None:
@@ -87,51 +89,6 @@ class BenchServer:
         await self._server.close_all_connections()
         self._workers.shutdown(cancel_futures=True)
         self._films.close()
-
-
-def application(served: Served, scripts: Path) -> Application:
-    """Every address of the page and what answers there."""
-    it: dict[str, Any] = {"served": served}
-    routes: list[Any] = [
-        ("/", shell.Shell, it),
-        (rf"/web/((?:{'|'.join(SCRIPTS)})\.js|player\.css)", shell.OwnFiles, {**it, "path": str(PLAYER)}),
-        (r"/web/([a-z]+\.(?:js|css))", shell.OwnFiles, {**it, "path": str(shell.WEB)}),
-        (r"/drawing/(bokeh(?:-api)?\.min\.js)", shell.OwnFiles, {**it, "path": str(scripts)}),
-        ("/api/about", shell.About, it),
-        ("/api/sessions", sessions.Sessions, it),
-        (f"/api/sessions/{NAME}", sessions.OneSession, it),
-        (f"/api/sessions/{NAME}/annotations", sessions.Annotations, it),
-        (f"/api/sessions/{NAME}/validate", sessions.Validate, it),
-        (f"/api/jobs/{NUMBER}", sessions.Job, it),
-        (f"/report/{NAME}/(.*)", sessions.Report, it),
-        ("/api/comparisons", sessions.Comparisons, it),
-        (f"/report-of-several/{NAME}/(.*)", sessions.ComparisonReport, it),
-        ("/api/actions", action.Actions, it),
-        (f"/api/action/{NAME}", action.Facts, it),
-        (f"/api/action/{NAME}/blow", action.Blow, it),
-        (f"/api/action/{NAME}/curves", action.Curves, it),
-        (f"/api/action/{NAME}/animation", action.BlowAnimation, it),
-        (f"/api/action/{NAME}/touch", action.Touch, it),
-        (f"/api/action/{NAME}/step", action.Step, it),
-        (f"/api/action/{NAME}/file", action.TomlFile, it),
-        (f"/api/review/{NAME}/{NUMBER}", review.Review, it),
-        (f"/api/review/{NAME}/{NUMBER}/animation", review.TrialAnimation, it),
-        (f"/api/film/{NAME}/{NUMBER}", review.Film, it),
-        (f"/live/{NAME}", live.Live, it),
-        ("/api/plan", plan.Plan, it),
-        ("/api/plan/(pause|resume|abort)", plan.PlanDoes, it),
-        ("/api/plan/answer", plan.PlanAnswer, it),
-        ("/plan", plan.PlanState, it),
-        ("/api/films", outlines.Films, it),
-        (f"/api/outlines/{NAME}/{NUMBER}", outlines.Outlines, it),
-        (f"/api/outlines/{NAME}/{NUMBER}/proposal", outlines.Proposal, it),
-        (f"/api/outlines/{NAME}/{NUMBER}/track", outlines.Track, it),
-        (f"/api/outlines/{NAME}/{NUMBER}/frame", outlines.TrackFrame, it),
-        (f"/api/outlines/{NAME}/{NUMBER}/marks", outlines.Marks, it),
-        (f"/api/outlines/{NAME}/{NUMBER}/follow", outlines.Follow, it),
-        (f"/film/{NAME}/{NUMBER}/{NUMBER}-{NUMBER}", review.Frames, it),
-    ]
-    return Application(routes, default_handler_class=NotFound, default_handler_args=it, log_function=_silent)
 
 
 def _silent(handler: Any) -> None:

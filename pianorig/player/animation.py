@@ -17,8 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import model
 from model.files.atomic_write import whole_file
+from model.inside.labels import contact_label, input_label
 from model.inside.seen_motion import SeenMotion
+from pianorig.player.moving_action import moving_action, pack, unpack
+from validation.curves.signs import TITLE, degrees
+from vision.output.colours import colour_of
 
 WEB = Path(__file__).parent / "web"
 SCRIPTS = ("elements", "numbers", "player", "forces", "drawing", "strip", "animation")
@@ -38,26 +43,24 @@ class Animation:
     drawings : title and `moving_action` data of each drawing
     curves : title, unit, color, time_s and value (packed) of each curve below
     events : time_s, title, source, meaning
-    span_s : first and last time
-    start_s : where it starts
     """
 
     title: str
     drawings: Sequence[tuple[str, dict[str, Any]]]
     curves: Sequence[dict[str, Any]]
     events: Sequence[dict[str, Any]]
-    span_s: tuple[float, float]
-    start_s: float
 
 
 def animation_html(animation: Animation) -> str:
-    """The file's text."""
+    """The file's text; it spans the times of the first drawing."""
+    first = animation.drawings[0][1]
+    times, pose = unpack(first["time_s"]), unpack(first["pose"])
     data = {
         "drawings": [{"title": title, "drawing": drawing} for title, drawing in animation.drawings],
         "curves": list(animation.curves),
         "events": list(animation.events),
-        "span_s": list(animation.span_s),
-        "start_s": animation.start_s,
+        "span_s": [float(times[0]), float(times[-1])],
+        "start_s": motion_start_s(times, pose),
     }
     text = json.dumps(data, default=float).replace("<", "\\u003c")  # nothing in it can end the element
     title = html.escape(animation.title)
@@ -88,11 +91,16 @@ def write_animation_page(animation: Animation, path: Path) -> None:
         part.write_text(animation_html(animation), encoding="utf-8")
 
 
-def motion_start_s(seen: SeenMotion) -> float:
-    """A moment before a body first turns visibly; the first time where none does."""
-    away = np.abs(seen.pose[:, :, 2] - seen.pose[0, :, 2]).max(axis=1) > VISIBLE_RAD
-    first = float(seen.time_s[int(np.argmax(away))]) if away.any() else float(seen.time_s[0])
-    return max(first - BEFORE_S, float(seen.time_s[0]))
+def motion_start_s(time_s: NDArray[Any], pose: NDArray[Any]) -> float:
+    """A moment before a body first turns visibly, s; the first time where none does.
+
+    Parameters
+    ----------
+    time_s : (m,)
+    pose : (m, n, 3) pivot x, y (m) and orientation (rad) of each body
+    """
+    away = np.abs(pose[:, :, 2] - pose[0, :, 2]).max(axis=1) > VISIBLE_RAD
+    return max(float(time_s[int(np.argmax(away))]) - BEFORE_S, float(time_s[0]))
 
 
 def thinned(seen: SeenMotion, rows: NDArray[np.int64]) -> SeenMotion:
@@ -107,3 +115,77 @@ def thinned(seen: SeenMotion, rows: NDArray[np.int64]) -> SeenMotion:
         penetration_m=seen.penetration_m[rows],
         normal_n=peak,
     )
+
+
+View = dict[str, Any]
+
+
+def trial_animation(view: View) -> Animation | None:
+    """A trial as `pianorig.page.review` gives it: measured beside model; None where nothing is drawn.
+
+    Parameters
+    ----------
+    view : with ``session``, ``trial``, ``models``, ``drawings``, ``force``, ``channels``, ``events``
+    """
+    if not view["drawings"]:
+        return None
+    curves = [{"title": "Force on the key", "color": "", **view["force"]}]
+    for channel in view["channels"].values():
+        lines = [*([channel["measured"]] if channel["measured"] else []), *channel["models"][:1]]
+        if lines:
+            beside = lines[1] if len(lines) > 1 else None
+            title = f"{channel['title']}{': measured, dashed model' if beside else ''}"
+            curves.append({"title": title, "unit": "°", "color": channel["color"], **lines[0], "beside": beside})
+    drawings = [
+        (f"{'Measured and ' if drawing['measured'] else ''}{name}", drawing)
+        for name, drawing in zip(view["models"], view["drawings"], strict=True)
+    ]
+    return Animation(f"{view['session']}, trial {view['trial']}", drawings, curves, view["events"])
+
+
+def blow_animation(name: str, changes: list[str], view: View) -> Animation:
+    """A blow on the action as it is set, as `pianorig.page.action` gives it."""
+    times = view["time_s"]
+    curves = [{"title": "Force on the key", "unit": "N", "color": "", "time_s": times, "value": view["force_n"]}]
+    for channel in view["channels"].values():
+        curves.append({"title": channel["title"], "unit": "°", "color": channel["color"], "time_s": times})
+        curves[-1]["value"] = channel["value"]
+    events = [{**event, "source": "model"} for event in view["events"] if event["time_s"] is not None]
+    title = f"{name}{', ' if changes else ''}{', '.join(changes)}"
+    return Animation(title, [("Model", view["drawing"])], curves, events)
+
+
+BLOW_RATE_HZ = 2_000.0
+
+
+def write_blow_animation(
+    action: model.Action, solution: model.Solution, force_n: NDArray[np.float64], path: Path
+) -> None:
+    """Write a blow as an HTML file.
+
+    Parameters
+    ----------
+    action, solution : the simulated action and its solution, with an inside view
+    force_n : (m,) what drives it, at the solution's times
+    path : file to write
+
+    Raises
+    ------
+    model.InputError : the solution has no inside view
+    """
+    inside = solution.inside
+    if inside is None:
+        raise model.InputError("animation: the solution has no inside view; simulate with inside=True")
+    seen = SeenMotion(inside.scene, inside.time_s, inside.pose, inside.point_m, inside.penetration_m, inside.normal_n)
+    rate_hz = (len(seen.time_s) - 1) / float(seen.time_s[-1] - seen.time_s[0])
+    rows = np.arange(0, len(seen.time_s), max(1, round(rate_hz / BLOW_RATE_HZ)))
+    drawing = moving_action(thinned(seen, rows), labels=[contact_label(action, name) for name in seen.contacts])
+    quantity, unit = input_label(inside)
+    curves = [{"title": quantity.capitalize(), "unit": unit, "color": "", "value": pack(force_n[rows])}]
+    for i, body in enumerate(solution.bodies):
+        if body in TITLE:
+            change = degrees(body, solution.angle_rad[rows, i] - solution.angle_rad[0, i])
+            curves.append({"title": TITLE[body], "unit": "°", "color": colour_of(body, i), "value": pack(change)})
+    times = pack(seen.time_s[rows])
+    curves = [{**curve, "time_s": times} for curve in curves]
+    write_animation_page(Animation(f"{action.name}: a blow", [("Model", drawing)], curves, []), path)

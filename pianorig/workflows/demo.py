@@ -9,8 +9,8 @@ from __future__ import annotations
 import importlib
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
@@ -23,6 +23,7 @@ import model
 import validation
 import vision
 from pianorig.console.failures import Interrupted, how_stopped
+from pianorig.console.progress import bar, recording_line, say, working
 from pianorig.workflows.bench.record import interrupts_told, record
 from pianorig.workflows.film.session_film import SessionFilm
 from pianorig.workflows.film.track import track_film_file
@@ -75,6 +76,17 @@ class Figures:
     simulation_steps: int
     seconds: dict[str, float]
     peak_memory_mib: float | None
+
+    def facts(self) -> dict[str, Any]:
+        """The figures by name, as plain data."""
+        return {
+            "simulation_ms": self.simulation_s * 1e3,
+            "simulation_error_rad": self.simulation_error_rad,
+            "tracking_frames_per_s": self.tracking_frames_per_s,
+            "tracking_ratio_to_bound": {t.body: t.ratio for t in self.tracking},
+            "seconds": self.seconds,
+            "peak_memory_mib": self.peak_memory_mib,
+        }
 
 
 @dataclass(frozen=True)
@@ -138,43 +150,19 @@ def peak_memory_mib() -> float | None:
     return peak / 1024**2 if sys.platform == "darwin" else peak / 1024
 
 
-@contextmanager
-def _nothing_shown(label: str) -> Iterator[None]:
-    yield None
-
-
-@contextmanager
-def _no_recording_shown() -> Iterator[None]:
-    yield None
-
-
-@dataclass(frozen=True)
-class DemoProgress:
-    """How the demo tells what it does: lines that stay, a running clock, the recording, bars; by default nothing.
-
-    Each but ``say`` gives a context whose value is called as the work goes on (`pianorig.console.progress`).
-    """
-
-    say: Callable[[str], None] = lambda text: None
-    working: Callable[[str], AbstractContextManager[Any]] = _nothing_shown
-    recording: Callable[[], AbstractContextManager[Any]] = _no_recording_shown
-    bar: Callable[[str], AbstractContextManager[Any]] = _nothing_shown
-
-
-def run_demo(out: Path, *, trials: int = 5, profile: str = "forte", show: DemoProgress | None = None) -> Demo:
+def run_demo(out: Path, *, trials: int = 5, profile: str = "forte", quiet: bool = True) -> Demo:
     """Record five blows on the virtual bench, film one, track it, compare with the model, write the report.
 
     Parameters
     ----------
     out : session folder to create
     trials, profile : what is played
-    show : how it tells what it does
+    quiet : show no progress
 
     Raises
     ------
     pianorig.console.failures.Interrupted : Ctrl-C; the message says what is kept
     """
-    show = show or DemoProgress()
     # on a first run the bench's own scene compiles here, and what comes after it on the other processor
     whole = model.load_scene("whole")
     beside = model.compile_ahead([whole], loop=True, then="pianorig.workflows.first_run:call_once")
@@ -182,7 +170,7 @@ def run_demo(out: Path, *, trials: int = 5, profile: str = "forte", show: DemoPr
 
     @contextmanager
     def stage(name: str, text: str) -> Iterator[None]:
-        show.say(text)
+        say(text, quiet)
         start = time.perf_counter()
         yield
         seconds[name] = time.perf_counter() - start
@@ -193,8 +181,8 @@ def run_demo(out: Path, *, trials: int = 5, profile: str = "forte", show: DemoPr
     with (
         stage("record and film", words),
         interrupts_told(out),
-        show.bar("filming") as filming,
-        show.recording() as recording,
+        bar("filming", quiet) as filming,
+        recording_line(quiet) as recording,
     ):
         session, films = record(
             out,
@@ -214,11 +202,14 @@ def run_demo(out: Path, *, trials: int = 5, profile: str = "forte", show: DemoPr
             with stage("compile", "compiling what the comparison needs"):
                 model.compile_lanes(whole)
                 beside.wait()  # for what tracking needs: compiled here as well it would take longer
-        with stage("track", f"tracking {film.name}"), show.bar("tracking") as tracking:
+        with stage("track", f"tracking {film.name}"), bar("tracking", quiet) as tracking:
             track = track_film_file(SessionFilm(film), progress=tracking)
-        with stage("validate", "comparing with the model"), show.working("comparing") as words_of:
+        with stage("validate", "comparing with the model"), working("comparing", quiet) as words_of:
             result = validation.validate_session(session, "hirschkorn2004", progress=words_of)
-        with stage("measure the simulation", "measuring speed and error of one simulation"), show.working("simulating"):
+        with (
+            stage("measure the simulation", "measuring speed and error of one simulation"),
+            working("simulating", quiet),
+        ):
             trace = result.traces[FILMED]
             trace = trace[trace["force_time_s"].between(0.3, 1.0)]  # 0.7 s around the blow
             simulation = measure_simulation(trace["force_time_s"].to_numpy(), trace["force_n"].to_numpy())

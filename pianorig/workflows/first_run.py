@@ -13,7 +13,7 @@ import numpy as np
 
 import model
 import vision
-from pianorig.workflows.examples.films import write_blow_film
+from pianorig.workflows.examples import write_blow_film
 from validation.scores.iso18571 import iso_score
 
 BEGINS_S = 0.15  # of the blow, enough for all that is compiled

@@ -18,9 +18,9 @@ import pytest
 import model
 from model.inside.labels import BODY_COLORS
 from pianorig import commands
-from pianorig.console import built_in_names, plain_text, progress
-from pianorig.console.braille_plot import curve
+from pianorig.console import options, progress, terminal
 from pianorig.console.options import Profile
+from pianorig.workflows.bench.watch import curve
 from tests.command_line import run
 from vision.output.colours import BODY_COLOURS
 
@@ -84,8 +84,8 @@ def test_completion_knows_commands_and_built_in_names(line: str, wanted: set[str
 
 
 def test_completed_scenes_are_those_there_are() -> None:
-    assert tuple(model.SCENES) == built_in_names.SCENES
-    assert set(built_in_names.complete_file("rig/profiles")("")) == {"double", "forte", "piano"}
+    assert tuple(model.SCENES) == options.SCENES
+    assert set(options.complete_file("rig/profiles")("")) == {"double", "forte", "piano"}
     assert Profile.__metadata__[0].autocompletion is not None
 
 
@@ -222,8 +222,8 @@ def test_what_an_encoding_lacks_is_spelt(monkeypatch: pytest.MonkeyPatch) -> Non
     for encoding, wanted in (("ascii", "0.1 deg x 2 ... ?"), ("cp1252", "0.1° × 2 … ?"), ("utf-8", "0.1° × 2 … ⠿")):
         stream = io.TextIOWrapper(io.BytesIO(), encoding=encoding, newline="\n")
         monkeypatch.setattr(sys, "stdout", stream)
-        plain_text.write_what_the_terminal_can()
-        assert plain_text.can_print("⠿") == (encoding == "utf-8")
+        terminal.write_what_the_terminal_can()
+        assert terminal.can_print("⠿") == (encoding == "utf-8")
         print("0.1° × 2 … ⠿", end="", flush=True)
         assert stream.buffer.getvalue().decode(encoding) == wanted  # type: ignore[attr-defined]
 

@@ -10,7 +10,7 @@ import typer
 
 import rig
 from pianorig.console.options import AsJson
-from pianorig.console.output import print_json
+from pianorig.console.output import tell
 from pianorig.errors import CommandInputError
 
 
@@ -38,12 +38,9 @@ def command(
         if kind == "accept" and trial and opened.trial(trial).rejected is None:
             raise CommandInputError(f"{session}: trial {trial} is not rejected; nothing to accept")
         opened.annotate(trial, kind, text, author=author)
-    annotations = opened.annotations
-    if as_json:
-        print_json({"session": session, "annotations": [asdict(entry) for entry in annotations]})
-        return
-    for entry in annotations:
-        what = f"trial {entry.trial}" if entry.trial else "session"
-        print(f"{entry.time_utc}  {what}: {entry.kind}, {entry.reason} ({entry.author})")
-    if not annotations:
-        print(f"{session}: no annotations")
+    facts = {"session": session, "annotations": [asdict(entry) for entry in opened.annotations]}
+    lines = [
+        f"{e.time_utc}  {f'trial {e.trial}' if e.trial else 'session'}: {e.kind}, {e.reason} ({e.author})"
+        for e in opened.annotations
+    ]
+    tell(as_json, facts, lines or [f"{session}: no annotations"])

@@ -9,8 +9,8 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Backend, Rig
-from pianorig.console.output import print_json
-from pianorig.console.prompt import type_answer
+from pianorig.console.output import tell
+from pianorig.console.terminal import type_answer
 
 
 def command(
@@ -35,11 +35,9 @@ def command(
     """
     order = workflows.PadOrder(contact, load, u_load, radius, u_radius, body, swings)
     facts = workflows.calibrate_contact(order, rig, backend, out, action, type_answer)
-    if as_json:
-        print_json(facts)
-        return
-    print(
+    lines = (
         f"{contact}: friction {facts['friction']:.4g}  u {facts['u_friction']:.2g}, slip up to "
-        f"{facts['slip_up_to_m_per_s']:.2g} m/s; half swings {', '.join(map(str, facts['half_swings']))}"
+        f"{facts['slip_up_to_m_per_s']:.2g} m/s; half swings {', '.join(map(str, facts['half_swings']))}",
+        f"{out}: the action with {contact}.friction.A; readings in {facts['record']}",
     )
-    print(f"{out}: the action with {contact}.friction.A; readings in {facts['record']}")
+    tell(as_json, facts, lines)

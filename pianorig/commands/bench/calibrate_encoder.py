@@ -9,7 +9,7 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.options import AsJson, Backend, Rig
-from pianorig.console.output import print_json
+from pianorig.console.output import tell
 from pianorig.errors import CommandInputError
 
 
@@ -33,14 +33,10 @@ def command(
     except ValueError:
         raise CommandInputError(f"--angles {angles}: allowed numbers in rad, separated by commas") from None
     facts = workflows.calibrate_encoder(body, given, u_angle, rig, backend, out)
-    if as_json:
-        print_json(facts)
-        return
-    print(
+    lines = (
         f"{body}: angle = {facts['gain']:.6f} of the reading  u {facts['u_gain']:.2g}; readings up to "
-        f"{1e6 * facts['worst_rad']:.2g} urad off the line"
-    )
-    print(
+        f"{1e6 * facts['worst_rad']:.2g} urad off the line",
         f"{out}: with what the rig file knew {facts['arc_gain']:.6f}  u {facts['u_arc_gain']:.2g}; readings in "
-        f"{facts['record']}"
+        f"{facts['record']}",
     )
+    tell(as_json, facts, lines)

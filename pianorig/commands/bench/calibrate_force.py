@@ -9,8 +9,8 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.options import AsJson, Backend, Operator, Rig
-from pianorig.console.output import print_json
-from pianorig.console.prompt import type_answer
+from pianorig.console.output import tell
+from pianorig.console.terminal import type_answer
 from pianorig.errors import CommandInputError
 
 
@@ -47,8 +47,4 @@ def command(
     kind = "weights" if weights is not None else "shunt" if shunt else "null"
     order = workflows.CalibrationOrder(kind, masses, u_mass, gravity, operator)
     facts = workflows.calibrate_force(rig, backend, out, order, type_answer)
-    if as_json:
-        print_json(facts)
-        return
-    for key, value in facts.items():
-        print(f"{key:<24} {value}")
+    tell(as_json, facts, (f"{key:<24} {value}" for key, value in facts.items()))

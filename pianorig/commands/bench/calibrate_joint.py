@@ -9,8 +9,8 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Backend, Rig
-from pianorig.console.output import print_json
-from pianorig.console.prompt import type_answer
+from pianorig.console.output import tell
+from pianorig.console.terminal import type_answer
 
 
 def command(
@@ -29,12 +29,10 @@ def command(
     Example:  pianorig calibrate-joint --body hammer --out my_hammer.toml
     """
     facts = workflows.calibrate_joint(body, rig, backend, out, action, swings, type_answer)
-    if as_json:
-        print_json(facts)
-        return
-    print(
+    lines = (
         f"{body}: friction {facts['friction_nm']:.4g}  u {facts['u_friction_nm']:.2g}  N m, "
         f"{facts['share_of_weight_moment']:.4g} of weight times arm; swings at {facts['frequency_hz']:.4g} Hz, "
-        f"half swings {', '.join(map(str, facts['half_swings']))}"
+        f"half swings {', '.join(map(str, facts['half_swings']))}",
+        f"{out}: the action with {body}.joint_friction.A; readings in {facts['record']}",
     )
-    print(f"{out}: the action with {body}.joint_friction.A; readings in {facts['record']}")
+    tell(as_json, facts, lines)

@@ -9,7 +9,7 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.options import AsJson
-from pianorig.console.output import print_json
+from pianorig.console.output import file_lines, tell
 
 
 def command(
@@ -31,8 +31,4 @@ def command(
     Example:  pianorig export sessions/try --to csv --trial 1 --out exported
     """
     files = workflows.export_session(session, to, trials=trial, out=out)
-    if as_json:
-        print_json({"session": session, "files": files})
-        return
-    for file in files:
-        print(file)
+    tell(as_json, {"session": session, "files": files}, file_lines(files))

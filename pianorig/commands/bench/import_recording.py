@@ -9,7 +9,7 @@ import typer
 
 import rig
 from pianorig.console.options import AsJson
-from pianorig.console.output import print_json
+from pianorig.console.output import tell
 
 if TYPE_CHECKING:
     from rig.session.ruler import Position
@@ -68,16 +68,13 @@ def command(
         }
         for trial in session.trials
     ]
-    if as_json:
-        print_json({"session": out, "trials": rows})
-        return
+    lines = []
     for row in rows:
         source = session.info.notes[f"trial {row['trial']}"].partition(" sha256 ")[0]
         peak = "no force" if row["peak_force_n"] is None else f"peak {row['peak_force_n']:.2f} N"
-        print(
+        lines.append(
             f"trial {row['trial']}: {source}, {row['samples']} samples at {row['sample_rate_hz']:g} Hz, "
             f"{peak}, blow from {row['blow_start_s']:.3f} s{_doubts(row)}"
         )
-    for name, facts in rows[0]["positions"].items():
-        print(f"{name}: {facts['judgement']}")
-    print(f"session: {out}")
+    lines += [f"{name}: {facts['judgement']}" for name, facts in rows[0]["positions"].items()]
+    tell(as_json, {"session": out, "trials": rows}, [*lines, f"session: {out}"])

@@ -11,7 +11,7 @@ from pianorig import workflows
 from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Rig, Selftests, Yes
 from pianorig.console.output import print_json
 from pianorig.console.progress import say
-from pianorig.console.prompt import type_answer
+from pianorig.console.terminal import type_answer
 from pianorig.errors import CommandInputError
 
 

@@ -9,9 +9,9 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Profile, Rig, Selftests, Yes
-from pianorig.console.output import print_json
+from pianorig.console.output import tell
 from pianorig.console.progress import bar, recording_line
-from pianorig.console.prompt import operator as operator_at_terminal
+from pianorig.console.terminal import operator as operator_at_terminal
 from pianorig.errors import CommandInputError
 
 if TYPE_CHECKING:
@@ -74,10 +74,7 @@ def command(
         raise CommandInputError("--felt: a press is shaped from the ramp before it; not with --dry-run")
     if dry_run and not passive:
         found = workflows.rehearse(profile, rig, backend)
-        if as_json:
-            print_json(found)
-        else:
-            print("\n".join(workflows.rehearsal_lines(found)))
+        tell(as_json, found, workflows.rehearsal_lines(found))
         return
     if duration is not None and not passive:
         raise CommandInputError("--for: goes with --passive; a profile has its own duration")
@@ -141,13 +138,11 @@ def command(
         rows = [
             {"trial": t.number, "status": t.status, "film": t.film.name if t.film else None} for t in session.trials
         ]
-    if as_json:
-        print_json({"session": target, "trials": rows})
-        return
+    lines = []
     for row in rows:
         more = f", {row['condition']}" if row.get("condition") else f", film {row['film']}" if row.get("film") else ""
-        print(f"trial {row['trial']}: {row['status']}{more}")
-    print(f"session: {target}{count}")
+        lines.append(f"trial {row['trial']}: {row['status']}{more}")
+    tell(as_json, {"session": target, "trials": rows}, [*lines, f"session: {target}{count}"])
 
 
 def _press_felt(
@@ -162,7 +157,4 @@ def _press_felt(
     title = f"pressing {order.contact} on {access.backend} into {target}"
     with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
         _, facts = workflows.press_felt(target, order, access, operator=operator, progress=progress, room=room)
-    if as_json:
-        print_json({"session": target, **facts})
-        return
-    print("\n".join([*workflows.felt_lines(order, facts), f"session: {target}"]))
+    tell(as_json, {"session": target, **facts}, [*workflows.felt_lines(order, facts), f"session: {target}"])

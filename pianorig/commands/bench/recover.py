@@ -10,7 +10,7 @@ import typer
 
 import rig
 from pianorig.console.options import AsJson
-from pianorig.console.output import print_json
+from pianorig.console.output import print_json, tell
 from pianorig.errors import CommandInputError
 
 
@@ -49,10 +49,6 @@ def command(
             raise CommandInputError("--out: goes with a session folder to recover")
         return
     rows = [asdict(trial) for trial in rig.recover(session, out)]
-    if as_json:
-        print_json({"session": session if out is None else out, "trials": rows})
-        return
-    for row in rows:
-        print(f"trial {row['trial']}: {row['status']}, {row['samples']} samples; {row['note']}")
-    if not rows:
-        print(f"{session}: nothing to recover, every trial is sealed")
+    lines = [f"trial {row['trial']}: {row['status']}, {row['samples']} samples; {row['note']}" for row in rows]
+    facts = {"session": session if out is None else out, "trials": rows}
+    tell(as_json, facts, lines or [f"{session}: nothing to recover, every trial is sealed"])

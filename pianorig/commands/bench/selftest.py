@@ -9,8 +9,8 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Rig, Yes
-from pianorig.console.output import print_json
-from pianorig.console.prompt import type_answer
+from pianorig.console.output import tell
+from pianorig.console.terminal import type_answer
 
 
 def command(
@@ -36,9 +36,7 @@ def command(
                 print(f"     {finding.advice}")
 
     path, record = workflows.check_bench(backend, rig, out, operator=operator, yes=yes, ask=type_answer, show=show)
-    if as_json:
-        print_json({"record": path, **record.model_dump(mode="json")})
-    else:
-        print(f"record: {path}" + ("" if record.passed else "; it did not pass, recording on hardware will refuse it"))
+    failed = "" if record.passed else "; it did not pass, recording on hardware will refuse it"
+    tell(as_json, {"record": path, **record.model_dump(mode="json")}, [f"record: {path}{failed}"])
     if not record.passed:
         raise typer.Exit(3)

@@ -9,10 +9,9 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.column_file import check_writable
-from pianorig.console.live_line import clear_screen, drawing_width
 from pianorig.console.options import AsJson
 from pianorig.console.output import print_json
-from pianorig.console.plain_text import can_print
+from pianorig.console.terminal import can_print, clear_screen, drawing_width
 from pianorig.errors import CommandInputError
 
 BLANK = chr(0x2800)

@@ -9,7 +9,7 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.options import AsJson
-from pianorig.console.output import print_json
+from pianorig.console.output import tell
 
 
 def command(
@@ -46,13 +46,12 @@ def command(
         frame_rate_hz=frame_rate,
         author=author,
     )
-    if as_json:
-        print_json(record.model_dump(mode="json", by_alias=True))
-        return
     last = record.first_frame + record.n_frames - 1
+    lines = [f"trial {trial}: {record.film}, frames {record.first_frame} to {last}, SHA-256 {record.sha256[:16]}…"]
     if record.frames_after:
-        print(
+        lines.insert(
+            0,
             f"trial {trial}: the frame clock ran on for {record.frames_after} frames; if the film was not cut there, "
-            "frames were dropped and its times are wrong from there on: reject the trial with  pianorig annotate"
+            "frames were dropped and its times are wrong from there on: reject the trial with  pianorig annotate",
         )
-    print(f"trial {trial}: {record.film}, frames {record.first_frame} to {last}, SHA-256 {record.sha256[:16]}…")
+    tell(as_json, record.model_dump(mode="json", by_alias=True), lines)

@@ -11,7 +11,7 @@ import typer
 import vision
 from pianorig.console.column_file import check_writable
 from pianorig.console.options import AsJson
-from pianorig.console.output import print_json
+from pianorig.console.output import tell
 from pianorig.errors import CommandInputError
 
 
@@ -53,17 +53,17 @@ def command(
     }
     vision.save_calibration(out, camera, facts)
     a, b, p, q, k = (float(v) for v in camera.parameters)
-    if as_json:
-        print_json({"out": out, "scale_px_per_m": camera.scale_px_per_m, "parameters": [a, b, p, q, k], **facts})
-        return
     mdeg = 1e3 * math.degrees(1.0)
-    print(f"{out}: {found.n_points} points in {found.n_views} views, residual {found.residual_px:.3f} px")
-    print(f"  scale        {camera.scale_px_per_m / 1e3:.4f} px/mm (u {camera.u_scale_px_per_m / 1e3:.4f})")
-    print(f"  stretch      {100 * math.hypot(a, b):.3f} %, perspective {100 * math.hypot(p, q):.3f} % at the corner")
-    print(f"  distortion   {100 * k:.3f} % at the corner (u {100 * math.sqrt(camera.covariance[4, 4]):.3f})")
-    print(
+    lines = [
+        f"{out}: {found.n_points} points in {found.n_views} views, residual {found.residual_px:.3f} px",
+        f"  scale        {camera.scale_px_per_m / 1e3:.4f} px/mm (u {camera.u_scale_px_per_m / 1e3:.4f})",
+        f"  stretch      {100 * math.hypot(a, b):.3f} %, perspective {100 * math.hypot(p, q):.3f} % at the corner",
+        f"  distortion   {100 * k:.3f} % at the corner (u {100 * math.sqrt(camera.covariance[4, 4]):.3f})",
         f"  angles       off by up to {found.effect_rad * mdeg:.1f} mdeg without correction (block of "
-        f"120 x 40 px turning by 15 deg), u {found.u_effect_rad * mdeg:.1f} mdeg with it"
-    )
+        f"120 x 40 px turning by 15 deg), u {found.u_effect_rad * mdeg:.1f} mdeg with it",
+    ]
     if found.coverage < 0.3:
-        print(f"  only {100 * found.coverage:.0f} % of the picture was covered; use a larger target, or move it about")
+        covered = f"{100 * found.coverage:.0f} %"
+        lines.append(f"  only {covered} of the picture was covered; use a larger target, or move it about")
+    parameters = {"scale_px_per_m": camera.scale_px_per_m, "parameters": [a, b, p, q, k]}
+    tell(as_json, {"out": out, **parameters, **facts}, lines)

@@ -10,7 +10,7 @@ import typer
 from pianorig import workflows
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, write_table
 from pianorig.console.options import AsJson
-from pianorig.console.output import print_json
+from pianorig.console.output import tell
 from pianorig.console.progress import bar, say
 from pianorig.errors import CommandInputError
 
@@ -112,11 +112,8 @@ def command(
             check_writable(path, *endings)
     if propose_bodies is not None:
         found = workflows.propose_outlines(film, propose_bodies, allow_truncated=allow_truncated, channel=channel)
-        if as_json:
-            print_json(found)
-        else:
-            names = ", ".join(found["bodies"])
-            print(f"{found['out']}: {names}; look at {found['picture']}, then correct and name them")
+        names = ", ".join(found["bodies"])
+        tell(as_json, found, [f"{found['out']}: {names}; look at {found['picture']}, then correct and name them"])
         return
     filmed = workflows.SessionFilm(film, bodies, frame_rate, allow_truncated, channel)
     if marks is not None:
@@ -124,20 +121,16 @@ def command(
             followed = workflows.follow_marks_of(filmed, marks, every=every, n_still=n_still, progress=progress)
         write_table(target, followed.to_table())
         summary = workflows.marks_summary(followed)
-        if as_json:
-            print_json({"out": target, "marks": summary})
-        else:
-            print("\n".join([f"{target}: {len(followed.frame)} frames", *workflows.marks_lines(summary)]))
+        lines = [f"{target}: {len(followed.frame)} frames", *workflows.marks_lines(summary)]
+        tell(as_json, {"out": target, "marks": summary}, lines)
         return
     camera = workflows.camera_of(calibration, tilt, distortion)
     rows_per_s = workflows.rows_per_second(shutter, rows_per_second)
     if retrack:
         places = workflows.read_places(place or [])
         rows = workflows.retrack(filmed, target, retrack, places, method=method, n_still=n_still, camera=camera)
-        if as_json:
-            print_json({"out": target, "rows": rows.to_dict(orient="records")})
-        else:
-            print(f"{target}: {len(rows)} frames fitted again")
+        facts = {"out": target, "rows": rows.to_dict(orient="records")}
+        tell(as_json, facts, [f"{target}: {len(rows)} frames fitted again"])
         return
     if place:
         raise CommandInputError("--place: goes with --retrack FRAME")
@@ -168,13 +161,15 @@ def command(
     write_table(target, result.to_table())
     workflows.draw_track(filmed, result, overlay=overlay, contact_sheet=contact_sheet, plot=figure)
     facts = workflows.tracking_summary(result)
-    if as_json:
-        print_json({"out": target, "doubt_about_times": doubt, **({"preview": seen} if seen else {}), **facts})
-        return
     again = f", {facts['rows_resumed']} from an interrupted run" if facts["rows_resumed"] else ""
-    print(f"{target}: {facts['frames']} frames{again}, {facts['rows_confirmed']} confirmed backward")
-    for body in result.bodies:
-        print(f"  {body:<11} {facts['lost'][body]} frames lost")
-    print("\n".join(workflows.budget_lines(result.budget)))
-    for body, (offset, u) in facts["clock_offset_s"].items():
-        print(f"  film against the encoder of the {body}: {offset * 1e6:+.0f} us (u {u * 1e6:.0f})")
+    lines = [
+        f"{target}: {facts['frames']} frames{again}, {facts['rows_confirmed']} confirmed backward",
+        *(f"  {body:<11} {facts['lost'][body]} frames lost" for body in result.bodies),
+        *workflows.budget_lines(result.budget),
+        *(
+            f"  film against the encoder of the {body}: {offset * 1e6:+.0f} us (u {u * 1e6:.0f})"
+            for body, (offset, u) in facts["clock_offset_s"].items()
+        ),
+    ]
+    before = {"out": target, "doubt_about_times": doubt, **({"preview": seen} if seen else {})}
+    tell(as_json, before | facts, lines)

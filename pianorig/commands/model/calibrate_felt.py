@@ -18,7 +18,7 @@ import model
 from pianorig import workflows
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson
-from pianorig.console.output import nan_as_null, print_json
+from pianorig.console.output import tell
 from pianorig.console.overrides import read_measured
 from pianorig.errors import CommandInputError
 
@@ -136,10 +136,7 @@ def command(
         model.write_action(replace(calibrated, name=name), out, heading)
         facts["out"] = out
         lines.append(f"{out}: {name}, {changed} values changed")
-    if as_json:
-        print_json(facts)
-        return
-    print("\n".join(lines))
+    tell(as_json, facts, lines)
 
 
 def _named(curves: list[Path]) -> list[Path]:
@@ -179,7 +176,7 @@ def _blow_speeds(
         return blows, Calibrated({}, [], {})
     facts = {
         blow: {
-            name: nan_as_null({"mean_normal_speed_m_per_s": v, "counted_s": t})
+            name: {"mean_normal_speed_m_per_s": v, "counted_s": t}
             for name, v, t in zip(m.contacts, m.speed_m_per_s.tolist(), m.counted_s.tolist(), strict=True)
         }
         for blow, m in blows.items()
@@ -361,8 +358,8 @@ def _value(fit: model.felt.LawFit, k: int) -> str:
 def _facts(found: model.felt.LawComparison, contact: str | None, figure: Path | None) -> dict[str, Any]:
     laws = {
         fit.kind: {
-            "values": nan_as_null(dict(zip(fit.names, fit.values, strict=True))),
-            "u": nan_as_null(dict(zip(fit.names, fit.u, strict=True))),
+            "values": dict(zip(fit.names, fit.values, strict=True)),
+            "u": dict(zip(fit.names, fit.u, strict=True)),
             "units": dict(zip(fit.names, fit.units, strict=True)),
             "misfit_left_out": dict(zip(found.presses, found.held_out[k].tolist(), strict=True)),
             "misfit_fitted": dict(zip(found.presses, fit.misfit.tolist(), strict=True)),

@@ -9,10 +9,9 @@ from typing import Annotated, Any
 import typer
 
 import model
-from pianorig.console.built_in_names import complete_file
 from pianorig.console.column_file import check_writable
-from pianorig.console.options import BUILT_IN_ACTION, AsJson, Scene, Settings
-from pianorig.console.output import nan_as_null, print_json
+from pianorig.console.options import BUILT_IN_ACTION, AsJson, Scene, Settings, complete_file
+from pianorig.console.output import tell
 from pianorig.console.overrides import load_changed, read_settings
 from pianorig.console.progress import working
 
@@ -66,13 +65,11 @@ def _measure(given: model.Action, targets: Sequence[model.regulation.RegulationT
         }
         for t in targets
     ]
-    if as_json:
-        print_json({"action": given.name, "targets": [nan_as_null(row) for row in rows]})
-        return
-    print(f"{given.name}: {'target':<46}  wanted  measured   (mm)")
+    lines = [f"{given.name}: {'target':<46}  wanted  measured   (mm)"]
     for row in rows:
         remark = f"   {row['remark']}" if row["remark"] else ""
-        print(f"  {row['words']:<58}{_millimetres(row['wanted_m'])}  {_millimetres(row['measured_m'])}{remark}")
+        lines.append(f"  {row['words']:<58}{_millimetres(row['wanted_m'])}  {_millimetres(row['measured_m'])}{remark}")
+    tell(as_json, {"action": given.name, "targets": rows}, lines)
 
 
 def _regulate(given: model.Action, wanted_m: Mapping[str, float], out: Path, as_json: bool) -> None:
@@ -102,21 +99,18 @@ def _regulate(given: model.Action, wanted_m: Mapping[str, float], out: Path, as_
         }
         for t, s in zip(done.targets, model.regulation.SCREWS, strict=True)
     ]
-    if as_json:
-        plain = [nan_as_null(row) for row in rows]
-        facts = {"action": done.action.name, "out": out, "targets": plain, "looks": done.evaluations}
-        print_json(facts | {"rest_rail_m": done.rest_rail_m})
-        return
-    print(f"{'target':<46}  wanted   before    after  {'screw':<20}  turned  (mm)")
+    lines = [f"{'target':<46}  wanted   before    after  {'screw':<20}  turned  (mm)"]
     for row in rows:
         wanted, before, after = (_millimetres(row[key]) for key in ("wanted_m", "before_m", "after_m"))
-        print(f"{row['words']:<46}{wanted} {before} {after}  {row['screw']:<20} {1e3 * row['turned_m']:+7.3f}")
+        lines.append(f"{row['words']:<46}{wanted} {before} {after}  {row['screw']:<20} {1e3 * row['turned_m']:+7.3f}")
     if done.rest_rail_m:
         rail = model.regulation.REST_RAIL
-        print(f"the hammer lay on its rest rail ({rail.path}): lowered {-1e3 * done.rest_rail_m:.2f} mm, clear of it")
+        lowered = f"lowered {-1e3 * done.rest_rail_m:.2f} mm"
+        lines.append(f"the hammer lay on its rest rail ({rail.path}): {lowered}, clear of it")
     if done.action is given:
-        print("all seven targets are met: nothing was turned")
-    print(f"{out}: {done.action.name}")
+        lines.append("all seven targets are met: nothing was turned")
+    facts = {"action": done.action.name, "out": out, "targets": rows, "looks": done.evaluations}
+    tell(as_json, facts | {"rest_rail_m": done.rest_rail_m}, [*lines, f"{out}: {done.action.name}"])
 
 
 def _turned_words(done: model.regulation.Regulation) -> str:

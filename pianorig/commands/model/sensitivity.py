@@ -17,7 +17,7 @@ from pianorig import workflows
 from pianorig.console import options
 from pianorig.console.column_file import make_folder, write_rows
 from pianorig.console.options import DEFAULT_ACTION, AsJson, Scale, Scene, Settings
-from pianorig.console.output import nan_as_null, print_files, print_json
+from pianorig.console.output import file_lines, tell
 from pianorig.console.overrides import load_changed, read_settings
 from pianorig.console.progress import bar, say, working
 from pianorig.errors import CommandInputError
@@ -115,7 +115,7 @@ def command(
     driving = workflows.read_driving_force(source, model.choice_of(chosen).input_column)
     with nullcontext() if cluster is None else workflows.cluster_executor(cluster) as executor:  # may not be there
         local = _local(chosen, driving, names, as_json)
-        facts: dict[str, Any] = {"action": chosen.name, "blow": source, "local": [nan_as_null(r) for r in local.rows()]}
+        facts: dict[str, Any] = {"action": chosen.name, "blow": source, "local": local.rows()}
         if not as_json:
             _print_local(local)
         files = _written(out, "local", local.rows(), partial(model.screening.draw_local, local))
@@ -135,14 +135,11 @@ def command(
             with bar(label, as_json, "blows") as progress:
                 members = Study(executor, workers, progress, None if out is None else out / "members", told)
                 found = study(varied, partial(members.run, variants), model.screening.MARKS, size, seed)
-            facts[name] = [nan_as_null(row) for row in found.rows()]
+            facts[name] = found.rows()
             files += _written(out, name, found.rows(), partial(draw, found))
             if not as_json:
                 _print_study(found, name)
-    if as_json:
-        print_json(facts | {"files": files})
-    else:
-        print_files(files)
+    tell(as_json, facts | {"files": files}, file_lines(files))
 
 
 def _trial_of(blow: Path, trial: int | None) -> Path:

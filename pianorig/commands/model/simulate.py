@@ -13,10 +13,9 @@ import typer
 
 import model
 from pianorig import workflows
-from pianorig.console.built_in_names import complete_scene
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, run_attributes, write_columns
-from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scale, Settings, Tolerance
-from pianorig.console.output import print_files, print_json
+from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scale, Settings, Tolerance, complete_scene
+from pianorig.console.output import file_lines, tell
 from pianorig.console.overrides import load_changed
 from pianorig.console.progress import working
 from pianorig.errors import CommandInputError
@@ -118,11 +117,8 @@ def command(
             )
             attributes = run_attributes(chosen, tolerance, method, named) | {"key_motion": str(key_motion)}
             write_columns(out, driven.columns(), attributes | _reading(driven))
-        if as_json:
-            print_json({"out": out, "tolerance_rad": tolerance} | _motion_facts(driven))
-        else:
-            print(f"{out}: {len(driven.time_s)} rows, {driven.counters['n_steps']} steps")
-            _print_motion(driven)
+        lines = [f"{out}: {len(driven.time_s)} rows, {driven.counters['n_steps']} steps", *_motion_lines(driven)]
+        tell(as_json, {"out": out, "tolerance_rad": tolerance} | _motion_facts(driven), lines)
         return
     if from_rest:
         raise CommandInputError("--from-rest: found without --key-motion, whose angles it is about; leave it out")
@@ -166,25 +162,23 @@ def command(
                 chosen, times, values, output_time_s=fine, inside=True, tolerance=tolerance, scene=scene, method=method
             )
             _draw(chosen, moved, driving.at(fine), figure, animation)
-    if as_json:
-        facts: dict[str, object] = {
-            "out": out,
-            "rows": len(solution.time_s),
-            "tolerance_rad": tolerance,
-            "estimated_error_rad": solution.error_rad,
-            "tolerance_missed": solution.misses_tolerance,
-            **solution.counters,
-        }
-        facts |= {} if seen is None else _inside_facts(seen)
-        print_json(facts | {name: path for name, path in drawings.items() if path is not None})
-        return
-    print(f"{out}: {len(solution.time_s)} rows, {solution.counters['n_steps']} steps")
+    facts: dict[str, object] = {
+        "out": out,
+        "rows": len(solution.time_s),
+        "tolerance_rad": tolerance,
+        "estimated_error_rad": solution.error_rad,
+        "tolerance_missed": solution.misses_tolerance,
+        **solution.counters,
+    }
+    lines = [f"{out}: {len(solution.time_s)} rows, {solution.counters['n_steps']} steps"]
     if solution.error_rad is not None:
-        print(missed_request(solution) or f"largest error of an angle about {solution.error_rad:.1e} rad, requested "
-              f"{solution.tolerance:g}")  # fmt: skip
+        kept = f"largest error of an angle about {solution.error_rad:.1e} rad, requested {solution.tolerance:g}"
+        lines.append(missed_request(solution) or kept)
     if seen is not None:
-        _print_inside(seen, words)
-    print_files(drawings.values())
+        facts |= _inside_facts(seen)
+        lines += _inside_lines(seen, words)
+    facts |= {name: path for name, path in drawings.items() if path is not None}
+    tell(as_json, facts, [*lines, *file_lines(drawings.values())])
 
 
 def missed_request(solution: model.Solution) -> str:
@@ -224,31 +218,31 @@ def _motion_facts(driven: model.MotionDriven) -> dict[str, Any]:
     }
 
 
-def _print_motion(driven: model.MotionDriven) -> None:
+def _motion_lines(driven: model.MotionDriven) -> list[str]:
     """Largest force with its uncertainty, and what makes it doubtful."""
     largest = int(abs(driven.force_n).argmax())
     half = driven.coverage_factor * driven.u_force_n[largest]
-    print(
+    lines = [
         f"largest force {driven.force_n[largest]:.2f} N +- {half:.2f} N (95 %) at {driven.time_s[largest]:.4f} s; "
         f"key angle read to {driven.fit.resolution_rad:.3g} rad, jitter {driven.fit.jitter_rad:.2g} rad"
-    )
+    ]
     share = driven.half_width_share()
     if share > USELESS_SHARE:
-        print(
+        lines.append(
             f"this force is useless: its 95 % interval is +-{100.0 * share:.0f} % of it, because the key's angle is "
             f"read only to {driven.fit.resolution_rad:.2g} rad; use an encoder with finer counts or a slower motion"
         )
     away = driven.fit.at(driven.time_s[:1])[0][0, 0] - driven.rest_rad
     if abs(away) > FAR_FROM_REST_RAD:
-        print(
+        lines.append(
             f"the first angle is {1e3 * away:+.2f} mrad from where it is in this action at rest: if it rested there, "
             "shift the angles; for changes since rest add --from-rest"
         )
-    for lift in driven.key_tensions():
-        print(
-            f"key would lift from its rail {1e3 * lift.start_s:.1f} to {1e3 * lift.end_s:.1f} ms: "
-            "do not trust the force there"
-        )
+    return lines + [
+        f"key would lift from its rail {1e3 * lift.start_s:.1f} to {1e3 * lift.end_s:.1f} ms: "
+        "do not trust the force there"
+        for lift in driven.key_tensions()
+    ]
 
 
 def _described(action: model.Action) -> dict[str, str]:
@@ -287,31 +281,30 @@ def _lift_attributes(seen: model.inside.Inside) -> dict[str, list[float]]:
     return out
 
 
-def _print_inside(seen: model.inside.Inside, words: dict[str, str]) -> None:
+def _inside_lines(seen: model.inside.Inside, words: dict[str, str]) -> list[str]:
     """Table of contacts and joints, then the intervals in which the key lifts or would."""
-    print(f"{'contact':<34}{'largest N':>10}{'rubbed mm':>11}{'friction mJ':>13}{'felt mJ':>9}")
+    lines = [f"{'contact':<34}{'largest N':>10}{'rubbed mm':>11}{'friction mJ':>13}{'felt mJ':>9}"]
     for i, name in enumerate(seen.contacts):
         title = f"{name.removeprefix('contact')} {words[name]}" if name in words else name.replace("_", " ")
-        print(
+        lines.append(
             f"{title:<34}{seen.largest_normal_n[i]:>10.2f}"
             f"{1e3 * seen.slid_m[-1, i]:>11.3f}{1e3 * seen.rubbed_j[-1, i]:>13.4f}{1e3 * seen.felt_j[-1, i]:>9.4f}"
         )
     for tip_n, tip_j in zip(seen.tip_n.T, seen.tip_j.T, strict=True):
-        print(f"{'tip of the motor arm':<34}{tip_n.max(initial=0.0):>10.2f}{'':>11}{'':>13}{1e3 * tip_j[-1]:>9.4f}")
+        tip = f"{tip_n.max(initial=0.0):>10.2f}{'':>11}{'':>13}{1e3 * tip_j[-1]:>9.4f}"
+        lines.append(f"{'tip of the motor arm':<34}{tip}")
     joints = ", ".join(f"{body} {1e3 * seen.joint_j[-1, i]:.4f}" for i, body in enumerate(seen.bodies))
-    print(f"joints, friction mJ: {joints}")
-    for one in seen.key_tensions():
-        print(
-            f"key would lift from its balance rail {one.start_s:.4f} to {one.end_s:.4f} s: "
-            f"pull to {one.largest_n:.2f} N, {1e3 * one.impulse_ns:.2f} mN s"
-        )
-    for gone in seen.key_lifts():
-        print(
-            f"key off its balance rail {gone.start_s:.4f} to {gone.end_s:.4f} s: "
-            f"up to {1e3 * gone.largest_m:.3f} mm at {gone.largest_at_s:.4f} s"
-        )
-    if not seen.key_tensions() and not seen.key_lifts():
-        print("key stays on its balance rail")
+    lifts = [
+        f"key would lift from its balance rail {one.start_s:.4f} to {one.end_s:.4f} s: "
+        f"pull to {one.largest_n:.2f} N, {1e3 * one.impulse_ns:.2f} mN s"
+        for one in seen.key_tensions()
+    ]
+    lifts += [
+        f"key off its balance rail {gone.start_s:.4f} to {gone.end_s:.4f} s: "
+        f"up to {1e3 * gone.largest_m:.3f} mm at {gone.largest_at_s:.4f} s"
+        for gone in seen.key_lifts()
+    ]
+    return [*lines, f"joints, friction mJ: {joints}", *(lifts or ["key stays on its balance rail"])]
 
 
 def _draw(
@@ -322,7 +315,7 @@ def _draw(
         model.inside.draw_sheet(action, solution, force_n, figure)
     if animation is not None and animation.suffix == ".html":
         # start-up: the player's data need more of validation and vision than a run without animation
-        from pianorig.workflows.model.blow_animation import write_blow_animation
+        from pianorig.player.animation import write_blow_animation
 
         write_blow_animation(action, solution, force_n, animation)
     elif animation is not None:

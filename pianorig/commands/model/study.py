@@ -18,7 +18,7 @@ import model
 from pianorig import workflows
 from pianorig.console.column_file import make_folder, write_rows
 from pianorig.console.options import DEFAULT_ACTION, AsJson, Scale, Scene, Settings
-from pianorig.console.output import nan_as_null, print_files, print_json
+from pianorig.console.output import file_lines, tell
 from pianorig.console.overrides import load_changed, read_variant
 from pianorig.console.progress import working
 from pianorig.errors import CommandInputError
@@ -132,13 +132,9 @@ def command(
         for name, rows in found.tables.items():
             files.append(out / f"{name}.csv")
             write_rows(files[-1], rows)
-    if as_json:
-        plain = {k: [nan_as_null(row) for row in x] if isinstance(x, list) else x for k, x in found.facts.items()}
-        given = {} if action in STUDIES else {"force_table": force}
-        print_json({"action": chosen.name, **given, **plain, "files": files})
-        return
-    print("\n".join(found.lines))
-    print_files(files)
+    given = {} if action in STUDIES else {"force_table": force}
+    facts = {"action": chosen.name, **given, **found.facts, "files": files}
+    tell(as_json, facts, [*found.lines, *file_lines(files)])
 
 
 def _variants(variants: Sequence[model.study.Variant], action: model.Action, time_s: Any, force_n: Any) -> Found:

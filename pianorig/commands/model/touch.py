@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 import model
-from pianorig.console.built_in_names import complete_file
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, write_rows
-from pianorig.console.options import AsJson, Scale, Scene, Settings
-from pianorig.console.output import nan_as_null, print_files, print_json
+from pianorig.console.options import AsJson, Scale, Scene, Settings, complete_file
+from pianorig.console.output import file_lines, tell
 from pianorig.console.overrides import load_changed
 from pianorig.console.progress import working
 
@@ -57,13 +56,11 @@ def command(
         ]
         write_rows(curve, points)
     rows = [f.rows() for f in feels]
-    if as_json:
-        plain = [{"action": f.name} | nan_as_null(row) for f, row in zip(feels, rows, strict=True)]
-        print_json({"actions": plain, "figure": figure, "curve": curve})
-        return
     width = max(12, *(len(name) for name in names))
-    print(f"{'':<26}" + "".join(f"  {name:>{width}}" for name in names))
+    lines = [f"{'':<26}" + "".join(f"  {name:>{width}}" for name in names)]
     for words in rows[0]:
         values = [row[words] for row in rows]
-        print(f"{words:<26}" + "".join(f"  {f'{v:.3g}' if v == v else '-':>{width}}" for v in values))
-    print_files([figure, curve])
+        lines.append(f"{words:<26}" + "".join(f"  {f'{v:.3g}' if v == v else '-':>{width}}" for v in values))
+    plain = [{"action": f.name} | row for f, row in zip(feels, rows, strict=True)]
+    facts = {"actions": plain, "figure": figure, "curve": curve}
+    tell(as_json, facts, [*lines, *file_lines([figure, curve])])

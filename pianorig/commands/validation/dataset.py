@@ -8,9 +8,8 @@ from typing import Annotated
 
 import typer
 
-from pianorig.console.built_in_names import complete_scene
-from pianorig.console.options import AsJson
-from pianorig.console.output import print_json
+from pianorig.console.options import AsJson, complete_scene
+from pianorig.console.output import tell
 from pianorig.console.progress import say
 from pianorig.errors import CommandInputError
 
@@ -70,12 +69,11 @@ def _make(
         out, seed=seed, each=each, sealed_truth=sealed_truth, films=films, scene=scene,
         say=(lambda text: None) if as_json else say,
     )  # fmt: skip
-    if as_json:
-        print_json({"dataset": made.folder, "trials": made.trials, "sealed_truth": made.sealed_truth})
-        return
-    print(f"data set: {made.folder} ({', '.join(f'{name} {n} trials' for name, n in made.trials.items())})")
+    lines = [f"data set: {made.folder} ({', '.join(f'{name} {n} trials' for name, n in made.trials.items())})"]
     if made.sealed_truth is not None:
-        print(f"truth of the sealed split: {made.sealed_truth}; keep it, it is nowhere else")
+        lines.append(f"truth of the sealed split: {made.sealed_truth}; keep it, it is nowhere else")
+    facts = {"dataset": made.folder, "trials": made.trials, "sealed_truth": made.sealed_truth}
+    tell(as_json, facts, lines)
 
 
 def _score(predictions: Path | None, data: Path, as_json: bool) -> None:
@@ -84,9 +82,7 @@ def _score(predictions: Path | None, data: Path, as_json: bool) -> None:
     if predictions is None:
         raise CommandInputError("dataset score: the table of predictions is missing")
     found = score(data, predictions)
-    if as_json:
-        print_json({"overall_percent": found.overall, "by_channel": found.by_channel, "by_trial": found.by_trial})
-        return
-    for name, value in found.by_channel.items():
-        print(f"{name}: {value:.2f} % of its range")
-    print(f"score: {found.overall:.2f} % (less is better; {len(found.by_trial)} test trials without a planted fault)")
+    lines = [f"{name}: {value:.2f} % of its range" for name, value in found.by_channel.items()]
+    tested = f"{len(found.by_trial)} test trials without a planted fault"
+    facts = {"overall_percent": found.overall, "by_channel": found.by_channel, "by_trial": found.by_trial}
+    tell(as_json, facts, [*lines, f"score: {found.overall:.2f} % (less is better; {tested})"])

@@ -13,7 +13,7 @@ import typer
 import validation
 from pianorig import workflows
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scene, Settings
-from pianorig.console.output import print_json
+from pianorig.console.output import tell
 from pianorig.console.overrides import load_model, read_settings
 from pianorig.console.progress import say
 from validation.report.files import check_folder, check_target
@@ -136,23 +136,18 @@ def command(
         files |= {"petab": validation.write_petab(found, petab)["problem.yaml"]}
     if plan is not None and not why_none:
         files |= {"plan": workflows.write_next(found, ranked, plan)}
-    if as_json:
-        names = {name: str(path) for name, path in files.items()}
-        shrinks = [{"name": p.name, "trials": p.trials, "shrink": dict(p.shrink)} for p in ranked]
-        more = {"file": str(out), "files": names, "next": shrinks, "no_plan": why_none or None}
-        print_json(_as_plain(found) | more)
-        return
-    for line in found.warnings:
-        print(f"note: {line}.")
-    for e in found.estimates:
-        print(_line(e))
-    for name, scores in found.scores.items():
-        print(_scores(name, scores))
-    print("\n".join([*workflows.reading_lines(found, ranked, refused), *drawn]))
-    for name, path in files.items():
-        print(f"{name}: {path}")
-    if why_none:
-        print(f"plan: none is written: {why_none}.")
+    shrinks = [{"name": p.name, "trials": p.trials, "shrink": dict(p.shrink)} for p in ranked]
+    more = {"file": out, "files": files, "next": shrinks, "no_plan": why_none or None}
+    lines = [
+        *(f"note: {line}." for line in found.warnings),
+        *map(_line, found.estimates),
+        *(_scores(name, scores) for name, scores in found.scores.items()),
+        *workflows.reading_lines(found, ranked, refused),
+        *drawn,
+        *(f"{name}: {path}" for name, path in files.items()),
+        *([f"plan: none is written: {why_none}."] if why_none else []),
+    ]
+    tell(as_json, _as_plain(found) | more, lines)
 
 
 def _names(text: str) -> list[str]:

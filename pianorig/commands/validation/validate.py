@@ -8,9 +8,8 @@ from typing import Annotated
 import typer
 
 import validation
-from pianorig.console.built_in_names import complete_file
-from pianorig.console.options import DEFAULT_ACTION, AsJson, Scene, Settings, Tolerance
-from pianorig.console.output import print_json, print_verdict
+from pianorig.console.options import DEFAULT_ACTION, AsJson, Scene, Settings, Tolerance, complete_file
+from pianorig.console.output import tell, verdict_lines
 from pianorig.console.overrides import load_model, split_model
 from pianorig.console.progress import say
 from pianorig.errors import CommandInputError
@@ -105,13 +104,8 @@ def command(
         if not refused and inputs_sha256(sessions, read, options) == inputs:
             note = store_report(folder, inputs, files, verdict, side.results[0].provenance["created_utc"])
             reused += f"; {note}" if note else ""
-    if as_json:
-        names = {k: str(v) for k, v in files.items()}
-        print_json({"verdict": " ".join(verdict), "files": names, "reused": reused, "refused": list(refused)})
-    else:
-        print_verdict(verdict)
-        print(f"reused: {reused}")
-        print(f"report: {files['report.html']}")
+    facts = {"verdict": " ".join(verdict), "files": files, "reused": reused, "refused": refused}
+    tell(as_json, facts, [*verdict_lines(verdict), f"reused: {reused}", f"report: {files['report.html']}"])
     if refused:
         raise typer.Exit(2)
 
@@ -125,12 +119,8 @@ def _by_motion_alone(
     result = validation.validate_positions(
         session, out, action=actions[0] if actions else None, identified=identified, progress=None if as_json else say
     )
-    names = {k: str(v) for k, v in result.files.items()}
-    if as_json:
-        print_json({"verdict": result.sentence, "files": names, "scores": result.scores.to_dict("records")})
-    else:
-        print_verdict(result.verdict_lines)
-        print(f"report: {names['report.html']}")
+    facts = {"verdict": result.sentence, "files": result.files, "scores": result.scores.to_dict("records")}
+    tell(as_json, facts, [*verdict_lines(result.verdict_lines), f"report: {result.files['report.html']}"])
 
 
 def _reused(side: validation.SideBySide) -> str:

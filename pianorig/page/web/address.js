@@ -1,12 +1,9 @@
-// The views and the address of the page, #review?session=a&trial=1: whatever a view shows is found again from it.
+// The address of the page, #review?session=a&trial=1: whatever a view shows is found again from it.
 
-/** Views by their name in the address, with their titles, in the order of the list at the top. */
-export const VIEWS = { sessions: "Sessions", live: "Live", review: "Review", outlines: "Outlines", action: "Action" };
-
-/** View and values of the address; the first view where it names none. */
+/** Name of the view and values of the address. */
 export function address() {
   const [view, values] = location.hash.slice(1).split("?");
-  return { view: view in VIEWS ? view : "sessions", values: new URLSearchParams(values || "") };
+  return { view: view || "sessions", values: new URLSearchParams(values || "") };
 }
 
 /** The address of a view with values. */

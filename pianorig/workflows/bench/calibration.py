@@ -201,6 +201,15 @@ def swing(rig: Rig, address: str, body: str, swings: int, ask: Callable[[str], o
     return Swings(float(shares.mean()), u, tuple(each), dict(device))
 
 
+def _write_action(
+    given: model.Action, path: str, value: tuple[float, float], source: str, command: str, out: Path
+) -> None:
+    """Write the action with one value and its standard uncertainty as calibrated."""
+    name = f"{given.name}-calibrated"
+    changed = replace(with_calibrated(given, {path: value}, source), name=name)
+    model.write_action(changed, out, [f"{name}: {given.name} with values calibrated by `pianorig {command}`."])
+
+
 def calibrate_joint(
     body: str, rig: str | Path, backend: str, out: Path, action: str, swings: int, ask: Callable[[str], object]
 ) -> dict[str, Any]:
@@ -221,10 +230,7 @@ def calibrate_joint(
     torque = found.share * moment
     u = torque * math.hypot(found.u_share / found.share, u_moment / moment)
     path = f"{body}.joint_friction.A"
-    name = f"{given.name}-calibrated"
-    source = f"calibrated from {swings} free swings"
-    changed = replace(with_calibrated(given, {path: (torque, u)}, source), name=name)
-    model.write_action(changed, out, [f"{name}: {given.name} with values calibrated by `pianorig calibrate-joint`."])
+    _write_action(given, path, (torque, u), f"calibrated from {swings} free swings", "calibrate-joint", out)
     facts: dict[str, Any] = {
         "body": body,
         "friction_nm": torque,
@@ -292,11 +298,8 @@ def calibrate_contact(
             f"--load {order.load_n:g}: the pad's friction, {facts['friction']:.3g}, stands out of the joint's by less "
             f"than five standard uncertainties ({facts['u_from_swings']:.2g}); put more weight on it"
         )
-    name = f"{given.name}-calibrated"
     source = f"calibrated by a pad on a drum, {2 * order.swings} free swings"
-    changed = replace(with_calibrated(given, {path: (facts["friction"], facts["u_friction"])}, source), name=name)
-    note = f"{name}: {given.name} with values calibrated by `pianorig calibrate-contact`."
-    model.write_action(changed, out, [note])
+    _write_action(given, path, (facts["friction"], facts["u_friction"]), source, "calibrate-contact", out)
     _write_record(record, "pad", facts, braked.device, action=given.name)
     return {"action": out, "record": record, **facts}
 

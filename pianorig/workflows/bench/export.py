@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pianorig.console.column_file import write_columns
+from pianorig.console.column_file import make_folder, write_columns
 from pianorig.errors import CommandInputError
 from pianorig.workflows.model.force_input import read_driving_force
 from rig import Session, Trial
@@ -34,10 +34,7 @@ def export_session(path: Path, form: str, *, trials: list[int] | None = None, ou
         raise CommandInputError(f"--to {form}: allowed {', '.join(FORMS)}")
     chosen = _chosen(path, trials)
     folder = out if out is not None else chosen[0].path.parent / "export"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise CommandInputError(f"{folder}: cannot be made ({problem.strerror}); choose another --out") from None
+    make_folder(folder, parents=True)
     files: list[Path] = []
     for trial in chosen:
         if form == FORCE:

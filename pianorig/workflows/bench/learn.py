@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from pianorig.errors import CommandInputError
-from pianorig.workflows.bench.figure_file import new_figure, save_png
 from pianorig.workflows.bench.record import BenchAccess, interrupts_told
 from pianorig.workflows.model.predict_blow import predictor
 from rig import (
@@ -32,14 +32,14 @@ from rig import (
 )
 from rig import record as record_session
 from rig.foreign.channel_table import SECONDS, known
-from rig.storage.atomic_write import write_text
+from rig.storage.atomic_write import replace_when_complete, write_text
 
 DPI = 120
 
 
 def draw_recorded(path: Path, targets: Sequence[TargetForce]) -> None:
     """Draw the recorded forces over time, one line each, key bottoms marked (after Fig. 3.6)."""
-    figure = new_figure(7.5, 3.6)
+    figure = Figure(figsize=(7.5, 3.6), layout="constrained")
     axes = figure.subplots()
     for target in targets:
         (line,) = axes.plot(target.time_s, target.force_n, lw=1.0, label=target.name)
@@ -48,13 +48,14 @@ def draw_recorded(path: Path, targets: Sequence[TargetForce]) -> None:
     axes.set(xlabel="Time (s)", ylabel="Force at the key front (N)", title="Recorded force (dot: key bottom)")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
-    save_png(figure, path, DPI)
+    with replace_when_complete(path) as part:
+        figure.savefig(part, format="png", dpi=DPI)
 
 
 def draw_learned(folder: Path, learned: Learned) -> None:
     """Draw pianist and motor (after Figs 3.7, 3.8) and the error of each blow into ``folder``."""
     target, best = learned.target, learned.best
-    figure = new_figure(7.5, 6.6)
+    figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     top, zoom, steps = figure.subplots(3, 1, height_ratios=(3, 3, 2))
     command = best.profile.force_at(target.time_s)
     for axes in (top, zoom):
@@ -71,7 +72,8 @@ def draw_learned(folder: Path, learned: Learned) -> None:
     zoom.set_ylim(-0.1 * high, high)
     zoom.set_title("before key bottom (dotted), where it is learned", fontsize=9)
     _draw_errors(steps, learned)
-    save_png(figure, folder / "pianist_and_motor.png", DPI)
+    with replace_when_complete(folder / "pianist_and_motor.png") as part:
+        figure.savefig(part, format="png", dpi=DPI)
 
 
 def _draw_errors(axes: Any, learned: Learned) -> None:

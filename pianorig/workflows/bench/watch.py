@@ -1,4 +1,4 @@
-"""A session seen from a second process while it is recorded, as numbers or as text."""
+"""A session seen from a second process while it is recorded: as numbers, as text, as a picture that is refreshed."""
 
 from __future__ import annotations
 
@@ -9,10 +9,42 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pianorig.console.braille_plot import curve
 from rig.session.journal.live_reader import LiveView, SessionFollower
 from rig.session.trial_data import absent_bodies
+from rig.storage.atomic_write import replace_when_complete
+
+DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
+
+
+PLAIN = (" ", "'", ".", ":")
+
+
+def curve(values: NDArray[np.float64], width: int = 72, height: int = 8, braille: bool = True) -> list[str]:
+    """Draw evenly spaced values as ``height`` lines of ``width`` characters, minimum to maximum within each column.
+
+    The lowest value is at the bottom, the highest at the top; a constant is a line in the middle. Without ``braille``
+    the signs are ``'``, ``.`` and ``:``, the upper, the lower and both halves of a cell.
+    """
+    across, down = (2, 4) if braille else (1, 2)
+    columns, rows = across * width, down * height
+    low, high = float(np.min(values)), float(np.max(values))
+    span = high - low
+    cells = np.zeros((height, width), dtype=int)
+    edges = np.linspace(0, values.size, columns + 1)
+    for column in range(columns):
+        first = min(int(edges[column]), values.size - 1)
+        part = values[first : max(int(np.ceil(edges[column + 1])), first + 1)]
+        ends = np.array([part.max(), part.min()])
+        level = (high - ends) / span if span > 0 else np.array([0.5, 0.5])
+        top, bottom = np.minimum((level * rows).astype(int), rows - 1)
+        for row in range(top, bottom + 1):
+            dot = DOTS[row % 4, column % 2] if braille else 1 + row % 2
+            cells[row // down, column // across] |= int(dot)
+    if not braille:
+        return ["".join(PLAIN[cell] for cell in line) for line in cells]
+    return ["".join(chr(0x2800 + int(cell)) for cell in line) for line in cells]
 
 
 def view_facts(view: LiveView) -> dict[str, Any]:
@@ -76,3 +108,24 @@ def watch(
         if once or (view is not None and view.finished):
             return view
         wait(every_s)
+
+
+def draw_view(path: Path, view: LiveView) -> None:
+    """Force and angles over time as a PNG, whole or not at all."""
+    from matplotlib.figure import Figure  # start-up: 0.2 s that text needs not
+
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    top.plot(view.time_s, view.force_n, lw=0.8, color="C3")
+    top.set(ylabel="Force (N)", title=f"trial {view.trial} of {view.trials}: {view.state} {view.condition}".strip())
+    for k, name in enumerate(view.names):
+        bottom.plot(view.time_s, np.degrees(view.angle_rad[:, k]), lw=0.9, label=name)
+    absent = absent_bodies(view.names)
+    bottom.set(xlabel="Time (s)", ylabel="Angle from rest (deg)")
+    bottom.set_title(f"not recorded: {', '.join(absent)}" if absent else "", fontsize=9)
+    if view.names:
+        bottom.legend(fontsize=8)
+    for axes in (top, bottom):
+        axes.grid(alpha=0.3)
+    with replace_when_complete(path) as part:
+        figure.savefig(part, format="png", dpi=100)

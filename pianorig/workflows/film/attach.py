@@ -11,7 +11,6 @@ from pathlib import Path
 
 import vision
 from pianorig.errors import CommandInputError
-from pianorig.workflows.session_paths import SESSIONS
 from rig import CameraInfo, Session, Trial
 from rig.session.annotation_file import utc_now
 from rig.session.film_record import FilmRecord, record_path, write_record
@@ -19,18 +18,6 @@ from rig.storage.atomic_write import replace_when_complete, sha256_of_file
 
 RATE_TOLERANCE = 1e-3
 HEADERS = (".cihx", ".cih")
-
-
-def session_folder(named: Path | None, sessions: Path = SESSIONS) -> Path:
-    """The session named, else the working folder if it is one, else the newest below ``sessions/``."""
-    if named is not None:
-        return named
-    if Path("session.toml").is_file():
-        return Path()
-    found = [file.parent for file in sessions.glob("*/session.toml")]
-    if not found:
-        raise CommandInputError(f"no session named, and none in {sessions}; name the session folder")
-    return max(found, key=lambda folder: (folder / "session.toml").stat().st_mtime)
 
 
 def attach_film(

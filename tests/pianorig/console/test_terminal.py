@@ -16,9 +16,9 @@ if sys.platform == "win32":
     pytest.skip("pseudo-terminals are POSIX only", allow_module_level=True)
 
 from pianorig.console import progress
-from pianorig.console.braille_plot import curve
 from pianorig.console.compile_notice import ONCE
-from pianorig.console.output import nan_as_null, print_json
+from pianorig.console.output import print_json
+from pianorig.workflows.bench.watch import curve
 from rig import Progress
 from tests.terminal_screen import OnTerminal, Screen
 
@@ -130,5 +130,5 @@ def test_a_peak_of_one_sample_is_drawn_from_top_to_bottom() -> None:
 
 def test_a_number_that_is_not_known_is_null_in_json(capsys: pytest.CaptureFixture[str]) -> None:
     """JSON has no NaN: other programs' readers stop at it."""
-    print_json(nan_as_null({"dip_mm": 9.5, "after_touch_mm": np.nan, "body": "key"}))
+    print_json({"dip_mm": 9.5, "after_touch_mm": np.nan, "body": "key"})
     assert capsys.readouterr().out == '{"dip_mm": 9.5, "after_touch_mm": null, "body": "key"}\n'

@@ -10,8 +10,7 @@ import pytest
 
 import model
 from model.parameters.quantity import check_value
-from pianorig.page.action.changed_action import action_facts, changed_action, reach, toml_of
-from pianorig.page.action.live_blow import BLOWS, blow_curves, live_blow
+from pianorig.page.action import BLOWS, action_facts, blow_curves, changed_action, live_blow, reach, toml_of
 from tests.pianorig.page.conftest import Page
 from tests.pianorig.page.test_review import numbers
 

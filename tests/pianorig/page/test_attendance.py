@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from pianorig.page.control.attendance import ASKED, PATIENCE_S, UNSEEN, Attendance
+from pianorig.page.recorder_process import ASKED, PATIENCE_S, UNSEEN, Attendance
 from rig.safety.interrupts import Terminated
 
 

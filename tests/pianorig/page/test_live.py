@@ -20,7 +20,7 @@ from tests.pianorig.page.conftest import Page, awaited
 from tests.pianorig.page.recordings import recording
 from tests.pianorig.page.stories import opened, until
 
-stream_module = pytest.importorskip("pianorig.page.live.live_stream")
+stream_module = pytest.importorskip("pianorig.page.live")
 
 
 def rows(samples: bytes, columns: int) -> tuple[int, np.ndarray]:

@@ -144,8 +144,8 @@ async def left(socket: Any) -> None:
 def test_long_work_and_a_plan_are_not_done_at_once(
     writing: Page, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pianorig.page.control.plan_control import PlanControl
     from pianorig.page.jobs import Jobs
+    from pianorig.page.plan import PlanControl
 
     with monkeypatch.context() as busy:
         busy.setattr(PlanControl, "running", True)

@@ -267,7 +267,7 @@ def test_the_row_tells_what_the_report_says_and_whether_it_is_still_so(writing: 
 
 
 def test_an_unchanged_session_is_not_read_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from pianorig.page.catalogue import catalogue
+    from pianorig.page import catalogue
 
     read = []
     real = catalogue.read_row

@@ -16,9 +16,8 @@ from typing import Any
 
 import pytest
 
-from pianorig.page.control.order import Bench, Order
-from pianorig.page.control.plan_control import PlanControl
-from pianorig.page.control.recorder_process import Told, stop_main_thread
+from pianorig.page.plan import Bench, Order, PlanControl
+from pianorig.page.recorder_process import Told, stop_main_thread
 from rig.configuration.rig_file import load_rig
 from rig.selftest import SelftestFinding, SelftestRecord
 from rig.session import Session

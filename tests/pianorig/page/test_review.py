@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import model
-from pianorig.page.review.trial_view import trial_view
+from pianorig.page.review import trial_view
 from rig.session import Session
 from tests.pianorig.page.conftest import FRAMES, HEIGHT, WIDTH, Page, film_frames
 from validation.measurement.trial import measure

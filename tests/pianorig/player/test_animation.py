@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +13,17 @@ import pytest
 
 import model
 from model.inside.seen_motion import SeenMotion
-from pianorig.page.action.live_blow import blow_curves
-from pianorig.player.animation import SCRIPTS, WEB, Animation, animation_html, motion_start_s, thinned
-from pianorig.workflows.model.blow_animation import write_blow_animation
+from pianorig.page.action import blow_curves
+from pianorig.player.animation import (
+    SCRIPTS,
+    WEB,
+    Animation,
+    animation_html,
+    motion_start_s,
+    thinned,
+    write_blow_animation,
+)
+from pianorig.player.moving_action import pack
 
 
 @pytest.fixture(scope="module")
@@ -84,12 +91,17 @@ def test_what_never_moves_starts_at_its_beginning(blow: tuple[model.Action, mode
     assert inside is not None
     seen = SeenMotion(inside.scene, inside.time_s, inside.pose, inside.point_m, inside.penetration_m, inside.normal_n)
     still = thinned(seen, np.arange(0, 20))
-    assert motion_start_s(still) == still.time_s[0]
-    assert motion_start_s(replace(still, time_s=still.time_s - 5.0)) == still.time_s[0] - 5.0
+    assert motion_start_s(still.time_s, still.pose) == still.time_s[0]
+    assert motion_start_s(still.time_s - 5.0, still.pose) == still.time_s[0] - 5.0
 
 
 def test_a_hostile_title_stays_text() -> None:
-    shown = Animation("</script><script>alert(1)</script>", [("<b>", {})], [], [], (0.0, 1.0), 0.0)
+    shown = Animation(
+        "</script><script>alert(1)</script>",
+        [("<b>", {"time_s": pack([0.0, 1.0]), "pose": pack(np.zeros((2, 1, 3)))})],
+        [],
+        [],
+    )
     text = animation_html(shown)
     assert (
         text.count("<script") == 2

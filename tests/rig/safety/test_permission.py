@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from pianorig.console import prompt as asking
+from pianorig.console import terminal as asking
 from rig.backend import Capabilities
 from rig.errors import InputError, LimitExceeded, NotPermitted
 from rig.recording.recorder import record_session

@@ -90,7 +90,7 @@ def test_without_the_extra_it_says_what_to_install(
         without.setattr(page, "__getattr__", missing)
         refused("piano-action-rig[bench]", "bench", ".", "--no-show")
     pytest.importorskip("tornado", reason="the page needs the extra 'bench'")
-    from pianorig.page.handlers import shell  # tornado is there, Bokeh is not
+    from pianorig.page import answers as shell  # tornado is there, Bokeh is not
 
     monkeypatch.setattr(shell, "find_spec", lambda name: None)
     refused("needs the package bokeh", "bench", ".", "--no-show")

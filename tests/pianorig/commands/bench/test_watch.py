@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pianorig.console.braille_plot import curve
+from pianorig.workflows.bench.watch import curve
 from tests.command_line import run
 
 SHIPPED = Path(__file__).parents[4] / "sessions" / "example_forte"

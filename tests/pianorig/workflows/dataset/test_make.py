@@ -18,9 +18,7 @@ import validation
 import vision
 from pianorig.errors import CommandInputError
 from pianorig.workflows.dataset import make
-from pianorig.workflows.dataset.conditions import CONDITIONS
-from pianorig.workflows.dataset.play import FAULTS, FILM_HZ, SpecimenBench, plant_fault
-from pianorig.workflows.dataset.specimens import draw_specimen
+from pianorig.workflows.dataset.make import CONDITIONS, FAULTS, FILM_HZ, SpecimenBench, draw_specimen, plant_fault
 from tests.command_line import run
 from validation.dataset.files import CHANNELS
 from validation.dataset.score import SCORED, scored_trials
@@ -37,7 +35,7 @@ def made(shared) -> tuple[Path, Path]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(make, "CONDITIONS", FEW)
             patch.setattr(make, "SPECIMENS", ("A",))
-            patch.setattr("pianorig.workflows.dataset.films.LONG_S", 0.09)
+            patch.setattr("pianorig.workflows.dataset.make.LONG_S", 0.09)
             make.make_dataset(place / "set", each=2, sealed_truth=place / "truth" / "sealed.json")
         return place / "set", place / "truth" / "sealed.json"
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import model
-from pianorig.workflows.examples import films
+from pianorig.workflows import examples as films
 
 
 def test_the_camera_gets_the_angles_of_the_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from pianorig.errors import InputError
-from pianorig.workflows.film.attach import attach_film, session_folder
+from pianorig.workflows.film.attach import attach_film
 from pianorig.workflows.film.session_film import SessionFilm
+from pianorig.workflows.session_paths import session_folder
 from rig.configuration.profile import load_profile
 from rig.recording.recorder import record_session
 from rig.session import Session

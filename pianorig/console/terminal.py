@@ -1,17 +1,21 @@
-"""The one line of standard error that changes in place, and the lines that stay above it.
+"""The terminal: a line that changes in place, lines that stay above it, what it can print, its width, a question.
 
-Everything that reports progress writes here, so that two reports never fight for one line. Nothing but a carriage
-return and blanks moves the cursor: that works in every terminal and console, whatever its width, colours and encoding
-(docs/explanation/page.md).
+Everything that reports progress writes to one line of standard error, so that two reports never fight for it. Nothing
+but a carriage return and blanks moves the cursor: that works in every terminal and console, whatever its width, colours
+and encoding (docs/explanation/page.md). A Windows console or pipe may know cp1252, cp437 or ASCII only: what it lacks
+is spelled plainly, never a crash and seldom a question mark.
 """
 
 from __future__ import annotations
 
+import codecs
+import io
 import os
 import shutil
 import sys
 import threading
 import time
+from collections.abc import Callable
 from typing import TextIO
 
 REFRESH_S = 0.1
@@ -90,3 +94,49 @@ class LiveLine:
 
 LIVE = LiveLine()
 """The line of this process."""
+
+
+HANDLER = "pianorig.plain"
+SPELLED = {
+    "°": " deg", "µ": "u", "μ": "u", "×": "x", "·": "*", "±": "+-", "−": "-", "–": "-", "—": "-", "…": "...",
+    "→": "->", "≤": "<=", "≥": ">=", "²": "^2", "³": "^3", "“": '"', "”": '"', "‘": "'", "’": "'",
+    "θ": "theta", "σ": "sigma", "é": "e", "\u00a0": " ", "\u202f": " ", "\u2009": " ",
+}  # fmt: skip
+
+
+def _spell(problem: UnicodeError) -> tuple[str, int]:
+    if not isinstance(problem, UnicodeEncodeError):
+        raise problem
+    lacking = problem.object[problem.start : problem.end]
+    return "".join(SPELLED.get(sign, "?") for sign in lacking), problem.end
+
+
+def write_what_the_terminal_can() -> None:
+    """Let standard output and standard error spell out what their encoding lacks."""
+    codecs.register_error(HANDLER, _spell)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=HANDLER)
+
+
+def can_print(text: str) -> bool:
+    """Whether standard output knows every character of ``text``."""
+    try:
+        text.encode(getattr(sys.stdout, "encoding", None) or "ascii")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def type_answer(question: str) -> str | None:
+    """Show a question on standard error and return the line that was typed; None without a terminal."""
+    if operator() is None:
+        return None
+    print(question, end="", file=sys.stderr, flush=True)
+    line = sys.stdin.readline()
+    return line.rstrip("\n") if line else None
+
+
+def operator() -> Callable[[str], str | None] | None:
+    """Return :func:`type_answer` where a terminal is attached, else None: nobody can be asked."""
+    return type_answer if sys.stdin is not None and sys.stdin.isatty() else None

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from tornado.ioloop import IOLoop
+from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
+from pianorig.console.output import json_text
 from pianorig.console.progress import say
-from pianorig.errors import CommandInputError
 from pianorig.page.access import Access, Refused
-from pianorig.page.catalogue.catalogue import Catalogue, UnknownName
-from pianorig.page.control.plan_control import PlanControl
+from pianorig.page.catalogue import Catalogue, UnknownName
 from pianorig.page.jobs import Jobs
-from pianorig.page.review.film_shelf import FilmShelf
+from pianorig.page.plan import PlanControl
+from pianorig.page.review import FilmShelf
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -89,8 +92,54 @@ class Guarded(RequestHandler):
         self.refuse(status_code, " ".join(str(reason).split()))
 
 
+class Sent(NamedTuple):
+    """A file in place of JSON, and headers that differ from those of other answers."""
+
+    content: bytes
+    headers: dict[str, str]
+
+
+class Asked(NamedTuple):
+    """What a request states beside its address: values of the query, and the JSON object that was sent."""
+
+    query: dict[str, list[str]]
+    content: dict[str, Any]
+
+    def one(self, name: str, default: str = "") -> str:
+        """A value of the query, the last where there are several."""
+        return [default, *self.query.get(name, ())][-1]
+
+
+Work = Callable[..., Any]
+"""Takes `Served`, the parts of the address and `Asked`; what it returns is sent."""
+
+
 class Reply(Guarded):
-    """An answer in JSON."""
+    """An answer in JSON, made by a function in a thread; only who may write is answered by ``post`` and ``delete``."""
+
+    def initialize(  # type: ignore[override]
+        self, served: Served, get: Work | None = None, post: Work | None = None, delete: Work | None = None
+    ) -> None:
+        """Keep what the answers are made from, and by."""
+        super().initialize(served)
+        self._work = {"get": get, "post": post, "delete": delete}
+
+    async def get(self, *names: str) -> None:
+        """Send what is asked for."""
+        await self._answer("get", names, {})
+
+    async def post(self, *names: str) -> None:
+        """Do something with the JSON object that was sent."""
+        content = self.body()
+        if content is not None:
+            await self._answer("post", names, content)
+
+    async def delete(self, *names: str) -> None:
+        """Stop something."""
+        if self.may_write:
+            await self._answer("delete", names, {})
+        else:
+            self.refuse(403, "this page can only look")
 
     @property
     def may_write(self) -> bool:
@@ -98,39 +147,35 @@ class Reply(Guarded):
         access = self.served.access
         return access.may_write(self.get_cookie(access.cookie_name))
 
-    def begin(self, subject: str, words: list[str]) -> dict[str, Any]:
-        """Begin a job about a session or film; not beside a plan, whose recording it would slow.
-
-        Raises
-        ------
-        CommandInputError : a plan is being played, or another job is running
-        """
-        if self.served.plan.running:
-            raise CommandInputError("a plan is being played; long work beside it could cost a trial: wait for its end")
-        return self.served.jobs.begin(subject, words)
-
-    async def answer(self, work: Callable[..., Any], *arguments: Any) -> None:
+    async def _answer(self, method: str, names: Sequence[str], content: dict[str, Any]) -> None:
         """Do some work in a thread and send what it returns; an error that a user can cause is one line."""
+        work = self._work[method]
+        if work is None:
+            raise HTTPError(405)
+        # taken here: what is asked for depends on the address, which another thread must not read
+        asked = Asked({name: self.get_query_arguments(name) for name in self.request.query_arguments}, content)
         try:
-            found = await IOLoop.current().run_in_executor(self.served.workers, lambda: work(*arguments))
+            found = await IOLoop.current().run_in_executor(
+                self.served.workers, lambda: work(self.served, *names, asked)
+            )
         except UnknownName as error:
             self.refuse(404, str(error))
-            return
         except Exception as error:
             if not isinstance(error, ValueError) and getattr(error, "exit_code", None) is None:
                 raise
             self.refuse(400, " ".join(str(error).split()))
-            return
-        self.send(found)
+        else:
+            self.send(found)
 
     def send(self, content: Any) -> None:
-        """Send JSON; a number that is none is null."""
+        """Send JSON, in which a number that is none is null, or a file."""
+        if isinstance(content, Sent):
+            for name, value in content.headers.items():
+                self.set_header(name, value)
+            self.finish(content.content)
+            return
         self.set_header("Content-Type", "application/json")
-        try:
-            text = json.dumps(content, default=_plain, allow_nan=False)
-        except ValueError:
-            text = json.dumps(_finite(content), default=_plain)
-        self.finish(text)
+        self.finish(json_text(content))
 
     def body(self) -> dict[str, Any] | None:
         """The JSON object that was sent by who may write; None after a refusal."""
@@ -150,6 +195,36 @@ class Reply(Guarded):
         return content
 
 
+class Stream(Guarded, WebSocketHandler):
+    """A websocket that tells something from the time it is opened until the page is gone."""
+
+    _task: asyncio.Task[None] | None = None
+
+    def check_origin(self, origin: str) -> bool:
+        """The origin was checked before (`Guarded.prepare`)."""
+        return True
+
+    def open(self, *arguments: str, **more: str) -> None:
+        """Begin to tell."""
+        self._task = asyncio.get_running_loop().create_task(self._tell_on(*arguments))
+
+    def on_message(self, message: str | bytes) -> Any:
+        """Nothing is taken from the page."""
+
+    def on_close(self) -> None:
+        """The page is gone; whoever records for it notices that it hears nothing more."""
+        if self._task is not None:
+            self._task.cancel()
+
+    async def _tell_on(self, *arguments: str) -> None:
+        with suppress(WebSocketClosedError, StreamClosedError):
+            await self.tell(*arguments)
+
+    async def tell(self, *arguments: str) -> None:
+        """Write messages, without end."""
+        raise NotImplementedError
+
+
 class NotFound(Guarded):
     """Whatever has no other answer."""
 
@@ -158,19 +233,3 @@ class NotFound(Guarded):
         super().prepare()
         if not self._finished:
             self.refuse(404, "no such page")
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else str(value)
-
-
-def _finite(content: Any) -> Any:
-    if hasattr(content, "tolist"):
-        content = content.tolist()
-    if isinstance(content, float):
-        return content if math.isfinite(content) else None
-    if isinstance(content, dict):
-        return {key: _finite(value) for key, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [_finite(value) for value in content]
-    return content

@@ -1,7 +1,8 @@
 """What is new in a recording since the last look: samples of every channel, and the state of trial and plan.
 
 A sample is sent once. A page that was away for longer than `rig.session.journal.live_reader.KEEP_S` finds the samples
-from then on; the place of each block among the samples is sent with it, so that a gap is seen, not closed.
+from then on; the place of each block among the samples is sent with it, so that a gap is seen, not closed. The journal
+is read and never touched: nothing here can slow or end a recording.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pianorig.page.catalogue.session_row import LARGEST_TRIAL_BYTES, open_session, shortened
+from pianorig.page.catalogue import LARGEST_TRIAL_BYTES, open_session, shortened
 from rig.configuration.rig_file import RigConfig
 from rig.errors import RigError
 from rig.recording.resume import session_rig

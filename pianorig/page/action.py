@@ -1,0 +1,342 @@
+"""The action to try out: screws and parameters turned, a blow at once, the touch, a technician's step, a file of it.
+
+In: the name of a built-in action, a scene, and changed values by parameter path. Out: plain data; nothing is
+kept between two requests, so that any number of pages may try any number of things. All mechanics is `model`'s.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import model
+from model.files.force_library import KNOTS
+from model.inside.seen_motion import see_motion
+from model.parameters.quantity import allowed_range
+from model.parameters.write_toml import action_text
+from model.regulation.screws import limits
+from pianorig.errors import CommandInputError
+from pianorig.player.moving_action import moving_action, pack
+from validation.conventions import BODIES, ENCODER_BODIES
+from validation.curves.signs import TITLE, degrees
+from validation.events.definitions import EVENTS
+from validation.events.detect import find_events
+from validation.measurement.geometry import geometry_of, motion_of
+from vision.output.colours import colour_of
+
+MOST_CHANGES = 200
+MOST_TEXT = 4000  # letters of a scene's text, which is part of an address
+COUNTS = ("string.modes", "string.unisons")
+LENGTH_M = 5e-3  # a slider reaches so far to either side of a length
+TIMES = 4.0  # a slider goes from a quarter of another quantity to this many times of it
+TILT = 0.05  # of a component of a normal, whose length must stay near 1
+SCREWS = (*model.regulation.SCREWS, model.regulation.REST_RAIL)
+
+_DRIVEN = "scene {}: driven by {}, the blows of this page by force_n; pianorig simulate --scene plays a table of it"
+
+
+def built_in_actions() -> list[str]:
+    """Names of the actions that come with the program."""
+    folder = Path(model.__file__).parent / "actions"
+    return sorted(path.stem for path in folder.glob("*.toml"))
+
+
+def chosen_scene(text: str) -> model.SceneChoice:
+    """A scene by its built-in name, or from the text of a scene file; the server opens no file.
+
+    Raises
+    ------
+    CommandInputError : no such scene, text that is not TOML, or a scene that no force on the key drives
+    model.InputError : a key or value of the text that is not allowed
+    """
+    if text in model.SCENES:
+        choice = model.SCENES[text]
+    elif "\n" in text or "=" in text:
+        if len(text) > MOST_TEXT:
+            raise CommandInputError(f"scene: {len(text)} letters, allowed {MOST_TEXT}")
+        try:
+            choice = model.scene_of(tomllib.loads(text), "scene")
+        except tomllib.TOMLDecodeError as problem:
+            raise CommandInputError(f"scene: is not valid TOML: {problem}") from None
+    else:
+        raise CommandInputError(f"scene {text[:80]!r}: allowed {', '.join(model.SCENES)}, or the text of a scene file")
+    if choice.input_column != "force_n":
+        raise CommandInputError(_DRIVEN.format(text[:80], choice.input_column))
+    return choice
+
+
+def scenes() -> dict[str, str]:
+    """Why a built-in scene cannot be shown, by its name; empty where it can."""
+    driven = {name: choice.input_column for name, choice in model.SCENES.items()}
+    return {name: "" if by == "force_n" else _DRIVEN.format(name, by) for name, by in driven.items()}
+
+
+@lru_cache(maxsize=8)
+def _given(name: str, scene: str) -> model.Action:
+    if name not in built_in_actions():
+        raise CommandInputError(f"action {name[:80]!r}: allowed {', '.join(built_in_actions())}")
+    return chosen_scene(scene).on(model.load_action(name))
+
+
+def changed_action(name: str, changes: Sequence[str], scene: str = "whole") -> model.Action:
+    """A built-in action in a scene (`chosen_scene`) with ``path=value`` texts applied.
+
+    Raises
+    ------
+    CommandInputError : no such action or scene, or a text that is none of ``path=value``
+    model.InputError : an unknown path, one that plays no part in the scene, or a value that is not allowed
+    """
+    if len(changes) > MOST_CHANGES:
+        raise CommandInputError(f"{len(changes)} changes: allowed {MOST_CHANGES}")
+    values = {}
+    for text in changes:
+        path, _, value = text.partition("=")
+        try:
+            values[path] = float(value)
+        except ValueError:
+            raise CommandInputError(f"{text[:80]!r}: allowed path=value, the value a number in SI units") from None
+    given = _given(name, scene)
+    if not values:
+        return given
+    changed = given.with_values(values, "page")
+    model.choice_of(changed).check(changed)
+    return changed
+
+
+def action_facts(name: str, scene: str = "whole") -> dict[str, Any]:
+    """Screws and parameters of an action in a scene, each with the reach of its slider, SI units.
+
+    Raises
+    ------
+    CommandInputError, model.InputError : as `changed_action`
+    """
+    given = _given(name, scene)
+    contacts = {key.removesuffix(".description"): text for key, text in given.structure.items() if "description" in key}
+    screws = []
+    for screw in SCREWS:
+        low, high = limits(given, screw)
+        screws.append(
+            {
+                "name": screw.name,
+                "path": screw.path,
+                "target": screw.target if screw is not model.regulation.REST_RAIL else "",
+                "low": given[screw.path] + low,
+                "high": given[screw.path] + high,
+            }
+        )
+    parameters = []
+    for path, quantity in model.quantities_of(given).items():
+        low, high = reach(path, quantity.value, quantity.unit)
+        about = contacts.get(path.split(".")[0], "")
+        facts = {"path": path, "value": quantity.value, "unit": quantity.unit, "u": quantity.u, "about": about}
+        of_scene = path not in given.quantities
+        parameters.append({**facts, "low": low, "high": high, "of_scene": of_scene, "count": path in COUNTS})
+    return {"name": name, "description": given.description, "screws": screws, "parameters": parameters}
+
+
+def reach(path: str, value: float, unit: str) -> tuple[float, float]:
+    """How far a slider goes: a few millimetres about a length, some times any other quantity.
+
+    Examples
+    --------
+    >>> reach("hammer.mass", 0.01, "kg")
+    (0.0025, 0.04)
+    """
+    if path in COUNTS:
+        return allowed_range(path)[:2]
+    if path.endswith((".normal.x", ".normal.y")):
+        low, high = value - TILT, value + TILT
+    elif unit in ("m", "rad") or value == 0.0:
+        low, high = value - LENGTH_M, value + LENGTH_M
+    else:
+        low, high = sorted((value / TIMES, value * TIMES))
+    least, most, beyond = allowed_range(path)
+    if beyond and low <= least:  # the least itself is not allowed
+        low = least + (value - least) / TIMES
+    return max(low, least), min(high, most)
+
+
+def toml_of(action: model.Action) -> str:
+    """The action as the text of a TOML file that ``--action`` reads; its head names what was changed.
+
+    Raises
+    ------
+    CommandInputError : nothing was changed
+    """
+    if action.content() == _given(action.name, "whole").content():
+        raise CommandInputError(f"{action.name}: nothing was changed; use it by its name")
+    quantities = model.quantities_of(action)
+    words = [f"{path} = {value:.9g} {quantities[path].unit}" for path, value in action.changed.items()]
+    return action_text(action, [f"{action.name}, changed on the page of `pianorig bench`:", *words])
+
+
+RATE_HZ = 5000.0
+EVERY, DRAWN = 5, 2  # a pose and a drawn sample for so many samples
+QUIET_S = 0.02  # every built-in blow begins later than this
+TOLERANCE_RAD = 1e-5
+BLOWS = tuple(KNOTS)
+KEPT = 8
+
+
+@dataclass(frozen=True, eq=False)
+class _Blow:
+    """A blow as it was computed."""
+
+    action: model.Action
+    time_s: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    solution: model.Solution
+    rest_rad: NDArray[np.float64]
+
+
+@lru_cache(maxsize=KEPT)
+def _blow(name: str, changes: tuple[str, ...], blow: str, scene: str) -> _Blow:
+    """Computed once for curves and all else; the same words always give the same blow."""
+    action = changed_action(name, changes, scene)
+    table_s, table_n = model.force_table(blow)
+    times = model.output_times(float(table_s[0]), float(table_s[-1]), RATE_HZ)
+    solution = model.simulate(
+        action, table_s, table_n, output_time_s=times, tolerance=TOLERANCE_RAD,
+        contact_forces=model.build_scene(action).remembers,
+    )  # fmt: skip
+    return _Blow(action, times, np.interp(times, table_s, table_n), solution, model.rest_state(action).angle_rad)
+
+
+def blow_curves(name: str, changes: Sequence[str], blow: str, scene: str = "whole") -> dict[str, Any]:
+    """What follows a slider at once: angles under a built-in blow, and nothing else.
+
+    Parameters
+    ----------
+    name, changes, scene : as for `changed_action`
+    blow : one of `BLOWS`
+
+    Raises
+    ------
+    CommandInputError, model.InputError : no such action, scene, blow or parameter, or a value that is not allowed
+    model.StaticsError, model.IntegrationError : the action cannot rest or move like this
+    """
+    found = _blow(name, tuple(changes), blow, scene)
+    turned = found.solution.angle_rad[::DRAWN] - found.rest_rad
+    bodies = found.solution.bodies
+    return {"values": [pack(degrees(body, turned[:, i])) for i, body in enumerate(bodies) if body in BODIES]}
+
+
+def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole") -> dict[str, Any]:
+    """Motion of an action under a built-in blow: curves, events, the moving action.
+
+    Parameters, errors: as `blow_curves`.
+    """
+    found = _blow(name, tuple(changes), blow, scene)
+    times, solution = found.time_s, found.solution
+    rows = slice(None, None, EVERY)
+    seen = see_motion(
+        model.build_scene(found.action),
+        times[rows],
+        solution.angle_rad[rows],
+        solution.speed_rad_per_s[rows],
+        found.force_n[rows],
+        None if solution.contact_normal_n is None else solution.contact_normal_n[rows],
+    )
+    shown = [body for body in solution.bodies if body in BODIES]
+    channels = {
+        body: {"title": TITLE[body], "color": colour_of(body, BODIES.index(body)), "value": value}
+        for body, value in zip(shown, blow_curves(name, changes, blow, scene)["values"], strict=True)
+    }
+    return {
+        "time_s": pack(times[::DRAWN]),
+        "force_n": pack(found.force_n[::DRAWN]),
+        "channels": channels,
+        "drawing": moving_action(seen),
+        "events": _events(found) if shown == [*BODIES] else [],
+    }
+
+
+def _events(blow: _Blow) -> list[dict[str, Any]]:
+    """What happens in the blow, by the report's definitions, in the units it shows."""
+    change, geometry = blow.solution.angle_rad - blow.rest_rad, geometry_of(blow.action, blow.rest_rad[: len(BODIES)])
+    motion = motion_of(geometry, blow.time_s, change[:, ENCODER_BODIES], np.full(3, TOLERANCE_RAD))
+    rows = []
+    for event in find_events(motion, int(QUIET_S * RATE_HZ)).values():
+        kind = EVENTS[event.name]
+        found = event.status != "absent" and math.isfinite(event.value)
+        rows.append(
+            {
+                "name": event.name,
+                "title": kind.title,
+                "unit": kind.display_unit,
+                "meaning": kind.definition,
+                "value": event.value * kind.display_factor if found else None,
+                "time_s": event.value if found and kind.unit == "s" else None,
+                "note": event.note,
+            }
+        )
+    return rows
+
+
+LARGEST_TURN_M = 5e-3
+
+
+def touch(action: model.Action) -> dict[str, Any]:
+    """Force over dip of a slow press and release (m, N), and the weights read from it (N).
+
+    Raises
+    ------
+    model.ModelError : the action cannot be pressed
+    """
+    found = model.touch.weigh(action)
+    (down_m, down_n), (up_m, up_n) = found.curve()
+    return {
+        "press": {"dip_m": pack(down_m), "force_n": pack(down_n)},
+        "release": {"dip_m": pack(up_m), "force_n": pack(up_n)},
+        "weights": {
+            "down weight": found.down_n,
+            "up weight": found.up_n,
+            "friction weight": found.friction_n,
+            "let-off peak": found.let_off_n,
+        },
+        "dip_m": found.dip_m,
+    }
+
+
+def technician_step(action: model.Action, target: str, turn_m: float) -> dict[str, Any]:
+    """The seven regulated lengths before and after one screw is turned, m; None where one cannot be measured.
+
+    Parameters
+    ----------
+    action : as it is set
+    target : whose screw is turned, one of ``model.regulation.TARGETS``
+    turn_m : how far, m
+
+    Raises
+    ------
+    CommandInputError : no such target, or too large a turn
+    model.ModelError : the action cannot be measured
+    """
+    screw = next((screw for screw in model.regulation.SCREWS if screw.target == target), None)
+    if screw is None:
+        names = ", ".join(one.name for one in model.regulation.TARGETS)
+        raise CommandInputError(f"target {target[:40]!r}: allowed {names}")
+    if not abs(turn_m) <= LARGEST_TURN_M:
+        raise CommandInputError(f"turn {1e3 * turn_m:g} mm: allowed up to {1e3 * LARGEST_TURN_M:g} mm either way")
+    turned = action.with_values({screw.path: action[screw.path] + turn_m}, "page")
+    before, after = model.regulation.measure(action), model.regulation.measure(turned)
+    rows = [
+        {
+            "target": each.name,
+            "words": each.words,
+            "wanted_m": each.wanted_m,
+            "before_m": before.value_m[each.name],
+            "after_m": after.value_m[each.name],
+            "remark": after.remarks.get(each.name) or before.remarks.get(each.name) or "",
+        }
+        for each in model.regulation.TARGETS
+    ]
+    return {"screw": screw.name, "path": screw.path, "turn_m": turn_m, "value": turned[screw.path], "rows": rows}

@@ -1,0 +1,422 @@
+"""Sessions, films and reports below a folder: rows for the table, the way from a name in a request to a file on disk.
+
+Read from the files alone; a folder that cannot be read is a row that says why. Nothing here is remembered on disk.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pianorig.errors import CommandInputError
+from pianorig.workflows.film.session_film import STEP
+from rig.errors import RigError
+from rig.session import Session, Trial
+from rig.session.folder import FILM_SUFFIXES
+
+LARGEST_RESULTS_BYTES = 64_000_000  # 1,000 trials write about 30 MB
+MOST_FINDINGS = 50
+LONGEST = 600
+"""Characters of one text that the page shows."""
+
+
+@dataclass(frozen=True)
+class ResultSummary:
+    """What a report says, in short.
+
+    Attributes
+    ----------
+    outcome : ``agrees``, ``error shown``, ``not judged``; several of them joined where models or sessions differ
+    sentence : the headline
+    findings : faults of the session in words, at most `MOST_FINDINGS`
+    n_findings : how many there are
+    rejected : trial → whether it had been rejected when the report was made
+    seals : name of a trial's file without its ending → its seal then
+    problem : why the file cannot be used; empty where it can
+    """
+
+    outcome: str = ""
+    sentence: str = ""
+    findings: tuple[str, ...] = ()
+    n_findings: int = 0
+    rejected: Mapping[int, bool] = field(default_factory=dict)
+    seals: Mapping[str, str] = field(default_factory=dict)
+    problem: str = ""
+
+
+def shortened(text: object) -> str:
+    """Text on one line, of bounded length."""
+    words = " ".join(str(text).split())
+    return words if len(words) <= LONGEST else words[: LONGEST - 1] + "…"
+
+
+def read_results(path: Path) -> ResultSummary | None:
+    """Read a ``results.json``; None where there is none."""
+    if not path.is_file():
+        return None
+    try:
+        size = path.stat().st_size
+        if size > LARGEST_RESULTS_BYTES:
+            return ResultSummary(
+                problem=f"results.json has {size / 1e6:.0f} MB, at most {LARGEST_RESULTS_BYTES / 1e6:.0f} read"
+            )
+        return _summary(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
+        return ResultSummary(problem=f"results.json cannot be read ({shortened(error)}); make the report again")
+
+
+def _summary(content: dict[str, Any]) -> ResultSummary:
+    lines = content["verdict_lines"]
+    texts = [shortened(row["text"]) for row in content["tables"]["findings"]]
+    texts = list(dict.fromkeys(texts))  # a fault of the session stands once for each model
+    outcomes = dict.fromkeys(shortened(result.get("outcome", "")) for result in content["results"])
+    return ResultSummary(
+        outcome=", ".join(text for text in outcomes if text),
+        sentence=shortened(lines[0]) if lines else "",
+        findings=tuple(texts[:MOST_FINDINGS]),
+        n_findings=len(texts),
+        rejected={int(row["trial"]): str(row["reason"]).startswith("rejected") for row in content["tables"]["trials"]},
+        seals=dict(content["results"][0]["provenance"]["trials_sha256"]),
+    )
+
+
+REPORT = "report.html"
+RESULTS = "results.json"
+UNREADABLE = "unreadable"
+LARGEST_BYTES = {"session.toml": 2_000_000, "annotations.jsonl": 20_000_000}
+LARGEST_TRIAL_BYTES = 2_000_000_000
+"""A trial is hashed whole before it is opened; one above this size is named, not read."""
+
+
+@dataclass(frozen=True)
+class SessionRow:
+    """A session as the table shows it; ``problem`` says why the rest is empty, ``stale`` that the report is older."""
+
+    name: str
+    created_utc: str = ""
+    action: str = ""
+    operator: str = ""
+    profile: str = ""
+    simulated: bool = False
+    trials: int = 0
+    rejected: int = 0
+    status: str = UNREADABLE
+    verdict: str = ""
+    sentence: str = ""
+    findings: tuple[str, ...] = ()
+    n_findings: int = 0
+    report: bool = False
+    stale: bool = False
+    problem: str = ""
+
+
+def read_row(folder: Path) -> SessionRow:
+    """The row of a folder; one that cannot be read has a ``problem``."""
+    try:
+        session = open_session(folder)
+        trials = session.trials
+        info = session.info
+        found = read_results(folder / RESULTS) or ResultSummary()
+        return SessionRow(
+            name=folder.name,
+            created_utc=shortened(info.created_utc),
+            action=shortened(info.action.name),
+            operator=shortened(info.operator),
+            profile=shortened(info.profile.name),
+            simulated=info.simulated,
+            trials=len(trials),
+            rejected=sum(trial.rejected is not None for trial in trials),
+            status=_status(trials, bool(session.journals)),
+            verdict=found.outcome,
+            sentence=found.sentence,
+            findings=found.findings,
+            n_findings=found.n_findings,
+            report=(folder / REPORT).is_file(),
+            stale=_is_older(found, trials),
+            problem=found.problem,
+        )
+    except (RigError, OSError, ValueError, RecursionError) as error:
+        return SessionRow(name=folder.name, problem=_reason(error, folder))
+
+
+def open_session(folder: Path) -> Session:
+    """The session, unless its text files are too large to be what they say, or something in it is no plain file.
+
+    A pipe or a device in place of a trial, a film or a table would hold whoever reads it for ever.
+
+    Raises
+    ------
+    rig.errors.RigInputError : the session cannot be read
+    ValueError : a file is too large, or is none
+    """
+    refuse_odd_files(folder)
+    for name, largest in LARGEST_BYTES.items():
+        path = folder / name
+        if path.exists() and not path.is_file():
+            raise ValueError(f"{name} is no file")
+        if path.is_file() and path.stat().st_size > largest:
+            raise ValueError(f"{name} has {path.stat().st_size / 1e6:.0f} MB, allowed {largest / 1e6:.0f}")
+    return Session.open(folder, require_trials=False)
+
+
+def refuse_odd_files(folder: Path) -> None:
+    """Refuse a session's folder that holds a pipe, a socket or a device.
+
+    Raises
+    ------
+    ValueError : naming it
+    """
+    for place in (folder, *(path for path in (folder / "derived").glob("*") if path.is_dir())):
+        with os.scandir(place) as entries:
+            odd = next((entry.name for entry in entries if not _is_plain(entry)), None)
+        if odd is not None:
+            raise ValueError(f"{odd} is no file")
+
+
+def _is_plain(entry: os.DirEntry[str]) -> bool:
+    """A file or folder, also behind a link; a link that leads nowhere is harmless."""
+    try:
+        mode = entry.stat().st_mode
+    except OSError:
+        return True
+    return stat.S_ISREG(mode) or stat.S_ISDIR(mode)
+
+
+def readable_trial(session: Session, number: int) -> Trial:
+    """A trial that is not too large to be read.
+
+    Raises
+    ------
+    rig.errors.RigInputError : no such trial
+    ValueError : it is too large
+    """
+    trial = session.trial(number)
+    size = trial.path.stat().st_size if trial.path.is_file() else 0
+    if size > LARGEST_TRIAL_BYTES:
+        raise ValueError(f"trial {number} has {size / 1e6:.0f} MB, allowed {LARGEST_TRIAL_BYTES / 1e6:.0f}")
+    return trial
+
+
+def trial_status(trial: Trial) -> str:
+    """Status of a trial, or ``unreadable``."""
+    try:
+        if not trial.path.is_file() or trial.path.stat().st_size > LARGEST_TRIAL_BYTES:
+            return UNREADABLE
+        return trial.status
+    except (RigError, OSError):
+        return UNREADABLE
+
+
+def session_detail(folder: Path) -> dict[str, Any]:
+    """Trials and annotations of a session, as plain values.
+
+    Raises
+    ------
+    rig.errors.RigInputError, ValueError : the session cannot be read
+    """
+    session = open_session(folder)
+    return {
+        "trials": [
+            {
+                "trial": trial.number,
+                "status": trial_status(trial),
+                "rejected": None if trial.rejected is None else shortened(trial.rejected),
+                "film": "" if trial.film is None else trial.film.name,
+                "tracked": session.derived_path(STEP, trial.number).is_file(),
+            }
+            for trial in session.trials
+        ],
+        "annotations": [
+            {
+                "trial": entry.trial,
+                "kind": entry.kind,
+                "reason": shortened(entry.reason),
+                "author": shortened(entry.author),
+                "time_utc": shortened(entry.time_utc),
+            }
+            for entry in session.annotations
+        ],
+    }
+
+
+def _status(trials: tuple[Trial, ...], unsealed: bool) -> str:
+    counts = Counter(trial_status(trial) for trial in trials)
+    texts = [name if len(counts) == 1 else f"{n} {name}" for name, n in counts.most_common()]
+    return ", ".join([*texts, *(["not sealed: recording, or cut off"] if unsealed else [])]) or "no trials"
+
+
+def _is_older(found: ResultSummary, trials: tuple[Trial, ...]) -> bool:
+    """Whether trials were added, exchanged, rejected or accepted since the report was made.
+
+    By what the report itself says of them: times of files do not survive a copy.
+    """
+    if found.problem or not found.seals:
+        return False
+    if {trial.number: trial.rejected is not None for trial in trials} != dict(found.rejected):
+        return True
+    return any(trial.path.stem in found.seals and _seal(trial) != found.seals[trial.path.stem] for trial in trials)
+
+
+def _seal(trial: Trial) -> str:
+    try:
+        return trial.sha256 if trial.path.stat().st_size <= LARGEST_TRIAL_BYTES else ""
+    except (RigError, OSError):
+        return ""
+
+
+def _reason(error: Exception, folder: Path) -> str:
+    """The error in one line, without the path that the row names already."""
+    return shortened(str(error).replace(f"{folder}: ", "").replace(f"{folder}/", "") or type(error).__name__)
+
+
+SESSION_FILE = "session.toml"
+COMPARISONS = "comparisons"
+"""Folder, among the sessions, of reports of several of them."""
+GIVEN_OUT = {
+    ".html": "text/html; charset=utf-8",
+    ".csv": "text/csv; charset=utf-8",
+    ".json": "application/json",
+    ".nc": "application/octet-stream",
+}
+"""Files of a report that are given out, and as what."""
+
+Fingerprint = tuple[tuple[str, int, int], ...]
+
+
+class UnknownName(ValueError):
+    """A name in a request that is not that of a session or of a report's file."""
+
+
+class Catalogue:
+    """Sessions in a folder, read again only where a file has changed.
+
+    Parameters
+    ----------
+    folder : where the sessions are; each a folder with a ``session.toml``
+
+    Raises
+    ------
+    CommandInputError : there is no such folder, or it is a session itself
+    """
+
+    def __init__(self, folder: Path) -> None:
+        if not folder.is_dir():
+            raise CommandInputError(
+                f"{folder}: no such folder; name the folder that holds your sessions, or record one:  pianorig demo"
+            )
+        if (folder / SESSION_FILE).is_file():
+            raise CommandInputError(f"{folder}: is a session itself; name the folder above it, {folder.parent}")
+        self.root = folder.absolute()
+        self._known: dict[str, tuple[Fingerprint, SessionRow]] = {}
+
+    def names(self) -> list[str]:
+        """Names of the folders that hold a ``session.toml``."""
+        with os.scandir(self.root) as entries:
+            return sorted(entry.name for entry in entries if self._is_session(entry))
+
+    def rows(self) -> list[SessionRow]:
+        """One row a session, newest first; sessions without a date last."""
+        found = []
+        for name in self.names():
+            fingerprint = self._fingerprint(name)
+            known = self._known.get(name)
+            row = known[1] if known is not None and known[0] == fingerprint else read_row(self.root / name)
+            self._known[name] = (fingerprint, row)
+            found.append(row)
+        return sorted(found, key=lambda row: row.created_utc, reverse=True)
+
+    def folder(self, name: str) -> Path:
+        """The folder of a session, which must be one of `names`.
+
+        Raises
+        ------
+        UnknownName : it is none of them
+        """
+        if name not in self.names():
+            raise UnknownName(f"no session {name[:120]!r} in {self.root}")
+        return self.root / name
+
+    def films(self) -> list[str]:
+        """Names of the films that lie in the folder itself, beside the sessions."""
+        with os.scandir(self.root) as entries:
+            return sorted(entry.name for entry in entries if self._is_film(entry))
+
+    def film(self, name: str) -> Path:
+        """A film that lies on its own, which must be one of `films`.
+
+        Raises
+        ------
+        UnknownName : it is none of them
+        """
+        if name not in self.films():
+            raise UnknownName(f"no film {name[:120]!r} in {self.root}")
+        return self.root / name
+
+    def report_file(self, name: str, path: str = REPORT) -> tuple[Path, str]:
+        """A file of a session's report, and its media type; it lies in the session's folder, also behind links.
+
+        Raises
+        ------
+        UnknownName : no such file, or not one of a report
+        """
+        return self._given_out(self.folder(name), path)
+
+    def comparisons(self) -> list[str]:
+        """Names of the reports of several sessions, newest first."""
+        folder = self.root / COMPARISONS
+        if not folder.is_dir():
+            return []
+        with os.scandir(folder) as entries:
+            return sorted((entry.name for entry in entries if Path(entry.path, REPORT).is_file()), reverse=True)
+
+    def comparison_file(self, name: str, path: str = REPORT) -> tuple[Path, str]:
+        """A file of the report of several sessions, as `report_file`.
+
+        Raises
+        ------
+        UnknownName : no such report or file
+        """
+        if name not in self.comparisons():
+            raise UnknownName(f"no comparison {name[:120]!r} in {self.root}")
+        return self._given_out(self.root / COMPARISONS / name, path)
+
+    @staticmethod
+    def _given_out(report: Path, path: str) -> tuple[Path, str]:
+        folder, name = report.resolve(), report.name
+        try:
+            file = (folder / path).resolve()
+            inside = file.is_relative_to(folder) and file.is_file()
+        except (OSError, ValueError) as error:  # a name that no file can have
+            raise UnknownName(f"{name}: no file {path[:120]!r}") from error
+        kind = GIVEN_OUT.get(file.suffix)
+        if not inside or kind is None:
+            raise UnknownName(f"{name}: no file {path[:120]!r} of a report")
+        return file, kind
+
+    @staticmethod
+    def _is_session(entry: os.DirEntry[str]) -> bool:
+        try:
+            return entry.is_dir() and Path(entry.path, SESSION_FILE).is_file()
+        except OSError:
+            return False
+
+    @staticmethod
+    def _is_film(entry: os.DirEntry[str]) -> bool:
+        try:
+            return Path(entry.name).suffix.lower() in FILM_SUFFIXES and entry.is_file()
+        except OSError:
+            return False
+
+    def _fingerprint(self, name: str) -> Fingerprint:
+        try:
+            with os.scandir(self.root / name) as entries:
+                found = [(entry.name, entry.stat(follow_symlinks=False)) for entry in entries]
+        except OSError:
+            return ()
+        return tuple(sorted((file, stat.st_size, stat.st_mtime_ns) for file, stat in found))

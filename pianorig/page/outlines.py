@@ -1,0 +1,336 @@
+"""Outlines, points and lines on a film as the page edits them: read, proposed, checked, saved; tracking frames again.
+
+In: a film of a session's trial, or one that lies on its own in the folder of the sessions. Out: plain data; outlines
+and tables where `pianorig track` has them.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+import vision
+from pianorig.errors import CommandInputError
+from pianorig.page.catalogue import Catalogue, UnknownName, open_session, readable_trial
+from pianorig.page.review import outlined_film
+from pianorig.player.moving_action import pack
+from pianorig.workflows.film.session_film import BODIES_NAME, STEP, SessionFilm
+from pianorig.workflows.film.track import retrack
+from rig.configuration.toml_file import dump_toml
+from rig.session import Session, Trial
+from rig.storage.atomic_write import write_text
+from vision.output.overlay import reasons, worst_of
+from vision.results.flags import FAILURE
+
+MARKS_NAME = "marks.toml"
+"""Points and lines of a session's films, beside its outlines."""
+
+Found = tuple[pd.DataFrame, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class FilmSubject:
+    """A film; ``owner`` is its session and trial, None for a film on its own."""
+
+    path: Path
+    bodies: Path
+    owner: tuple[Session, Trial] | None
+
+    @property
+    def table(self) -> Path:
+        """Where ``pianorig track`` writes the angles."""
+        return self.path.with_suffix(".angles.csv")
+
+    @property
+    def marks(self) -> Path:
+        """The file of points and lines to follow."""
+        return self.path.with_suffix(".marks.toml") if self.owner is None else self.bodies.with_name(MARKS_NAME)
+
+    @property
+    def marks_table(self) -> Path:
+        """Where the page has the followed marks written."""
+        return self.path.with_suffix(".marks.csv")
+
+    def film(self, frame_rate_hz: float | None = None) -> SessionFilm:
+        """The film as tracking takes it."""
+        return SessionFilm(self.path, self.bodies, frame_rate_hz, allow_truncated=True)
+
+    def angles(self) -> Found | None:
+        """Tracked angles and how they were found; None before tracking."""
+        if self.owner is not None:
+            session, trial = self.owner
+            return session.read_derived(STEP, trial.number)
+        if not self.table.is_file():
+            return None
+        return pd.read_csv(self.table), {}
+
+    def view(self) -> dict[str, Any]:
+        """The film for the page (`pianorig.page.review`)."""
+        return outlined_film(self.film(), self.angles())
+
+
+def subject_of(catalogue: Catalogue, owner: str, number: int) -> FilmSubject:
+    """The film of a trial of a session, or with the number 0 a film on its own.
+
+    Raises
+    ------
+    UnknownName : there is no such film
+    rig.errors.RigInputError : the session cannot be read
+    """
+    if number == 0:
+        path = catalogue.film(owner)
+        return FilmSubject(path, path.with_suffix(".bodies.toml"), None)
+    session = open_session(catalogue.folder(owner))
+    trial = readable_trial(session, number)
+    if trial.film is None:
+        raise UnknownName(f"{owner}: trial {number} has no film")
+    return FilmSubject(trial.film, session.path / BODIES_NAME, (session, trial))
+
+
+MOST_MARKS, LONGEST_NAME = 32, 60
+Row = dict[str, Any]
+
+
+def marks_of(subject: FilmSubject) -> dict[str, Any]:
+    """The saved marks, and where following found them; files that cannot be read are a ``problem``."""
+    view: Row = {"file": subject.marks.name, "marks": [], "found": {}, "problem": ""}
+    try:
+        marks = vision.load_marks(subject.marks) if subject.marks.is_file() else []
+        view["marks"] = [_plain_mark(mark) for mark in marks]
+        view["found"] = _found_marks(subject)
+    except (vision.BodyError, CommandInputError) as error:
+        view["problem"] = str(error)
+    return view
+
+
+def _plain_mark(mark: vision.PointMark | vision.LineMark) -> Row:
+    if isinstance(mark, vision.PointMark):
+        return {"kind": "point", "name": mark.name, "points": [list(mark.at_px)], "size": mark.radius_px}
+    points = [list(mark.from_px), list(mark.to_px)]
+    return {"kind": "line", "name": mark.name, "points": points, "size": mark.width_px}
+
+
+def _found_marks(subject: FilmSubject) -> dict[str, Any]:
+    """Of each followed mark: frames, values and uncertainties (px), and where it was lost."""
+    if not subject.marks_table.is_file():
+        return {}
+    try:
+        table = pd.read_csv(subject.marks_table)
+    except (OSError, ValueError) as error:
+        raise CommandInputError(
+            f"{subject.marks_table.name}: cannot be read ({error}); follow the marks again"
+        ) from None
+    found = {}
+    for column in table.columns:
+        name = column.removesuffix("_flag")
+        kinds = ("offset_px",) if f"{name}_offset_px" in table else ("x_px", "y_px")
+        if name == column or any(f"{name}_{kind}" not in table for kind in kinds) or "frame" not in table:
+            continue
+        found[name] = {
+            "frame": table["frame"].to_numpy(dtype=int).tolist(),
+            "lost": ((table[column].to_numpy(dtype=int) & int(FAILURE)) != 0).tolist(),
+            **{kind: pack(table[f"{name}_{kind}"].to_numpy(dtype=float)) for kind in kinds},
+            **{f"u_{kind}": pack(table[f"{name}_u_{kind}"].to_numpy(dtype=float)) for kind in kinds},
+        }
+    return found
+
+
+def save_marks(subject: FilmSubject, rows: Any) -> dict[str, Any]:
+    """Check marks against the film and write them; a file that was there is kept as ``….previous.toml``.
+
+    Parameters
+    ----------
+    rows : list of kind (``point``, ``line``), name, points (one or two [x, y] in film pixels), size (px)
+
+    Raises
+    ------
+    CommandInputError : what was sent are no marks
+    vision.BodyError : a mark cannot be used, with its name and the reason
+    """
+    if not isinstance(rows, list) or not 1 <= len(rows) <= MOST_MARKS:
+        raise CommandInputError(f"marks: allowed a list of 1 to {MOST_MARKS}")
+    marks = [_mark(row) for row in rows]
+    names = [mark.name for mark in marks]
+    for name in names:
+        if names.count(name) > 1:
+            raise CommandInputError(f"mark {name}: named {names.count(name)} times; names must be unique")
+    with vision.open_film(subject.path, allow_truncated=True) as film:
+        for mark in marks:
+            if not mark.mask(film.height, film.width).any():
+                raise CommandInputError(
+                    f"mark {mark.name}: lies outside the picture of {film.width} x {film.height} px"
+                )
+    if subject.marks.is_file():
+        shutil.copyfile(subject.marks, subject.marks.with_suffix(".previous.toml"))
+    write_text(subject.marks, _toml(marks))
+    return {"file": subject.marks.name, "marks": names}
+
+
+def _toml(marks: list[vision.PointMark | vision.LineMark]) -> str:
+    tables: dict[str, list[Row]] = {"point": [], "line": []}
+    for mark in marks:
+        if isinstance(mark, vision.PointMark):
+            tables["point"].append({"name": mark.name, "at_px": list(mark.at_px), "radius_px": mark.radius_px})
+        else:
+            line = {"from_px": list(mark.from_px), "to_px": list(mark.to_px), "width_px": mark.width_px}
+            tables["line"].append({"name": mark.name, **line})
+    return "\n".join(f"[[{kind}]]\n{dump_toml(row)}" for kind, found in tables.items() for row in found)
+
+
+def _mark(row: Any) -> vision.PointMark | vision.LineMark:
+    if not isinstance(row, dict) or row.get("kind") not in ("point", "line"):
+        raise CommandInputError(f"mark {str(row)[:60]!r}: allowed a table with the kind point or line")
+    name, points, size = row.get("name"), row.get("points"), row.get("size")
+    if not isinstance(name, str) or not 1 <= len(name) <= LONGEST_NAME:
+        raise CommandInputError(f"mark: name {str(name)[:60]!r}: allowed text of 1 to {LONGEST_NAME} characters")
+    wanted = 1 if row["kind"] == "point" else 2
+    if not isinstance(points, list) or len(points) != wanted or not all(_is_place(point) for point in points):
+        raise CommandInputError(f"mark {name}: allowed {wanted} place{'s' if wanted > 1 else ''} [x, y]; click it")
+    if not _is_number(size):
+        raise CommandInputError(f"mark {name}: size {str(size)[:40]}: allowed a number of pixels")
+    places = [(float(x), float(y)) for x, y in points]
+    if row["kind"] == "point":
+        return vision.PointMark(name, places[0], float(size))  # type: ignore[arg-type]  # checked
+    return vision.LineMark(name, places[0], places[1], float(size))  # type: ignore[arg-type]  # checked
+
+
+def _is_place(point: Any) -> bool:
+    return isinstance(point, list) and len(point) == 2 and all(_is_number(x) for x in point)
+
+
+def _is_number(x: Any) -> bool:
+    return type(x) in (int, float) and math.isfinite(x)
+
+
+MOST_BODIES, MOST_POINTS = 32, 500
+WORST = 12
+
+
+def outlines_of(subject: FilmSubject) -> dict[str, Any]:
+    """The film, its saved outlines, and the worst of the tracked frames.
+
+    Raises
+    ------
+    vision.VisionError : film or outlines cannot be read
+    """
+    bodies = vision.load_bodies(subject.bodies) if subject.bodies.is_file() else []
+    return {
+        "film": subject.view(),
+        "file": subject.bodies.name,
+        "table": subject.table.name if subject.table.is_file() else "",
+        "outlines": [_plain(body) for body in bodies],
+        "worst": worst_frames(subject),
+        "marks": marks_of(subject),
+        "doubt": subject.film().doubt_about_times or "",
+    }
+
+
+def propose(subject: FilmSubject) -> list[dict[str, Any]]:
+    """Outlines proposed from the film, to be corrected and named.
+
+    Raises
+    ------
+    vision.VisionError : nothing in the film moves as a rigid textured body
+    """
+    with vision.open_film(subject.path, allow_truncated=True) as film:
+        return [_plain(body) for body in vision.propose_bodies(film)]
+
+
+def _plain(body: vision.Body) -> dict[str, Any]:
+    points = body.polygon_px.tolist()
+    return {"name": body.name, "parent": body.parent or "", "layer": body.layer, "points": points}
+
+
+def save(subject: FilmSubject, rows: Any) -> dict[str, Any]:
+    """Check outlines against the film and write them; a file that was there is kept as ``….previous.toml``.
+
+    Parameters
+    ----------
+    rows : list of name, parent (empty for none), layer, points [[x, y], …] in film pixels
+
+    Raises
+    ------
+    CommandInputError : what was sent are no outlines
+    vision.BodyError : an outline cannot be used, with its name and the reason
+    """
+    if not isinstance(rows, list) or not 1 <= len(rows) <= MOST_BODIES:
+        raise CommandInputError(f"outlines: allowed a list of 1 to {MOST_BODIES}")
+    bodies = [_body(row) for row in rows]
+    with vision.open_film(subject.path, allow_truncated=True) as film:
+        vision.build_masks(bodies, film.height, film.width)  # raises where too few pixels are left to fit
+    if subject.bodies.is_file():
+        shutil.copyfile(subject.bodies, subject.bodies.with_suffix(".previous.toml"))
+    vision.save_bodies(subject.bodies, bodies)
+    return {"file": subject.bodies.name, "bodies": [body.name for body in bodies]}
+
+
+def _body(row: Any) -> vision.Body:
+    if not isinstance(row, dict):
+        raise CommandInputError(f"outline {str(row)[:60]!r}: allowed a table of name, parent, layer, points")
+    name, parent, layer, points = (row.get(key) for key in ("name", "parent", "layer", "points"))
+    for label, text in (("name", name), ("parent", parent)):
+        if not isinstance(text, str) or len(text) > LONGEST_NAME:
+            raise CommandInputError(
+                f"outline: {label} {str(text)[:60]!r}: allowed text up to {LONGEST_NAME} characters"
+            )
+    if type(layer) is not int or abs(layer) > 1000:
+        raise CommandInputError(f"outline {name}: layer {str(layer)[:60]!r}: allowed a whole number up to 1000")
+    if not isinstance(points, list) or len(points) > MOST_POINTS:
+        raise CommandInputError(f"outline {name}: points: allowed a list of up to {MOST_POINTS} pairs")
+    return vision.Body(str(name), points, str(parent) or None, layer)  # type: ignore[arg-type]  # checked there
+
+
+def worst_frames(subject: FilmSubject) -> list[dict[str, Any]]:
+    """Frames to look at first, with what is wrong: most bodies lost, then lowest correlation."""
+    found = subject.angles()
+    if found is None:
+        return []
+    table = found[0]
+    names = [column.removesuffix("_flag") for column in table.columns if column.endswith("_flag")]
+    names = [name for name in names if f"{name}_quality" in table]
+    if not names or "frame" not in table or not len(table):
+        return []
+    flags = np.stack([table[f"{name}_flag"].to_numpy(dtype=int) for name in names], axis=1)
+    quality = np.stack([table[f"{name}_quality"].to_numpy(dtype=float) for name in names], axis=1)
+    lost = (flags & int(FAILURE)) != 0
+    rows = []
+    for row in worst_of(lost, quality, WORST):
+        words = [f"{name} lost: {reasons(int(flags[row, i]))}" for i, name in enumerate(names) if lost[row, i]]
+        if not words:
+            least = int(np.nanargmin(quality[row]))
+            remarks = reasons(int(flags[row, least]))
+            words = [f"{names[least]} correlates {quality[row, least]:.3f}{', ' if remarks else ''}{remarks}"]
+        rows.append({"frame": int(table["frame"].iloc[row]), "words": "; ".join(words)})
+    return rows
+
+
+def track_again(subject: FilmSubject, frame: Any, places: Any) -> dict[str, Any]:
+    """Fit one frame again, the named bodies from where they were placed, and put it into the table and session.
+
+    Parameters
+    ----------
+    frame : number in the film
+    places : body → [angle rad counter-clockwise, x px, y px]
+
+    Raises
+    ------
+    CommandInputError : no such frame or body, or the film was not tracked
+    """
+    if type(frame) is not int or not isinstance(places, dict):
+        raise CommandInputError("allowed a frame number, and the places of bodies")
+    read = {}
+    for name, place in places.items():
+        numbers = place if isinstance(place, list) else []
+        good = len(numbers) == 3 and all(type(x) in (int, float) and math.isfinite(x) for x in numbers)
+        if not good:
+            raise CommandInputError(f"place of {str(name)[:60]}: allowed angle (rad), x and y (px)")
+        read[str(name)] = (float(numbers[0]), float(numbers[1]), float(numbers[2]))
+    rows = retrack(subject.film(), subject.table, [frame], read)
+    flags = {name.removesuffix("_flag"): int(rows[name].iloc[0]) for name in rows if name.endswith("_flag")}
+    return {"frame": frame, "lost": [name for name, flag in flags.items() if flag & int(FAILURE)]}
