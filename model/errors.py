@@ -3,7 +3,9 @@
 ``exit_code`` is what the command line returns: 2 for bad input, 1 for a computation that could not be completed.
 """
 
+import difflib
 import math
+from collections.abc import Iterable
 
 
 class ModelError(Exception):
@@ -42,3 +44,26 @@ class IntegrationError(ModelError):
 
 class StaticsError(ModelError):
     """No static equilibrium was found near the starting point."""
+
+
+def did_you_mean(word: str, known: Iterable[str], most: int = 1) -> str:
+    """What joins "unknown" and what is allowed in a message: the nearest names, where some are near.
+
+    Parameters
+    ----------
+    word : what was found
+    known : the names there are
+    most : names to offer
+
+    Returns
+    -------
+    str : begins with a semicolon, ends with a space
+
+    Examples
+    --------
+    >>> from model.errors import did_you_mean
+    >>> "unknown" + did_you_mean("hamer", ["hammer", "key"]) + "allowed hammer, key"
+    'unknown; did you mean hammer? allowed hammer, key'
+    """
+    near = difflib.get_close_matches(word, list(known), n=most)
+    return f"; did you mean {' or '.join(near)}? " if near else "; "

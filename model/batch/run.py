@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from model.batch.job import Job, Member, make_jobs
 from model.batch.lanes import choose, run_unit, units, warm
 from model.batch.store import Store
-from model.derived.load import energy_of, kernels_of
+from model.derived.load import kernel_of, kernels_of
 from model.errors import InputError
 from model.parameters.action import Action
 from model.simulation.options import BatchKeywords, BatchOptions
@@ -61,7 +61,7 @@ def _warm(jobs: Iterable[Job]) -> None:
                 continue
             kernels_of(job.run.scene.tables)
             if "energy" in job.run.outputs:
-                energy_of(job.run.scene.tables)
+                kernel_of(job.run.scene.tables, "energy")
 
 
 def work_through(

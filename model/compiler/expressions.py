@@ -355,47 +355,43 @@ def replaced(e: Expression, by: dict[Expression, Expression]) -> Expression:
     return out
 
 
+_OF_ONE: dict[str, Callable[[Expression, Expression, Expression], Expression]] = {
+    "named": lambda e, x, dx: dx,
+    "negative": lambda e, x, dx: -dx,
+    "inverse": lambda e, x, dx: -(dx * (e * e)),
+    "root": lambda e, x, dx: dx * (0.5 / e),
+    "exponential": lambda e, x, dx: dx * e,
+    "tanh": lambda e, x, dx: (1.0 - e * e) * dx,
+    "cosine": lambda e, x, dx: -(sine(x) * dx),
+    "sine": lambda e, x, dx: cosine(x) * dx,
+    "abs": lambda e, x, dx: where(x > 0.0, dx, -dx),
+}
+"""Slope of an operation e on x, from the slope dx."""
+_OF_MORE: dict[str, Callable[..., Expression]] = {
+    "where": lambda d, truth, x, y: where(truth, d(x), d(y)),
+    "guarded": lambda d, truth, x: guarded(truth, d(x)),
+    "larger": lambda d, x, y: where(x > y, d(x), d(y)),
+    "smaller": lambda d, x, y: where(x < y, d(x), d(y)),
+    "add": lambda d, x, y: d(x) + d(y),
+    "subtract": lambda d, x, y: d(x) - d(y),
+    "multiply": lambda d, x, y: d(x) * y + x * d(y),
+    "law": lambda d, value, *by: total(_slope_of_law(value, x, by) * d(x) for x in by if d(x) is not ZERO),
+}
+"""The same of several, from the function d that gives the slope of each."""
+
+
 def _rule(e: Expression, d: Callable[[Expression], Expression]) -> Expression:
     op, a = e.op, e.args
     if op in ("constant", "read", "argument", "counter"):
         return ZERO
-    if op == "law":
-        return total(_slope_of_law(a[0], x, a[1:]) * d(x) for x in a[1:] if d(x) is not ZERO)
+    if op in _OF_MORE:
+        return _OF_MORE[op](d, *a)
     if op == "newton":
         unknown, residual, steep, _ = a
         return -replaced(d(residual), {unknown: e}) / replaced(steep, {unknown: e})
-    if op == "where":
-        return where(a[0], d(a[1]), d(a[2]))
-    if op == "guarded":
-        return guarded(a[0], d(a[1]))
-    if op in ("larger", "smaller"):
-        first = a[0] > a[1] if op == "larger" else a[0] < a[1]
-        return where(first, d(a[0]), d(a[1]))
-    if op == "add":
-        return d(a[0]) + d(a[1])
-    if op == "subtract":
-        return d(a[0]) - d(a[1])
-    if op == "multiply":
-        return d(a[0]) * a[1] + a[0] * d(a[1])
-    da = d(a[0])
-    if da is ZERO and (op != "power" or d(a[1]) is ZERO):
+    slopes_of_parts = [d(x) for x in a if isinstance(x, Expression)]
+    if all(dx is ZERO for dx in slopes_of_parts):
         return ZERO
-    if op == "named":
-        return da
-    if op == "negative":
-        return -da
-    if op == "inverse":
-        return -(da * (e * e))
-    if op == "root":
-        return da * (0.5 / e)
-    if op == "exponential":
-        return da * e
-    if op == "tanh":
-        return (1.0 - e * e) * da
-    if op == "cosine":
-        return -(sine(a[0]) * da)
-    if op == "sine":
-        return cosine(a[0]) * da
-    if op == "abs":
-        return where(a[0] > 0.0, da, -da)
-    raise TypeError(f"no derivative of {op}")
+    if op not in _OF_ONE:
+        raise TypeError(f"no derivative of {op}")
+    return _OF_ONE[op](e, a[0], slopes_of_parts[0])

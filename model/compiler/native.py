@@ -21,7 +21,28 @@ from model.compiler.programs import Add, Anew, For, If, Let, Place, Put, Reconsi
 DOUBLE, TRUTH, INTEGER, SHORT = ir.DoubleType(), ir.IntType(1), ir.IntType(64), ir.IntType(32)
 BUNDLE = 8  # like expressions of one run computed side by side
 NEWTON_STEPS, NEWTON_SHARE = 30, 1e-14
+# a quotient is rounded once, where a product with the inverse is twice
+ROUNDED = {"add": "fadd", "subtract": "fsub", "multiply": "fmul", "negative": "fneg", "quotient": "fdiv"}
+CHOSEN = {"where": "select", "and": "and_", "or": "or_", "not": "not_"}
+INTRINSICS = {"root": "sqrt", "abs": "fabs", "fused": "fmuladd", "with_sign": "copysign", "power": "pow"}
 COMPARED = {"above": ">", "at_least": ">=", "differs": "!="}
+
+
+def splat(b: ir.IRBuilder, value: Any, width: int) -> Any:
+    """One number in every lane."""
+    kind = ir.VectorType(value.type, width)
+    if isinstance(value, ir.Constant):
+        return ir.Constant(kind, [value.constant] * width)
+    first = b.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(SHORT, 0))
+    return b.shuffle_vector(first, ir.Constant(kind, ir.Undefined), ir.Constant(ir.VectorType(SHORT, width), None))
+
+
+def called(b: ir.IRBuilder, name: str, *values: Any) -> Any:
+    """What LLVM computes under a name, of numbers or of rows of them."""
+    kind = values[0].type
+    full = f"llvm.{name}." + ("f64" if kind == DOUBLE else f"v{kind.count}f64")
+    function = b.module.globals.get(full) or ir.Function(b.module, ir.FunctionType(kind, [kind] * len(values)), full)
+    return b.call(function, values)
 
 
 class _Known:
@@ -93,7 +114,7 @@ class Writer:
         self._body = self._function.append_basic_block("body")
         self._start = self.b.branch(self._body)
         self.b.position_at_end(self._body)
-        self._module, self.lanes, self._bundles = module, lanes, bundles and lanes == 1
+        self.lanes, self._bundles = lanes, bundles and lanes == 1
         self._width = lanes
         self._flags = () if exact else ("contract", "nsz")
         self._names: dict[str, Any] = {}
@@ -245,11 +266,11 @@ class Writer:
             return self._number(a[0])
         if op == "argument":
             given = self._given[a[0]]
-            return given if self.lanes == 1 or given.type == INTEGER else self._splat(given, self.lanes)
+            return given if self.lanes == 1 or given.type == INTEGER else splat(self.b, given, self.lanes)
         if op == "read" and e.args[0] in self._flat:
             index = ir.Constant(INTEGER, e.args[1]) if len(a) < 3 else b.add(ir.Constant(INTEGER, e.args[1]), a[2])
             number = b.load(b.gep(self._given[e.args[0]], [index]), align=8)
-            return number if self.lanes == 1 else self._splat(number, self.lanes)
+            return number if self.lanes == 1 else splat(self.b, number, self.lanes)
         if op == "read":
             return b.load(self._pointer((e.args[0], e.args[1], e.args[2] if len(e.args) > 2 else None)), align=8)
         if op == "whole":
@@ -275,34 +296,22 @@ class Writer:
 
     def _plain(self, op: str, a: list[Any]) -> Any:
         b = self.b
-        arithmetic = {"add": b.fadd, "subtract": b.fsub, "multiply": b.fmul}
-        if op in arithmetic:
-            return arithmetic[op](*a, flags=self._flags)
+        if op in ROUNDED:
+            return getattr(b, ROUNDED[op])(*a, flags=self._flags)
+        if op in CHOSEN:
+            return getattr(b, CHOSEN[op])(*a)
         if op in COMPARED:
             compare = b.fcmp_unordered if op == "differs" else b.fcmp_ordered
             return compare(COMPARED[op], *a)
-        if op == "negative":
-            return b.fneg(a[0], flags=self._flags)
-        if op == "quotient":  # rounded once, where a product with the inverse is twice
-            return b.fdiv(*a, flags=self._flags)
         if op == "inverse":
             return b.fdiv(self._number(1.0), a[0], flags=self._flags)
         if op in ("larger", "smaller"):
             return b.select(b.fcmp_ordered(">" if op == "larger" else "<", *a), *a)
-        if op == "where":
-            return b.select(*a)
-        if op == "and":
-            return b.and_(*a)
-        if op == "or":
-            return b.or_(*a)
-        if op == "not":
-            return b.not_(a[0])
         if op == "two_to":  # of a whole number that stands in the last bits of its sum with `elementary.ROUND`
             kind = INTEGER if self._width == 1 else ir.VectorType(INTEGER, self._width)
             whole = b.shl(b.bitcast(a[0], kind), self._splat_of(kind, 52))
             return b.bitcast(b.add(whole, self._splat_of(kind, 1023 << 52)), self._kind)
-        intrinsics = {"root": "sqrt", "abs": "fabs", "fused": "fmuladd", "with_sign": "copysign", "power": "pow"}
-        return self._intrinsic(intrinsics[op], *a)
+        return called(self.b, INTRINSICS[op], *a)
 
     def _guarded(self, truth: Any, compute: Any) -> Any:
         """A value computed where needed, 0 elsewhere."""
@@ -334,7 +343,7 @@ class Writer:
             self._known.here[unknown] = f
             step = b.fdiv(self.value(residual), self.value(steep), flags=self._flags)
         better = b.select(looking, b.fsub(f, step, flags=self._flags), f)
-        size, share = self._intrinsic("fabs", step), self._intrinsic("fabs", better)
+        size, share = called(self.b, "fabs", step), called(self.b, "fabs", better)
         off = b.and_(looking, b.fcmp_ordered(">", size, b.fmul(self._number(NEWTON_SHARE), share)))
         looking.add_incoming(off, b.block)
         more = b.add(n, ir.Constant(INTEGER, 1))
@@ -356,10 +365,10 @@ class Writer:
         return out
 
     def _rotation(self, x: Any, *near: Any) -> dict[str, Any]:
-        far = self.b.fcmp_ordered(">", self._intrinsic("fabs", x), self._number(elementary.EIGHTH_TURN))
+        far = self.b.fcmp_ordered(">", called(self.b, "fabs", x), self._number(elementary.EIGHTH_TURN))
         before = self.b.block
         with self.b.if_then(self._any(far), likely=False):
-            beyond = [self.b.select(far, self._intrinsic(n, x), v) for n, v in zip(("cos", "sin"), near, strict=True)]
+            beyond = [self.b.select(far, called(self.b, n, x), v) for n, v in zip(("cos", "sin"), near, strict=True)]
             there = self.b.block
         out = {}
         for op, inner, outer in zip(("cosine", "sine"), near, beyond, strict=True):
@@ -400,7 +409,7 @@ class Writer:
         if all(e is first for e in es):
             if first.op == "constant":
                 return ir.Constant(kind, [first.args[0]] * BUNDLE)
-            return self._splat(self.value(first), BUNDLE)
+            return splat(self.b, self.value(first), BUNDLE)
         alike = all(e.op == first.op for e in es)
         if alike and first.op == "constant":
             return ir.Constant(kind, [e.args[0] for e in es])
@@ -447,26 +456,11 @@ class Writer:
     def _splat_of(self, kind: Any, x: int) -> Any:
         return ir.Constant(kind, x) if kind == INTEGER else ir.Constant(kind, [x] * kind.count)
 
-    def _splat(self, value: Any, width: int) -> Any:
-        kind = ir.VectorType(value.type, width)
-        first = self.b.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(SHORT, 0))
-        return self.b.shuffle_vector(
-            first, ir.Constant(kind, ir.Undefined), ir.Constant(ir.VectorType(SHORT, width), None)
-        )
-
     def _any(self, truth: Any) -> Any:
         if truth.type == TRUTH:
             return truth
         bits = self.b.bitcast(truth, ir.IntType(truth.type.count))
         return self.b.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
-
-    def _intrinsic(self, name: str, *values: Any) -> Any:
-        kind = values[0].type
-        full = f"llvm.{name}." + ("f64" if kind == DOUBLE else f"v{kind.count}f64")
-        function = self._module.globals.get(full)
-        if function is None:
-            function = ir.Function(self._module, ir.FunctionType(kind, [kind] * len(values)), full)
-        return self.b.call(function, values)
 
     def _integer(self, x: Any) -> Any:
         return x if isinstance(x, ir.Value) else ir.Constant(INTEGER, x)

@@ -33,33 +33,10 @@ from model.kernels.kernel_value import Kernel
 from model.kernels.lanes import lanes_pay
 from model.kernels.layout import Tables
 from model.kernels.once import alone
-from model.kernels.signatures import (
-    DENSE,
-    END,
-    ENERGY,
-    FIT,
-    INSIDE,
-    LANE_LINEARISE,
-    LANE_PREPARE,
-    LANE_SKIP,
-    LANE_STAGE,
-    LINEARISE,
-    OBSERVE,
-    PREPARE,
-    REGIME,
-    SKIP,
-    SLOPES,
-    STAGE,
-    StepKernels,
-)
+from model.kernels.signatures import ALONE, IN_LANES, STEP, StepKernels
 
 Kind = tuple[np.ndarray, ...]
 """What tells kernels of one name apart, whole numbers: a scene's tables, a law along a press, nothing."""
-STEPPING = {"fit": FIT, "end": END, "dense": DENSE, "inside": INSIDE}
-STEP = {"linearise": LINEARISE, "prepare": PREPARE, "skip": SKIP, "stage": STAGE} | STEPPING
-SLOPES_BY = ("numbers", "normals", "regime", "carried")
-OBSERVERS = ("contacts", "tips", "bodies", "marched")
-IN_LANES = {"linearise": LANE_LINEARISE, "prepare": LANE_PREPARE, "skip": LANE_SKIP, "stage": LANE_STAGE} | STEPPING
 # structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
 COMPILED = {"scenes": 0, "compiled": 0}
 _loaded: dict[tuple[bytes, str], Any] = {}
@@ -92,19 +69,10 @@ def lane_kernels_of(tables: Tables, lanes: int) -> StepKernels:
     return found
 
 
-def energy_of(tables: Tables) -> Any:
-    """Kernel of the energy audit of a structure; compiled only when a run asks for it."""
-    return _kept(tables, "energy", lambda: _compiled(tables, {"energy": ENERGY}, 1)["energy"])
-
-
-def slopes_of(tables: Tables, what: str) -> Kernel:
-    """Kernel ``numbers``, ``normals``, ``regime`` or ``carried`` of `model.derived.slopes`."""
-    return _kept(tables, what, lambda: _compiled(tables, {what: REGIME if what == "regime" else SLOPES}, 1)[what])
-
-
-def observer_of(tables: Tables, what: str) -> Kernel:
-    """Kernel ``contacts``, ``tips``, ``bodies`` or ``marched`` of `model.derived.watched`."""
-    return _kept(tables, what, lambda: _compiled(tables, {what: OBSERVE}, 1)[what])
+def kernel_of(tables: Kind, what: str) -> Kernel:
+    """A kernel of `ALONE` by itself, compiled only when it is asked for; ``tables`` () where it knows of no scene."""
+    found: Kernel = _kept(tables, what, lambda: _compiled(tables, {what: ALONE[what]}, 1)[what])
+    return found
 
 
 def links_of(tables: Tables) -> list[list[int]]:
@@ -119,17 +87,9 @@ def links_of(tables: Tables) -> list[list[int]]:
     return links
 
 
-def law_alone(what: str) -> Kernel:
-    """Kernel ``felt`` or ``amplifier`` of `model.derived.alone`."""
-    found: Kernel = _kept((), what, lambda: _compiled((), {what: OBSERVE}, 1)[what])
-    return found
-
-
 def press_of(law: Law, memories: int, numbers: int, power: bool) -> Kernel:
     """Kernel ``press`` of `model.derived.alone`, of a law with so many memories and numbers."""
-    kind = np.array([law.number, memories, numbers, int(power)])
-    found: Kernel = _kept((kind,), "press", lambda: _compiled((kind,), {"press": OBSERVE}, 1)["press"])
-    return found
+    return kernel_of((np.array([law.number, memories, numbers, int(power)]),), "press")
 
 
 def on_disk(tables: Tables) -> bool:
@@ -217,14 +177,10 @@ def _source(kind: Kind, name: str, lanes: int) -> Any:
     """What derives a kernel of that name."""
     if len(kind) < 2:
         return Alone(*(int(x) for row in kind for x in row))
-    tables = Tables(*kind)
-    if name in OBSERVERS:
-        return Watched(tables)
-    if name in SLOPES_BY:
-        return Differentiated(Structure(tables))
-    if name in STEPPING:
-        return Stepping(Structure(tables))
-    return Derived(Structure(tables), lanes > 1)
+    if hasattr(Watched, name):
+        return Watched(Tables(*kind))
+    s = Structure(Tables(*kind))
+    return next((of(s) for of in (Differentiated, Stepping) if hasattr(of, name)), None) or Derived(s, lanes > 1)
 
 
 def _target_machine() -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.derived.columns import BODY, CONTACT, TIP
-from model.derived.load import observer_of
+from model.derived.load import kernel_of
 from model.errors import InputError
 from model.kernels.compile import kernel
 from model.kernels.layout import STRING_STATES, Tables
@@ -28,7 +28,7 @@ def _rows(tables: Tables, what: str, shape: tuple[int, int], given: tuple[Array,
     x, u, p = given
     y = np.zeros((len(x), *shape))
     if y.size:
-        rows_of(observer_of(tables, what), x, u, p, y.reshape(len(x), -1))
+        rows_of(kernel_of(tables, what), x, u, p, y.reshape(len(x), -1))
     return y
 
 
@@ -36,7 +36,12 @@ def _state_rows(
     tables: Tables, angle: Array, speed: Array, memory: Array | None, value: Array | None, prescribed: Array | None
 ) -> tuple[Array, Array]:
     """Rows of states, and of inputs with prescribed accelerations, as the kernels take them."""
-    m = len(angle)
+    m, n = len(angle), len(tables.parent)
+    if angle.shape != (m, n) or speed.shape != angle.shape:
+        raise InputError(
+            f"states: found {angle.shape} angles and {speed.shape} speeds, allowed (m, {n}) twice: all coordinates, "
+            "with one that is prescribed"
+        )
     remembered = np.empty((m, 0)) if memory is None else memory
     least = len(tables.memory) + 2 * len(tables.pin) + STRING_STATES * len(tables.string)
     if remembered.shape[0] != m or remembered.shape[1] < least:

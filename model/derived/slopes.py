@@ -14,7 +14,7 @@ from model.compiler.expressions import ONE, ZERO, Expression, local, make, parts
 from model.compiler.programs import Add, If, Program, Put, Statement, at, each, mapped, name
 from model.elements.kinematics import State
 from model.elements.scene import Elements
-from model.elements.strings import Modes, StringContact
+from model.elements.strings import Modes
 from model.elements.structure import Structure
 from model.kernels import layout as L
 from model.kernels import workspace as W
@@ -110,10 +110,7 @@ class Differentiated:
     def _modes(self, size: int) -> list[Statement]:
         """Derivatives of the modes' rates by gain, stiffness and damping of each."""
         out: list[Statement] = []
-        for c in self._s.string:
-            contact = self._e.contacts[c]
-            assert isinstance(contact, StringContact)
-            m = contact.modes
+        for m in (contact.modes for contact in self._e.strings):
 
             def one(i: Expression, m: Modes = m) -> list[Statement]:
                 numbers = [m.number(k, i) for k in range(3)]
@@ -163,10 +160,7 @@ class Differentiated:
     def carried(self) -> Program:
         """Of each mode that was left free for the time ``u``, s: `CARRIED` numbers."""
         out: list[Statement] = []
-        for c in self._s.string:
-            contact = self._e.contacts[c]
-            assert isinstance(contact, StringContact)
-            m = contact.modes
+        for m in (contact.modes for contact in self._e.strings):
 
             def one(i: Expression, m: Modes = m) -> list[Statement]:
                 by = [m.state(W.Z, 0, i), m.state(W.Z, 1, i), m.number(1, i), m.number(2, i)]

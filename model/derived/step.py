@@ -147,13 +147,10 @@ class Derived:
         both = [(i, m, j) for (a, b), m in e.bodies.mass.items() for i, j in ((a, b), (b, a))]
         return [(i, m, j - s.own) for i, m, j in both if i in s.solved and j in prescribed]
 
-    def _chain(self, contact: Contact) -> list[int]:
-        return list(contact.ways)
-
     def links(self) -> list[list[int]]:
         """Coordinates on which each memory acts, then those on which the string acts, in the order of the workspace."""
         e, _ = self._pattern()
-        return [self._chain(e.contacts[c]) for c in (*self._s.memory, *self._s.string)]
+        return [list(e.contacts[c].ways) for c in (*self._s.memory, *self._s.string)]
 
     # linearise ----------------------------------------------------------------------------------------------------
 
@@ -262,7 +259,7 @@ class Derived:
         where_ = s.place[c]
         if isinstance(contact, StringContact):
             return self._string_linearised(e, contact, by, ease)
-        chain = self._chain(contact)
+        chain = list(contact.ways)
         memories = contact.memories
         forces = self._differentiated(contact.forces(), e, by, chain, memories)
         *before, touch = forces
@@ -271,35 +268,31 @@ class Derived:
         grip = contact.number(L.MU_A) * force * speeds_up(contact.slides(), ease)
         turns, slides = contact.turns(), contact.slides()
         inside = [
-            Put(self._event(W.GRIP, where_), ZERO), *touch.then, Add(name("touching"), ONE),
-            Put(self._event(W.ROOM, where_), ZERO), *self._gap(where_, contact.gap[0], contact.closing[0]),
-            Put(self._event(W.SLIDE, where_), contact.closing[1]),
-            If(pressing, [Put(self._event(W.GRIP, where_), grip), *self._weights(e, contact, ease, chain)]),
+            Put(at("w", W.GRIP + where_), ZERO), *touch.then, Add(name("touching"), ONE),
+            Put(at("w", W.ROOM + where_), ZERO), *self._gap(where_, contact.gap[0], contact.closing[0]),
+            Put(at("w", W.SLIDE + where_), contact.closing[1]),
+            If(pressing, [Put(at("w", W.GRIP + where_), grip), *self._weights(e, contact, ease, chain)]),
             *self._directions(where_, turns, slides), self._kick(contact, contact.closing[0], turns, ease),
         ]  # fmt: skip
         open_turns = contact.open_turns()
         rate = change(open_turns, e.state.v)
         away = [
-            Put(self._event(W.ROOM, where_), contact.room()), Put(self._event(W.GAP, where_), contact.room()),
-            Put(self._event(W.GAP_RATE, where_), rate), *self._directions(where_, open_turns, {}),
+            Put(at("w", W.ROOM + where_), contact.room()), Put(at("w", W.GAP + where_), contact.room()),
+            Put(at("w", W.GAP_RATE + where_), rate), *self._directions(where_, open_turns, {}),
             self._kick(contact, rate, open_turns, ease),
         ]  # fmt: skip
         if contact.law.anew is not None:
             away += [Put(at("w", W.Z + m), constant(contact.law.anew)) for m in contact.memories]
         return [*self._memories_begun(contact, ease, chain), *before, If(contact.touches, inside, away)]
 
-    @staticmethod
-    def _event(row: int, contact: int) -> Place:
-        return at("w", row + contact)
-
     def _gap(self, place: int, depth: Expression, rate: Expression) -> list[Statement]:
-        return [Put(self._event(W.GAP, place), -depth), Put(self._event(W.GAP_RATE, place), -rate)]
+        return [Put(at("w", W.GAP + place), -depth), Put(at("w", W.GAP_RATE + place), -rate)]
 
     def _kick(
         self, contact: Contact, rate: Expression, turns: dict[int, Expression], ease: dict[int, Expression]
     ) -> Statement:
         kick = contact.stiffness(rate) * speeds_up(turns, ease)
-        return Put(self._event(W.KICK, self._s.place[contact.c]), kick)
+        return Put(at("w", W.KICK + self._s.place[contact.c]), kick)
 
     def _directions(self, place: int, turns: dict[int, Expression], slides: dict[int, Expression]) -> list[Statement]:
         """Keep how each coordinate changes the gap and slides, until accelerations are known."""
@@ -314,14 +307,14 @@ class Derived:
             return read("w", self._acceleration(k)) if k in s.solved else prescribed[k - s.own]
 
         turn, slide = (
-            total(local(f"{text}{place}_{k}") * acceleration(k) for k in self._chain(contact))
+            total(local(f"{text}{place}_{k}") * acceleration(k) for k in list(contact.ways))
             for text in ("turns", "slides")
         )
         rubs = make("differs", contact.number(L.MU_A), ZERO)
         if isinstance(contact, StringContact):
             slide = ZERO
         return [
-            Put(self._event(W.GAP_ACC, place), turn), Put(self._event(W.SLIDE_RATE, place), where(rubs, slide, 0.0)),
+            Put(at("w", W.GAP_ACC + place), turn), Put(at("w", W.SLIDE_RATE + place), where(rubs, slide, 0.0)),
         ]  # fmt: skip
 
     def _memories_begun(self, contact: Contact, ease: dict[int, Expression], chain: list[int]) -> list[Statement]:
@@ -395,7 +388,7 @@ class Derived:
             out += [Put(at("w", W.P_INPUT + i), value)] if s.pin else []
         for m, c in enumerate(s.memory):
             terms = ZERO
-            for k, j in enumerate(self._chain(e.contacts[c])):
+            for k, j in enumerate(list(e.contacts[c].ways)):
                 if j in moved:
                     turn, speed = (read("w", start + W.LINKS * m + k) for start in (W.Z_TURN, W.Z_SPEED))
                     terms = terms + turn * pv[j - s.own] + speed * pa[j - s.own]
@@ -447,17 +440,15 @@ class Derived:
         for n, c in enumerate(s.memory):
             ease = 1.0 / (inverse - read("w", W.Z_FADE + n))
             out.append(Put(at("w", W.Z_EASE + n), ease))
-            chain = self._chain(e.contacts[c])
+            chain = list(e.contacts[c].ways)
             for k, j in enumerate(chain):
                 back = ease * (gh * read("w", W.Z_TURN + W.LINKS * n + k) + read("w", W.Z_SPEED + W.LINKS * n + k))
                 for other, i in enumerate(chain):
                     if i in s.solved and j in s.solved:
                         m[i, j] = m.get((i, j), ZERO) - read("w", W.Z_PUSH + W.LINKS * n + other) * back
-        for c in s.string:
-            contact = e.contacts[c]
-            assert isinstance(contact, StringContact)
+        for contact in e.strings:
             out += contact.prepared(inverse, gh)
-            chain = self._chain(contact)
+            chain = list(contact.ways)
             for k, j in enumerate(chain):
                 back = (1.0 - local("share")) * (gh * read("w", W.S_ANGLES + k) + read("w", W.S_SPEEDS + k))
                 for other, i in enumerate(chain):
@@ -488,7 +479,7 @@ class Derived:
             def reach(k: int, reaches: int = reaches, c: int = c, farther: float = farther) -> Expression:
                 return read("p", reaches + s.chain[c].index(k)) + farther if k in s.chain[c] else constant(farther)
 
-            for k in self._chain(e.contacts[c]):
+            for k in list(e.contacts[c].ways):
                 far = ONE if k in s.pin else reach(k)
                 for i, rise in s.led.items():
                     if i in s.chain[c] and k in (i, rise):  # a rise turns the key, too
@@ -521,9 +512,7 @@ class Derived:
             far = far | one
         out.append(Reconsider(far & (read("w", W.IDLE) <= 0.0) if self._lanes else far))
         e = Elements(s, State(q, v, z, self._given("u")))
-        for c in s.string:
-            contact = e.contacts[c]
-            assert isinstance(contact, StringContact)
+        for contact in e.strings:
             out += contact.staged(k, rate)
         out.append(If(make("first"), self._at_start(), self._at_stage(e, pa)))
         numbers = {} if self._lanes else dict.fromkeys(("gh", "rate", "u", "ft"), "number")
@@ -591,7 +580,7 @@ class Derived:
             g[i] = push + gh * stiff
         kept = []
         for m, c in enumerate(s.memory):
-            chain = self._chain(e.contacts[c])
+            chain = list(e.contacts[c].ways)
             turned = total(
                 read("w", W.Z_TURN + W.LINKS * m + at_row) * b[j] for at_row, j in enumerate(chain) if j in b
             )
@@ -600,19 +589,17 @@ class Derived:
             for at_row, j in enumerate(chain):
                 if j in g:
                     g[j] = g[j] + read("w", W.Z_PUSH + W.LINKS * m + at_row) * kept[m]
-        for c in s.string:
-            contact = e.contacts[c]
-            assert isinstance(contact, StringContact)
+        for contact in e.strings:
             out.append(Put(name("given"), ZERO))
             awake, share = read("w", W.S_AWAKE) > 0.0, read("w", W.S_SHARE)
             out.append(If(awake, contact.known(gh)))
-            chain = self._chain(contact)
+            chain = list(contact.ways)
             turned = gh * total(read("w", W.S_ANGLES + at_row) * b[j] for at_row, j in enumerate(chain) if j in b)
             less = where(awake, share * local("given") + (1.0 - share) * turned, 0.0)
             for at_row, j in enumerate(chain):
                 if j in g:
                     g[j] = g[j] - read("w", W.S_ALONG + at_row) * less
-        g = {i: total(self._factor(i, j) * g[j] for j in n if (i, j) in filled) for i in n}
+        g = {i: total(self._kept(self._lu, i, j) * g[j] for j in n if (i, j) in filled) for i in n}
         behind = make("whole_multiply", k, 2 * W.WIDTH)
         for i in range(s.own):
             out += [Put(at("w", W.U + i, behind), gh * (b[i] + g[i])), Put(at("w", W.U + W.WIDTH + i, behind), g[i])]
@@ -622,14 +609,12 @@ class Derived:
         for m, c in enumerate(s.memory):
             back = total(
                 (gh * read("w", W.Z_TURN + W.LINKS * m + at_row) + read("w", W.Z_SPEED + W.LINKS * m + at_row)) * g[j]
-                for at_row, j in enumerate(self._chain(e.contacts[c]))
+                for at_row, j in enumerate(list(e.contacts[c].ways))
                 if j in g
             )
             out.append(Put(at("w", W.Z_U + m, behind), kept[m] + read("w", W.Z_EASE + m) * back))
-        for c in s.string:
-            contact = e.contacts[c]
-            assert isinstance(contact, StringContact)
-            chain = self._chain(contact)
+        for contact in e.strings:
+            chain = list(contact.ways)
             back = total(
                 (gh * read("w", W.S_ANGLES + at_row) + read("w", W.S_SPEEDS + at_row)) * g[j]
                 for at_row, j in enumerate(chain)
@@ -641,11 +626,6 @@ class Derived:
             out.append(If(read("w", W.S_AWAKE) > 0.0, stepped))
         return out
 
-    def _factor(self, i: int, j: int) -> Expression:
-        return self._kept(self._lu, i, j)
-
-    # the string ---------------------------------------------------------------------------------------------------
-
     def _string_linearised(
         self,
         e: Elements,
@@ -654,7 +634,7 @@ class Derived:
         ease: dict[int, Expression],
     ) -> list[Statement]:
         s = self._s
-        place, chain = s.place[contact.c], self._chain(contact)
+        place, chain = s.place[contact.c], list(contact.ways)
         pressing, force = contact.felt
         x, rate = contact.under
         along_x, along_rate = slopes({x: ONE, rate: ZERO}), slopes({x: ZERO, rate: ONE})
@@ -672,16 +652,16 @@ class Derived:
         ]  # fmt: skip
         stiff = contact.number(L.K_C)
         inside = [
-            If(pressing, press), Add(name("touching"), ONE), Put(self._event(W.ROOM, place), ZERO),
+            If(pressing, press), Add(name("touching"), ONE), Put(at("w", W.ROOM + place), ZERO),
             *self._gap(place, x, rate), *self._directions(place, turns, {}),
-            Put(self._event(W.KICK, place), stiff * speeds_up(turns, ease)),
+            Put(at("w", W.KICK + place), stiff * speeds_up(turns, ease)),
         ]  # fmt: skip
         rate_open = change(open_turns, e.state.v) + local("swing")
         away = [
-            Put(self._event(W.ROOM, place), largest(-contact.gap[0] - read("w", W.S_REACH), 0.0)),
-            Put(self._event(W.GAP, place), largest(-x, 0.0)), Put(self._event(W.GAP_RATE, place), rate_open),
+            Put(at("w", W.ROOM + place), largest(-contact.gap[0] - read("w", W.S_REACH), 0.0)),
+            Put(at("w", W.GAP + place), largest(-x, 0.0)), Put(at("w", W.GAP_RATE + place), rate_open),
             Put(name("worth"), stiff * speeds_up(open_turns, ease)), *self._directions(place, open_turns, {}),
-            Put(self._event(W.KICK, place), stiff * speeds_up(open_turns, ease)),
+            Put(at("w", W.KICK + place), stiff * speeds_up(open_turns, ease)),
         ]  # fmt: skip
         cleared = [Put(at("w", row), ZERO) for row in (W.S_FORCE, W.S_HARD, W.S_LOSSY)]
         cleared += [

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
-from model.derived.load import law_alone
+from model.derived.load import kernel_of
 from model.drive.log import DriveLog, DriveOptions
 from model.errors import InputError
 from model.kernels.drive_torque import SUBSTEPS, torque_along
@@ -60,7 +60,7 @@ def motor_torque(
     out = np.empty((len(rows), (len(command_v) - 1) * SUBSTEPS + 1))
     turned = _between(arm_rad, SUBSTEPS)
     torque_along(
-        law_alone("amplifier"), rows, np.ascontiguousarray(largest), command_v, turned, interval_s, softness, out
+        kernel_of((), "amplifier"), rows, np.ascontiguousarray(largest), command_v, turned, interval_s, softness, out
     )
     return out
 

@@ -52,6 +52,11 @@ class Elements:
             return StringContact(self.s, self.k, c, (self.array, self.row))
         return Contact(self.s, self.k, c)
 
+    @cached_property
+    def strings(self) -> list[StringContact]:
+        """Contacts in which a string is struck, with their own equations."""
+        return [contact for contact in self.contacts.values() if isinstance(contact, StringContact)]
+
     def string_seen(self) -> list[Statement]:
         """Where the string is at a single state, of scenes that have one."""
         strings = [self.contact(c) for c in self.s.string]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,25 +16,21 @@ if TYPE_CHECKING:
 ENDINGS = (".svg", ".pdf", ".png")
 
 
-def check_ending(path: Path) -> None:
-    """Refuse a file whose ending is not in `ENDINGS`."""
-    if path.suffix not in ENDINGS:
-        raise InputError(f"{path}: ending found {path.suffix!r}, allowed {', '.join(ENDINGS)}")
+@contextmanager
+def new_sheet(path: str | Path, width_inch: float, height_inch: float) -> Iterator[Figure]:
+    """An empty sheet without a window, which becomes the file ``path`` (.svg, .pdf or .png) when it is drawn.
 
-
-def new_sheet(width_inch: float, height_inch: float) -> Figure:
-    """An empty sheet without a window."""
-    # start-up: matplotlib costs 0.3 s, and commands check the ending of a file long before they draw
+    Raises ``InputError`` for another ending, before anything is drawn, and where the file cannot be written.
+    """
+    target = Path(path)
+    if target.suffix not in ENDINGS:
+        raise InputError(f"{target}: ending found {target.suffix!r}, allowed {', '.join(ENDINGS)}")
+    # start-up: matplotlib costs 0.3 s
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width_inch, height_inch), layout="constrained")
     FigureCanvasAgg(figure)
-    return figure
-
-
-def save_sheet(figure: Figure, path: Path) -> None:
-    """Write a sheet to ``path`` (.svg, .pdf or .png); ``InputError`` where that is not possible."""
-    check_ending(path)
-    with whole_file(path) as part:
-        figure.savefig(part, format=path.suffix[1:])
+    yield figure
+    with whole_file(target) as part:
+        figure.savefig(part, format=target.suffix[1:])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
-from model.files.figure_sheet import check_ending, new_sheet, save_sheet
+from model.files.figure_sheet import new_sheet
 from model.files.time_table import two_columns
 from model.inside.labels import BODY_COLORS, close_up, contact_label, input_label
 from model.observables import hammer_height_m, key_dip_m
@@ -51,38 +51,35 @@ def draw_sheet(action: Action, solution: Solution, force_n: ArrayLike, path: str
     >>> solution = model.simulate(action, time_s, force_n, inside=True)
     >>> model.inside.draw_sheet(action, solution, force_n, "inside.svg")
     """
-    target = Path(path)
-    check_ending(target)
     inside = solution.inside
     if inside is None:
         raise InputError("sheet: the solution has no inside view; simulate with inside=True")
     force_n = two_columns(solution.time_s, force_n, "sheet")[1]
-    figure = new_sheet(16.5, 11.7)
-    layout: Any = figure.get_layout_engine()
-    layout.set(hspace=0.0, h_pad=0.01, rect=(0.0, 0.0, 1.0, 0.965))  # the title stands above
-    count = len(inside.contacts)
-    halves = figure.add_gridspec(1, 2, width_ratios=[8.2, 3.4])
-    grid = halves[0].subgridspec(count + 5, 2, width_ratios=[5, 3.2])
-    right = halves[1].subgridspec(3, 1, height_ratios=[count + len(inside.bodies), 8, 6])
-    near = close_up(inside)
-    top = [figure.add_subplot(grid[:3, k]) for k in (0, 1)]
-    for axes, ends in zip(top, (None, near), strict=True):
-        _draw_motion(axes, action, solution, force_n, ends, legend=ends is None)
-    words = f"{action.name}. Contacts: pressure blue, friction orange, each row to its own largest force"
-    figure.text(0.01, 0.99, words, va="top", fontsize="large")
-    top[1].set_title("the strike" if STRING in inside.contacts else "closer", loc="left")
-    for c, name in enumerate(inside.contacts):
-        for k in (0, 1):
-            axes = figure.add_subplot(grid[c + 3, k], sharex=top[k])
-            _draw_contact(axes, inside, c, contact_label(action, name) if k == 0 else None)
-            axes.tick_params(labelbottom=False, bottom=False)
-    for k, ends in enumerate((None, near)):
-        axes = figure.add_subplot(grid[count + 3 :, k], sharex=top[k])
-        _draw_rail(axes, inside, ends)
-    _draw_losses(figure.add_subplot(right[0]), action, inside)
-    _draw_sliding(figure.add_subplot(right[1]), action, inside)
-    _draw_speeds(figure.add_subplot(right[2]), inside)
-    save_sheet(figure, target)
+    with new_sheet(path, 16.5, 11.7) as figure:
+        layout: Any = figure.get_layout_engine()
+        layout.set(hspace=0.0, h_pad=0.01, rect=(0.0, 0.0, 1.0, 0.965))  # the title stands above
+        count = len(inside.contacts)
+        halves = figure.add_gridspec(1, 2, width_ratios=[8.2, 3.4])
+        grid = halves[0].subgridspec(count + 5, 2, width_ratios=[5, 3.2])
+        right = halves[1].subgridspec(3, 1, height_ratios=[count + len(inside.bodies), 8, 6])
+        near = close_up(inside)
+        top = [figure.add_subplot(grid[:3, k]) for k in (0, 1)]
+        for axes, ends in zip(top, (None, near), strict=True):
+            _draw_motion(axes, action, solution, force_n, ends, legend=ends is None)
+        words = f"{action.name}. Contacts: pressure blue, friction orange, each row to its own largest force"
+        figure.text(0.01, 0.99, words, va="top", fontsize="large")
+        top[1].set_title("the strike" if STRING in inside.contacts else "closer", loc="left")
+        for c, name in enumerate(inside.contacts):
+            for k in (0, 1):
+                axes = figure.add_subplot(grid[c + 3, k], sharex=top[k])
+                _draw_contact(axes, inside, c, contact_label(action, name) if k == 0 else None)
+                axes.tick_params(labelbottom=False, bottom=False)
+        for k, ends in enumerate((None, near)):
+            axes = figure.add_subplot(grid[count + 3 :, k], sharex=top[k])
+            _draw_rail(axes, inside, ends)
+        _draw_losses(figure.add_subplot(right[0]), action, inside)
+        _draw_sliding(figure.add_subplot(right[1]), action, inside)
+        _draw_speeds(figure.add_subplot(right[2]), inside)
 
 
 def _draw_motion(

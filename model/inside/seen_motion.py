@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.derived import columns as C
+from model.errors import InputError
 from model.inside.state_observer import Observer
 from model.scene.build import Scene
 
@@ -90,17 +91,22 @@ def see_motion(
     """
     scene_of_places = scene
     if normal_n is None:
-        scene.refuse_memory("forces of a drawing from angles alone")
+        found = [*scene.what_remembers, *dict.fromkeys(f"{body}_pin" for body, _ in scene.pins)]
+        if found or scene.command is not None:
+            raise InputError(
+                "forces of a drawing from angles alone: found felt that remembers, a string, joints that give or a "
+                f"drive ({', '.join(found) or scene.presser}), allowed none of these; give the forces"
+            )
         rows = None
     else:  # for places and depths only: felt as if it remembered nothing, joints where they are drawn
         scene_of_places = replace(scene, tables=scene.static_tables)
         rows = np.zeros((len(angle_rad), 2 * len(scene.pins)))
-    found = Observer(scene_of_places).evaluate(angle_rad, speed_rad_per_s, force_n, rows)
+    seen = Observer(scene_of_places).evaluate(angle_rad, speed_rad_per_s, force_n, rows)
     return SeenMotion(
         scene=scene,
         time_s=time_s,
-        pose=found.poses(),
-        point_m=found.contact[:, :, C.X : C.Y + 1],
-        penetration_m=found.contact[:, :, C.DEPTH],
-        normal_n=found.contact[:, :, C.NORMAL] if normal_n is None else normal_n,
+        pose=seen.poses(),
+        point_m=seen.contact[:, :, C.X : C.Y + 1],
+        penetration_m=seen.contact[:, :, C.DEPTH],
+        normal_n=seen.contact[:, :, C.NORMAL] if normal_n is None else normal_n,
     )

@@ -34,12 +34,9 @@ class Observer:
         InputError : arrays of other shapes, or a scene that remembers without its rows
         """
         angle, speed = as_numbers(q, "states: angles", 2), as_numbers(v, "states: speeds", 2)
-        value, n = as_numbers(u, "states: input", 1), len(self.scene.bodies)
-        if angle.shape != speed.shape or angle.shape != (len(value), n):
-            raise InputError(
-                f"states: found {angle.shape} angles, {speed.shape} speeds and {value.shape} inputs, "
-                f"allowed (m, {n}) twice and (m,)"
-            )
+        value = as_numbers(u, "states: input", 1)
+        if len(value) != len(angle):
+            raise InputError(f"states: found {len(angle)} angles and {len(value)} inputs, allowed as many")
         rows = None if memory is None else as_numbers(memory, "states: memories", 2)
         return ObservedStates(self.scene, (angle, speed), value, rows)
 

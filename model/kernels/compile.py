@@ -29,7 +29,6 @@ from numba.np import linalg
 
 from model.kernels.machine_code import make_machine_code_when_called
 from model.kernels.once import alone
-from model.kernels.typing_memo import remember_plain_numbers
 
 
 def ask_for_blas_later() -> None:
@@ -49,7 +48,6 @@ def ask_for_blas_later() -> None:
 
 numba_config: Any = _config  # set at run time by numba; its names are unknown to type checkers
 _PACKAGE = Path(__file__).resolve().parents[1]
-remember_plain_numbers()
 make_machine_code_when_called()
 ask_for_blas_later()
 NO_WRAPPERS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}

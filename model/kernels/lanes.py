@@ -16,18 +16,20 @@ import sys
 from functools import cache
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
+from numpy.typing import NDArray
 
+from model.compiler.native import DOUBLE, called, splat
 from model.kernels.compile import target
 
 # doubles in a register of AVX-512. With AVX2 a row takes two registers, still a third faster than rows of four:
 # what is done lane by lane around the arithmetic is shared by more members
 LANES = 8
-DOUBLE = ir.DoubleType()
 
 
 @cache
@@ -35,6 +37,14 @@ def lanes_pay() -> bool:
     """Whether the target has vectors wide enough, and multiplies and adds in one: AVX-512, or AVX2 with FMA."""
     features = target()[1].split(",")
     return sys.maxsize > 2**32 and ("+avx512f" in features or {"+avx2", "+fma"} <= set(features))
+
+
+def aligned(*shape: int) -> NDArray[np.float64]:
+    """Zeros of a shape that start at a cache line of 64 bytes: a row of lanes across two takes twice the time."""
+    count = int(np.prod(shape))
+    whole = np.zeros(count + 8)
+    start = (-whole.ctypes.data % 64) // 8
+    return whole[start : start + count].reshape(shape)
 
 
 class _Row(types.Type):  # type: ignore[misc]
@@ -73,25 +83,6 @@ class _RowsModel(models.PrimitiveModel):  # type: ignore[misc]
 
 register_model(Lanes)(_LanesModel)
 register_model(Rows)(_RowsModel)
-
-
-def splat(builder: Any, value: Any, width: int) -> Any:
-    """The same value in every lane."""
-    kind = ir.VectorType(value.type, width)
-    if isinstance(value, ir.Constant):
-        return ir.Constant(kind, [value.constant] * width)
-    first = builder.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    places = ir.Constant(ir.VectorType(ir.IntType(32), width), None)
-    return builder.shuffle_vector(first, ir.Constant(kind, ir.Undefined), places)
-
-
-def call(builder: Any, name: str, *values: Any) -> Any:
-    """LLVM's intrinsic of that name on vectors of doubles."""
-    kind = values[0].type
-    function_type = ir.FunctionType(kind, [kind] * len(values))
-    full = f"llvm.{name}.v{kind.count}f64"
-    function = builder.module.globals.get(full) or ir.Function(builder.module, function_type, full)
-    return builder.call(function, values)
 
 
 @lower_cast(types.Float, Lanes)
@@ -141,9 +132,9 @@ def _is_product(value: Any) -> bool:
 def _add(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     a, b = args
     if _is_product(a):
-        return call(builder, "fma", *a.operands, b)
+        return called(builder, "fma", *a.operands, b)
     if _is_product(b):
-        return call(builder, "fma", *b.operands, a)
+        return called(builder, "fma", *b.operands, a)
     return builder.fadd(a, b)
 
 
@@ -151,9 +142,9 @@ def _subtract(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     a, b = args
     if _is_product(b):
         x, y = b.operands
-        return call(builder, "fma", builder.fneg(x), y, a)
+        return called(builder, "fma", builder.fneg(x), y, a)
     if _is_product(a):
-        return call(builder, "fma", *a.operands, builder.fneg(b))
+        return called(builder, "fma", *a.operands, builder.fneg(b))
     return builder.fsub(a, b)
 
 
@@ -166,7 +157,7 @@ def _divide(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 
 def _absolute(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return call(builder, "fabs", args[0])
+    return called(builder, "fabs", args[0])
 
 
 def _larger(context: Any, builder: Any, sig: Any, args: Any) -> Any:

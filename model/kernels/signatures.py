@@ -149,35 +149,39 @@ _integers = types.Array(types.int64, 1, "C")
 _f, _i = types.float64, types.int64
 
 LINEARISE = _i(pointer, pointer, _f)  # w, p, u -> number of touching contacts
-ENERGY = LINEARISE  # w, p, u -> 0
-PREPARE = _i(pointer, _f)  # w, gamma h -> 1, or 0 where the step is too large
-SKIP = _i(pointer, pointer)  # w, p -> mask of contacts that cannot touch
-STAGE = _i(pointer, pointer, pointer, pointer, _i, _f, _f, _f, _f, _i)
-# w, p, a, c, stage, gamma h, 1/h, u, weight of du/dt, mask -> 1 where a coordinate left its allowance
 OBSERVE = _i(pointer, pointer, pointer, pointer)  # state, input, p, row to fill -> 0; see `model.derived.watched`
-SLOPES = OBSERVE  # of a workspace: `model.derived.slopes`
-REGIME = _i(pointer, pointer)  # workspace, p -> bits: the same
+REGIME = _i(pointer, pointer)  # workspace, p -> bits: `model.derived.slopes`
 # of `model.derived.stepping`, for one run and for lanes
-FIT = _i(pointer, pointer)  # w, p -> 0
-END = _i(pointer, pointer, _i, _i)  # w, b, stages, memories -> 1, or bits of the lanes, where the error is finite
-DENSE = _i(pointer, pointer, _i, _i, _i)  # w, dense, its rows, stages, memories -> 0
-INSIDE = _i(pointer, _i, _i)  # w, rows of dense, memories -> 0
-
-# The same for lanes: numbers of the step, u and h among them, are rows of lanes in w, parameters rows in p; what was
-# a truth value is an integer with a bit per lane.
-LANE_LINEARISE = _i(pointer, pointer)  # w, p -> 0
-LANE_PREPARE = _i(pointer)  # w -> bits of the lanes whose step is not too large
-LANE_SKIP = _i(pointer, pointer)  # w, p -> mask of contacts that touch in no lane
-LANE_STAGE = _i(pointer, pointer, pointer, pointer, _i, _i)
-# w, p, a, c, stage, mask -> bits of the lanes in which a coordinate left its allowance
-
-_STEPPING = FIT, END, DENSE, INSIDE
-_STEP_KERNELS = types.NamedTuple(
-    [KernelType(of) for of in (LINEARISE, PREPARE, SKIP, STAGE, *_STEPPING, ENERGY)], StepKernels
+_STEPPING = {
+    "fit": _i(pointer, pointer),  # w, p -> 0
+    "end": _i(pointer, pointer, _i, _i),  # w, b, stages, memories -> 1, or bits of the lanes, where the error is finite
+    "dense": _i(pointer, pointer, _i, _i, _i),  # w, dense, its rows, stages, memories -> 0
+    "inside": _i(pointer, _i, _i),  # w, rows of dense, memories -> 0
+}
+STEP = {
+    "linearise": LINEARISE,
+    "prepare": _i(pointer, _f),  # w, gamma h -> 1, or 0 where the step is too large
+    "skip": _i(pointer, pointer),  # w, p -> mask of contacts that cannot touch
+    # w, p, a, c, stage, gamma h, 1/h, u, weight of du/dt, mask -> 1 where a coordinate left its allowance
+    "stage": _i(pointer, pointer, pointer, pointer, _i, _f, _f, _f, _f, _i),
+} | _STEPPING
+"""Kernels of the step loop by name."""
+IN_LANES = {
+    "linearise": _i(pointer, pointer),  # w, p -> 0
+    "prepare": _i(pointer),  # w -> bits of the lanes whose step is not too large
+    "skip": _i(pointer, pointer),  # w, p -> mask of contacts that touch in no lane
+    # w, p, a, c, stage, mask -> bits of the lanes in which a coordinate left its allowance
+    "stage": _i(pointer, pointer, pointer, pointer, _i, _i),
+} | _STEPPING
+"""The same for lanes: numbers of the step, u and h among them, are rows of lanes in w, parameters rows in p; what was a
+truth value is an integer with a bit per lane."""
+ALONE = {"energy": LINEARISE, "regime": REGIME} | dict.fromkeys(
+    ("numbers", "normals", "carried", "contacts", "tips", "bodies", "marched", "felt", "amplifier", "press"), OBSERVE
 )
-_LANE_KERNELS = types.NamedTuple(
-    [KernelType(of) for of in (LANE_LINEARISE, LANE_PREPARE, LANE_SKIP, LANE_STAGE, *_STEPPING, LANE_LINEARISE)],
-    StepKernels,
+"""Kernels that are asked for one by one."""
+_STEP_KERNELS, _LANE_KERNELS = (
+    types.NamedTuple([KernelType(of) for of in (*kernels.values(), kernels["linearise"])], StepKernels)
+    for kernels in (STEP, IN_LANES)
 )
 _integer_table = types.Array(types.int64, 2, "C")
 _COEFFICIENTS = types.NamedTuple([_array, _array, _array, _array, _array, _table, _f, _f], Coefficients)

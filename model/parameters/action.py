@@ -8,7 +8,6 @@ names key, value and allowed range.
 from __future__ import annotations
 
 import copy
-import difflib
 import math
 import tomllib
 from collections.abc import Mapping
@@ -20,7 +19,7 @@ from typing import Any
 from model.elements.laws.felt_law import Law
 from model.elements.laws.known import LAWS
 from model.elements.laws.known import USUAL as USUAL
-from model.errors import InputError
+from model.errors import InputError, did_you_mean
 from model.parameters.effects import effect_defaults
 from model.parameters.quantity import Quantity, check_value, quantity_tables, read_quantity
 
@@ -72,7 +71,7 @@ def check_law(path: str, found: object, where: str) -> str:
     return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # each is another: what is made of one is kept by it
 class Action:
     """An action's parameters.
 
@@ -175,10 +174,8 @@ def _expand(path: str, value: float, quantities: Mapping[str, Quantity]) -> list
 
 
 def _unknown_path(path: str, known: Mapping[str, Any]) -> str:
-    near = difflib.get_close_matches(path, list(known), n=1)
-    hint = f"; did you mean {near[0]}" if near else ""
     files = f"model/actions/{TEMPLATE}.toml, model/parameters/effects.toml and model/elements/laws/"
-    return f"parameter {path}: unknown path{hint}; all paths are in {files}"
+    return f"parameter {path}: unknown path{did_you_mean(path, known)}all paths are in {files}"
 
 
 @lru_cache(maxsize=8)
@@ -187,15 +184,16 @@ def _parsed(text: str) -> dict[str, Any]:
     return tomllib.loads(text)
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
+    """Table of a TOML file, not to be changed."""
     try:
         return _parsed(path.read_text(encoding="utf-8"))
     except OSError as problem:
         raise InputError(
-            f"{path}: cannot be read ({problem.strerror}); name a built-in action or an existing file"
+            f"{path}: cannot be read ({problem.strerror}); name one that is built in or an existing file"
         ) from None
     except UnicodeDecodeError:
-        raise InputError(f"{path}: is not a text file in UTF-8; an action is a TOML file") from None
+        raise InputError(f"{path}: is not a text file in UTF-8; allowed a TOML file") from None
     except tomllib.TOMLDecodeError as problem:
         raise InputError(f"{path}: is not valid TOML: {problem}") from None
 
@@ -220,7 +218,7 @@ def _template() -> tuple[dict[str, str], dict[str, str]]:
     """Units by path and structure texts by path of the built-in set."""
     units: dict[str, str] = {}
     structure: dict[str, str] = {}
-    for path, item in quantity_tables(_read_toml(ACTIONS / f"{TEMPLATE}.toml")):
+    for path, item in quantity_tables(read_toml(ACTIONS / f"{TEMPLATE}.toml")):
         if isinstance(item, dict):
             units[path] = item["unit"]
         elif path.split(".")[-1] not in ("description", "name"):
@@ -238,9 +236,8 @@ def find_action(name_or_path: str | Path) -> Path:
     if path.suffix == ".toml" or path.exists():
         return path
     names = sorted(p.stem for p in ACTIONS.glob("*.toml"))
-    near = difflib.get_close_matches(text, names, n=1)
-    hint = f"did you mean {near[0]}? " if near else ""
-    raise InputError(f"action {text!r}: not found; {hint}built in: {', '.join(names)}; or name a .toml file")
+    hint = did_you_mean(text, names)
+    raise InputError(f"action {text!r}: not found{hint}built in: {', '.join(names)}; or name a .toml file")
 
 
 def _scene_lists(table: Any, where: str) -> dict[str, tuple[str, ...]]:
@@ -279,7 +276,7 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
     (0.3, 'kg')
     """
     path = find_action(name_or_path)
-    table = dict(_read_toml(path))
+    table = dict(read_toml(path))
     found = copy.deepcopy(table.pop(IDENTIFICATION, {}))  # how the values were found: for people and for validation
     scene = _scene_lists(table.pop(SCENE, {}), str(path))
     units, structure = _template()

@@ -14,12 +14,11 @@ An unknown name is refused with the nearest one that exists.
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 
-from model.errors import InputError
+from model.errors import InputError, did_you_mean
 from model.parameters.action import CONTACTS, STRING, Action
 
 GROUPS = ("damping", "friction", "joint_friction")
@@ -60,9 +59,8 @@ def named_paths(action: Action, name: str, where: str) -> list[str]:
     # a pattern means single parameters; a law or group is named in full
     paths = names.get(name) or [path for path in action.quantities if fnmatchcase(path, name)]
     if not paths:
-        near = difflib.get_close_matches(name, names, n=3)
-        hint = f"; did you mean {' or '.join(near)}" if near else ""
-        raise InputError(f"{where} {name}: no such parameter, law or group{hint}; groups: {', '.join(GROUPS)}")
+        hint = did_you_mean(name, names, 3)
+        raise InputError(f"{where} {name}: no such parameter, law or group{hint}groups: {', '.join(GROUPS)}")
     return paths
 
 

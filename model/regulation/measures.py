@@ -8,7 +8,6 @@ cannot be measured (the jack never lets go, the hammer is not caught) is NaN, wi
 from __future__ import annotations
 
 import cmath
-import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.errors import InputError
+from model.errors import InputError, did_you_mean
 from model.force_driven import simulate
 from model.motion_driven.slow_press import Press, slow_press
 from model.observables import head_height_m, key_dip_m
@@ -95,9 +94,8 @@ def targets_at(wanted_m: Mapping[str, float] | None = None) -> tuple[RegulationT
     wanted = dict(wanted_m or {})
     for name, length in wanted.items():
         if name not in ALLOWED_M:
-            near = difflib.get_close_matches(name, ALLOWED_M, n=1)
-            hint = f"; did you mean {near[0]}" if near else ""
-            raise InputError(f"regulation target {name!r}: unknown{hint}; allowed {', '.join(ALLOWED_M)}")
+            hint = did_you_mean(name, ALLOWED_M)
+            raise InputError(f"regulation target {name!r}: unknown{hint}allowed {', '.join(ALLOWED_M)}")
         low, high = ALLOWED_M[name]
         if not low <= length <= high:
             allowed = f"{1e3 * low:g} to {1e3 * high:g} mm"

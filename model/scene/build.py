@@ -9,11 +9,9 @@ motion of the key, the arm or the finger is prescribed, the others are solved fo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, wraps
-from threading import Lock
-from typing import TypeVar
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,7 +47,6 @@ PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35
 AXES = ("x", "y")  # in which a joint gives: to the right and up
 MOST = 256
 """Scenes kept, some 4 kB each: more than runs are carried out at one time."""
-S = TypeVar("S")
 
 
 @dataclass(frozen=True)
@@ -79,23 +76,6 @@ class Scene(ArrayRecord):
                 f"{what}: found states of {found[0] if found else 0} coordinates, allowed all {len(self.bodies)}: "
                 f"{', '.join(self.bodies)}"
             )
-
-    def refuse_memory(self, what: str) -> None:
-        """Refuse memory, a string, joints that give and drives, for what knows rigid joints and the usual law alone."""
-        if len(self.tables.memory):
-            names = ", ".join(name for name in self.what_remembers if name in self.contacts)
-            raise InputError(
-                f"{what}: found felt that remembers ({names}), allowed the law {USUAL}; "
-                "take that law for these contacts"
-            )
-        if len(self.tables.string):
-            raise InputError(f"{what}: found the effect string, allowed the rigid bar; leave the effect out")
-        if self.pins:
-            names = ", ".join(dict.fromkeys(f"{body}_pin" for body, _ in self.pins))
-            raise InputError(f"{what}: found joints that give ({names}), allowed rigid joints; leave these effects out")
-        if self.command is not None:
-            effect = MOTOR_DRIVE if WINDING in self.bodies else FINGER
-            raise InputError(f"{what}: found the effect {effect}, allowed a force on the key or the effect motor_arm")
 
     @cached_property
     def static_tables(self) -> L.Tables:
@@ -236,32 +216,6 @@ def _pins(action: Action, choice: SceneChoice, bodies: Sequence[str]) -> tuple[l
     return pins, numbers
 
 
-def keeps_latest(build: Callable[..., S]) -> Callable[..., S]:
-    """Give the scene of an action that was built for it before; none is kept of a prescribed motion."""
-    kept: dict[tuple[int, SceneChoice, tuple[int, ...]], tuple[Action, S]] = {}
-    lock = Lock()
-
-    @wraps(build)
-    def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> S:
-        choice = choice_of(action) if choice is None else choice
-        if key_motion is not None:
-            return build(action, choice, key_motion)
-        laws = tuple(law.number for law in LAWS.values())  # a law that was added again is another
-        key = id(action), choice, laws  # the action is kept with its scene, so that no other has its id
-        with lock:
-            found = kept.get(key)
-        if found is None:
-            found = action, build(action, choice)
-            with lock:
-                kept[key] = found
-                while len(kept) > MOST:
-                    del kept[next(iter(kept))]
-        return found[1]
-
-    return build_scene
-
-
-@keeps_latest
 def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
     """Scene of the whole action, or of what ``choice`` leaves out and adds.
 
@@ -290,6 +244,17 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     ('key', 'whippen')
     """
     choice = choice_of(action) if choice is None else choice
+    if key_motion is not None:
+        return _built(action, choice, key_motion)
+    return _kept(action, choice, tuple(law.number for law in LAWS.values()))  # a law that was added again is another
+
+
+@lru_cache(maxsize=MOST)
+def _kept(action: Action, choice: SceneChoice, laws: tuple[int, ...]) -> Scene:
+    return _built(action, choice, None)
+
+
+def _built(action: Action, choice: SceneChoice, key_motion: KeyMotion | None) -> Scene:
     choice.check(action)
     bodies = _coordinates(choice, key_motion)
     parent = [_parent(action, bodies, b) for b in bodies]

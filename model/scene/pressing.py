@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.load import law_alone
+from model.derived.load import kernel_of
 from model.derived.observe import rows_of
 from model.errors import InputError
 from model.kernels import layout as L
@@ -171,7 +171,7 @@ def amplifier_voltage(numbers: Array, source_v: Array, current_a: Array) -> Arra
     """Voltage at the winding (m,) by `model.elements.drives.amplifier`; ``numbers`` as in the kernels."""
     x, found = np.column_stack([source_v, current_a]), np.empty((len(current_a), 2))
     own = np.ascontiguousarray(numbers[L.WINDING_AMPLIFIER : L.WINDING_SIZE])
-    rows_of(law_alone("amplifier"), x, x, own, found)
+    rows_of(kernel_of((), "amplifier"), x, x, own, found)
     return found[:, 0]
 
 

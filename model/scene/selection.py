@@ -17,14 +17,12 @@ What is left out is not in the compiled kernels. A new structure compiles once (
 
 from __future__ import annotations
 
-import difflib
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from model.errors import InputError
+from model.errors import InputError, did_you_mean
 from model.parameters.action import (
     BODIES,
     CONTACTS,
@@ -35,6 +33,7 @@ from model.parameters.action import (
     added_defaults,
     check_law,
     law_of,
+    read_toml,
 )
 from model.parameters.effects import ARM, EFFECTS, FINGER, MOTOR, PINS, RAIL, effect_of
 from model.parameters.quantity import Quantity, check_value
@@ -69,16 +68,28 @@ class SceneChoice:
         for child in ("jack", "repetition"):
             if child in self.bodies and "whippen" not in self.bodies:
                 raise InputError(f"scene: bodies: {child} hangs from the whippen; add whippen or leave out {child}")
-        if "key" not in self.bodies:
-            raise InputError("scene: bodies: found no key, allowed scenes with the key, on which the force acts")
-        if "shank" in self.effects and "hammer" not in self.bodies:
-            raise InputError("scene: effects: shank needs the hammer; add hammer or leave out shank")
-        if "motor_drive" in self.effects and "motor_arm" not in self.effects:
-            raise InputError("scene: effects: motor_drive turns the motor_arm; add motor_arm or leave out motor_drive")
-        if "finger" in self.effects and "motor_arm" in self.effects:
-            raise InputError("scene: effects: found finger and motor_arm, allowed one of them on the key")
-        if "string" in self.effects and ("hammer" not in self.bodies or STRING in self.without):
-            raise InputError(f"scene: effects: string needs the hammer and {STRING}; add them or leave out string")
+        bodies, effects = self.bodies, self.effects
+        for wrong, words in (
+            ("key" not in bodies, "bodies: found no key, allowed scenes with the key, on which the force acts"),
+            (
+                "shank" in effects and "hammer" not in bodies,
+                "effects: shank needs the hammer; add hammer or leave out shank",
+            ),
+            (
+                "motor_drive" in effects and "motor_arm" not in effects,
+                "effects: motor_drive turns the motor_arm; add motor_arm or leave out motor_drive",
+            ),
+            (
+                {"finger", "motor_arm"} <= set(effects),
+                "effects: found finger and motor_arm, allowed one of them on the key",
+            ),
+            (
+                "string" in effects and ("hammer" not in bodies or STRING in self.without),
+                f"effects: string needs the hammer and {STRING}; add them or leave out string",
+            ),
+        ):
+            if wrong:
+                raise InputError(f"scene: {words}")
 
     @property
     def input_column(self) -> str:
@@ -236,16 +247,9 @@ def load_scene(name_or_path: str | Path | SceneChoice) -> SceneChoice:
         return SCENES[str(name_or_path)]
     path = Path(name_or_path)
     if path.suffix != ".toml":
-        near = difflib.get_close_matches(str(path), SCENES, n=1)
-        hint = f"did you mean {near[0]}? " if near else ""
-        raise InputError(f"scene {str(path)!r}: not found; {hint}built in: {', '.join(SCENES)}; or name a .toml file")
-    try:
-        table: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
-        raise InputError(f"{path}: is not valid TOML: {problem}") from None
-    return scene_of(table, str(path))
+        hint = did_you_mean(str(path), SCENES)
+        raise InputError(f"scene {str(path)!r}: not found{hint}built in: {', '.join(SCENES)}; or name a .toml file")
+    return scene_of(read_toml(path), str(path))
 
 
 def scene_of(table: Mapping[str, Any], where: str) -> SceneChoice:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
-from model.files.figure_sheet import check_ending, new_sheet, save_sheet
+from model.files.figure_sheet import new_sheet
 from model.sensitivity.result import Sensitivities
 
 if TYPE_CHECKING:
@@ -164,23 +164,24 @@ def draw_local(table: LocalTable, path: str | Path) -> None:
     >>> found = model.sensitivities("hirschkorn2004", model.force_table("forte"), ["hammer.mass", "friction"])
     >>> model.screening.draw_local(model.screening.local_table(found), "local.svg")
     """
-    target = Path(path)
-    check_ending(target)
     shown = table.percent[:MOST_ROWS]
-    figure = new_sheet(2.5 + 0.62 * len(table.quantities), 2.4 + 0.28 * len(shown))
-    axes = figure.subplots()
-    # one strong parameter would leave the others without a colour
-    limit = max(float(np.quantile(np.abs(shown), 0.9)), 1e-12)
-    image = axes.imshow(shown, cmap="PuOr", vmin=-limit, vmax=limit, aspect="auto")
-    for i, q in np.ndindex(*shown.shape):
-        dark = abs(shown[i, q]) > 0.6 * limit
-        axes.text(q, i, f"{shown[i, q]:.2g}", ha="center", va="center", fontsize=6, color="white" if dark else "black")
-    axes.set_xticks(range(len(table.quantities)), [TITLES.get(n, n) for n in table.quantities], rotation=50, ha="right")
-    axes.set_yticks(range(len(shown)), table.parameters[:MOST_ROWS])
-    axes.tick_params(labelsize=8)
-    axes.set_title("percent of a quantity per percent of a parameter", fontsize=9)
-    figure.colorbar(image, ax=axes, shrink=0.6, extend="both")
-    save_sheet(figure, target)
+    with new_sheet(path, 2.5 + 0.62 * len(table.quantities), 2.4 + 0.28 * len(shown)) as figure:
+        axes = figure.subplots()
+        # one strong parameter would leave the others without a colour
+        limit = max(float(np.quantile(np.abs(shown), 0.9)), 1e-12)
+        image = axes.imshow(shown, cmap="PuOr", vmin=-limit, vmax=limit, aspect="auto")
+        for i, q in np.ndindex(*shown.shape):
+            dark = abs(shown[i, q]) > 0.6 * limit
+            axes.text(
+                q, i, f"{shown[i, q]:.2g}", ha="center", va="center", fontsize=6, color="white" if dark else "black"
+            )
+        axes.set_xticks(
+            range(len(table.quantities)), [TITLES.get(n, n) for n in table.quantities], rotation=50, ha="right"
+        )
+        axes.set_yticks(range(len(shown)), table.parameters[:MOST_ROWS])
+        axes.tick_params(labelsize=8)
+        axes.set_title("percent of a quantity per percent of a parameter", fontsize=9)
+        figure.colorbar(image, ax=axes, shrink=0.6, extend="both")
 
 
 @dataclass(frozen=True)
@@ -226,15 +227,12 @@ def draw_ranked(found: Ranked, path: str | Path, draw: Callable[[Axes, int, list
     path : file to write, .svg, .pdf or .png
     draw : draws the parameters (k,) of a quantity at heights 0 to k - 1; gives the label of the axis
     """
-    target = Path(path)
-    check_ending(target)
     names = found.quantities
     panels = [names.index(name) for name in SHOWN if name in names] or list(range(min(4, len(names))))
-    figure = new_sheet(8.5, 0.5 + 4.0 * len(panels))
-    for axes, q in zip(np.atleast_1d(figure.subplots(len(panels), 1)), panels, strict=True):
-        order = (found.ranked(q) or list(range(len(found.parameters))))[:MOST_ROWS][::-1]
-        axes.set_xlabel(draw(axes, q, order), fontsize=8)
-        axes.set_yticks(range(len(order)), [found.parameters[i] for i in order], fontsize=7)
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=7)
-    save_sheet(figure, target)
+    with new_sheet(path, 8.5, 0.5 + 4.0 * len(panels)) as figure:
+        for axes, q in zip(np.atleast_1d(figure.subplots(len(panels), 1)), panels, strict=True):
+            order = (found.ranked(q) or list(range(len(found.parameters))))[:MOST_ROWS][::-1]
+            axes.set_xlabel(draw(axes, q, order), fontsize=8)
+            axes.set_yticks(range(len(order)), [found.parameters[i] for i in order], fontsize=7)
+            axes.grid(alpha=0.3)
+            axes.legend(fontsize=7)

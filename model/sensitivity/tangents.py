@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.load import kernels_of, links_of, slopes_of
+from model.derived.load import kernel_of, kernels_of, links_of
 from model.derived.slopes import CARRIED, normal_places, normal_sizes
 from model.elements.strings import AWAKE
 from model.elements.structure import Structure
@@ -25,6 +25,7 @@ from model.integrators.tangents.radau import STAGES, Wanted
 from model.integrators.tangents.recorded_motion import Motion, Seen, find_kinks, states_along
 from model.kernels import layout as L
 from model.kernels import workspace as W
+from model.kernels.lanes import aligned
 from model.kernels.signatures import SceneNumbers, StepKernels
 from model.scene.pressing import steady_current
 from model.sensitivity.parameter_names import Directions
@@ -37,7 +38,6 @@ Array = NDArray[np.float64]
 # of which a looser motion has fewer. Found with benchmarks/sensitivities.py.
 STRIDE, STRIDE_AT, STRIDE_EXPONENT = 8, 2e-9, 0.2
 INPUT_KINKS, WEAK_KINK = 50, 0.01  # of the input that steps end at; of the strongest
-CACHE_LINE = 64  # bytes
 ROWS = 20_000  # steps recorded at a time
 UNTOUCHED = 1.2345e300  # what a kernel leaves in places that it fills in no state
 # derivatives below these, per change of a parameter by all of its value, do not decide about steps
@@ -49,14 +49,6 @@ def _filled_up(count: int) -> int:
     return -(-count // LANES) * LANES
 
 
-def aligned(*shape: int) -> Array:
-    """Zeros that start at a cache line: a row of lanes across two of them takes twice the time."""
-    count = int(np.prod(shape))
-    whole = np.zeros(count + CACHE_LINE // 8)
-    start = (-whole.ctypes.data % CACHE_LINE) // 8
-    return whole[start : start + count].reshape(shape)
-
-
 class _Run:
     """The kernels, numbers and memory that motion and tangents of one scene share."""
 
@@ -66,7 +58,7 @@ class _Run:
         self.kernels: StepKernels = kernels_of(tables)
         self.numbers = SceneNumbers(self.scene.vector, tables.parent[: self.scene.size], self.scene.solved_contacts)
         self.structure = s = Structure(tables)
-        self.regime = slopes_of(tables, "regime")
+        self.regime = kernel_of(tables, "regime")
         n, p = s.free, _filled_up(len(directions.parameters))
         count, nodes = STAGES * n, STAGES + 1
         places = [W.P_STIFF, W.P_DAMP, W.P_INPUT, W.P_MASS, W.WIDE] if s.pin else [W.STIFF, W.DAMP, W.F_U, -1, W.WIDTH]
@@ -91,14 +83,14 @@ class _Run:
         first = np.cumsum([0, *(len(row) for row in places)])
         memory = np.cumsum([0, *(len(s.memories(c)) for c in range(len(s.contact)))])
         modes = self.count_of_modes()
-        numbers, by_number = slopes_of(tables, "numbers"), np.full(size * len(self.scene.vector), UNTOUCHED)
+        numbers, by_number = kernel_of(tables, "numbers"), np.full(size * len(self.scene.vector), UNTOUCHED)
         numbers(self.workspace(), np.zeros(1), self.scene.vector, by_number)
         row = by_number.reshape(-1, size)[sources.number] != UNTOUCHED  # of what no law has, no derivative is ever put
         k, i = np.nonzero(row)
         acting = np.column_stack([size * sources.number[k] + i, i, sources.first[k], sources.first[k + 1]])
         by_number[:] = 0.0
         return Loads(
-            numbers, slopes_of(tables, "normals"), slopes_of(tables, "carried"), np.zeros(1),
+            numbers, kernel_of(tables, "normals"), kernel_of(tables, "carried"), np.zeros(1),
             by_number, np.zeros(sum(normal_sizes(s))), np.zeros(CARRIED * modes),
             first, np.array([k for row in places for k in row], dtype=np.int64), memory,
             s.string[0] if s.string else -1, np.ascontiguousarray(acting),

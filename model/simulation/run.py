@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import ArrayRecord, as_numbers
 from model.derived.columns import DEPTH, FRICTION, NORMAL, TIP_FORCE
-from model.derived.load import energy_of, kernels_of
+from model.derived.load import kernel_of, kernels_of
 from model.derived.observe import contacts_at, tips_at
 from model.elements.structure import Structure
 from model.errors import InputError, IntegrationError
@@ -241,7 +241,7 @@ class Simulation:
         if self._kernels is None:  # found once: a run may be advanced block by block
             self._kernels = kernels_of(self.scene.tables)
             if self.energy:
-                self._kernels = self._kernels._replace(energy=energy_of(self.scene.tables))
+                self._kernels = self._kernels._replace(energy=kernel_of(self.scene.tables, "energy"))
         kernels, method = self._kernels, plan.method
         time, step, status = method.loop(
             plan.span, plan.drive, plan.out, plan.scene, kernels, method.coefficients, plan.limits, plan.account
@@ -331,7 +331,9 @@ class Simulation:
         w[W.AUDIT_Z : W.AUDIT_Z + len(memory)] = memory
         w[W.AUDIT_Q : W.AUDIT_Q + self.scene.size] = self.state.angle_rad
         w[W.AUDIT_V : W.AUDIT_V + self.scene.size] = self.state.speed_rad_per_s
-        energy_of(self.scene.tables)(w, self.scene.vector, self.state.time_s)  # a prescribed coordinate asks when
+        kernel_of(self.scene.tables, "energy")(
+            w, self.scene.vector, self.state.time_s
+        )  # a prescribed coordinate asks when
         return float(w[W.ENERGY])
 
     def audited(self, start: State, stored_j: float) -> EnergyAudit:
@@ -351,32 +353,23 @@ class Simulation:
 
         Where felt remembers, ``memory`` (m, z) belongs to the states; by default that of the last outputs.
         """
-        angle_rad, speed_rad_per_s = self._states(angle_rad, speed_rad_per_s, "contact forces")
-        rows = self.remembered if memory is None else as_numbers(memory, "contact forces: memories", 2)
-        if self.scene.remembers and len(rows) != len(angle_rad):
-            raise InputError(f"contact forces: found {len(rows)} rows of memories, allowed {len(angle_rad)}")
-        given = rows if self.scene.remembers else None
-        found = contacts_at(self.scene.tables, self.scene.vector, angle_rad, speed_rad_per_s, given)
+        found = contacts_at(*self._states(angle_rad, speed_rad_per_s, self.remembered if memory is None else memory))
         return found[:, :, NORMAL], found[:, :, FRICTION]
 
     def probe_forces(self, angle_rad: ArrayLike, speed_rad_per_s: ArrayLike) -> NDArray[np.float64]:
-        """Force of each one-sided probe (the motor arm on the key) at given states; (m, n) in, (m, b) out, N."""
-        angle_rad, speed_rad_per_s = self._states(angle_rad, speed_rad_per_s, "probe forces")
-        given = self.remembered if self.scene.remembers else None
-        if given is not None and len(given) != len(angle_rad):
-            raise InputError(f"probe forces: found {len(angle_rad)} states, allowed those last given out")
-        return tips_at(self.scene.tables, self.scene.vector, angle_rad, speed_rad_per_s, given)[:, :, TIP_FORCE]
+        """Force of each one-sided probe (the motor arm on the key) at given states; (m, n) in, (m, b) out, N.
+
+        Where something remembers, the states are those last given out.
+        """
+        return tips_at(*self._states(angle_rad, speed_rad_per_s, self.remembered))[:, :, TIP_FORCE]
 
     def _states(
-        self, angle_rad: ArrayLike, speed_rad_per_s: ArrayLike, what: str
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Angles and speeds (m, n) as kernels take them; refuses those of another scene."""
-        q, v = as_numbers(angle_rad, f"{what}: angles"), as_numbers(speed_rad_per_s, f"{what}: speeds")
-        self.scene.check_whole(q, what)
-        if q.ndim != 2 or v.shape != q.shape:
-            whole = len(self.scene.bodies)
-            raise InputError(f"{what}: found {q.shape} angles and {v.shape} speeds, allowed two of (m, {whole})")
-        return q, v
+        self, angle_rad: ArrayLike, speed_rad_per_s: ArrayLike, memory: ArrayLike
+    ) -> tuple[L.Tables, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """The scene, states (m, n) and what belongs to them, as the kernels take them."""
+        q, v = as_numbers(angle_rad, "states: angles", 2), as_numbers(speed_rad_per_s, "states: speeds", 2)
+        rows = as_numbers(memory, "states: memories", 2)
+        return self.scene.tables, self.scene.vector, q, v, rows if self.scene.remembers else np.empty((len(q), 0))
 
     def work(self) -> dict[str, int | float]:
         """Counters of the work done so far, by name; ``time_at_rest`` in s."""

@@ -14,58 +14,32 @@ from numpy.typing import NDArray
 from model.derived.load import lane_kernels_of
 from model.integrators.lanes import N_NUMBERS, N_WHOLE, loop_in_lanes
 from model.kernels import workspace as W
+from model.kernels.lanes import aligned
 from model.kernels.layout import COUNTERS, Tables
-from model.kernels.signatures import InputTable, LaneMembers, LaneSpace
+from model.kernels.signatures import LaneMembers, LaneSpace
 from model.simulation.run import Plan
 
 Array = NDArray[np.float64]
-CACHE_LINE = 64  # bytes; a row of lanes across two of them takes twice the time
-
-
-def _aligned(count: int) -> Array:
-    """Zeros that start at a cache line."""
-    whole = np.zeros(count + CACHE_LINE // 8)
-    start = (-whole.ctypes.data % CACHE_LINE) // 8
-    return whole[start : start + count]
 
 
 def _space(n: int, n_parameters: int, remembers: bool, lanes: int) -> LaneSpace:
     return LaneSpace(
-        _aligned((W.WITH_MEMORY if remembers else W.LANE_SIZE) * lanes),
-        _aligned(n_parameters * lanes),
-        _aligned(N_NUMBERS * lanes),
+        aligned((W.WITH_MEMORY if remembers else W.LANE_SIZE) * lanes),
+        aligned(n_parameters * lanes),
+        aligned(N_NUMBERS * lanes),
         np.zeros(N_WHOLE * lanes, dtype=np.int64),
         np.zeros(W.SIZE),
         np.zeros((n, n + 1)),
     )
 
 
-def _one_after_the_other(rows: Sequence[Array]) -> tuple[Array, list[int]]:
-    """Rows in one array, each once, and where each starts."""
-    place: dict[int, int] = {}
-    parts: list[Array] = []
-    total = 0
-    for row in rows:
-        if id(row) not in place:
-            place[id(row)] = total
-            parts.append(row)
-            total += len(row)
-    return np.concatenate([*parts, np.empty(0)]), [place[id(row)] for row in rows]
-
-
-def _inputs(drives: Sequence[InputTable]) -> tuple[Array, Array, list[int]]:
-    """Times and values of input tables in one array each, and where each table starts."""
-    place: dict[tuple[int, int], int] = {}
-    times, values = [np.empty(0)], [np.empty(0)]
-    total = 0
-    for drive in drives:
-        key = id(drive.time), id(drive.value)
-        if key not in place:
-            place[key] = total
-            times.append(drive.time)
-            values.append(drive.value)
-            total += len(drive.time)
-    return np.concatenate(times), np.concatenate(values), [place[id(d.time), id(d.value)] for d in drives]
+def _one_after_the_other(tables: Sequence[tuple[Array, ...]]) -> tuple[list[Array], list[int]]:
+    """Tables of equal columns in one array a column, each table once, and where each starts."""
+    keys = [tuple(map(id, table)) for table in tables]
+    once = dict(zip(keys, tables, strict=True))
+    starts = np.cumsum([0, *(len(table[0]) for table in once.values())]).tolist()
+    place = dict(zip(once, starts, strict=False))
+    return [np.concatenate(column) for column in zip(*once.values(), strict=True)], [place[key] for key in keys]
 
 
 def advance_together(tables: Tables, plans: Sequence[Plan], lanes: int) -> list[tuple[float, float, int]]:
@@ -78,8 +52,8 @@ def advance_together(tables: Tables, plans: Sequence[Plan], lanes: int) -> list[
     """
     if any(plan.method is not plans[0].method or plan.drive.held for plan in plans):
         raise ValueError("runs side by side need one method and inputs that are linear between their points")
-    time, value, first = _inputs([plan.drive for plan in plans])
-    wanted, first_out = _one_after_the_other([plan.out.time for plan in plans])
+    (time, value), first = _one_after_the_other([plan.drive[:2] for plan in plans])
+    (wanted,), first_out = _one_after_the_other([(plan.out.time,) for plan in plans])
     count, n = len(plans), len(plans[0].span.angle)
     start = np.array(
         [(p.span.time, p.span.end, p.span.step, p.limits.rest, p.limits.longest_step, p.limits.angle, p.limits.speed)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.calibration.parts import peak_ratio
 from model.derived.columns import NORMAL
-from model.derived.load import observer_of
+from model.derived.load import kernel_of
 from model.derived.observe import contacts_at
 from model.elements.strings import AWAKE
 from model.errors import InputError, IntegrationError
@@ -107,7 +107,7 @@ def simulate(action: Action, time_s: ArrayLike, force_n: ArrayLike, step_s: floa
     u = np.interp(middles, *((times, forces) if scene.command is None else scene.command.table(times, forces, False)))
     smooth = _without_friction(scene)
     limits = FrictionLimits(scene.vector, smooth, _static_ratio(scene), int(scene.tables.offset[1]))
-    marched = observer_of(scene.tables, "marched")
+    marched = kernel_of(scene.tables, "marched")
     sweeps = step_along(first.copy(), Forcing(u, h, every), limits, marched, places, Rows(states, held))
     if not np.all(np.isfinite(states)) or sweeps >= SWEEPS:
         raise IntegrationError(f"stick-slip march: no motion found with steps of {h:g} s; take a shorter step")

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
-from model.derived.load import law_alone
+from model.derived.load import kernel_of
 from model.errors import InputError, IntegrationError
 from model.kernels.string_contact import fill_propagators, march
 from model.parameters.string import String as String
@@ -151,7 +151,7 @@ def _march(
     share = 1.0 / len(strings)
     felt = (hammer.a * share, hammer.b * share, hammer.c * share, hammer.k * share, hammer.p, hammer.d)
     state, seen[0] = np.zeros((len(strings), modes, 2)), (0.0, speed)
-    left = march(law_alone("felt"), shape, rows, soft, (*felt, hammer.mass_kg, step), state, force, seen)
+    left = march(kernel_of((), "felt"), shape, rows, soft, (*felt, hammer.mass_kg, step), state, force, seen)
     if not (np.isfinite(seen).all() and left <= 1e-6 * (1.0 + float(np.abs(force).max()))):
         return None
     return force, seen, state

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.files.figure_sheet import check_ending, new_sheet, save_sheet
+from model.files.figure_sheet import new_sheet
 from model.parameters.action import BODIES
 from model.study.thesis import FIGURES, ThesisStudy
 from model.study.variants import AS_GIVEN, Study
@@ -53,19 +53,16 @@ def draw_study(study: Study, path: str | Path) -> None:
     >>> study = model.study.compare(model.load_action(), *model.force_table("forte"), [dry])
     >>> model.study.draw_study(study, "study.svg")
     """
-    target = Path(path)
-    check_ending(target)
-    figure = new_sheet(9.0, 9.5)
-    panels = figure.subplots(4, 1, sharex=True, height_ratios=[1, 2, 2, 3])
-    panels[0].plot(study.time_s, study.force_n, color="black", linewidth=1.0)
-    panels[0].set(ylabel="force, N", title=study.action)
-    panels[0].grid(alpha=0.3)
-    names = [v.name for v in study.variants]
-    for axes, body in zip(panels[1:], BODIES_DRAWN, strict=True):
-        _draw(axes, study, body, names)
-    panels[-1].set_xlabel("time, s")
-    panels[-1].legend(fontsize="small")
-    save_sheet(figure, target)
+    with new_sheet(path, 9.0, 9.5) as figure:
+        panels = figure.subplots(4, 1, sharex=True, height_ratios=[1, 2, 2, 3])
+        panels[0].plot(study.time_s, study.force_n, color="black", linewidth=1.0)
+        panels[0].set(ylabel="force, N", title=study.action)
+        panels[0].grid(alpha=0.3)
+        names = [v.name for v in study.variants]
+        for axes, body in zip(panels[1:], BODIES_DRAWN, strict=True):
+            _draw(axes, study, body, names)
+        panels[-1].set_xlabel("time, s")
+        panels[-1].legend(fontsize="small")
 
 
 def draw_thesis(studies: ThesisStudy, path: str | Path) -> None:
@@ -81,20 +78,17 @@ def draw_thesis(studies: ThesisStudy, path: str | Path) -> None:
     >>> import model
     >>> model.study.draw_thesis(model.study.thesis_studies(model.load_action()), "thesis.svg")
     """
-    target = Path(path)
-    check_ending(target)
-    figure = new_sheet(14.0, 9.5)
-    spaces = figure.subplots(3, 3)
-    blows = {"piano": studies.piano, "forte": studies.forte}
-    flat = list(spaces.T.ravel())  # a column for the piano, two for the forte
-    for axes, (number, blow, body, variants) in zip(flat[: len(FIGURES)], FIGURES, strict=True):
-        _draw(axes, blows[blow], body, [AS_GIVEN, *(v.name for v in variants)])
-        axes.set_title(f"as Fig. {number}: {body}, {blow}", fontsize="medium")
-        axes.legend(fontsize="small", loc="upper right")
-        axes.set_xlabel("time, s")
-    for axes, (blow, study) in zip(flat[len(FIGURES) :], blows.items(), strict=True):
-        axes.plot(study.time_s, study.force_n, color="black", linewidth=1.0)
-        axes.set(title=f"force, {blow}", xlabel="time, s", ylabel="N")
-        axes.grid(alpha=0.3)
-        axes.margins(x=0)
-    save_sheet(figure, target)
+    with new_sheet(path, 14.0, 9.5) as figure:
+        spaces = figure.subplots(3, 3)
+        blows = {"piano": studies.piano, "forte": studies.forte}
+        flat = list(spaces.T.ravel())  # a column for the piano, two for the forte
+        for axes, (number, blow, body, variants) in zip(flat[: len(FIGURES)], FIGURES, strict=True):
+            _draw(axes, blows[blow], body, [AS_GIVEN, *(v.name for v in variants)])
+            axes.set_title(f"as Fig. {number}: {body}, {blow}", fontsize="medium")
+            axes.legend(fontsize="small", loc="upper right")
+            axes.set_xlabel("time, s")
+        for axes, (blow, study) in zip(flat[len(FIGURES) :], blows.items(), strict=True):
+            axes.plot(study.time_s, study.force_n, color="black", linewidth=1.0)
+            axes.set(title=f"force, {blow}", xlabel="time, s", ylabel="N")
+            axes.grid(alpha=0.3)
+            axes.margins(x=0)

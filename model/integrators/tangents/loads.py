@@ -11,7 +11,7 @@ from numba import types
 
 from model.kernels.compile import uncounted_loop
 from model.kernels.kernel_value import KernelType
-from model.kernels.signatures import SLOPES
+from model.kernels.signatures import OBSERVE
 from model.kernels.workspace import Q, V, Z
 
 LANES = 8  # parameters side by side; their number is filled up to a multiple of it
@@ -59,7 +59,7 @@ _numbers, _table, _cube = (types.Array(_f, k, "C") for k in (1, 2, 3))
 _integers = types.Array(_i, 1, "C")
 SOURCES = types.NamedTuple([_integers] * 3 + [_numbers, _integers], Sources)
 LOADS = types.NamedTuple(
-    [KernelType(SLOPES)] * 3 + [_numbers] * 4 + [_integers] * 3 + [_i, types.Array(_i, 2, "C")], Loads
+    [KernelType(OBSERVE)] * 3 + [_numbers] * 4 + [_integers] * 3 + [_i, types.Array(_i, 2, "C")], Loads
 )
 PARAMETER_LOADS = types.void(_numbers, _numbers, _f, SOURCES, LOADS, _table, _table)
 

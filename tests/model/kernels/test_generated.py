@@ -20,7 +20,7 @@ from model.integrators.rosenbrock import integrate
 from model.kernels import compile as compiling
 from model.kernels import workspace as W
 from model.kernels.kernel_value import Kernel
-from model.kernels.signatures import SKIP
+from model.kernels.signatures import STEP
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
 from model.simulation import run as simulation
@@ -101,8 +101,8 @@ def test_skipped_contacts_never_touch(action: model.Action) -> None:
 def test_skipping_changes_no_bit_of_the_answer(action: model.Action, monkeypatch: pytest.MonkeyPatch) -> None:
     force = read_table("forte_force.csv")[:800]
     with_skips = model.simulate(action, force[:, 0], force[:, 1])
-    none = numba.cfunc(SKIP)(lambda w, p: 0)
-    whole = scenes.kernels_of(build_scene(action).tables)._replace(skip=Kernel(none.address, SKIP, none))
+    none = numba.cfunc(STEP["skip"])(lambda w, p: 0)
+    whole = scenes.kernels_of(build_scene(action).tables)._replace(skip=Kernel(none.address, STEP["skip"], none))
     monkeypatch.setattr(simulation, "kernels_of", lambda tables: whole)
     without = model.simulate(action, force[:, 0], force[:, 1])
     np.testing.assert_array_equal(with_skips.angle_rad, without.angle_rad)

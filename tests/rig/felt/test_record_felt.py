@@ -11,7 +11,7 @@ import pytest
 import model
 import rig
 from model.calibration import damping_factor, fit_felt, read_curve
-from model.derived.load import law_alone
+from model.derived.load import kernel_of
 from rig.calibration import changed
 from rig.felt.press_curve import press_curve
 from rig.simulated.backend import DEFAULT_BENCH
@@ -175,5 +175,5 @@ def test_the_arm_follows_the_specimens_law() -> None:
     rng = np.random.default_rng(1)
     abcd, found = np.array([action[f"contact07.normal.{k}"] for k in "abcD"]), np.empty(3)
     for x, rate in zip(rng.uniform(-1e-5, 3e-4, 50), rng.uniform(-0.4, 0.4, 50), strict=True):
-        law_alone("felt")(np.array([x, rate]), abcd, abcd, found)
+        kernel_of((), "felt")(np.array([x, rate]), abcd, abcd, found)
         assert law.force_n(float(x), float(rate)) == pytest.approx(found[0], rel=1e-12)
