@@ -24,11 +24,11 @@ from benchmarks.identification_coverage import RATE_HZ, Sensors
 from benchmarks.runner import Run, Table, interval, may_be
 from model.errors import ModelError
 from rig.session import TrialData
-from validation.events.session import find_session_events
+from validation.events.session_events import find_session_events
 from validation.measurement.trial import MeasuredTrial, measure
 from validation.prediction.input_sampling import parameter_draws
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import PredictedSession, PredictedTrial, predict_trial
+from validation.prediction.predict_session import PredictedSession, PredictedTrial, predict_trial
 from validation.scores.traces import SessionTraces, trace_table
 from validation.statistics.paired_difference import DifferenceDraws, difference_draws, simultaneous_test
 

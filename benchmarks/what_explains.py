@@ -37,7 +37,7 @@ from rig.session.info import FileInfo
 from rig.simulated.bench.plant import load_plant
 from validation.identification.difference.explain import Explained, explain_difference
 from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, single_names
-from validation.measurement.session import measure_session
+from validation.measurement.measure_session import measure_session
 from validation.prediction.model_under_test import ModelUnderTest
 
 TRIALS, MORE = 3, 6

@@ -7,7 +7,7 @@ have one for each of `ENCODER_CHANNELS`, whatever the order in the recorded file
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -19,3 +19,10 @@ CHANNEL_GROUPS = ((ENCODER_CHANNELS, "encoder"), (FILM_CHANNELS, "film"))
 ENCODER_BODIES = [BODIES.index(name) for name in ENCODER_CHANNELS]
 
 WORKERS = 2  # threads: simulations and warping paths run without the interpreter's lock
+
+
+def rms(values: ArrayLike) -> float:
+    """Root mean square of the finite values; NaN without any."""
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")

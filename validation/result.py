@@ -18,7 +18,7 @@ from validation.conventions import BODIES, FILM_CHANNELS, Array
 from validation.curves.marks import Mark, trial_marks
 from validation.curves.table import curve_table, curves_netcdf, write_curves
 from validation.errors import ValidationInputError
-from validation.events.session import Window
+from validation.events.session_events import Window
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

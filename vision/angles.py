@@ -105,3 +105,9 @@ def relative_angle(
         NaN where either body is lost.
     """
     return child_rad - parent_rad, np.hypot(u_child_rad, u_parent_rad)
+
+
+def turn_matrix(phi_rad: float | NDArray[np.float64]) -> NDArray[np.float64]:
+    """What turns points (x, y) of a picture by an angle in its axes, ``[[cos, -sin], [sin, cos]]``; (n, 2, 2) of n."""
+    c, s = np.cos(phi_rad), np.sin(phi_rad)
+    return np.moveaxis(np.array([[c, -s], [s, c]]), (0, 1), (-2, -1))

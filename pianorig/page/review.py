@@ -31,10 +31,10 @@ from validation.curves.signs import SIGN, TITLE, degrees
 from validation.errors import ValidationError
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import find_events
-from validation.events.session import predicted_motion
+from validation.events.session_events import predicted_motion
 from validation.measurement.trial import MeasuredTrial, measure
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import PredictedAngles, predict_trial
+from validation.prediction.predict_session import PredictedAngles, predict_trial
 from vision.output.colours import LOST, colour_of
 from vision.results.flags import FAILURE
 

@@ -8,13 +8,14 @@ lines. What does not exist is NaN.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from validation.conventions import BODIES, FILM_CHANNELS, Array
 from validation.errors import ValidationInputError
@@ -98,20 +99,28 @@ def curve_table(
         trial, channel, time_s, measured_rad, predicted_rad, null_rad (null model), u_rad (of the film), left_out
         (of the scores), force_n (corrected, the same for all channels).
     """
-    parts = []
-    for trial in traces if trials is None else trials:
-        force = force_on_base(base_s, traces[trial])
-        for channel, columns in trial_curves(base_s, traces[trial], films.get(trial)).items():
-            if not any(np.isfinite(v).any() for v in columns.values()):
-                continue
-            left_out = np.nan_to_num(left_out_on_base(base_s, traces[trial], channel)) > 0
-            rest = {"left_out": left_out, "force_n": force}
-            parts.append(pd.DataFrame({"trial": trial, "channel": channel, "time_s": base_s, **columns, **rest}))
-    if not parts:
-        return pd.DataFrame(columns=COLUMNS)
-    table = pd.concat(parts, ignore_index=True)
-    table["channel"] = pd.Categorical(table["channel"], categories=list(BODIES))
+
+    def parts() -> Iterator[tuple[int, str, dict[str, Array], NDArray[np.bool_], Array]]:
+        for trial in traces if trials is None else trials:
+            force = force_on_base(base_s, traces[trial])
+            for channel, columns in trial_curves(base_s, traces[trial], films.get(trial)).items():
+                left_out = np.nan_to_num(left_out_on_base(base_s, traces[trial], channel)) > 0
+                yield trial, channel, columns, left_out, force
+
+    table = _tidy(base_s, parts())
+    if len(table):
+        table["channel"] = pd.Categorical(table["channel"], categories=list(BODIES))
     return table
+
+
+def _tidy(base_s: Array, parts: Iterable[tuple[int, str, dict[str, Array], NDArray[np.bool_], Array]]) -> pd.DataFrame:
+    """Rows of every trial and channel of which something is known."""
+    frames = [
+        pd.DataFrame({"trial": trial, "channel": name, "time_s": base_s, **columns, "left_out": out, "force_n": force})
+        for trial, name, columns, out, force in parts
+        if any(np.isfinite(values).any() for values in columns.values())
+    ]
+    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=COLUMNS)
 
 
 SCHEMA = "piano-action-rig curves 1"
@@ -207,18 +216,14 @@ def read_curves(path: str | Path) -> pd.DataFrame:
             if file.attrs.get("schema") != SCHEMA:
                 raise ValidationInputError(f"{path}: found {file.attrs.get('schema')!r}, allowed {SCHEMA!r}")
             time, channels = file["time"][()], [name.decode() for name in file["channel"][()]]
-            parts = []
-            for i, trial in enumerate(file["trial"][()]):
-                force = file["force_n"][i]
-                for j, channel in enumerate(channels):
-                    columns = {name: file[name][i, j] for name in VALUES}
-                    if any(np.isfinite(values).any() for values in columns.values()):
-                        rest = {"left_out": file["left_out"][i, j] > 0, "force_n": force}
-                        head = {"trial": int(trial), "channel": channel, "time_s": time}
-                        parts.append(pd.DataFrame({**head, **columns, **rest}))
+            parts = [
+                (int(trial), channel, {name: file[name][i, j] for name in VALUES}, file["left_out"][i, j] > 0, force)
+                for i, (trial, force) in enumerate(zip(file["trial"][()], file["force_n"][()], strict=True))
+                for j, channel in enumerate(channels)
+            ]
     except (OSError, KeyError) as error:
         raise ValidationInputError(f"{path}: no curves file ({error}); allowed the curves.nc of a report") from error
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=COLUMNS)
+    return _tidy(time, parts)
 
 
 def write_curves(table: pd.DataFrame, netcdf: bytes, path: Path) -> Path:

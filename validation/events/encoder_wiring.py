@@ -11,9 +11,9 @@ from itertools import permutations, product
 
 import numpy as np
 
-from validation.conventions import ENCODER_CHANNELS, Array
+from validation.conventions import ENCODER_CHANNELS, Array, rms
 from validation.measurement.trial import MeasuredTrial
-from validation.prediction.session import PredictedAngles
+from validation.prediction.predict_session import PredictedAngles
 
 BETTER_WIRED = 0.25  # the other wiring must leave a quarter of the error
 WRONG_WIRED = 0.3  # of the predicted motion: below this error the wiring is right
@@ -57,7 +57,7 @@ def best_wiring(measured: Array, expected: Array) -> list[Rewired]:
         declared = [float(error[0, j, j]) for j in cycle]
         rewired = [float(best[order[j], j]) for j in cycle]
         changed = len(cycle) > 1 or bool(sign[order[cycle[0]], cycle[0]])
-        if not changed or _rms(declared) < WRONG_WIRED or _rms(rewired) > BETTER_WIRED * _rms(declared):
+        if not changed or rms(declared) < WRONG_WIRED or rms(rewired) > BETTER_WIRED * rms(declared):
             continue
         for j, before, after in zip(cycle, declared, rewired, strict=True):
             found.append(Rewired(j, order[j], bool(sign[order[j], j]), before, after))
@@ -81,7 +81,3 @@ def _cycles(order: tuple[int, ...]) -> list[list[int]]:
             at = order[at]
         out.append(cycle)
     return out
-
-
-def _rms(values: list[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

@@ -16,11 +16,11 @@ import pandas as pd
 from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
-from validation.events.session import SessionEvents
+from validation.events.session_events import SessionEvents
 from validation.findings.finding import CURVES, OF_TRIALS, PREDICTION, SessionFinding, finds
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import PredictedSession
+from validation.prediction.predict_session import PredictedSession
 from validation.statistics.repeatability import FEWEST_TO_STAND_OUT, STANDS_OUT, distance_ratios, on_common_base
 
 RATE_RELATIVE = 1e-4

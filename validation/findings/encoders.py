@@ -21,7 +21,7 @@ from validation.events.key_lift import KeyLift
 from validation.findings.finding import CHANNEL, CURVES, SessionFinding, finds
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
-from validation.prediction.session import PredictedAngles
+from validation.prediction.predict_session import PredictedAngles
 
 STANDS_STILL = 0.01  # of the predicted range
 

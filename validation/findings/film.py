@@ -9,7 +9,7 @@ from validation.events.encoder_wiring import best_wiring
 from validation.findings.finding import CURVES, SessionFinding, finds
 from validation.measurement.force_correction import correlation_inflation
 from validation.measurement.trial import FilmAngles, MeasuredTrial
-from validation.prediction.session import PredictedAngles
+from validation.prediction.predict_session import PredictedAngles
 
 CLOCK_S = 1e-4
 RUNS_AWAY_S = 3e-4  # between the first and the last motion

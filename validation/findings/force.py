@@ -18,7 +18,7 @@ from validation.findings.finding import OF_TRIAL, PREDICTION, SessionFinding, fi
 from validation.measurement.force_correction import correlation_inflation
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import PredictedAngles
+from validation.prediction.predict_session import PredictedAngles
 
 HUM_N = 0.1
 

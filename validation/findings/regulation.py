@@ -18,7 +18,7 @@ from validation.events.definitions import Event
 from validation.findings.finding import SessionFinding, finds
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
-from validation.prediction.session import PredictedAngles
+from validation.prediction.predict_session import PredictedAngles
 
 LET_OFF_M = 0.6e-3
 LET_OFF_SPEED = 1.0  # softer blows follow friction as well

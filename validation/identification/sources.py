@@ -20,7 +20,7 @@ from validation.errors import ValidationInputError
 from validation.identification.force_runs import TOLERANCE
 from validation.identification.observations import PHASES, ObservedTrial, observe, observe_driven, sharing_the_key
 from validation.identification.petab import is_petab, read_petab
-from validation.measurement.session import MeasuredSession, measure_session, open_session
+from validation.measurement.measure_session import MeasuredSession, measure_session, open_session
 from validation.measurement.trial import U_REST_LEVEL_M, MeasuredTrial
 from validation.options import utc_now
 from validation.prediction.model_under_test import ModelUnderTest

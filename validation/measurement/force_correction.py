@@ -9,7 +9,7 @@ docs/explanation/uncertainty.md and acquisition.md. Mains hum is fitted by two r
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -427,7 +427,6 @@ def find_quiet(
         )
     onset = _force_onset(force, first)
     margin = int(round(MARGIN_S / step))
-    need = int(round(MINIMUM_QUIET_S / step))
     if onset is not None and onset - margin >= 2 * first:
         hum = fit_hum(time[: onset - margin], force[: onset - margin], mains_hz)
         clean = force - hum.baseline_n(time)
@@ -439,18 +438,43 @@ def find_quiet(
         counts = as_numbers(encoder_count, "encoder counts", 2)
         if len(counts) != time.size:
             raise TrialError(f"encoder counts: found {len(counts)} rows, allowed {time.size}, one for each sample")
-        jitter = MOVED_SIGMA * counts[:first].std(axis=0)
-        away = np.abs(counts - np.median(counts[:first], axis=0)) > np.maximum(MOVED_COUNTS, jitter)
-        hit = first_run(away.any(axis=1), ONSET_SAMPLES)
+        hit = _first_move(counts, first)
         moved = onset if hit is None else min(onset, hit)
-    stop = moved - margin
-    if stop < need:
+    return _quiet(time, moved, float(time[onset]) - group_delay_s, "quiet baseline is", "to find the force offset")
+
+
+def quiet_of_motion(time_s: Array, encoder_count: NDArray[np.int64]) -> Quiet:
+    """The baseline before any encoder moves.
+
+    Raises
+    ------
+    TrialError
+        None moves, or one does too early.
+    """
+    step = float(np.median(np.diff(time_s)))
+    moved = _first_move(encoder_count, max(round(FIRST_BASELINE_S / step), 8))
+    if moved is None:
+        raise TrialError("no encoder moves by more than three counts; was the blow played?")
+    return _quiet(time_s, moved, float(time_s[moved]), "encoders rest for", "before the blow")
+
+
+def _first_move(counts: NDArray[Any], first: int) -> int | None:
+    """Sample from which an encoder has left the place of its first samples."""
+    start = counts[:first]
+    away = np.abs(counts - np.median(start, axis=0)) > np.maximum(MOVED_COUNTS, MOVED_SIGMA * start.std(axis=0))
+    return first_run(away.any(axis=1), ONSET_SAMPLES)
+
+
+def _quiet(time: Array, moved: int, onset_s: float, what: str, needed: str) -> Quiet:
+    """The baseline up to shortly before the sample at which something moves."""
+    step = float(np.median(np.diff(time)))
+    stop = moved - round(MARGIN_S / step)
+    if stop < round(MINIMUM_QUIET_S / step):
         raise TrialError(
-            f"quiet baseline is {1e3 * max(stop, 0) * step:.0f} ms long; at least "
-            f"{1e3 * MINIMUM_QUIET_S:.0f} ms are needed to find the force offset; "
-            "record a longer rest before the blow"
+            f"{what} {1e3 * max(stop, 0) * step:.0f} ms; at least {1e3 * MINIMUM_QUIET_S:.0f} ms are "
+            f"needed {needed}; record a longer rest"
         )
-    return Quiet(stop, float(time[0]), float(time[stop - 1]), float(time[onset]) - group_delay_s)
+    return Quiet(stop, float(time[0]), float(time[stop - 1]), onset_s)
 
 
 def correct_force(

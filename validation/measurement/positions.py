@@ -18,7 +18,7 @@ from rig.session.ruler import Position, ruler_curve
 from validation.conventions import Array
 from validation.errors import TrialError, ValidationInputError
 from validation.measurement.force_correction import hum_at
-from validation.measurement.session import usable_trials
+from validation.measurement.measure_session import usable_trials
 
 QUIET_S = 0.25
 """What is taken for rest before the stroke, at most; at least a period of the mains, over which hum has no mean."""

@@ -15,19 +15,12 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from rig.session import TrialData
 from rig.session.channel_info import KEY_OPPOSITE
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import TrialError
 from validation.measurement.force_correction import (
-    FIRST_BASELINE_S,
-    MARGIN_S,
-    MINIMUM_QUIET_S,
-    MOVED_COUNTS,
-    MOVED_SIGMA,
-    ONSET_SAMPLES,
     TOO_SHORT,
     CorrectedForce,
     ForceChannel,
@@ -36,7 +29,7 @@ from validation.measurement.force_correction import (
     correct_force,
     encoder_change,
     find_quiet,
-    first_run,
+    quiet_of_motion,
 )
 from validation.measurement.geometry import ActionGeometry, Motion, motion_of
 
@@ -300,27 +293,3 @@ def _u_column(table: pd.DataFrame, name: str) -> str:
     """
     total = f"{name}_relative_u_total_rad"
     return total if total in table else f"{name}_relative_u_rad"
-
-
-def quiet_of_motion(time_s: Array, encoder_count: NDArray[np.int64]) -> Quiet:
-    """The baseline before any encoder moves.
-
-    Raises
-    ------
-    TrialError
-        None moves, or one does too early.
-    """
-    step = float(np.median(np.diff(time_s)))
-    first = max(round(FIRST_BASELINE_S / step), 8)
-    start = encoder_count[:first]
-    away = np.abs(encoder_count - np.median(start, axis=0)) > np.maximum(MOVED_COUNTS, MOVED_SIGMA * start.std(axis=0))
-    moved = first_run(away.any(axis=1), ONSET_SAMPLES)
-    if moved is None:
-        raise TrialError("no encoder moves by more than three counts; was the blow played?")
-    stop = moved - round(MARGIN_S / step)
-    if stop < round(MINIMUM_QUIET_S / step):
-        raise TrialError(
-            f"encoders rest for {1e3 * max(stop, 0) * step:.0f} ms only; at least {1e3 * MINIMUM_QUIET_S:.0f} ms are "
-            "needed before the blow; record a longer rest"
-        )
-    return Quiet(stop, float(time_s[0]), float(time_s[stop - 1]), float(time_s[moved]))

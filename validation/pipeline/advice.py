@@ -10,8 +10,8 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 
 from validation.events.definitions import EVENTS
+from validation.findings.find_faults import urgent_first
 from validation.findings.finding import SessionFinding
-from validation.findings.session import urgent_first
 from validation.identification.difference.explain import CompatibleChange, Explained
 from validation.identification.difference.responses import ALL
 from validation.result import AGREES

@@ -20,11 +20,11 @@ import model
 from rig.session import Session
 from validation.cache.result_store import ResultStore
 from validation.events.definitions import EVENTS
-from validation.events.session import Window, find_session_events
+from validation.events.session_events import Window, find_session_events
+from validation.findings.find_faults import SessionFindings, find_faults
 from validation.findings.finding import SessionFinding, sound_trials
-from validation.findings.session import SessionFindings, find_faults
 from validation.identification.difference.explain import Explained, explain_difference
-from validation.measurement.session import measure_session, open_session, representative
+from validation.measurement.measure_session import measure_session, open_session, representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import CompareOptions, ComparisonOptions
 from validation.pipeline.advice import what_to_do
@@ -37,11 +37,11 @@ from validation.pipeline.verdict import (
     verdict_lines,
 )
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import PredictedSession, predict_session
+from validation.prediction.predict_session import PredictedSession, predict_session
 from validation.result import AGREES, ValidationResult
-from validation.scores.session import score_session
+from validation.result_tables.make_tables import make_tables, with_rivals
+from validation.scores.score_session import score_session
 from validation.statistics.rivals import beside_rivals
-from validation.tables.session import make_tables, with_rivals
 
 SOFTWARE = ("piano-action-rig", "numpy", "scipy", "pandas", "matplotlib", "numba", "h5py")
 

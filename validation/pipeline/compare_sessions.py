@@ -19,7 +19,7 @@ from rig.errors import RigError
 from rig.session import Session
 from validation.cache.report_cache import report_folder
 from validation.errors import ValidationError, ValidationInputError
-from validation.measurement.session import open_session
+from validation.measurement.measure_session import open_session
 from validation.options import CompareOptions, ComparisonOptions
 from validation.pipeline.compare_session import compare_by, load_model
 from validation.prediction.model_under_test import action_sha256

@@ -30,8 +30,8 @@ from validation.report.tables.models import event_table, evidence_table, forest,
 from validation.report.tables.scores import area_table, budget_table, scorecard_table
 from validation.report.view import SessionView, netcdf_names
 from validation.result import ValidationResult
+from validation.result_tables.channels import PHASES
 from validation.side_by_side import SideBySide
-from validation.tables.channels import PHASES
 
 GLOSSARY: tuple[tuple[str, str], ...] = (
     ("trial", "one recorded blow. All trials of a session are meant to be the same blow."),

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from validation.conventions import Array
+from validation.conventions import Array, rms
 from validation.scores.iso18571 import FEWEST_SAMPLES, iso_score
 
 MOST_PAIRS = 200
@@ -184,9 +184,7 @@ def _iso(trial: Array, model: Array, step_s: float) -> dict[str, float]:
 
 def pooled_score(name: str, values: Array) -> float:
     """One number for the scores of several trials or pairs."""
-    known = values[np.isfinite(values)]
-    if known.size == 0:
-        return float("nan")
     if SCORES[name].unit == "rad":
-        return float(np.sqrt(np.mean(known**2)))
-    return float(np.mean(np.abs(known)))
+        return rms(values)
+    known = values[np.isfinite(values)]
+    return float(np.mean(np.abs(known))) if known.size else float("nan")

@@ -21,9 +21,9 @@ from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Arra
 from validation.events.definitions import Event
 from validation.events.detect import up_crossings
 from validation.events.key_lift import KeyLift, lifted_samples
-from validation.events.session import Window
+from validation.events.session_events import Window
 from validation.measurement.trial import MeasuredTrial
-from validation.prediction.session import PredictedTrial
+from validation.prediction.predict_session import PredictedTrial
 
 STEP = "speeds"
 WINDOW = 21

@@ -68,7 +68,7 @@ def event_budget(tested: ModelUnderTest, m: MeasuredTrial, summary: pd.DataFrame
     m : MeasuredTrial
         The trial whose inputs are changed.
     summary : DataFrame
-        `validation.tables.events.event_summary`.
+        `validation.result_tables.events.event_summary`.
 
     Returns
     -------

@@ -14,13 +14,13 @@ import numpy as np
 import pandas as pd
 
 from model.errors import ModelError
-from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
+from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, rms
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.black_boxes import BlackBox, Example, left_out_boxes
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import Posterior, posterior_of
-from validation.prediction.session import PredictedSession, predict_trial
-from validation.scores.session import ScoredSession
+from validation.prediction.predict_session import PredictedSession, predict_trial
+from validation.scores.score_session import ScoredSession
 from validation.scores.traces import scored
 from validation.statistics.domain import domain_lines, features_of, place
 from validation.statistics.skill import RIVALS, Skill, nearer, skill_lines, skill_of
@@ -98,7 +98,7 @@ def beside_rivals(
             errors = {"null": float(score["null_rmse_rad"])}
             if channel in ENCODER_CHANNELS:
                 k, measured = ENCODER_CHANNELS.index(channel), scored(frame, channel)
-                errors |= {name: _rms((made[:, k] - measured)[inside]) for name, made in answers.items()}
+                errors |= {name: rms((made[:, k] - measured)[inside]) for name, made in answers.items()}
             known = {"model": float(score["rmse_rad"]), **errors}
             known = {name: value for name, value in known.items() if np.isfinite(value)}
             rows.append(
@@ -170,8 +170,3 @@ def _skills(table: pd.DataFrame, places: pd.DataFrame, without: Collection[tuple
         if skill is not None:
             out[str(channel)] = skill
     return out
-
-
-def _rms(away: Array) -> float:
-    known = away[np.isfinite(away)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from vision.angles import turn_matrix
 from vision.camera.model import CalibratedCamera, projection_of
 from vision.errors import VisionInputError
 from vision.film.source import FrameSource
@@ -158,21 +159,18 @@ def calibrate(film: FrameSource, target: Target, every: int = 1) -> Calibration:
             f"{len(range(0, film.n_frames, every))} frames; count inner corners, and keep all of it in view"
         )
     seen = [np.mean(view, axis=0) for view in views]
-    fit = _fit(film, target, seen)
+    camera, residual_px, rest = _fit(film, target, seen)
     # a view in which a point was mistaken for another spoils the fit; its residual stands out
-    spread = np.sqrt(np.mean(fit.rest**2, axis=(1, 2)))
+    spread = np.sqrt(np.mean(rest**2, axis=(1, 2)))
     good = [points for points, own in zip(seen, spread, strict=True) if own <= MISTAKEN * np.median(spread)]
     if len(good) < len(seen):
-        seen, fit = good, _fit(film, target, good)
+        seen, (camera, residual_px, _) = good, _fit(film, target, good)
     everything = np.concatenate(seen)
     span = np.ptp(everything, axis=0)
     coverage = float(span[0] * span[1] / (film.width * film.height))
-    camera = CalibratedCamera(
-        film.width, film.height, fit.parameters, fit.covariance, fit.scale_px_per_m, fit.u_scale_px_per_m
-    )
     effect, u_effect = effect_on_angles(camera, everything.min(axis=0), everything.max(axis=0))
     return Calibration(
-        camera, fit.residual_px, sum(v.shape[0] for v in seen), len(seen), n_frames, coverage, effect, u_effect
+        camera, residual_px, sum(v.shape[0] for v in seen), len(seen), n_frames, coverage, effect, u_effect
     )
 
 
@@ -190,7 +188,7 @@ def effect_on_angles(
     worst = u_worst = 0.0
     for place in (low_px + (high_px - low_px) * np.array([u, v]) for u in (0.15, 0.5, 0.85) for v in (0.15, 0.5, 0.85)):
         for start in np.radians([0.0, 45.0, 90.0, 135.0]):
-            before, after = (place + block @ _turn(a).T for a in (start, start + turn_rad))
+            before, after = (place + block @ turn_matrix(a).T for a in (start, start + turn_rad))
             errors = []
             for projection in (nominal, *(variant.projection for variant in variants)):
                 errors.append(_rigid_turn(projection.seen(before), projection.seen(after)) - turn_rad)
@@ -199,18 +197,10 @@ def effect_on_angles(
     return worst, u_worst
 
 
-@dataclass(frozen=True)
-class _Fit:
-    parameters: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    scale_px_per_m: float
-    u_scale_px_per_m: float
-    residual_px: float
-    rest: NDArray[np.float64]
-
-
-def _fit(film: FrameSource, target: Target, seen: Sequence[NDArray[np.float64]]) -> _Fit:
-    """Five parameters of the view with their covariance, scale, and the residuals, shape (views, points, 2)."""
+def _fit(
+    film: FrameSource, target: Target, seen: Sequence[NDArray[np.float64]]
+) -> tuple[CalibratedCamera, float, NDArray[np.float64]]:
+    """The camera, the residual of a point (px), and those of all, shape (views, points, 2)."""
     board = target.points_m() - target.points_m().mean(axis=0)
     centre = projection_of(np.zeros(5), film.width, film.height).centre_px
     start = [np.zeros(5)]
@@ -218,7 +208,7 @@ def _fit(film: FrameSource, target: Target, seen: Sequence[NDArray[np.float64]])
     for points in seen:
         flat = board @ np.linalg.lstsq(board, points - points.mean(axis=0), rcond=None)[0]
         turn = _rigid_turn(board, flat)
-        scales.append(float(np.sum((board @ _turn(turn).T) * flat) / np.sum(board**2)))
+        scales.append(float(np.sum((board @ turn_matrix(turn).T) * flat) / np.sum(board**2)))
         places.append(np.array([turn, *(points.mean(axis=0) - centre)]))
     start += [np.array([np.mean(scales)]), *places]
 
@@ -227,7 +217,7 @@ def _fit(film: FrameSource, target: Target, seen: Sequence[NDArray[np.float64]])
         off = []
         for i, points in enumerate(seen):
             turn, tx, ty = x[6 + 3 * i : 9 + 3 * i]
-            plane = centre + np.array([tx, ty]) + x[5] * (board @ _turn(turn).T)
+            plane = centre + np.array([tx, ty]) + x[5] * (board @ turn_matrix(turn).T)
             off.append(projection.seen(plane) - points)
         return np.concatenate(off).ravel()
 
@@ -247,19 +237,9 @@ def _fit(film: FrameSource, target: Target, seen: Sequence[NDArray[np.float64]])
         raise VisionInputError(
             f"{film.path}: distortion of {100 * found.x[4]:.0f} % at the corner; is it the right target?"
         )
-    return _Fit(
-        found.x[:5],
-        covariance[:5, :5],
-        float(found.x[5]),
-        float(np.sqrt(covariance[5, 5])),
-        float(np.sqrt(rest @ rest / freedom)),
-        rest.reshape(len(seen), -1, 2),
-    )
-
-
-def _turn(angle: float) -> NDArray[np.float64]:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s], [s, c]])
+    scale, u_scale = float(found.x[5]), float(np.sqrt(covariance[5, 5]))
+    camera = CalibratedCamera(film.width, film.height, found.x[:5], covariance[:5, :5], scale, u_scale)
+    return camera, float(np.sqrt(rest @ rest / freedom)), rest.reshape(len(seen), -1, 2)
 
 
 def _rigid_turn(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:

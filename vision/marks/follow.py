@@ -26,7 +26,7 @@ from vision.fitting.frame_spline import FrameSpline
 from vision.marks.mark import LineMark, Mark
 from vision.marks.mark_fitter import UNTURNED, MarkFitter, mark_template
 from vision.reference.still_average import average_still_frames, still_count
-from vision.results.flags import FAILURE, FrameFlag
+from vision.results.flags import FrameFlag, is_failed
 from vision.results.pose_table import PoseTable
 from vision.tracking.body_tracker import BodyTracker
 from vision.tracking.prepare import FIRST_AVERAGED, frame_times
@@ -83,7 +83,7 @@ class MarkResult(ArrayRecord):
     @property
     def failed(self) -> NDArray[np.bool_]:
         """True where a mark was lost, shape (n, m)."""
-        return (self.flag & np.uint16(FAILURE)) != 0
+        return is_failed(self.flag)
 
     def column(self, mark: str) -> int:
         """Index of a mark; raises `VisionInputError` for an unknown name."""

@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.angles import turn_matrix
 from vision.errors import BodyError
 from vision.film.source import ArrayFilm
 from vision.fitting.base import Fit
@@ -255,7 +256,5 @@ def _moved_on(
 
 
 def _motion(template: Template, pose: NDArray[np.float64]) -> Motion:
-    c, s = np.cos(pose[:, 0]), np.sin(pose[:, 0])
-    turn = np.moveaxis(np.array([[c, -s], [s, c]]), 2, 0)
-    centre = np.array(template.centre_px)
+    turn, centre = turn_matrix(pose[:, 0]), np.array(template.centre_px)
     return Motion(turn, pose[:, 1:] + centre - turn @ centre)

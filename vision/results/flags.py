@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from enum import IntFlag
 
+import numpy as np
+from numpy.typing import NDArray
+
 
 class FrameFlag(IntFlag):
     """Bits of a frame's flag (16 bit); 0 is a good frame."""
@@ -56,3 +59,8 @@ FAILURE = (
     | FrameFlag.UNCONFIRMED
     | FrameFlag.REPEATED
 )
+
+
+def is_failed(flag: NDArray[np.uint16]) -> NDArray[np.bool_]:
+    """Where a body or mark is lost, of the shape of the flags."""
+    return (flag & np.uint16(FAILURE)) != 0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vision.fitting.assessment import N_LEVELS
 from vision.fitting.base import Fit
-from vision.results.flags import FAILURE, FrameFlag
+from vision.results.flags import FAILURE, FrameFlag, is_failed
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class PoseTable:
     @property
     def failed(self) -> NDArray[np.bool_]:
         """True where a body is lost, shape (n, m)."""
-        return (self.flag & np.uint16(FAILURE)) != 0
+        return is_failed(self.flag)
 
     @property
     def u_turn(self) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vision.angles import relative_angle
 from vision.arrays import ArrayRecord
 from vision.errors import VisionInputError
-from vision.results.flags import FAILURE
+from vision.results.flags import is_failed
 from vision.uncertainty.budget import ErrorBudget
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class TrackResult(ArrayRecord):
     @property
     def failed(self) -> NDArray[np.bool_]:
         """True where a body was lost, shape (n, m)."""
-        return (self.flag & np.uint16(FAILURE)) != 0
+        return is_failed(self.flag)
 
     def column(self, body: str) -> int:
         """Index of a body; raises `VisionInputError` for an unknown name."""

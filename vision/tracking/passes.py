@@ -23,6 +23,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.angles import turn_matrix
 from vision.bodies.masks import build_masks
 from vision.errors import BodyError
 from vision.fitting.frame_spline import FrameSpline
@@ -296,7 +297,7 @@ def _template_of(ready: PreparedFilm, table: PoseTable, row: int, i: int) -> Tem
     bodies = []
     for body, template, pose in zip(ready.bodies, ready.templates, table.pose[row], strict=True):
         centre = np.array(template.centre_px)
-        bodies.append(replace(body, polygon_px=(body.polygon_px - centre) @ _turn(pose[0]).T + centre + pose[1:]))
+        bodies.append(replace(body, polygon_px=(body.polygon_px - centre) @ turn_matrix(pose[0]).T + centre + pose[1:]))
     film, own, noise = ready.film, ready.templates[i], ready.reference.noise_grey
     picture = film.read(int(table.frame[row])).astype(np.float32)
     try:
@@ -339,10 +340,6 @@ def _followed(ready: PreparedFilm, table: PoseTable, i: int, reference: tuple[in
     return table.frame.size
 
 
-def _turn(angle: float) -> F64:
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-
-
 def _seen_from(template: Template, other: Template, at: F64 | None, pose: F64, reference: F64 | None = None) -> F64:
     """Pose of a template at ``pose`` as that of another of the same body.
 
@@ -352,7 +349,7 @@ def _seen_from(template: Template, other: Template, at: F64 | None, pose: F64, r
     mine, its = np.array(template.centre_px), np.array(other.centre_px)
     if at is not None:
         turn, place = pose[0] - at[0], mine + pose[1:]
-        return np.array([turn, *(place + _turn(turn) @ (its - mine - at[1:]) - its)])
+        return np.array([turn, *(place + turn_matrix(turn) @ (its - mine - at[1:]) - its)])
     assert reference is not None
-    place = mine + pose[1:] + _turn(pose[0]) @ (its + reference[1:] - mine)
+    place = mine + pose[1:] + turn_matrix(pose[0]) @ (its + reference[1:] - mine)
     return np.array([reference[0] + pose[0], *(place - its)])

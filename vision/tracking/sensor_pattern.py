@@ -136,11 +136,6 @@ def held_back(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
     return added
 
 
-def suspected(ready: PreparedFilm, table: PoseTable) -> bool:
-    """Whether any body's residuals are larger once it has moved than noise explains."""
-    return bool(np.any(residual_variance(ready, table) > PATTERN_EXCESS))
-
-
 def left_over(ready: PreparedFilm, pattern_grey: float) -> NDArray[np.float64]:
     """Factor of the variances of (turn, x, y), (m, 3), for what is left of a pattern of a given rms after it was taken
     off: the more of a body's slopes the pattern made up, the more of it the poses had in them when it was estimated."""
@@ -327,7 +322,7 @@ def fitted_from(ready: PreparedFilm, table: PoseTable) -> PoseTable:
 
 def pattern_is_suspected(ready: PreparedFilm, table: PoseTable) -> bool:
     """Whether residuals ask for a pattern and bodies have moved far enough to tell one."""
-    return suspected(ready, table) and bool(sampled_rows(ready, table).size)
+    return bool(np.any(residual_variance(ready, table) > PATTERN_EXCESS)) and sampled_rows(ready, table).size > 0
 
 
 def better(before: tuple[PreparedFilm, PoseTable], after: tuple[PreparedFilm, PoseTable], is_first: bool) -> bool:

@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.open import film_of
-from vision.film.source import FrameSource
+from vision.film.source import Corrected, FrameSource
 from vision.fitting.pose_covariance import PATTERN_EXCESS, predicted_u_angle
-from vision.reference.camera_faults import WithoutDefects, WithoutRowFlicker
+from vision.reference.camera_faults import WithoutDefects
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
@@ -153,7 +153,13 @@ def _track(
     confirmed = confirm_hidden(ready, table, doubted) if settings.method == "icgn" else 0
     table.covariance[..., [0, 1, 2], [0, 1, 2]] += held_back(ready, table)
     _reject_hopeless(ready, table)
-    _warn_of_camera(ready)
+    if ready.skips_blocks:
+        warnings.warn(
+            f"{film.path}: squares of the picture repeat byte for byte from frame to frame, as codecs leave them that "
+            "predict frames; slow motion may be hidden: u is widened; use the film as the camera took it",
+            VisionWarning,
+            stacklevel=3,
+        )
     repeated = np.any(table.flag & np.uint16(int(FrameFlag.REPEATED)), axis=1)
     if repeated.any():
         warnings.warn(
@@ -197,8 +203,9 @@ def _track(
 
 def ready_defects(ready: PreparedFilm) -> int:
     """Number of the sensor's pixels that were replaced by their neighbours."""
-    film = ready.film.film if isinstance(ready.film, WithoutPattern) else ready.film
-    film = film.film if isinstance(film, WithoutRowFlicker) else film
+    film = ready.film
+    while isinstance(film, Corrected) and not isinstance(film, WithoutDefects):
+        film = film.film
     return int(film.rows.size) if isinstance(film, WithoutDefects) else 0
 
 
@@ -215,17 +222,6 @@ def _reject_hopeless(ready: PreparedFilm, table: PoseTable) -> None:
         )
         for row in range(table.frame.size):
             table.reject(row, i, FrameFlag.NO_COVARIANCE)
-
-
-def _warn_of_camera(ready: PreparedFilm) -> None:
-    """Say what the pictures show of camera and codec that the file does not."""
-    if ready.skips_blocks:
-        warnings.warn(
-            f"{ready.film.path}: squares of the picture repeat byte for byte from frame to frame, as codecs leave them "
-            "that predict frames; slow motion may be hidden: u is widened; use the film as the camera took it",
-            VisionWarning,
-            stacklevel=4,
-        )
 
 
 @dataclass(frozen=True)

@@ -139,7 +139,7 @@ def test_points_and_lines_are_saved_as_tracking_reads_them(filmed: Path, writing
     broken = writing.ask(HERE).json["marks"]  # the outlines can still be worked on
     assert "follow the marks again" in broken["problem"] and broken["marks"] == [POINT, LINE]
     (folder / "marks.toml").write_text("[")
-    assert "no TOML" in writing.ask(HERE).json["marks"]["problem"]
+    assert "not valid TOML" in writing.ask(HERE).json["marks"]["problem"]
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from validation.events.key_lift import (
     find_lifts,
     lifted_samples,
 )
-from validation.events.session import rail_pulls, with_doubtful_events
+from validation.events.session_events import rail_pulls, with_doubtful_events
 from validation.measurement.geometry import geometry_of, motion_of
 from validation.scores.traces import scored
 

@@ -12,12 +12,12 @@ import model
 from benchmarks.planted_faults import Fault
 from benchmarks.planted_sweep import film, findings, stroke_of
 from rig.session import Session
-from validation.events.session import SessionEvents, find_session_events
-from validation.measurement.session import measure_session
+from validation.events.session_events import SessionEvents, find_session_events
+from validation.measurement.measure_session import measure_session
 from validation.options import ComparisonOptions
 from validation.pipeline.compare_session import model_under_test
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import PredictedSession, predict_session
+from validation.prediction.predict_session import PredictedSession, predict_session
 
 SEED = 4711
 N_TRIALS = 6

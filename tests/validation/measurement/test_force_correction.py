@@ -44,7 +44,7 @@ def test_an_encoder_that_moves_first_ends_the_quiet_interval():
 
 def test_a_baseline_that_is_too_short_says_what_is_needed():
     time, force, _ = record(onset_s=0.024)
-    with pytest.raises(TrialError, match=r"quiet baseline is 1\d ms long; at least 20 ms are needed"):
+    with pytest.raises(TrialError, match=r"quiet baseline is 1\d ms; at least 20 ms are needed"):
         find_quiet(time, force)
 
 

@@ -15,7 +15,7 @@ from rig.simulated.bench.plant import ActionPlant
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
 from rig.simulated.bench.sensors import load_sensors
 from validation.measurement.force_correction import Quiet
-from validation.measurement.session import measure_session
+from validation.measurement.measure_session import measure_session
 from validation.measurement.trial import two_heads
 from validation.prediction.model_under_test import ModelUnderTest
 

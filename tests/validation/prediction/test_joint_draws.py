@@ -12,7 +12,7 @@ from model.batch.job import make_jobs
 from model.batch.lanes import choose
 from model.batch.run import run_jobs
 from model.force_driven import ForceDrivenOptions
-from validation.measurement.session import measure_session
+from validation.measurement.measure_session import measure_session
 from validation.measurement.trial import U_REST_LEVEL_M
 from validation.prediction.joint_draws import (
     CHANNELS,
@@ -26,7 +26,7 @@ from validation.prediction.joint_draws import (
 )
 from validation.prediction.many_runs import run_many
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import predict_trial
+from validation.prediction.predict_session import predict_trial
 from validation.statistics.paired_difference import STEADY
 
 

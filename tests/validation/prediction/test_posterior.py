@@ -67,7 +67,7 @@ def test_identified_parameters_are_drawn_once_and_the_rest_as_before() -> None:
 
 
 def test_the_budget_has_a_group_of_joint_draws(recorded) -> None:  # type: ignore[no-untyped-def]
-    from validation.measurement.session import measure_session
+    from validation.measurement.measure_session import measure_session
     from validation.measurement.trial import U_REST_LEVEL_M
     from validation.prediction.model_under_test import ModelUnderTest
 

@@ -10,7 +10,7 @@ import pytest
 from validation import PredictionError, compare_session
 from validation.cache.result_store import MOST_VERSIONS
 from validation.prediction.model_under_test import action_sha256
-from validation.prediction.session import PredictedAngles
+from validation.prediction.predict_session import PredictedAngles
 
 
 class Counting:

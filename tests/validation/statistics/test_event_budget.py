@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from validation.events.detect import find_events
-from validation.events.session import predicted_motion
+from validation.events.session_events import predicted_motion
 from validation.measurement.geometry import motion_of
-from validation.measurement.session import measure_session, representative
+from validation.measurement.measure_session import measure_session, representative
 from validation.prediction.input_sampling import cases, uncertain_parameters
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import predict_trial
+from validation.prediction.predict_session import predict_trial
+from validation.result_tables.events import area_floor, area_metric, event_summary
 from validation.statistics.event_budget import _row, event_budget
-from validation.tables.events import area_floor, area_metric, event_summary
 
 pytest.importorskip("model")
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from validation.events.session import Window
+from validation.events.session_events import Window
 from validation.statistics.model_comparison import evidence_table, joint_sign_flip, paired_models, sign_flip_p
 
 

@@ -34,7 +34,7 @@ from validation.identification.difference.responses import (
 from validation.identification.difference.search import BETWEEN, MEAN, Evidence, Followed, Search
 from validation.identification.observations import ENCODERS, ObservedTrial, observe
 from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
-from validation.measurement.session import representative
+from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.joint_draws import chosen_trials
 from validation.prediction.model_under_test import ModelUnderTest

@@ -13,9 +13,9 @@ from validation.events.definitions import EVENTS
 from validation.report.tables.formatting import DASH, PageTable, degrees, number, with_u
 from validation.report.view import SessionView
 from validation.result import NOT_JUDGED, ValidationResult
+from validation.result_tables.channels import PHASES
 from validation.scores.curve_scores import SCORES
 from validation.side_by_side import SideBySide
-from validation.tables.channels import PHASES
 
 MATRIX_SCORES = {"rmse_rad": "RMSE (°)", "iso_overall": "ISO-style"}
 

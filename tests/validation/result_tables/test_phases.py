@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from validation.conventions import ENCODER_CHANNELS
-from validation.events.session import Window
+from validation.events.session_events import Window
+from validation.result_tables.channels import BEGINS, PHASES, phase_intervals, phase_table
 from validation.statistics.paired_difference import NOT_JUDGED, NOT_SHOWN, SHOWN, DifferenceDraws, Judgement, judge
-from validation.tables.channels import BEGINS, PHASES, phase_intervals, phase_table
 
 WINDOW = Window(0.0, 1.0, "test", "test")
 STARTS = {"string_impact": 0.1, "check_time": 0.2, "key_release": 0.5, "landing": 0.7}

@@ -12,14 +12,14 @@ import pytest
 from validation.cache.result_store import ResultStore
 from validation.errors import InputError
 from validation.events.definitions import EVENTS, Event, absent
-from validation.events.session import Window, common_window
+from validation.events.session_events import Window, common_window
 from validation.pipeline.verdict import Standing, verdict_lines
-from validation.scores.session import score_curves
+from validation.result_tables.channels import channel_tables, scorecard, with_repeatability, with_scores
+from validation.result_tables.events import event_summary, event_table
+from validation.scores.score_session import score_curves
 from validation.scores.traces import SessionTraces
 from validation.statistics.paired_difference import NOT_JUDGED, NOT_SHOWN, SHOWN, STEADY, DifferenceDraws, judge
 from validation.statistics.repeatability import on_common_base
-from validation.tables.channels import channel_tables, scorecard, with_repeatability, with_scores
-from validation.tables.events import event_summary, event_table
 
 WINDOW = Window(0.0, 1.0, "test", "test")
 

@@ -14,9 +14,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from validation.cache.result_store import ResultStore
-from validation.conventions import CHANNEL_GROUPS, WORKERS, Array
-from validation.events.session import SessionEvents
-from validation.prediction.session import PredictedSession
+from validation.conventions import CHANNEL_GROUPS, WORKERS, Array, rms
+from validation.events.session_events import SessionEvents
+from validation.prediction.predict_session import PredictedSession
 from validation.scores.curve_scores import SCORES, all_scores, score_curve
 from validation.scores.iso18571 import guard_notes
 from validation.scores.traces import (
@@ -70,7 +70,7 @@ def score_curves(traces: SessionTraces, u_encoder: dict[int, Array], store: Resu
         known |= {f"{name}_{infix}_rad" for infix in INFIX.values()}
         own = whole[[column for column in whole.columns if column in known]]
         frame = own[traces.window.mask(whole["time_s"].to_numpy())]
-        u = float(u_encoder[number][i]) if source == "encoder" else _rms(frame[f"{name}_u_rad"].to_numpy())
+        u = float(u_encoder[number][i]) if source == "encoder" else rms(frame[f"{name}_u_rad"].to_numpy())
         time, trial, model = frame["time_s"].to_numpy(), scored(frame, name), frame[f"{name}_predicted_rad"].to_numpy()
         early = time < traces.impact_s.get(number, np.inf)
         columns = {label: f"{name}_{infix}_rad" for label, infix in INFIX.items()}
@@ -98,8 +98,3 @@ def _scores(
         rival = all_scores(time, trial, rivals[label], early) if label in rivals else {}
         out |= {f"{label}_{score}": rival.get(score, np.nan) for score in SCORES}
     return out
-
-
-def _rms(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from validation.events.session import SessionEvents
+from validation.events.session_events import SessionEvents
 from validation.findings.between_trials import (
     changed_condition,
     force_reach,
@@ -46,8 +46,8 @@ from validation.findings.force import force_delay, force_drift, force_lag, force
 from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import PredictedSession
-from validation.scores.session import ScoredSession
+from validation.prediction.predict_session import PredictedSession
+from validation.scores.score_session import ScoredSession
 
 
 def urgent_first() -> dict[str, Kind]:

@@ -24,10 +24,10 @@ from validation.events.detect import find_events
 from validation.events.encoder_wiring import miswired_channels
 from validation.events.key_lift import KeyLift, RailPull, capstan_of, find_lifts
 from validation.measurement.geometry import ActionGeometry, Motion, motion_of
-from validation.measurement.session import representative
+from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.session import PredictedAngles, PredictedSession
+from validation.prediction.predict_session import PredictedAngles, PredictedSession
 
 KEY_EVENTS = ("key_bottom", "key_release")
 LEAD_S = 0.02

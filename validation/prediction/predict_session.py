@@ -21,7 +21,7 @@ from model.simulation.solution import MISSED
 from validation.cache.content_hash import result_key
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import PredictionError, ValidationInputError
-from validation.measurement.session import MeasuredSession
+from validation.measurement.measure_session import MeasuredSession
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 

@@ -12,25 +12,18 @@ import pandas as pd
 from model.errors import ModelError
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
 from validation.events.key_lift import KeyLift, lifted_samples
-from validation.events.session import SessionEvents
+from validation.events.session_events import SessionEvents
+from validation.findings.find_faults import SessionFindings
 from validation.findings.finding import are_faulty, counting_events, distorted_trials, sound_trials
-from validation.findings.session import SessionFindings
-from validation.measurement.session import representative
+from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import ComparisonOptions
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.motion_driven import COLUMNS as MOTION_COLUMNS
 from validation.prediction.motion_driven import motion_driven, motion_row
-from validation.prediction.session import PredictedSession
+from validation.prediction.predict_session import PredictedSession
 from validation.result import SessionTables
-from validation.scores.perfect_model import perfect_scores
-from validation.scores.session import ScoredSession
-from validation.statistics.event_budget import COLUMNS as BUDGET_COLUMNS
-from validation.statistics.event_budget import event_budget
-from validation.statistics.paired_difference import Judgement, difference_draws, judge
-from validation.statistics.repeatability import event_repeatability, few_trials_warning
-from validation.statistics.rivals import Rivals
-from validation.tables.channels import (
+from validation.result_tables.channels import (
     NO_CEILING,
     channel_tables,
     phase_table,
@@ -38,7 +31,14 @@ from validation.tables.channels import (
     with_repeatability,
     with_scores,
 )
-from validation.tables.events import event_summary, event_table
+from validation.result_tables.events import event_summary, event_table
+from validation.scores.perfect_model import perfect_scores
+from validation.scores.score_session import ScoredSession
+from validation.statistics.event_budget import COLUMNS as BUDGET_COLUMNS
+from validation.statistics.event_budget import event_budget
+from validation.statistics.paired_difference import Judgement, difference_draws, judge
+from validation.statistics.repeatability import event_repeatability, few_trials_warning
+from validation.statistics.rivals import Rivals
 
 LIFT_COLUMNS = ["trial", "channel", "start_s", "end_s", "largest_at_s", "gap_m", "lift_m", "rail_pull_n", "reason"]
 

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from validation.conventions import CHANNEL_GROUPS, Array
-from validation.events.session import Window
+from validation.events.session_events import Window
 from validation.findings.finding import LeftOut, pooled, state_of
 from validation.prediction.joint_draws import CHANNELS
 from validation.scores.curve_scores import SCORES, pair_rmse, pooled_score
@@ -169,7 +169,7 @@ def phase_intervals(summary: pd.DataFrame, window: Window) -> dict[str, tuple[fl
     Parameters
     ----------
     summary : DataFrame
-        `validation.tables.events.event_summary`.
+        `validation.result_tables.events.event_summary`.
     window : Window
     """
     events = summary.set_index("event")
@@ -200,9 +200,9 @@ def phase_table(judgement: Judgement, summary: pd.DataFrame, channels: pd.DataFr
     judgement : Judgement
         The test of the session.
     summary : DataFrame
-        `validation.tables.events.event_summary`.
+        `validation.result_tables.events.event_summary`.
     channels : DataFrame
-        `validation.tables.channels.channel_tables`: which channels there are, and why one is no measurement.
+        `validation.result_tables.channels.channel_tables`: which channels there are, and why one is no measurement.
     window : Window
 
     Returns
