@@ -43,6 +43,8 @@ Array = NDArray[np.float64]
 SHIPPED = Path(__file__).resolve().parents[1] / "sessions" / "kawai_kg3c"
 RATE_HZ, OVER = 2000.0, 5
 BITS = 17
+MOST = 0.999
+"""Share of the converter's range where a sensor's own ends: the import refuses one that is at the converter's."""
 BEYOND = 0.2
 """Slope of a sensor beyond its ruler, of that at the end."""
 REST_S, GAP_S = 1.0, 0.6
@@ -165,7 +167,7 @@ def write_recording(path: Path, specimen: Specimen, kinds: Sequence[str], exact:
             away = np.concatenate([np.full(t.time_s.size, DRIFT[one.name] * random.standard_normal()) for t in truths])
             reading = reading + away[::OVER] + one.u_noise * random.standard_normal(reading.size)
             reading = reading + HUM[one.name] * np.sin(2.0 * np.pi * (60.0 * time_s + random.random()))
-        raw = np.clip(one.offset + one.gain * reading, 0.0, 1.0)
+        raw = np.clip(one.offset + one.gain * reading, 0.0, MOST)
         columns.append(np.round(raw * 2**BITS) / 2**BITS)
     names = ["time_s", *(one.channel for one in _mapping().positions)]
     np.savetxt(path, np.column_stack(columns), delimiter=",", header=",".join(names), comments="", fmt="%.7f")

@@ -73,7 +73,7 @@ EVENTS = {
     "drop_m": "how far it falls then, m",
     "check_m": "height at which it is held while the key is down, m",
     "release_s": "time after the key has begun to rise at which the hammer is below half that height, s",
-    "back_m": "how far down it comes before the next strike of the trial, m: repetitions only",
+    "back_m": "how far down it comes before it strikes again in the trial, m: repetitions only",
 }
 SLOW_M_PER_S = 0.02
 """Speed of the calibrated point (some 0.25 m/s of the head) below which a stroke is a slow press."""
@@ -93,7 +93,12 @@ def find(stroke: Stroke, hammer_m: Array) -> list[dict[str, float]]:
     """
     every = strikes(stroke.key.value_m, phases(stroke))
     nexts = [*(start for start, _ in every[1:]), stroke.time_s.size]
-    return [_of_strike(stroke, hammer_m, *at, before) for at, before in zip(every, nexts, strict=True)]
+    found = [_of_strike(stroke, hammer_m, *at, before) for at, before in zip(every, nexts, strict=True)]
+    for one, following in zip(found, found[1:], strict=False):  # a hammer may still fall when the key is pressed again
+        between = (stroke.time_s >= one["impact_s"]) & (stroke.time_s < following["impact_s"])
+        if between.any():
+            one["back_m"] = float(hammer_m[between].min())
+    return found
 
 
 def strikes(key: Array, at: NDArray[np.int64]) -> list[tuple[int, int]]:
@@ -127,8 +132,6 @@ def _of_strike(stroke: Stroke, hammer_m: Array, first: int, end: int, before: in
         below = np.flatnonzero(hammer_m[stop:before] < 0.5 * out["check_m"])
         if below.size:
             out["release_s"] = float(time_s[stop + below[0]] - time_s[min(stop, time_s.size - 1)])
-    if before < time_s.size:
-        out["back_m"] = float(hammer_m[top:before].min())
     return out
 
 

@@ -18,7 +18,7 @@ from rig.session import Session
 from rig.storage.atomic_write import write_text
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.events.strikes import RELEASE, phases
+from validation.events.strikes import RELEASE, SLOW_M_PER_S, find, phases
 from validation.measurement.positions import Stroke, measure_positions, smoothed
 from validation.prediction.black_boxes import Example, fit_black_boxes
 from validation.prediction.positions import FREE, NAMES, SENSORS, Mixture, Predict, of_model, of_null
@@ -32,6 +32,8 @@ APART_S, APART_M = 0.02, 0.02
 """Samples of the misfit are so far apart: in time, or the hammer in rulers."""
 DIFFERENCE = 0.06
 """Step of a parameter for the slopes, in standard deviations of its prior: contacts make the misfit rough."""
+SPEED_SCATTER = 0.03
+"""What the model is expected to miss the speed before an impact by, a share of it."""
 LIMIT = 4.0
 """Parameters stay within so many standard deviations of their priors."""
 MOST_RUNS = 25
@@ -58,19 +60,39 @@ def chosen_samples(stroke: Stroke) -> NDArray[np.int64]:
     return np.unique(np.searchsorted(length, np.arange(0.0, length[-1])))
 
 
+@lru_cache(maxsize=64)
+def measured_speeds(stroke: Stroke) -> Array:
+    """Speed before the impact of each strike, m/s; NaN of a slow press, which strikes nothing."""
+    return speeds_of(stroke, stroke.hammer.value_m)
+
+
+def speeds_of(stroke: Stroke, hammer_m: Array) -> Array:
+    """Speed before the impact of each strike, m/s, of a hammer's displacement (n,), m; NaN of a slow press."""
+    found = np.array([event["speed_m_per_s"] for event in find(stroke, hammer_m)])
+    return np.where(found > SLOW_M_PER_S, found, np.nan)
+
+
 def misfit(z: Array, strokes: Sequence[Stroke], predict: Predict) -> Array:
-    """Residuals: one a parameter (its prior), then those of every stroke."""
+    """Residuals: one a parameter (its prior), then those of every stroke, of its samples and of its speeds."""
     parts = [z]
     for stroke in strokes:
-        at = chosen_samples(stroke)
+        at, measured = chosen_samples(stroke), measured_speeds(stroke)
         try:
-            error = (predict(z, stroke, None) - stroke.hammer.value_m)[at] / stroke.hammer.travel_m
+            hammer = predict(z, stroke, None)
         except model.ModelError:
-            error = np.ones(at.size)
+            hammer = np.full(stroke.time_s.size, np.nan)
+        error = (hammer - stroke.hammer.value_m)[at] / stroke.hammer.travel_m
         error = np.clip(np.nan_to_num(error, nan=1.0), -1.0, 1.0) / SCATTER
-        robust = np.sign(error) * np.sqrt(2.0 * (np.sqrt(1.0 + error**2) - 1.0))
-        parts.append(robust * np.sqrt(INDEPENDENT / at.size))
+        parts.append(_robust(error) * np.sqrt(INDEPENDENT / at.size))
+        strikes = np.isfinite(measured)
+        speed = speeds_of(stroke, hammer)[strikes] if np.isfinite(hammer).all() else np.full(strikes.sum(), np.nan)
+        parts.append(_robust(np.nan_to_num(speed / measured[strikes] - 1.0, nan=1.0) / SPEED_SCATTER))
     return np.concatenate(parts)
+
+
+def _robust(error: Array) -> Array:
+    """Pseudo-Huber: residuals whose squares grow like the errors where these are large."""
+    return np.asarray(np.sign(error) * np.sqrt(2.0 * (np.sqrt(1.0 + error**2) - 1.0)))
 
 
 def fit(
@@ -87,7 +109,8 @@ def fit(
     so that a long hold does not outweigh the blow. It is robust (pseudo-Huber): what the model lacks, such as a bounce
     after the release, must not drag the rest along. Each stroke counts as `INDEPENDENT` values that scatter by
     `SCATTER`, whatever its length: residuals of a model are not white, and intervals from white ones would be many
-    times too small.
+    times too small. The speed before each impact is a value of its own that scatters by `SPEED_SCATTER`: it is what an
+    action is built for, and lies in a few samples.
 
     Parameters
     ----------
