@@ -25,6 +25,7 @@ class CompareOptions(TypedDict, total=False):
     budget: bool
     suspect: bool
     by_motion: bool
+    further: bool
     keep_predictions: bool
     u_rest_level_m: float
     now: Callable[[], datetime]
@@ -50,6 +51,7 @@ class ComparisonOptions:
     budget: bool = True
     suspect: bool = True
     by_motion: bool = False
+    further: bool = False
     keep_predictions: bool = True
     u_rest_level_m: float = U_REST_LEVEL_M
     condition: str | None = None

@@ -110,6 +110,8 @@ class SessionTables:
     nuisance : DataFrame
         Scores of each trial under drawn errors of force and sensors: trial, channel, draw, rmse_rad,
         before_impact_rmse_rad, iso_overall; the same draws for every model of a session. Empty for one model alone.
+    further : dict
+        Tables that only a report shows, by name (`validation.result_tables.further`); empty when not requested.
     """
 
     warnings: list[str]
@@ -135,11 +137,12 @@ class SessionTables:
     motion_trace: pd.DataFrame | None
     judgement: dict[str, Any]
     nuisance: pd.DataFrame
+    further: dict[str, pd.DataFrame]
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
         """The tables that are also written as CSV files, by name."""
-        return {name: getattr(self, name) for name in TABLES}
+        return {name: getattr(self, name) for name in TABLES} | self.further
 
 
 @dataclass(frozen=True, repr=False)

@@ -167,7 +167,7 @@ def compared(recorded, shared):
     """The comparison of the recorded session; predictions are not kept on disk."""
     from validation import compare_session
 
-    return shared(lambda folder: compare_session(recorded[0], recorded[1].action, keep_predictions=False))
+    return shared(lambda folder: compare_session(recorded[0], recorded[1].action, keep_predictions=False, further=True))
 
 
 @pytest.fixture(scope="session")

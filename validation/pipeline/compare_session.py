@@ -128,6 +128,8 @@ def compare(
             runs of one trial, up to a thousand more where the difference is large.
         by_motion : bool, default False
             Also drive the model by the key's measured motion and compare the force, in the trial of median peak force.
+        further : bool, default False; True where a report is written
+            Also make the tables that only a report shows: forces and energies inside the action.
         keep_predictions : bool, default True
             Store predictions and scores in the session's ``derived`` and reuse them when their inputs have not changed.
         u_rest_level_m : float, default 0.1 mm / √3

@@ -218,7 +218,7 @@ def validate_sessions(
     chosen = ComparisonOptions.of(options)
     folder = report_folder([s.path if isinstance(s, Session) else s for s in sessions], out)
     check_folder(folder)  # before any work is done
-    side = compare_many(sessions, actions, **options)
+    side = compare_many(sessions, actions, **CompareOptions({"further": True, **options}))
     chosen.say("writing the report")
     return write_side_by_side(side, folder)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -73,7 +73,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Run:
-    """One run: an action from its rest under a force table (s, N), at the output times (s), to a tolerance (rad)."""
+    """One run: an action from its rest under a force table (s, N), at the output times (s), to a tolerance (rad).
+
+    ``outputs`` beyond angles and speeds, as `model.simulate` names them; none but contact forces come out of lanes.
+    """
 
     action: model.Action
     rest: model.RestState
@@ -81,6 +84,7 @@ class Run:
     force_n: Array
     output_time_s: Array
     tolerance: float
+    outputs: tuple[str, ...] = ()
 
 
 def run_many(
@@ -133,5 +137,6 @@ def _solutions(tested: ModelUnderTest, runs: Sequence[Run], pool: Executor) -> l
 
 
 def _job(run: Run) -> Job:
-    options = ForceDrivenOptions(tolerance=run.tolerance, output_time_s=run.output_time_s)
+    wanted: dict[str, Any] = dict.fromkeys(run.outputs, True)
+    options = ForceDrivenOptions(tolerance=run.tolerance, output_time_s=run.output_time_s, **wanted)
     return make_jobs(run.action, {"": (run.time_s, run.force_n)}, {"": {}}, options, run.rest)[0]

@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from validation.events.definitions import EVENTS
 from validation.report.figures.measured import all_figures
 from validation.report.figures.overlays import limit_of_trial, trial_words
 from validation.report.tables import scores as present
+from validation.report.tables.described import described_sections, described_table
 from validation.report.tables.formatting import PageTable
 from validation.report.tables.models import event_table, evidence_table, forest, heat_map, matrix, pair_tables
 from validation.report.tables.scores import area_table, budget_table, scorecard_table
@@ -169,6 +171,10 @@ def session_section(view: SessionView) -> dict[str, Any]:
         figures=all_figures(view),
         scores=[*each(present.score_matrix), *each(present.rival_table)],
         differences=each(present.resolution_table),
+        further=[
+            {"id": key, "title": title, "tables": [t for name in names for t in each(partial(described_table, name))]}
+            for (key, title), names in described_sections(view.first).items()
+        ],
         scorecards=each(scorecard_table),
         iso=each(present.iso_table),
         events=[_called(event_table(view), view)],

@@ -32,6 +32,7 @@ from validation.result_tables.channels import (
     with_scores,
 )
 from validation.result_tables.events import event_summary, event_table
+from validation.result_tables.further import FURTHER
 from validation.scores.perfect_model import perfect_scores
 from validation.scores.score_session import ScoredSession
 from validation.statistics.event_budget import COLUMNS as BUDGET_COLUMNS
@@ -159,6 +160,7 @@ def make_tables(
     if options.budget:
         options.say("uncertainty budget of the events")
         budget = event_budget(tested, representative(predicted.trials), summary)
+    further = {name: make(predicted, tested, options) for name, make in FURTHER.items()} if options.further else {}
     warnings = [*_warnings(predicted, findings), *scored.notes, *notes, *tested.store.save()]
     return SessionTables(
         warnings=warnings,
@@ -184,6 +186,7 @@ def make_tables(
         motion_trace=trace,
         judgement=judgement.facts(),
         nuisance=ceiling.nuisance,
+        further=further,
     )
 
 

@@ -1,0 +1,57 @@
+"""What only a report shows: energies inside the action close, parts sum up, nothing is made that nobody asked for."""
+
+from __future__ import annotations
+
+import pytest
+
+import model
+from validation import compare_session
+from validation.result_tables.further import DRAWS, FURTHER
+
+
+@pytest.fixture(scope="module")
+def inside(compared):
+    return compared.tables["inside"]
+
+
+def test_energies_inside_the_action_close_and_are_those_of_its_parts(inside):
+    energy = inside[inside["kind"] == "energy"].set_index("part")["energy_j"]
+    work = energy["work of the force on the key"]
+    assert work > 0.05
+    assert energy.drop("work of the force on the key").sum() == pytest.approx(work, rel=1e-9)
+    assert abs(energy["not accounted for: error of the integration"]) < 1e-4 * work
+    parts = inside[inside["kind"] == "contact"]
+    assert parts["felt_j"].sum() == pytest.approx(energy["lost in felt"], rel=1e-3)
+    assert parts["friction_j"].sum() == pytest.approx(energy["lost by friction of contacts"], rel=1e-3)
+    joints = inside[inside["kind"] == "joint"]
+    assert joints["friction_j"].sum() == pytest.approx(energy["lost by friction of joints"], rel=1e-3)
+
+
+def test_forces_inside_the_action_have_a_place_a_time_and_an_uncertainty(inside, compared):
+    parts = inside.set_index("part")
+    front = parts.loc["02 key front"]
+    assert front["largest_n"] > 20.0  # the spike of `forte_n`, 33 N, and the key's own inertia
+    assert 0.0 < front["u_largest_n"] < 0.2 * front["largest_n"]
+    assert 0.455 < front["at_s"] < 0.480 and front["largest_m"] > 0.0
+    assert set(parts["draws"]) == {DRAWS} and set(parts["trial"]) <= set(compared.traces)
+    assert set(parts["kind"]) == {"energy", "contact", "joint"}  # nothing gives, and the string is a bar
+    assert parts.loc["work of the force on the key", "u_energy_j"] > 0.0
+
+
+def test_a_scene_shows_what_it_moves_and_where_its_energy_goes(recorded):
+    action = model.load_scene("string").on(recorded[1].action)
+    result = compare_session(
+        recorded[0], action, budget=False, suspect=False, rivals=(), keep_predictions=False, further=True
+    )
+    parts = result.tables["inside"].set_index("part")
+    assert parts.loc["string where it is struck", "largest_m"] > 1e-4
+    assert parts.loc["lost in the string", "energy_j"] > 0.0
+    assert parts["u_largest_n"].isna().all() and set(parts["draws"]) == {0}
+
+
+def test_a_comparison_without_a_report_looks_at_nothing_inside(recorded, monkeypatch):
+    monkeypatch.setitem(FURTHER, "inside", lambda *_: pytest.fail("made, though nobody asked"))
+    result = compare_session(
+        recorded[0], recorded[1].action, budget=False, suspect=False, rivals=(), keep_predictions=False
+    )
+    assert "inside" not in result.tables

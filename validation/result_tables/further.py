@@ -1,0 +1,129 @@
+"""Further tables: what only a report shows, made when one is to be written.
+
+A table is a function here, named in `FURTHER`, and an entry of ``validation/report/results.schema.json``: type, unit
+and meaning of each column, and by ``page`` and ``head`` how the report shows it. Nothing else names it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+import model
+from model.inside.labels import contact_label
+from validation.conventions import Array
+from validation.measurement.measure_session import representative
+from validation.measurement.trial import MeasuredTrial
+from validation.options import ComparisonOptions
+from validation.prediction.joint_draws import drawn_action, drawn_run, joint_draws, session_seed
+from validation.prediction.many_runs import run_many
+from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.predict_session import PredictedSession
+
+DRAWS = 20
+INSIDE = [
+    "part", "kind", "trial", "largest_n", "u_largest_n", "at_s", "largest_m", "slid_m", "energy_j", "u_energy_j",
+    "friction_j", "felt_j", "draws",
+]  # fmt: skip
+ENERGIES = {
+    "work_in": "work of the force on the key",
+    "stored_change": "stored in the action, change since rest",
+    "lost_in_felt": "lost in felt",
+    "lost_in_contact_friction": "lost by friction of contacts",
+    "lost_in_joint_friction": "lost by friction of joints",
+    "lost_in_rail": "lost at the balance rail",
+    "lost_in_shank": "lost in the shank",
+    "lost_in_pins": "lost in bushings of joints that give",
+    "lost_in_string": "lost in the string",
+    "residual": "not accounted for: error of the integration",
+}
+
+
+def inside_table(predicted: PredictedSession, tested: ModelUnderTest, options: ComparisonOptions) -> pd.DataFrame:
+    """Forces, ways and energies inside the model's scene, in the blow of the trial of median peak force.
+
+    Standard uncertainties, where there is a budget, are those of `DRAWS` draws of force and parameters
+    (`validation.prediction.joint_draws`). No rows for a stand-in: what happens inside is not known of it.
+    """
+    rows: list[dict[str, Any]] = []
+    if tested.own_model:
+        m = representative(predicted.trials)
+        seed = session_seed(predicted.trials) if options.budget else None
+        rows = tested.store.value(
+            "inside the action", (tested.identity, m.time_s, m.force, seed), lambda: list(_inside(tested, m, seed))
+        )
+    return pd.DataFrame(rows, columns=INSIDE)
+
+
+def _inside(tested: ModelUnderTest, m: MeasuredTrial, seed: int | None) -> Iterator[dict[str, Any]]:
+    force = m.force
+    at = m.time_s[(m.time_s >= force.time_s[0]) & (m.time_s <= force.time_s[-1])]
+    blow = tested.simulate(
+        tested.action, force.time_s, force.force_n, tolerance=tested.tolerance, output_time_s=at,
+        initial=tested.load(force.preload_n).rest, inside=True, energy=True,
+    )  # fmt: skip
+    draws = [] if seed is None else joint_draws(tested.action, seed, DRAWS, parameters=True)
+    actions = [drawn_action(tested, m, draw) for draw in draws]
+    runs = [None if one is None else drawn_run(tested, m, one, at) for one in actions]
+    asked = [None if run is None else replace(run, outputs=("contact_forces", "energy")) for run in runs]
+    drawn = [sizes for sizes in run_many(tested, asked, lambda _, solution: _sizes(solution)) if sizes is not None]
+    u = pd.DataFrame(drawn).std()
+    for name, row in _parts(tested.action, blow):
+        doubt = "u_energy_j" if row["kind"] == "energy" else "u_largest_n"
+        yield row | {"trial": m.number, "draws": len(drawn), doubt: float(u.get(name, np.nan))}
+
+
+def _sizes(solution: model.Solution) -> dict[str, float]:
+    """Largest normal force (N) of each contact, and the energies (J)."""
+    assert solution.contact_normal_n is not None and solution.energy is not None
+    forces = solution.contact_normal_n.max(axis=0, initial=0.0)
+    return dict(zip(solution.contacts, map(float, forces), strict=True)) | _energies(solution.energy)
+
+
+def _energies(audit: model.EnergyAudit) -> dict[str, float]:
+    return asdict(audit) | {"residual": audit.residual}
+
+
+def _parts(action: model.Action, blow: model.Solution) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Rows with their names: energies that the scene knows, contacts, joints, what its effects move."""
+    seen, time = blow.inside, blow.time_s
+    assert seen is not None and blow.energy is not None
+    for name, energy in _energies(blow.energy).items():
+        if energy != 0.0:
+            yield name, {"kind": "energy", "part": ENERGIES[name], "energy_j": energy}
+    for i, name in enumerate(seen.contacts):
+        friction, felt = float(seen.rubbed_j[-1, i]), float(seen.felt_j[-1, i])
+        row = {
+            "kind": "contact",
+            "part": contact_label(action, name),
+            "largest_n": float(seen.largest_normal_n[i]),
+            "at_s": float(time[np.argmax(seen.normal_n[:, i])]) if seen.normal_n[:, i].any() else np.nan,
+            "largest_m": max(float(seen.penetration_m[:, i].max()), 0.0),
+            "slid_m": float(seen.slid_m[-1, i]),
+            "energy_j": friction + felt,
+            "friction_j": friction,
+            "felt_j": felt,
+        }
+        yield name, row
+    for i, body in enumerate(seen.bodies):
+        if body in seen.turning_bodies:
+            force, friction = np.hypot(*seen.joint_n[:, i].T), float(seen.joint_j[-1, i])
+            row = {"kind": "joint", "part": f"joint of the {body}", "energy_j": friction, "friction_j": friction}
+            if blow.give is not None:
+                row["largest_m"] = float(np.hypot(*blow.give.of(body)[0].T).max())
+            yield body, row | {"largest_n": float(force.max()), "at_s": float(time[np.argmax(force)])}
+    ways: dict[str, Array] = {} if blow.string is None else {"string where it is struck": blow.string.way_m}
+    if "key_lift" in blow.bodies:
+        ways["key above its balance rail"] = blow.angle_rad[:, blow.bodies.index("key_lift")]
+    for part, way in ways.items():
+        k = int(np.argmax(np.abs(way)))
+        yield part, {"kind": "way", "part": part, "largest_m": float(abs(way[k])), "at_s": float(time[k])}
+
+
+FURTHER: dict[str, Callable[[PredictedSession, ModelUnderTest, ComparisonOptions], pd.DataFrame]] = {
+    "inside": inside_table,
+}
