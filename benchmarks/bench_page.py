@@ -33,9 +33,8 @@ from playwright.sync_api import sync_playwright
 from benchmarks.runner import ROOT, Run
 from rig.backend import Block
 from rig.session import Session
-from rig.session.channel_info import ChannelInfo
-from rig.session.journal.trial_head import TrialHead
-from rig.session.journal.writer import JournalWriter
+from rig.session.info import ChannelInfo
+from rig.session.journal import JournalWriter, TrialHead
 from vision.film.mraw import write_mraw
 
 EXAMPLE = ROOT / "sessions" / "example_forte"

@@ -21,12 +21,12 @@ from benchmarks.runner import ROOT
 from rig.backend import Capabilities, Timing
 from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
 from rig.daq import NidaqmxBackend
-from rig.session.journal.writer import JournalWriter
+from rig.session.journal import JournalWriter
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
 from rig.simulated.bench.bench_time import PacedClock, VirtualClock
 from rig.simulated.bench.plant_protocol import PlantBlock
 from rig.simulated.bench.sensors import load_sensors
-from rig.simulated.rpc.tcp_server import serve
+from rig.simulated.serve import serve
 
 RAD_PER_VOLT = np.array([-0.05, 0.09, -0.4])
 FORCE_PER_VOLT_N = 12.0

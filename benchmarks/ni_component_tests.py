@@ -50,7 +50,7 @@ def run_tests(checkout: Path, rig_name: str = "pcie6363", select: str = "grpc_in
     """Run NI's component tests against a device of its own; return what came of each."""
     from rig.configuration.rig_file import load_rig  # start-up: the plugin must not import the bench
     from rig.simulated.backend import open_backend
-    from rig.simulated.rpc.tcp_server import serve
+    from rig.simulated.serve import serve
 
     backend = open_backend("sim://?clock=real", load_rig(rig_name).config)
     server, port = serve(backend.service)

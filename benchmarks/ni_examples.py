@@ -85,7 +85,7 @@ def _with_and_without_signal(examples: Path, program: Path, rig_name: str) -> Ou
 def _run_one(examples: Path, program: Path, rig_name: str, signal_hz: float = 0.0) -> Outcome:
     from rig.configuration.rig_file import load_rig  # start-up: not needed for --help
     from rig.simulated.backend import open_backend
-    from rig.simulated.rpc.tcp_server import serve
+    from rig.simulated.serve import serve
 
     backend = open_backend("sim://?clock=real", load_rig(rig_name).config)
     server, port = serve(backend.service)

@@ -22,7 +22,7 @@ import rig
 from benchmarks.runner import Run
 from model.scene.selection import SceneChoice
 from rig.foreign.mapping import ImportMapping
-from rig.session.channel_info import RulerInfo
+from rig.session.info import RulerInfo
 from rig.session.ruler import ruler_curve
 from validation.conventions import HAMMER
 from validation.identification.positions import read_identified

@@ -28,8 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rig.arrays import as_numbers
 from rig.backend import Backend, Block
-from rig.configuration.channels import BODIES, EncoderConfig
-from rig.configuration.rig_file import Rig, RigConfig, parse_rig
+from rig.configuration.rig_file import BODIES, EncoderConfig, Rig, RigConfig, parse_rig
 from rig.errors import RigInputError
 from rig.selftest import SelftestBackend
 

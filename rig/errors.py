@@ -91,6 +91,30 @@ class NotPermitted(HardwareFault):
         super().__init__(message, phase="permit")
 
 
+def refuse(kind: type[Exception], *checks: tuple[object, str]) -> None:
+    """Raise the message of the first check that holds.
+
+    Parameters
+    ----------
+    kind : type of exception
+    checks : (object, str)
+        As many as there are: what must not be, by its truth, and the line that says so.
+
+    Raises
+    ------
+    Exception
+        Of that kind.
+
+    Examples
+    --------
+    >>> import rig
+    >>> rig.errors.refuse(ValueError, (1 > 2, "one is more than two"), (2 > 3, "two is more than three"))
+    """
+    for wrong, message in checks:
+        if wrong:
+            raise kind(message)
+
+
 def is_defect(error: BaseException) -> bool:
     """Whether an error lies in a program, not in its input, the bench, its disk, or somebody's wish to stop it.
 

@@ -30,7 +30,7 @@ from rig.arrays import ArrayRecord, as_numbers
 from rig.configuration import toml_file
 from rig.configuration.profile import Profile, motor_command, parse_profile
 from rig.configuration.rig_file import RigConfig
-from rig.errors import RigInputError
+from rig.errors import RigInputError, refuse
 from rig.session.trial_data import TrialData
 
 LEAD_S = 0.05
@@ -125,14 +125,19 @@ def make_target(
     10 N
     """
     force_n = as_numbers(force_n, f"{name}: force", 1)
-    if not np.isfinite(force_n).all():
-        raise RigInputError(f"{name}: force: found a value that is not finite, allowed finite ones; cut lost data out")
-    if not (np.isfinite(scale) and scale > 0):
-        raise RigInputError(f"{name}: scale = {scale:g}, allowed above 0")
-    if interval_s > 0.005:
-        raise RigInputError(f"{name}: sampled every {interval_s:g} s, allowed at most every 0.005 s")
-    if force_n.size * interval_s > 60:
-        raise RigInputError(f"{name}: lasts {force_n.size * interval_s:.3g} s, allowed at most 60 s; cut out one blow")
+    refuse(
+        RigInputError,
+        (
+            not np.isfinite(force_n).all(),
+            f"{name}: force: found a value that is not finite, allowed finite ones; cut lost data out",
+        ),
+        (not (np.isfinite(scale) and scale > 0), f"{name}: scale = {scale:g}, allowed above 0"),
+        (interval_s > 0.005, f"{name}: sampled every {interval_s:g} s, allowed at most every 0.005 s"),
+        (
+            force_n.size * interval_s > 60,
+            f"{name}: lasts {force_n.size * interval_s:.3g} s, allowed at most 60 s; cut out one blow",
+        ),
+    )
     on_clock = scale * _resampled(force_n, interval_s, sample_rate_hz)
     quiet = max(int(round(QUIET_S * sample_rate_hz)), 2)
     if on_clock.size < 5 * quiet:
@@ -427,10 +432,11 @@ def learn(
     >>> len(rig.learn(target, config, blow, blows=1).blows)
     1
     """
-    if not 1 <= blows <= MOST_BLOWS:
-        raise RigInputError(f"blows = {blows}, allowed 1 to {MOST_BLOWS}")
-    if not 0 < goal < 1:
-        raise RigInputError(f"goal = {goal:g}, allowed above 0 and below 1")
+    refuse(
+        RigInputError,
+        (not 1 <= blows <= MOST_BLOWS, f"blows = {blows}, allowed 1 to {MOST_BLOWS}"),
+        (not 0 < goal < 1, f"goal = {goal:g}, allowed above 0 and below 1"),
+    )
     motor, rate = config.motor, config.device.sample_rate_hz
     most_n = min(motor.force_limit_n, motor.voltage_limit_v * motor.force_per_volt_n)
     _check_reachable(target, config, most_n)

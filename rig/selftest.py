@@ -30,8 +30,7 @@ from pydantic import ConfigDict, Field
 
 from rig.backend import Backend, Block, Expiry, Timing
 from rig.configuration import toml_file
-from rig.configuration.channels import BODIES, Number, Table, Text
-from rig.configuration.rig_file import Rig, RigConfig, SelftestConfig
+from rig.configuration.rig_file import BODIES, Number, Rig, RigConfig, SelftestConfig, Table, Text
 from rig.errors import HardwareFault, NotPermitted, RigInputError
 from rig.storage.atomic_write import refused, write_text
 

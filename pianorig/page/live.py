@@ -1,6 +1,6 @@
 """What is new in a recording since the last look: samples of every channel, and the state of trial and plan.
 
-A sample is sent once. A page that was away for longer than `rig.session.journal.live_reader.KEEP_S` finds the samples
+A sample is sent once. A page that was away for longer than `rig.session.journal.KEEP_S` finds the samples
 from then on; the place of each block among the samples is sent with it, so that a gap is seen, not closed. The journal
 is read and never touched: nothing here can slow or end a recording.
 """
@@ -19,11 +19,11 @@ import numpy as np
 from pianorig.page.catalogue import LARGEST_TRIAL_BYTES, open_session, shortened
 from rig.configuration.rig_file import RigConfig
 from rig.errors import RigError
-from rig.recording.resume import session_rig
+from rig.recording.recover import session_rig
 from rig.safety.interlocks import LimitWatch
 from rig.session import TrialData
-from rig.session.journal.live_reader import JournalFollower
-from rig.session.journal.trial_head import TrialHead
+from rig.session.journal import JournalFollower
+from rig.session.journal import TrialHead
 from rig.session.trial_file import read_trial
 from validation.curves.signs import SIGN, TITLE
 from vision.output.colours import colour_of

@@ -21,7 +21,7 @@ from pianorig.errors import CommandInputError
 from pianorig.page.catalogue import Catalogue, UnknownName
 from pianorig.workflows.session_paths import new_session_folder
 from rig.configuration.profile import built_in_profiles
-from rig.recording.resume import due_entries
+from rig.recording.recover import due_entries
 from rig.recording.trial_plan import MAX_TRIALS
 from rig.session import Session
 

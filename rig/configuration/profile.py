@@ -19,9 +19,8 @@ from pydantic import Field
 
 from rig.arrays import ArrayRecord, as_numbers
 from rig.configuration import toml_file
-from rig.configuration.channels import Number, Table, Text
-from rig.configuration.rig_file import RigConfig
-from rig.errors import RigInputError
+from rig.configuration.rig_file import Number, RigConfig, Table, Text
+from rig.errors import RigInputError, refuse
 from rig.storage.atomic_write import sha256_of_bytes
 
 FOLDER = Path(__file__).parents[1] / "profiles"
@@ -190,15 +189,18 @@ def parse_profile(text: str, where: str = "profile") -> Profile:
 
 def _check_points(points: Sequence[_Point], where: str) -> None:
     for i, (before, after) in enumerate(zip(points, points[1:], strict=False)):
-        if after.time_s == before.time_s:
-            raise RigInputError(
-                f"{where}: points[{i}] and points[{i + 1}] are both at time_s = {after.time_s:g} s; move or remove one"
-            )
-        if after.time_s < before.time_s:
-            raise RigInputError(
+        refuse(
+            RigInputError,
+            (
+                after.time_s == before.time_s,
+                f"{where}: points[{i}] and points[{i + 1}] are both at time_s = {after.time_s:g} s; move or remove one",
+            ),
+            (
+                after.time_s < before.time_s,
                 f"{where}: points[{i + 1}].time_s = {after.time_s:g} s, allowed above "
-                f"points[{i}].time_s = {before.time_s:g} s"
-            )
+                f"points[{i}].time_s = {before.time_s:g} s",
+            ),
+        )
     for i, word in ((0, "start"), (len(points) - 1, "end")):
         if points[i].force_n != 0.0:
             raise RigInputError(

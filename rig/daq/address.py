@@ -7,14 +7,17 @@ from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
 import grpc
+import nidaqmx.errors
 
 from rig.configuration.rig_file import RigConfig
-from rig.daq import server_sessions
-from rig.daq.discovery import FoundDevice, driver_version, find_devices
+from rig.daq.discovery import FoundDevice, ServerClaim, driver_version, find_devices
+from rig.daq.faults import translated
 from rig.daq.nidaqmx_backend import NidaqmxBackend
 from rig.errors import RigInputError
 
 DEFAULT_PORT = 31763
+RESET = "/nidevice_grpc.SessionUtilities/ResetServer"
+RESET_TIMEOUT_S = 10.0
 
 
 def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
@@ -27,7 +30,7 @@ def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
     if parts.scheme == "ni" and parts.netloc in ("", "local"):
         return _identified(NidaqmxBackend(None, name="NI-DAQmx driver"), config)
     channel, target = _server(url)
-    claim = server_sessions.ServerClaim(channel, target)
+    claim = ServerClaim(channel, target)
     return _identified(NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}", claim=claim), config)
 
 
@@ -77,8 +80,13 @@ def reset_server(url: str) -> str:
     refused
     """
     channel, target = _server(url)
-    with channel:
-        server_sessions.reset_server(channel, target)
+    call = channel.unary_unary(RESET, request_serializer=lambda request: request, response_deserializer=lambda raw: raw)
+    with channel, translated("connect", f"server {target}"):
+        try:
+            call(b"", timeout=RESET_TIMEOUT_S)
+        except grpc.RpcError as error:
+            code = error.code() if isinstance(error, grpc.Call) else grpc.StatusCode.UNAVAILABLE
+            raise nidaqmx.errors.RpcError(code, str(error)) from error
     return target
 
 

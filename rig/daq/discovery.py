@@ -1,27 +1,42 @@
 """What stands behind an NI-DAQmx driver or server: devices, modules, serial numbers, driver version.
 
 In: a driver of this computer or a channel to a gRPC Device Server. Out: plain records, for sessions, ``pianorig info
---backend`` and the rig file it proposes. Only questions are asked, nothing is reserved. The pattern of a proposal is
-the built-in rig file of the product: names are those found; what only the lab can know (scales, signs, limits,
-certificates) stays as it is there, and the head of the file says so.
+--backend`` and the rig file it proposes. For this only questions are asked, nothing is reserved. The pattern of a
+proposal is the built-in rig file of the product: names are those found; what only the lab can know (scales, signs,
+limits, certificates) stays as it is there, and the head of the file says so.
+
+A server keeps its sessions when a client dies, and refuses their names to the next. So a recording marks its sessions
+by one more, named after rig and computer, and holds a lock file on this computer while it lives. Who gets the lock and
+finds the mark knows that the program that made it is dead, that it was this rig's and this computer's, and clears what
+it left. Other sessions are never touched.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import os
+import platform
 import re
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 import grpc
+import nidaqmx
 import nidaqmx.errors
+from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.system import Device, System
 
-from rig.configuration.rig_file import load_rig
+from rig.configuration.rig_file import RigConfig, load_rig
+from rig.daq import safe_bench, tasks
 from rig.daq.faults import translated
+from rig.daq.safe_bench import WATCHDOG
 from rig.daq.tasks import session_options
-from rig.errors import RigInputError
+from rig.errors import ResourceBusy, RigInputError
+from rig.storage.platform_calls import lock, open_raw
 
 T = TypeVar("T")
 
@@ -149,3 +164,71 @@ def _head(device: FoundDevice) -> str:
         "# terminals, scales, counts per revolution, signs, limits, uncertainties, certificates, the arm.",
     ]
     return "\n".join(lines) + "\n"
+
+
+_TAKEN = grpc.StatusCode.ALREADY_EXISTS
+SESSIONS = (WATCHDOG, tasks.MOTOR, tasks.MASTER, safe_bench.ZERO, safe_bench.DRIVE, tasks.CAMERA, tasks.EDGES)
+"""Sessions that a recording opens, beside those of its encoders."""
+
+
+class ServerClaim:
+    """The claim of one recording on the sessions of its rig at a server."""
+
+    def __init__(self, channel: grpc.Channel, target: str) -> None:
+        self._channel, self._target = channel, target
+        self._mark: nidaqmx.Task | None = None
+        self._lock: int | None = None
+
+    def take(self, config: RigConfig) -> bool:
+        """Claim the sessions; return whether those of a program that died were cleared for it.
+
+        Raises
+        ------
+        ResourceBusy
+            When another program on this computer records with this device.
+        HardwareFault
+            When the server does not answer.
+        """
+        if self._mark is not None:
+            return False
+        self._take_lock(config)
+
+        def session(name: str, behavior: SessionInitializationBehavior) -> nidaqmx.Task:
+            return nidaqmx.Task(name, grpc_options=tasks.session_options(self._channel, name, behavior))
+
+        mark = re.sub(r"\W", "_", f"pianorig_{config.name}_on_{platform.node()}")
+        with translated("connect", f"server {self._target}"):
+            try:
+                self._mark = session(mark, tasks.NEW)
+                return False
+            except nidaqmx.errors.RpcError as error:
+                if error.rpc_code not in (_TAKEN, _TAKEN.value[0]):
+                    raise
+            self._mark = session(mark, tasks.ATTACHED)
+            for name in (*SESSIONS, *map(tasks.encoder_task_name, config.encoders)):
+                with contextlib.suppress(nidaqmx.errors.Error):  # it did not get as far as opening this one
+                    session(name, tasks.ATTACHED).close()
+        return True
+
+    def release(self) -> None:
+        """Give up mark and lock."""
+        mark, self._mark = self._mark, None
+        with contextlib.suppress(nidaqmx.errors.Error, grpc.RpcError):  # a server that is gone keeps nothing
+            if mark is not None:
+                mark.close()
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def _take_lock(self, config: RigConfig) -> None:
+        key = hashlib.sha256(f"{self._target} {config.device.name}".encode()).hexdigest()[:16]
+        path = Path(tempfile.gettempdir()) / f"pianorig-{key}.lock"
+        descriptor = open_raw(path, os.O_RDWR | os.O_CREAT)
+        if not lock(descriptor):
+            os.close(descriptor)
+            raise ResourceBusy(
+                f"device {config.device.name} at {self._target}: another program on this computer records with it; "
+                "end that first",
+                phase="connect",
+            )
+        self._lock = descriptor

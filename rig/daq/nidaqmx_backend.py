@@ -7,13 +7,19 @@ drive's own torque limit, hard stops and emergency stop are the first.
 What only a self-test needs of the hardware is here, too: the bridge's shunt step, edges on a terminal, what an input
 wired to the motor's output reads. Each opens and closes tasks of its own while those of the trials are idle; only
 :meth:`NidaqmxBackend.let_watchdog_expire` needs a running trial.
+
+How long one call of the driver takes decides whether the bench can be watched over. A block needs a number of calls one
+after the other, and the watchdog is reset between them. Both must fit: the calls of a block into the block's own time,
+or the program falls behind the motor; and the longest time between two resets into the watchdog's timeout. It is
+measured before anything moves. Blocks are lengthened up to 50 ms for a slow connection; what needs more is refused,
+because limits would act too late.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 
 import grpc
@@ -27,12 +33,106 @@ from numpy.typing import ArrayLike
 from rig.arrays import as_numbers
 from rig.backend import Backend, Block, Capabilities, Expiry, Timing
 from rig.configuration.rig_file import RigConfig
-from rig.daq import call_delay, tasks
-from rig.daq.discovery import FoundDevice, driver_version, find_device, find_devices
+from rig.daq import tasks
+from rig.daq.discovery import FoundDevice, ServerClaim, driver_version, find_device, find_devices
 from rig.daq.faults import translated
 from rig.daq.safe_bench import SafeBench, Watchdog, worst
-from rig.daq.server_sessions import ServerClaim
-from rig.errors import HardwareFault, RigInputError
+from rig.errors import HardwareFault, NotSupported, RigInputError
+
+PROBES = 5
+CALLS_BETWEEN_RESETS = 4
+"""Most calls between two resets of the watchdog before the master starts, the reset among them."""
+RESERVE = 0.5
+"""Part of the watchdog's timeout that those calls may use."""
+RESETS_IN_TIMEOUT = 8
+"""While blocks are read the watchdog is reset about so often in its timeout."""
+
+
+LENGTHENED_S = 0.05
+"""Longest block that replaces a shorter ``recording.block_s`` without being asked for, s."""
+
+
+DEAR = 0.05
+"""Part of a block's time that its calls may take before blocks are lengthened while the motor's command is 0 V."""
+
+
+LONGEST_USEFUL_S = 0.4
+"""A longer block is not proposed: limits that act so late protect nothing."""
+
+
+@dataclass(frozen=True)
+class CallDelay:
+    """Time one driver call takes, s: the median, and the longest of a few."""
+
+    usual_s: float
+    longest_s: float
+
+
+def measure(call: Callable[[], object], now_s: Callable[[], float]) -> CallDelay:
+    """Time a cheap call of the driver a few times on the clock that the device's watchdog runs by."""
+    taken = []
+    for _ in range(PROBES):
+        began = now_s()
+        call()
+        taken.append(now_s() - began)
+    return CallDelay(float(np.median(taken)), max(taken))
+
+
+def calls_per_block(config: RigConfig) -> int:
+    """Return the driver calls of one block: one read a task, the state of the generation, the watchdog's reset."""
+    counted = config.camera is not None and config.camera.mode == "counted"
+    further = int(counted) + int(config.key_opposite is not None)
+    return 1 + len(config.encoders) + further + 1 + int(config.watchdog is not None)
+
+
+def calm_block_s(config: RigConfig, delay: CallDelay) -> float:
+    """Return the length of blocks in which the motor's command is 0 V, s: 0 where calls are cheap.
+
+    Through a server each call costs processor time at both ends; where nothing is commanded the limits may act as late
+    as on a slow connection.
+    """
+    cheap = calls_per_block(config) * delay.usual_s <= DEAR * config.recording.block_s
+    return 0.0 if cheap or config.recording.block_s >= LENGTHENED_S else LENGTHENED_S
+
+
+def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:
+    """Return the shortest block the bench can be read in, s: 0 where ``recording.block_s`` will do.
+
+    Raises
+    ------
+    NotSupported
+        When driver calls are too slow for the longest block or for the watchdog, with the delay measured, what is
+        allowed, and what to change.
+    """
+    calls, block_s = calls_per_block(config), config.recording.block_s
+    longest_s = max(block_s, LENGTHENED_S)
+    needed_s = calls * delay.usual_s
+    allowed = {f"blocks of at most {longest_s:g} s": longest_s / calls}
+    remedy = [f"recording.block_s from {1.2 * needed_s:.2g} s"]
+    if config.watchdog is not None:
+        timeout_s = config.watchdog.timeout_s
+        between_s = max(CALLS_BETWEEN_RESETS * delay.longest_s, calls * delay.longest_s + max(block_s, needed_s))
+        allowed["the watchdog's timeout"] = min(
+            RESERVE * timeout_s / CALLS_BETWEEN_RESETS, max(0.8 * timeout_s - block_s, 0.0) / calls
+        )
+        remedy.append(f"watchdog.timeout_s from {max(timeout_s, between_s / RESERVE, 2.4 * needed_s):.2g} s")
+    slow = [
+        f"{least * 1e3:.3g} ms by {name}"
+        for name, least in allowed.items()
+        if (delay.longest_s if "watchdog" in name else delay.usual_s) > least
+    ]
+    if slow:
+        advice = "use a faster link"
+        if 1.2 * needed_s <= LONGEST_USEFUL_S:
+            advice += f", or set {' and '.join(remedy)}: limits then act that much later"
+        raise NotSupported(
+            f"device {config.device.name}: a driver call takes {delay.usual_s * 1e3:.3g} ms, at most "
+            f"{delay.longest_s * 1e3:.3g} ms; allowed {' and '.join(slow)} ({calls} calls a block); nothing has moved; "
+            f"{advice}",
+            phase="configure",
+        )
+    return needed_s if needed_s > block_s else 0.0
+
 
 SHUNT_S = 0.4
 READ_TIMEOUT_S = 5.0
@@ -121,8 +221,8 @@ class NidaqmxBackend(SafeBench, Backend):
             # all that takes calls comes before the watchdog starts: no task is reserved by it, as a chassis demands
             timing = self._timing = replace(
                 self._timing or self._make_tasks(config, motor=command_v is not None),
-                shortest_block_s=call_delay.shortest_block_s(config, delay),
-                calm_block_s=call_delay.calm_block_s(config, delay),
+                shortest_block_s=shortest_block_s(config, delay),
+                calm_block_s=calm_block_s(config, delay),
             )
             if command_v is not None:
                 with translated("configure", config.motor.channel):
@@ -141,7 +241,7 @@ class NidaqmxBackend(SafeBench, Backend):
                     self._tasks[name].control(TaskMode.TASK_COMMIT)
         return timing
 
-    def _begin_safely(self, config: RigConfig) -> call_delay.CallDelay:
+    def _begin_safely(self, config: RigConfig) -> CallDelay:
         """Put the outputs in their safe state, reset the device if that was not done yet, refuse a slow connection.
 
         Returns how long a call takes.
@@ -157,8 +257,8 @@ class NidaqmxBackend(SafeBench, Backend):
                 raise worst(failures)
         with translated("configure", f"device {config.device.name}"):
             device = Device(config.device.name, grpc_options=tasks.session_options(self._channel))
-            delay = call_delay.measure(lambda: device.is_simulated, self._now_s)
-        call_delay.shortest_block_s(config, delay)
+            delay = measure(lambda: device.is_simulated, self._now_s)
+        shortest_block_s(config, delay)
         return delay
 
     def _make_tasks(self, config: RigConfig, *, motor: bool) -> Timing:
@@ -220,7 +320,7 @@ class NidaqmxBackend(SafeBench, Backend):
         with self._safe_on_failure():
             with translated("read", "watchdog"):
                 watchdog_s = 0.0 if config.watchdog is None else config.watchdog.timeout_s
-                interval_s = watchdog_s / call_delay.RESETS_IN_TIMEOUT
+                interval_s = watchdog_s / RESETS_IN_TIMEOUT
                 # by the device's time, which is in the samples, and by ours, in which a block may be late
                 read_s = (self._next_sample - self._reset_at_sample) / config.device.sample_rate_hz
                 self._reset_watchdog(at_least_every_s=interval_s if read_s < interval_s else 0.0)

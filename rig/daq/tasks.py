@@ -33,8 +33,7 @@ from nidaqmx.stream_writers import AnalogSingleChannelWriter
 from numpy.typing import NDArray
 
 from rig.backend import Block
-from rig.configuration.channels import CameraConfig, EncoderConfig, OppositeHeadConfig
-from rig.configuration.rig_file import RigConfig
+from rig.configuration.rig_file import CameraConfig, EncoderConfig, OppositeHeadConfig, RigConfig
 from rig.daq.faults import translated
 from rig.errors import HardwareFault, RigInputError
 

@@ -13,8 +13,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from rig.configuration import toml_file
-from rig.configuration.channels import BODIES, RESERVED_NAMES, Number, RulerConfig, Table, Text
-from rig.errors import RigInputError
+from rig.configuration.rig_file import BODIES, RESERVED_NAMES, Number, RulerConfig, Table, Text
+from rig.errors import RigInputError, refuse
 from rig.foreign.channel_table import ChannelTable, known
 from rig.session.info import ActionInfo, RoomInfo
 
@@ -39,12 +39,15 @@ class PositionMapping(Table):
 
     @model_validator(mode="after")
     def _usable(self) -> PositionMapping:
-        if self.gain == 0:
-            raise ValueError(f"positions.{self.name}: gain = 0, allowed anything else")
-        if self.limits is not None and not self.limits[0] < self.limits[1]:
-            raise ValueError(f"positions.{self.name}: limits {self.limits}, allowed a lower and a higher value")
-        if self.name in RESERVED_NAMES:
-            raise ValueError(f"positions.{self.name}: this name is taken by every trial")
+        refuse(
+            ValueError,
+            (self.gain == 0, f"positions.{self.name}: gain = 0, allowed anything else"),
+            (
+                self.limits is not None and not self.limits[0] < self.limits[1],
+                f"positions.{self.name}: limits {self.limits}, allowed a lower and a higher value",
+            ),
+            (self.name in RESERVED_NAMES, f"positions.{self.name}: this name is taken by every trial"),
+        )
         return self
 
 
@@ -122,10 +125,14 @@ class ForceMapping(Table):
 
     @model_validator(mode="after")
     def _scaled(self) -> ForceMapping:
-        if self.newtons_per_unit is None and self.unit not in NEWTONS:
-            raise ValueError(f"force.newtons_per_unit is missing; a force in {self.unit} needs it")
-        if self.newtons_per_unit == 0:
-            raise ValueError("force.newtons_per_unit = 0, allowed anything else")
+        refuse(
+            ValueError,
+            (
+                self.newtons_per_unit is None and self.unit not in NEWTONS,
+                f"force.newtons_per_unit is missing; a force in {self.unit} needs it",
+            ),
+            (self.newtons_per_unit == 0, "force.newtons_per_unit = 0, allowed anything else"),
+        )
         return self
 
 
@@ -189,36 +196,48 @@ class ImportMapping(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> ImportMapping:
-        names = tuple(encoder.name for encoder in self.encoders)
-        if names != tuple(body for body in BODIES if body in names) or len(set(names)) != len(names):
-            raise ValueError(f"encoders are named {names}, allowed once each, in this order: {BODIES}")
-        if (self.force is None) != bool(self.positions):
-            raise ValueError(
-                "allowed is [force] with encoders, or [[positions]] without a force; the mapping has "
-                + ("both" if self.positions else "neither")
-            )
-        if self.positions and (self.encoders or self.absent_encoders or self.motor):
-            raise ValueError("[[positions]]: encoders, absent_encoders and motor belong to a mapping with [force]")
-        if self.positions and len({one.name for one in self.positions}) != len(self.positions):
-            raise ValueError(f"positions are named {[one.name for one in self.positions]}, allowed once each")
-        if both := [body for body in names if body in self.absent_encoders]:
-            raise ValueError(f"absent_encoders names {both[0]}, which is under encoders as well")
+        names, channels = tuple(encoder.name for encoder in self.encoders), self.channels
+        positions = [one.name for one in self.positions]
+        both = [body for body in names if body in self.absent_encoders]
         unsaid = [body for body in BODIES if body not in (*names, *self.absent_encoders)]
-        if unsaid and self.force is not None:
-            raise ValueError(
-                f"encoders: {unsaid[0]} is missing; add it, or say absent_encoders = {unsaid} where it was not measured"
-            )
-        channels = self.channels
-        if len(set(channels)) != len(channels):
-            raise ValueError(f"channels {channels} repeat; each quantity has a channel of its own")
-        if self.time.channel in channels:
-            raise ValueError(f"time.channel = {self.time.channel!r} is a measured channel as well")
-        if unknown := [name for name in self.overrule_units if name not in (*channels, self.time.channel)]:
-            raise ValueError(f"overrule_units names {unknown[0]!r}, allowed are the channels of the mapping")
-        if self.separator == self.decimal:
-            raise ValueError("separator and decimal are the same sign")
-        if self.thousands in (self.separator, self.decimal):
-            raise ValueError(f"thousands = {self.thousands!r} is the separator or the decimal sign as well")
+        unknown = [name for name in self.overrule_units if name not in (*channels, self.time.channel)]
+        refuse(
+            ValueError,
+            (
+                names != tuple(body for body in BODIES if body in names) or len(set(names)) != len(names),
+                f"encoders are named {names}, allowed once each, in this order: {BODIES}",
+            ),
+            (
+                (self.force is None) != bool(positions),
+                "allowed is [force] with encoders, or [[positions]] without a force; the mapping has "
+                + ("both" if positions else "neither"),
+            ),
+            (
+                positions and (self.encoders or self.absent_encoders or self.motor),
+                "[[positions]]: encoders, absent_encoders and motor belong to a mapping with [force]",
+            ),
+            (len(set(positions)) != len(positions), f"positions are named {positions}, allowed once each"),
+            (both, f"absent_encoders names {', '.join(both)}, which is under encoders as well"),
+            (
+                unsaid and self.force is not None,
+                f"encoders: {', '.join(unsaid[:1])} is missing; add it, or say absent_encoders = {unsaid} where it was "
+                "not measured",
+            ),
+            (
+                len(set(channels)) != len(channels),
+                f"channels {channels} repeat; each quantity has a channel of its own",
+            ),
+            (self.time.channel in channels, f"time.channel = {self.time.channel!r} is a measured channel as well"),
+            (
+                unknown,
+                f"overrule_units names {', '.join(map(repr, unknown))}, allowed are the channels of the mapping",
+            ),
+            (self.separator == self.decimal, "separator and decimal are the same sign"),
+            (
+                self.thousands in (self.separator, self.decimal),
+                f"thousands = {self.thousands!r} is the separator or the decimal sign as well",
+            ),
+        )
         return self
 
     @property

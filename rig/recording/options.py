@@ -22,7 +22,7 @@ from rig.safety.dry_run import Predict
 from rig.safety.permission import Permission
 from rig.session.folder import Trial
 from rig.session.info import ActionInfo, RoomInfo
-from rig.session.journal.writer import JournalWriter, OpenJournal
+from rig.session.journal import JournalWriter, OpenJournal
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class BlockFeed:
 
 
 class ResumeKeywords(TypedDict, total=False):
-    """Keywords of :func:`rig.recording.resume.resume`: what is not in the session already."""
+    """Keywords of :func:`rig.recording.recover.resume`: what is not in the session already."""
 
     progress: Callable[[Progress], None] | None
     before_trial: Callable[[int], None] | None

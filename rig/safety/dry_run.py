@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.arrays import ArrayRecord
-from rig.configuration.channels import BODIES, ArmConfig
 from rig.configuration.profile import Profile
-from rig.configuration.rig_file import RigConfig
+from rig.configuration.rig_file import BODIES, ArmConfig, RigConfig
 from rig.errors import RigInputError
 
 
@@ -43,14 +42,6 @@ class PredictedBlow(ArrayRecord):
 
 
 Predict = Callable[[Profile], PredictedBlow]
-
-
-@dataclass(frozen=True)
-class FreeArm:
-    """The arm without a key: its largest speed and energy up to its hard stop."""
-
-    speed_rad_per_s: float
-    energy_j: float
 
 
 def dry_run(profile: Profile, config: RigConfig, predict: Predict) -> dict[str, float | str]:
@@ -89,25 +80,27 @@ def dry_run(profile: Profile, config: RigConfig, predict: Predict) -> dict[str, 
     if config.arm is None:
         raise RigInputError(f"rig {config.name}: the dry run needs the motor arm's data; add [arm] to the rig file")
     rate = config.device.sample_rate_hz
-    free = free_arm(config.arm, profile.sample(rate), rate)
-    _refuse_above(where, "speed of the arm without a key", "rad/s", free.speed_rad_per_s,
+    free_rad_per_s, free_j = free_arm(config.arm, profile.sample(rate), rate)
+    _refuse_above(where, "speed of the arm without a key", "rad/s", free_rad_per_s,
                   config.arm.free_speed_limit_rad_per_s, "arm.free_speed_limit_rad_per_s")  # fmt: skip
-    _refuse_above(where, "energy of the arm without a key", "J", free.energy_j,
+    _refuse_above(where, "energy of the arm without a key", "J", free_j,
                   config.arm.free_energy_limit_j, "arm.free_energy_limit_j")  # fmt: skip
     predicted = predict(profile)
-    _check_finite(where, predicted)
+    arrays = (predicted.force_n, predicted.angle_rad, predicted.speed_rad_per_s)
+    if not all(np.all(np.isfinite(values)) for values in arrays):
+        raise RigInputError(f"{where}: dry run: {predicted.model} ends in values that are not finite; ease the profile")
     figures = _check_blow(where, config, predicted)
     return {
         "profile_sha256": profile.sha256,
         "model": predicted.model,
         **figures,
-        "free_arm_speed_rad_per_s": round(free.speed_rad_per_s, 4),
-        "free_arm_energy_j": round(free.energy_j, 6),
+        "free_arm_speed_rad_per_s": round(free_rad_per_s, 4),
+        "free_arm_energy_j": round(free_j, 6),
     }
 
 
-def free_arm(arm: ArmConfig, force_n: NDArray[np.float64], sample_rate_hz: float) -> FreeArm:
-    """Return the largest speed and energy of an arm that meets nothing before its hard stop.
+def free_arm(arm: ArmConfig, force_n: NDArray[np.float64], sample_rate_hz: float) -> tuple[float, float]:
+    """Return the largest speed, rad/s, and energy, J, of an arm that meets nothing before its hard stop.
 
     The torque of each sample is held to the next, so that angle and speed follow exactly; spring and friction, which
     only slow it down, are left out. Both ways count: a pull away from the key is not stopped any sooner.
@@ -126,13 +119,7 @@ def free_arm(arm: ArmConfig, force_n: NDArray[np.float64], sample_rate_hz: float
         fastest = max(fastest, float(np.sqrt(max(before**2 + 2 * towards * way, 0.0))))
     else:
         fastest = max(fastest, float(abs(speed[last])))
-    return FreeArm(fastest, 0.5 * arm.inertia_kg_m2 * fastest**2)
-
-
-def _check_finite(where: str, predicted: PredictedBlow) -> None:
-    arrays = (predicted.force_n, predicted.angle_rad, predicted.speed_rad_per_s)
-    if not all(np.all(np.isfinite(values)) for values in arrays):
-        raise RigInputError(f"{where}: dry run: {predicted.model} ends in values that are not finite; ease the profile")
+    return fastest, (0.5 * arm.inertia_kg_m2 * fastest**2)
 
 
 def _check_blow(where: str, config: RigConfig, predicted: PredictedBlow) -> dict[str, float | str]:

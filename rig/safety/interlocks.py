@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.backend import Block, Timing
-from rig.configuration.channels import BODIES
-from rig.configuration.rig_file import RigConfig
+from rig.configuration.rig_file import BODIES, RigConfig
 from rig.errors import LimitExceeded
 
 STILL_S = 0.2

@@ -6,9 +6,8 @@ Conventions: SI units, time first, time zero is the AI start trigger of the tria
 """
 
 from rig.session.annotation_file import Annotation
-from rig.session.channel_info import ChannelInfo, EncoderInfo, ForceInfo
 from rig.session.folder import Session, Trial
-from rig.session.info import SessionInfo
+from rig.session.info import ChannelInfo, EncoderInfo, ForceInfo, SessionInfo
 from rig.session.trial_data import CameraInfo, TrialData
 
 __all__ = [

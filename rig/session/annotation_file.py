@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, get_args
 
-from rig.errors import RigInputError
+from rig.errors import RigInputError, refuse
 from rig.storage import platform_calls
 from rig.storage.atomic_write import refused
 
@@ -40,10 +40,11 @@ def utc_now() -> str:
 
 def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") -> Annotation:
     """Add one annotation line and return it; a rejection needs a reason."""
-    if kind not in get_args(Kind):
-        raise RigInputError(f"{folder}: annotation {kind!r}: allowed are {', '.join(get_args(Kind))}")
-    if not reason.strip():
-        raise RigInputError(f"{folder}: annotation of trial {trial} has no reason; give one")
+    refuse(
+        RigInputError,
+        (kind not in get_args(Kind), f"{folder}: annotation {kind!r}: allowed are {', '.join(get_args(Kind))}"),
+        (not reason.strip(), f"{folder}: annotation of trial {trial} has no reason; give one"),
+    )
     annotation = Annotation(trial=trial, kind=kind, reason=reason, author=author or "unknown", time_utc=utc_now())
     line = (json.dumps(asdict(annotation)) + "\n").encode("utf-8")
     path = folder / FILE_NAME

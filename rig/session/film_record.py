@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 
 from rig.configuration import toml_file
-from rig.configuration.channels import Table
+from rig.configuration.rig_file import Table
 from rig.errors import RigInputError
 from rig.session.folder import Trial
 from rig.storage.atomic_write import write_text

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from rig.errors import RigInputError
-from rig.session.channel_info import RulerInfo
+from rig.session.info import RulerInfo
 
 Array = NDArray[np.float64]
 

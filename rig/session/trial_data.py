@@ -1,8 +1,7 @@
 """One trial in memory: the arrays on the DAQ clock and what is needed to interpret them.
 
-Conventions: force positive downwards on the key, calibrated but not corrected for offset, channel delay or
-mains hum; encoder counts as integers exactly as the counters gave them; angles counter-clockwise, zero at the
-first sample.
+Conventions: force positive downwards on the key, calibrated but not corrected for offset, channel delay or mains hum;
+encoder counts as integers exactly as the counters gave them; angles counter-clockwise, zero at the first sample.
 """
 
 from __future__ import annotations
@@ -15,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rig.arrays import ArrayRecord, as_numbers
-from rig.configuration.channels import BODIES
+from rig.configuration.rig_file import BODIES
 from rig.errors import RigInputError
-from rig.session.channel_info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
+from rig.session.info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,14 +9,23 @@ Codes of the analog-to-digital converter behind a force channel are stored where
 the polynomial with which the driver says that it scales them: then they are the converter's, to the last bit, and a
 stuck bit, a missing code or the end of the range shows in them. Where they do not, the driver has done more than it
 states (a nulled bridge, a filter), and the sample has no code.
+
+A sealed file ends with the SHA-256 of itself: written whole, and never opened when a single byte has changed. The HDF5
+library may crash the process on damaged metadata, so the seal is checked before the library sees the file. The seal is
+one line of text after the last byte of HDF5, which the library and netCDF-4 tools ignore.
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import hashlib
+import io
 import json
-from collections.abc import Iterable
+import os
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +33,111 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigInputError
-from rig.session.channel_info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
-from rig.session.sealed_hdf5 import open_sealed, write_sealed
+from rig.errors import RigInputError, refuse
+from rig.session.info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
 from rig.session.trial_data import CameraInfo, TrialData
+from rig.storage.atomic_write import refused, replace_when_complete
+
+MARK = b"\npiano-action-rig sha256 "
+_TAIL = len(MARK) + 64 + 1
+_CHUNK = 1 << 20
+
+
+class _Patient(io.RawIOBase):
+    """A file whose failures wait until it is closed: on a full disk the library would leave objects it cannot close."""
+
+    def __init__(self, stream: io.FileIO) -> None:
+        self._stream = stream
+        self.error: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        """Write all of ``data``, or remember why not."""
+        left = memoryview(data).cast("B")
+        size = left.nbytes
+        try:
+            while left and self.error is None:
+                left = left[self._stream.write(left) or 0 :]
+        except OSError as error:
+            self.error = error
+        return size
+
+    def truncate(self, size: int | None = None) -> int:
+        """Cut or extend the file, or remember why not."""
+        try:
+            return self._stream.truncate(size)
+        except OSError as error:
+            self.error = self.error or error
+        return size or 0
+
+    def readinto(self, buffer: Any) -> int:
+        """Read into ``buffer``."""
+        return self._stream.readinto(buffer) or 0
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Move to a position."""
+        return self._stream.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Return the position."""
+        return self._stream.tell()
+
+
+@contextlib.contextmanager
+def write_sealed(path: Path) -> Iterator[h5py.File]:
+    """Yield an empty HDF5 file to fill; seal it and put it at ``path`` when the block ends without an exception.
+
+    Raises RigInputError when the file system refuses, e.g. a full disk.
+    """
+    with replace_when_complete(path) as temporary, temporary.open("xb+", buffering=0) as stream:
+        patient = _Patient(stream)
+        with h5py.File(patient, "w", track_order=True) as file:
+            yield file
+        if patient.error is not None:
+            raise patient.error
+        stream.seek(0)
+        digest = hashlib.sha256()
+        while chunk := stream.read(_CHUNK):
+            digest.update(chunk)
+        mark = MARK + digest.hexdigest().encode() + b"\n"
+        if stream.write(mark) != len(mark):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@contextlib.contextmanager
+def open_sealed(path: Path) -> Iterator[h5py.File]:
+    """Check the seal and yield the HDF5 file for reading.
+
+    Raises RigInputError when the file is missing, unreadable, not sealed or altered, or lacks what the block reads.
+    """
+    _check_seal(path)
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except RigInputError:
+        raise
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise RigInputError(f"{path}: not a file of this program or version ({reason})") from error
+
+
+def _check_seal(path: Path) -> None:
+    with refused(path, "read"), path.open("rb") as stream:
+        size = stream.seek(0, 2)
+        stream.seek(max(size - _TAIL, 0))
+        tail = stream.read()
+        if len(tail) != _TAIL or not tail.startswith(MARK):
+            raise RigInputError(
+                f"{path}: has no seal at its end: truncated, or rewritten by another program; restore it"
+            )
+        digest = hashlib.sha256()
+        stream.seek(0)
+        left = size - _TAIL
+        while left > 0 and (chunk := stream.read(min(left, _CHUNK))):
+            digest.update(chunk)
+            left -= len(chunk)
+    if tail[len(MARK) : -1] != digest.hexdigest().encode():
+        raise RigInputError(f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy")
+
 
 NO_CODE = -(2**31)
 """In place of a code that is not whole."""
@@ -74,29 +184,11 @@ class Content:
         self.describe(dataset, **attributes)
         return dataset
 
-    def quantity(
-        self, group: h5py.Group, name: str, values: NDArray[Any], units: str, long_name: str, /, **attributes: Any
-    ) -> h5py.Dataset:
+    def quantity(self, group: h5py.Group, name: str, values: NDArray[Any], units: str, long_name: str) -> h5py.Dataset:
         """Write an array with its unit, what it is, and the SHA-256 of its bytes."""
-        dataset = self.dataset(group, name, values, units=units, long_name=long_name, **attributes)
-        self.describe(dataset, sha256=self._arrays[_name(dataset)])
+        dataset = self.dataset(group, name, values, units=units, long_name=long_name)
+        self.close(dataset, self._arrays[_name(dataset)])
         return dataset
-
-    def growing(
-        self,
-        group: h5py.Group,
-        name: str,
-        shape: int | tuple[int, ...],
-        dtype: str,
-        /,
-        *meaning: str,
-        **attributes: Any,
-    ) -> Growing:
-        """Make a quantity whose rows are added part by part; ``meaning``: unit and what it is."""
-        units, long_name = meaning
-        dataset = group.create_dataset(name, shape, dtype=dtype)
-        self.describe(dataset, units=units, long_name=long_name, **attributes)
-        return Growing(self, dataset)
 
     def close(self, dataset: h5py.Dataset, sha256: str) -> None:
         """Take the digest of an array that is complete."""
@@ -112,29 +204,6 @@ class Content:
                 digest.update(f"{key}={hashed}\0".encode())
             digest.update(self._arrays.get(name, "").encode())
         return digest.hexdigest()
-
-
-class Growing:
-    """A dataset that is filled row by row; its digest is that of the whole array."""
-
-    def __init__(self, content: Content, dataset: h5py.Dataset) -> None:
-        self._content, self.dataset = content, dataset
-        self._rows = 0
-        self._digest = hashlib.sha256()
-
-    def add(self, values: NDArray[Any]) -> None:
-        """Add the next rows."""
-        rows = np.ascontiguousarray(values, dtype=self.dataset.dtype)
-        if rows.size:
-            self.dataset[self._rows : self._rows + rows.shape[0]] = rows
-            self._digest.update(rows.tobytes())
-        self._rows += values.shape[0]
-
-    def finish(self) -> None:
-        """Store the digest; ValueError unless every row was added."""
-        if self._rows != self.dataset.shape[0]:
-            raise ValueError(f"{self.dataset.name}: {self._rows} rows, expected {self.dataset.shape[0]}")
-        self._content.close(self.dataset, self._digest.hexdigest())
 
 
 def _name(node: h5py.Group | h5py.Dataset) -> str:
@@ -242,91 +311,94 @@ def _check_shapes(path: Path, data: TrialData) -> None:
     for name, (found, wanted) in shapes.items():
         if found != wanted:
             raise RigInputError(f"{path}: {name} has shape {found}, expected {wanted}")
-    if not np.issubdtype(data.encoder_count.dtype, np.integer):
-        raise RigInputError(f"{path}: encoder_count is {data.encoder_count.dtype}, expected integers")
-    if data.status not in STATUSES:
-        raise RigInputError(f"{path}: status {data.status!r}, allowed {', '.join(STATUSES)}")
+    refuse(
+        RigInputError,
+        (
+            not np.issubdtype(data.encoder_count.dtype, np.integer),
+            f"{path}: encoder_count is {data.encoder_count.dtype}, expected integers",
+        ),
+        (data.status not in STATUSES, f"{path}: status {data.status!r}, allowed {', '.join(STATUSES)}"),
+    )
+
+
+Column = tuple[str, str, str, str, Callable[[TrialData], NDArray[Any]], dict[str, Any]]
+"""A dataset on the sample clock: name, type, unit, what it is, its rows in a part of the trial, further attributes."""
+
+
+def _columns(about: TrialData) -> list[Column]:
+    """Return the datasets of a trial: the time first; the force only where one was recorded."""
+    info, encoders = about.force_info, about.encoders
+    of_time = {"sample_rate_hz": about.sample_rate_hz}
+    found: list[Column] = [("time", "<f8", "s", "time since the AI start trigger", lambda part: part.time_s, of_time)]
+    if about.has_force:
+        meaning = "force on the key, positive downwards, calibrated, not corrected for offset, delay or hum"
+        of_reading = {"channel": info.channel}
+        found += [
+            ("force", "<f8", "N", meaning, lambda part: part.force_n, _attributes(info)),
+            ("force_raw", "<f8", info.electrical_unit, "electrical reading of the force channel",
+             lambda part: part.force_raw, of_reading),
+        ]  # fmt: skip
+    of_counts = {
+        "encoders_json": json.dumps([asdict(encoder) for encoder in encoders]),
+        "counts_per_revolution": np.array([e.counts_per_revolution for e in encoders], dtype=np.int64),
+        "sign": np.array([e.sign for e in encoders], dtype=np.int64),
+    }
+    meaning = "motor command held from each sample to the next"
+    found += [
+        ("motor_command", "<f8", "V", meaning, lambda part: part.motor_command_v, {}),
+        ("encoder_count", "<i8", "1", "encoder counts since arming (X4)", lambda part: part.encoder_count, of_counts),
+    ]
+    for k, channel in enumerate(about.channels):
+        rest = _attributes(channel)
+        if (ruler := rest.pop("ruler")) is not None:
+            rest["ruler_json"] = json.dumps(ruler)
+        name, unit, quantity = (rest.pop(key) for key in ("name", "unit", "quantity"))
+        found.append((name, "<f8", unit, quantity, partial(_further, k), rest))
+    if info.device_scaling:  # else the driver's scaling is not known
+        meaning = "code of the converter behind the force, by the driver's scaling device_scaling"
+        codes = {"no_code": NO_CODE}
+        found.append(("force_code", "<i4", "1", meaning, lambda part: force_codes(part.force_raw, info), codes))
+    return found
+
+
+def _further(k: int, part: TrialData) -> NDArray[np.float64]:
+    assert part.channel_values is not None
+    return part.channel_values[:, k]
 
 
 def _write_daq(
     content: Content, group: h5py.Group, about: TrialData, n_samples: int, parts: Iterable[TrialData]
 ) -> None:
-    info = about.force_info
     content.describe(
         group, sample_rate_hz=about.sample_rate_hz, n_valid=n_samples, status=about.status, reason=about.reason
     )
-    time = content.growing(
-        group, "time", n_samples, "<f8", "s", "time since the AI start trigger", sample_rate_hz=about.sample_rate_hz
-    )
-    time.dataset.make_scale("time")
+    if about.channels:
+        content.describe(group, channels_json=json.dumps([asdict(channel) for channel in about.channels]))
     names = np.array([encoder.name for encoder in about.encoders], dtype=h5py.string_dtype("utf-8"))
     encoder_axis = content.dataset(group, "encoder", names, long_name="body the encoder reads")
     encoder_axis.make_scale("encoder")
-    forces = _force(content, group, about, n_samples)
-    motor = content.growing(
-        group, "motor_command", n_samples, "<f8", "V", "motor command held from each sample to the next"
-    )
-    count = content.growing(
-        group,
-        "encoder_count",
-        (n_samples, len(about.encoders)),
-        "<i8",
-        "1",
-        "encoder counts since arming (X4)",
-        encoders_json=json.dumps([asdict(encoder) for encoder in about.encoders]),
-        counts_per_revolution=np.array([e.counts_per_revolution for e in about.encoders], dtype=np.int64),
-        sign=np.array([e.sign for e in about.encoders], dtype=np.int64),
-    )
-    further = _further_channels(content, group, about, n_samples)
-    codes = []
-    if info.device_scaling:  # else the driver's scaling is not known
-        meaning = "code of the converter behind the force, by the driver's scaling device_scaling"
-        codes = [content.growing(group, "force_code", n_samples, "<i4", "1", meaning, no_code=NO_CODE)]
-    for part in parts:
-        time.add(part.time_s)
-        for column, values in zip(forces, (part.force_n, part.force_raw), strict=False):
-            column.add(values)
-        motor.add(part.motor_command_v)
-        count.add(part.encoder_count)
-        for column in codes:
-            column.add(force_codes(part.force_raw, info))
-        for k, column in enumerate(further):
-            assert part.channel_values is not None
-            column.add(part.channel_values[:, k])
-    for column in (time, *forces, motor, count, *further, *codes):
-        column.finish()
-        if column is not time:
-            column.dataset.dims[0].attach_scale(time.dataset)
-    count.dataset.dims[1].attach_scale(encoder_axis)
-
-
-def _force(content: Content, group: h5py.Group, about: TrialData, n_samples: int) -> list[Growing]:
-    """Make the datasets of the force and its reading; nothing where none was recorded."""
-    if not about.has_force:
-        return []
-    info = about.force_info
-    meaning = "force on the key, positive downwards, calibrated, not corrected for offset, delay or hum"
-    force = content.growing(group, "force", n_samples, "<f8", "N", meaning, **_attributes(info))
-    meaning = "electrical reading of the force channel"
-    return [
-        force,
-        content.growing(group, "force_raw", n_samples, "<f8", info.electrical_unit, meaning, channel=info.channel),
-    ]
-
-
-def _further_channels(content: Content, group: h5py.Group, about: TrialData, n_samples: int) -> list[Growing]:
-    """Make the datasets of the further channels, one each; nothing where there are none."""
-    if about.channels:
-        content.describe(group, channels_json=json.dumps([asdict(channel) for channel in about.channels]))
     made = []
-    for channel in about.channels:
-        rest = _attributes(channel)
-        ruler = rest.pop("ruler")
-        if ruler is not None:
-            rest["ruler_json"] = json.dumps(ruler)
-        name, unit, quantity = (rest.pop(key) for key in ("name", "unit", "quantity"))
-        made.append(content.growing(group, name, n_samples, "<f8", unit, quantity, **rest))
-    return made
+    for name, dtype, units, long_name, rows_of, attributes in _columns(about):
+        dataset = group.create_dataset(name, (n_samples, *rows_of(about).shape[1:]), dtype=dtype)
+        content.describe(dataset, units=units, long_name=long_name, **attributes)
+        made.append((dataset, rows_of, hashlib.sha256()))
+    end = 0
+    for part in parts:
+        first, end = end, end + part.n_valid
+        for dataset, rows_of, digest in made:
+            rows = np.ascontiguousarray(rows_of(part), dtype=dataset.dtype)
+            if rows.size:
+                dataset[first:end] = rows
+                digest.update(rows.tobytes())
+    if end != n_samples:
+        raise ValueError(f"{group.file.filename}: {end} rows, expected {n_samples}")
+    time = made[0][0]
+    time.make_scale("time")
+    for dataset, _, digest in made:
+        content.close(dataset, digest.hexdigest())
+        if dataset != time:
+            dataset.dims[0].attach_scale(time)
+    group["encoder_count"].dims[1].attach_scale(encoder_axis)
 
 
 def _attributes(info: ForceInfo | ChannelInfo) -> dict[str, Any]:

@@ -4,7 +4,7 @@ Options of the address, e.g. ``sim://?bench=PATH&seed=3&clock=real``:
 
 - ``bench``: bench file (default: the built-in one); ``seed`` overrides its seed;
 - ``clock``: ``virtual`` (default), ``real``, or a speed such as ``10``;
-- ``fault``: faults to inject (:mod:`rig.simulated.device.fault_injection`);
+- ``fault``: faults to inject (:mod:`rig.simulated.device.state`);
 - ``scene=string``: the specimen's scene, a built-in one or a TOML file (`model.scene.selection`);
 - ``effects=balance_rail,shank``: the specimen's key can lift and its shank bend, beside what its scene says;
 - ``delay_ms=20``: every driver call takes so long, as over a slow network;
@@ -22,8 +22,12 @@ The device takes product and name from the rig file.
 
 from __future__ import annotations
 
+import math
+import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
 from rig.backend import Capabilities, Opener
@@ -31,18 +35,14 @@ from rig.configuration.rig_file import RigConfig
 from rig.daq import NidaqmxBackend
 from rig.errors import RigInputError
 from rig.simulated.bench.bench_time import BenchTime, PacedClock, VirtualClock
-from rig.simulated.bench.felt_plant import felt_plant
+from rig.simulated.bench.parts_alone import felt_plant, pose_plant, swing_plant
 from rig.simulated.bench.plant import load_plant
 from rig.simulated.bench.plant_protocol import Plant, read_bench
 from rig.simulated.bench.sensors import SensorSet, load_sensors
-from rig.simulated.bench.single_body import pose_plant, swing_plant
 from rig.simulated.bench.wiring import Wiring, planted_wiring, usual_wiring
-from rig.simulated.device.fault_injection import FaultPlan, parse_faults
-from rig.simulated.device.state import DeviceState
-from rig.simulated.product.capabilities import PRODUCTS
-from rig.simulated.product.inventory import Inventory
-from rig.simulated.rpc.in_process_channel import InProcessChannel
-from rig.simulated.rpc.service import Service
+from rig.simulated.device.state import DeviceState, FaultPlan, parse_faults
+from rig.simulated.product import PRODUCTS, Inventory
+from rig.simulated.rpc.service import InProcessChannel, Service
 from rig.storage.atomic_write import sha256_of_file
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
@@ -166,7 +166,8 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     bench = Path(options["bench"]) if options.get("bench") else DEFAULT_BENCH
     if not bench.is_file():
         raise RigInputError(f"{url}: bench file {bench} does not exist")
-    seed, clock = _seed(url, options.get("seed")), _clock(url, options.get("clock", "virtual"))
+    seed = _read(url, "seed", options["seed"]) if "seed" in options else None
+    clock = _read(url, "clock", options.get("clock", "virtual"))
     faults = parse_faults(options.get("fault", ""))
     sensors = load_sensors(bench, seed=seed)
     effects = [name for name in options.get("effects", "").split(",") if name]
@@ -182,8 +183,8 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     wiring = planted_wiring(table if isinstance(table, dict) else {"": table}, usual_wiring(config), str(bench))
     device = build_device(config, plant, sensors, clock=clock, wiring=wiring)
     device.faults = FaultPlan(faults)
-    device.call_delay_s = _delay_s(url, options.get("delay_ms", "0"))
-    hand = _hand(url, options.get("hand", "no"))
+    device.call_delay_s = _read(url, "delay_ms", options.get("delay_ms", "0")) / 1e3
+    hand = _read(url, "hand", options.get("hand", "no"))
     device.bench.operator_acts, device.bench.pianist_plays = hand == "yes", hand == "plays"
     backend = SimulatedBackend(
         device,
@@ -215,37 +216,38 @@ def _options(url: str) -> dict[str, str]:
     return dict(pairs)
 
 
-def _seed(url: str, text: str | None) -> int | None:
-    if text is None:
-        return None
+def _whole(text: str) -> int:
     if not (text.isascii() and text.isdigit()):
-        raise RigInputError(f"{url}: seed = {text!r}, allowed a whole number from 0")
+        raise ValueError
     return int(text)
 
 
-def _delay_s(url: str, text: str) -> float:
+def _within(text: str, low: float, high: float) -> float:
+    value = float(text)
+    if not low <= value <= high:
+        raise ValueError
+    return value
+
+
+READERS: dict[str, tuple[Callable[[str], Any], str]] = {
+    "seed": (_whole, "a whole number from 0"),
+    "delay_ms": (lambda text: _within(text, 0, 10_000), "0 to 10000"),
+    "hand": (lambda text: {one: one for one in ("yes", "no", "plays")}[text], "yes, no or plays"),
+    "clock": (
+        lambda text: (
+            VirtualClock()
+            if text == "virtual"
+            else PacedClock(1.0 if text == "real" else _within(text, math.ulp(0.0), sys.float_info.max))
+        ),
+        "virtual, real, or a speed above 0",
+    ),
+}
+"""What reads the text of an option, and what is allowed."""
+
+
+def _read(url: str, name: str, text: str) -> Any:
+    read, allowed = READERS[name]
     try:
-        delay_ms = float(text)
-    except ValueError:
-        delay_ms = -1.0
-    if not 0 <= delay_ms <= 10_000:
-        raise RigInputError(f"{url}: delay_ms = {text!r}, allowed 0 to 10000")
-    return delay_ms / 1e3
-
-
-def _hand(url: str, text: str) -> str:
-    if text not in ("yes", "no", "plays"):
-        raise RigInputError(f"{url}: hand = {text!r}, allowed yes, no or plays")
-    return text
-
-
-def _clock(url: str, text: str) -> VirtualClock:
-    if text == "virtual":
-        return VirtualClock()
-    try:
-        speed = 1.0 if text == "real" else float(text)
-    except ValueError:
-        speed = 0.0
-    if not 0 < speed < float("inf"):
-        raise RigInputError(f"{url}: clock = {text!r}, allowed virtual, real, or a speed above 0")
-    return PacedClock(speed)
+        return read(text)
+    except (ValueError, KeyError):
+        raise RigInputError(f"{url}: {name} = {text!r}, allowed {allowed}") from None

@@ -16,11 +16,19 @@ from numpy.typing import NDArray
 
 from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState, WatchdogTimer, commit, release, verify
-from rig.simulated.device.task import Channel, InputBuffer, SampleClock, SimulatedTask, TaskType, Timing
-from rig.simulated.device.tdms_log import LOG, OFF, TdmsLog
+from rig.simulated.device.task import (
+    LOG,
+    OFF,
+    Channel,
+    InputBuffer,
+    SampleClock,
+    SimulatedTask,
+    TaskType,
+    TdmsLog,
+    Timing,
+)
 from rig.simulated.device.watchdog import refuse_bad_timer, refuse_expired, start_watchdog
-from rig.simulated.product.capabilities import Kind
-from rig.simulated.product.inventory import Inventory, channel_names
+from rig.simulated.product import Inventory, Kind, channel_names
 from rig.simulated.signals import latch_now, set_outputs
 from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice, Unsupported
 from rig.simulated.timing import (

@@ -208,13 +208,12 @@ def encoder_reading(
     settings = channel.settings
     edges = {daqmx.X1: 1, daqmx.X2: 2, daqmx.X4: 4}[settings["decoding_type"]]
     ticks = (counts * edges) // 4
-    initial = settings["initial_angle"] if "pulses_per_rev" in settings else settings["initial_pos"]
+    turning = "pulses_per_rev" in settings
+    initial = settings["initial_angle" if turning else "initial_pos"]
     if settings["units"] == daqmx.TICKS:
         return ticks + initial
-    if "pulses_per_rev" in settings:
-        turn = 360.0 if settings["units"] == daqmx.DEGREES else 2 * np.pi
-        return ticks * (turn / (edges * settings["pulses_per_rev"])) + initial
-    return ticks * (settings["dist_per_pulse"] / edges) + initial
+    turn = 360.0 if settings["units"] == daqmx.DEGREES else 2 * np.pi
+    return ticks * ((turn / settings["pulses_per_rev"] if turning else settings["dist_per_pulse"]) / edges) + initial
 
 
 def latch(

@@ -160,6 +160,13 @@ class NotImplementedByDevice(DaqStatusError):
         super().__init__(code, f"not simulated: {what}")
 
 
+def refuse_any(*checks: tuple[object, int, str]) -> None:
+    """Raise the status and detail of the first check that holds; a check begins with what must not be."""
+    for wrong, code, detail in checks:
+        if wrong:
+            raise DaqStatusError(code, detail)
+
+
 def one_of(value: int | float, allowed: tuple[int | float, ...], what: str) -> None:
     """Refuse a value that a setting does not have."""
     if value not in allowed:

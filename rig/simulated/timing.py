@@ -37,8 +37,7 @@ from numpy.typing import NDArray
 
 from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState
-from rig.simulated.device.task import Comparator, SimulatedTask
-from rig.simulated.device.tdms_log import LOG
+from rig.simulated.device.task import LOG, Comparator, SimulatedTask
 from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.signals import (
     analog_reading,

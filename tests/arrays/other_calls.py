@@ -13,7 +13,7 @@ import rig.simulated
 import validation
 import vision
 from pianorig.workflows import DrivingForce
-from rig.session.channel_info import NO_FORCE
+from rig.session.info import NO_FORCE
 from rig.simulated.backend import DEFAULT_BENCH
 from tests.arrays.forms import Gives, Out
 from tests.arrays.model_calls import ROWS, Arguments, action

@@ -18,8 +18,7 @@ import pytest
 from rig.configuration.profile import Profile, parse_profile
 from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
 from rig.session import Session
-from rig.session.journal.format import END, encode, records
-from rig.session.journal.writer import JournalWriter
+from rig.session.journal import END, JournalWriter, encode, records
 from rig.simulated.backend import SimulatedBackend, build_device
 from rig.simulated.bench.plant_protocol import PlantBlock
 from rig.simulated.bench.sensors import EncoderSensor, ForceSensor, SensorSet

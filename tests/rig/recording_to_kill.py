@@ -21,8 +21,8 @@ from rig.configuration.rig_file import load_rig, parse_rig
 from rig.daq import tasks
 from rig.recording.options import Progress
 from rig.recording.recorder import record_session
-from rig.session.journal.writer import JournalWriter
-from rig.session.trial_file import Growing
+from rig.session.journal import JournalWriter
+from rig.session.trial_file import Content
 from rig.simulated.backend import SimulatedBackend, build_device
 from rig.simulated.bench.bench_time import PacedClock
 from rig.storage import platform_calls
@@ -47,7 +47,7 @@ def killed(*arguments: object, **options: object) -> NoReturn:
 
 STEPS = {
     "before the closing record": (JournalWriter, "close", killed),
-    "half the sealed file": (Growing, "finish", killed),
+    "half the sealed file": (Content, "close", killed),
     "before it is on the disk": (platform_calls, "synchronise_whole", killed),
     "before it has its name": (os, "replace", killed),
     "before the journal goes": (platform_calls, "remove", killed),

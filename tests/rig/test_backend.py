@@ -12,7 +12,7 @@ from rig.backend import Backend, Capabilities, check_contract, open_backend
 from rig.configuration.profile import load_profile
 from rig.errors import InputError, RigInputError
 from rig.recording.recorder import record
-from rig.recording.resume import resume
+from rig.recording.recover import resume
 from rig.selftest import SelftestBackend
 
 

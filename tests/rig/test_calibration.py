@@ -34,7 +34,7 @@ from rig.calibration import (
 from rig.configuration.rig_file import load_rig, parse_rig
 from rig.errors import InputError
 from rig.simulated.backend import DEFAULT_BENCH
-from rig.simulated.bench.single_body import SwingPlant
+from rig.simulated.bench.parts_alone import SwingPlant
 from tests.command_line import run
 
 ANGLES = (-0.04, -0.03, -0.02, -0.01, 0.0)

@@ -16,7 +16,7 @@ import pytest
 from rig.errors import InputError
 from rig.recording.recover import recover_session
 from rig.session import Session
-from rig.session.journal.writer import JournalWriter
+from rig.session.journal import JournalWriter
 from rig.storage import platform_calls
 from rig.storage.atomic_write import replace_when_complete, sha256_of_file, write_text
 

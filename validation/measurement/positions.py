@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rig.session import Session, TrialData
-from rig.session.channel_info import ChannelInfo
+from rig.session.info import ChannelInfo
 from rig.session.ruler import Position, ruler_curve
 from validation.conventions import Array
 from validation.errors import TrialError, ValidationInputError

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from rig.session import TrialData
-from rig.session.channel_info import KEY_OPPOSITE
+from rig.session.info import KEY_OPPOSITE
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import TrialError
 from validation.measurement.force_correction import (

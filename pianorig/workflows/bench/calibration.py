@@ -37,7 +37,7 @@ from rig.calibration import (
     there_and_back,
     with_what_was_known,
 )
-from rig.configuration.channels import BODIES
+from rig.configuration.rig_file import BODIES
 from rig.configuration.toml_file import dump_toml
 from rig.simulated import SimulatedBackend
 from rig.storage.atomic_write import sha256_of_bytes, write_text

@@ -13,7 +13,7 @@ from model.calibration import damping_factor, fit_felt, read_curve
 from pianorig.errors import CommandInputError
 from pianorig.workflows.bench.record import BenchAccess
 from rig import FeltOrder, FeltPress, FeltSession, NotPermitted, load_rig, open_backend, record_felt
-from rig.felt.record_felt import BLOCK, checked
+from rig.felt import BLOCK, checked
 from rig.recording.options import RecordingKeywords
 from rig.storage.atomic_write import write_text
 

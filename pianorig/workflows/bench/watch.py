@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.session.journal.live_reader import LiveView, SessionFollower
+from rig.session.journal import LiveView, SessionFollower
 from rig.session.trial_data import absent_bodies
 from rig.storage.atomic_write import replace_when_complete
 

@@ -10,7 +10,7 @@ import numpy as np
 
 import model
 from rig import PredictedBlow, Profile, Rig, RigInputError
-from rig.configuration.channels import BODIES
+from rig.configuration.rig_file import BODIES
 from rig.safety.dry_run import Predict
 
 AFTER_S = 0.5

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rig.arrays import as_numbers
+from rig.errors import refuse
 from vision.angles import ccw_to_picture, ground_to_picture
 from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
@@ -105,25 +106,34 @@ class CameraSettings:
     lens: Projection | None = None
 
     def __post_init__(self) -> None:
-        if self.texture not in ("wood", "speckle"):
-            raise InputError(f"camera texture {self.texture!r} is not known; choose wood or speckle")
-        if self.bit_depth not in (8, 12):
-            raise InputError(f"camera bit_depth {self.bit_depth} is not known; choose 8 or 12")
+        refuse(
+            InputError,
+            (
+                self.texture not in ("wood", "speckle"),
+                f"camera texture {self.texture!r} is not known; choose wood or speckle",
+            ),
+            (self.bit_depth not in (8, 12), f"camera bit_depth {self.bit_depth} is not known; choose 8 or 12"),
+        )
         for name in ("frame_rate_hz", "exposure_s", "scale_px_per_m"):
             if not 0.0 < getattr(self, name) < 1e9:
                 raise InputError(f"camera {name} = {getattr(self, name)}; needs a positive number")
-        if self.exposure_s * self.frame_rate_hz > 1.0:
-            raise InputError(
+        refuse(
+            InputError,
+            (
+                self.exposure_s * self.frame_rate_hz > 1.0,
                 f"camera exposure_s = {self.exposure_s:g} is longer than a frame, "
-                f"{1.0 / self.frame_rate_hz:g} s; shorten it"
-            )
-        if not (64 <= self.width <= 4096 and 64 <= self.height <= 4096):
-            raise InputError(f"camera width x height = {self.width} x {self.height}; each side must be 64..4096 px")
-        if not (0.0 <= self.noise_grey < 64.0 and 0.0 <= self.flicker < 1.0 and self.flicker_hz >= 0.0):
-            raise InputError(
+                f"{1.0 / self.frame_rate_hz:g} s; shorten it",
+            ),
+            (
+                not (64 <= self.width <= 4096 and 64 <= self.height <= 4096),
+                f"camera width x height = {self.width} x {self.height}; each side must be 64..4096 px",
+            ),
+            (
+                not (0.0 <= self.noise_grey < 64.0 and 0.0 <= self.flicker < 1.0 and self.flicker_hz >= 0.0),
                 f"camera noise_grey {self.noise_grey}, flicker {self.flicker}, flicker_hz {self.flicker_hz}; "
-                "allowed are 0..64, 0..1 and 0 or more"
-            )
+                "allowed are 0..64, 0..1 and 0 or more",
+            ),
+        )
 
 
 def film_scene(settings: CameraSettings, seed: int) -> Scene:

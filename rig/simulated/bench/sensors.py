@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from model.observables import encoder_rad
 from rig.configuration import toml_file
+from rig.configuration.rig_file import Count, Number, Table
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, read_bench
 
 
@@ -52,8 +53,6 @@ def quantise(values: NDArray[np.float64], half_range: float, bits: int) -> NDArr
     return np.clip(np.rint(values / step), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1) * step
 
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Count = Annotated[int, Field(strict=True)]
 _FORCE_STREAM, _ENCODER_STREAM, _MOUNTING_STREAM = 1, 2, 7
 OPPOSITE_LINE_RAD = 2.1
 """Phase of the line division at a second head; some angle, it is mounted as it is."""
@@ -61,11 +60,7 @@ TAKEN_UP_RAD = 0.005
 """Turn of a body over which the shift of its pivot comes about."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class ForceSensor(_Table):
+class ForceSensor(Table):
     """Table ``[force_sensor]`` of the bench file: the real load cell with its errors."""
 
     sensitivity_mv_per_v: Number = Field(gt=0, le=100)
@@ -81,7 +76,7 @@ class ForceSensor(_Table):
     saturation_mv_per_v: Number = Field(default=25.0, gt=0)
 
 
-class EncoderSensor(_Table):
+class EncoderSensor(Table):
     """Table ``[encoders.<body>]`` of the bench file: the real scale and the sense it is mounted in.
 
     A scale whose centre moves past the sensor by d reads d / ``scale_radius_m`` too much; without a radius it does not.
@@ -99,7 +94,7 @@ class EncoderSensor(_Table):
     """Standard deviation, trial to trial, of the shift of a pivot that its body's first motion takes up."""
 
 
-class _Encoders(_Table):
+class _Encoders(Table):
     key: EncoderSensor
     whippen: EncoderSensor
     hammer: EncoderSensor
@@ -136,26 +131,17 @@ def load_sensors(bench: Path | Mapping[str, Any], *, seed: int | None = None) ->
     )
 
 
-@dataclass(eq=False)
 class ForceSignal:
     """The load cell during one trial."""
 
-    sensor: ForceSensor
-    seed: int
-    trial: int
-    _rng: np.random.Generator = field(init=False)
-    offset_n: float = field(init=False)
-    hum_phase_rad: tuple[float, ...] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._rng = np.random.default_rng([self.seed, self.trial, _FORCE_STREAM])
-        scatter = float(self._rng.standard_normal())
-        self.offset_n = self.sensor.offset_n + self.sensor.offset_scatter_n * scatter
+    def __init__(self, sensor: ForceSensor, seed: int, trial: int) -> None:
+        self.sensor, self._rng = sensor, np.random.default_rng([seed, trial, _FORCE_STREAM])
+        self.offset_n = sensor.offset_n + sensor.offset_scatter_n * float(self._rng.standard_normal())
         mains_rad = float(self._rng.uniform(0, 2 * math.pi))
-        stated = (*self.sensor.hum_phase_rad, *(0.0 for _ in self.sensor.hum_n))
+        stated = (*sensor.hum_phase_rad, *(0.0 for _ in sensor.hum_n))
         self.hum_phase_rad = tuple(
-            phase + (order * mains_rad if self.sensor.hum_phase_scatter else 0.0)
-            for order, phase in enumerate(stated[: len(self.sensor.hum_n)], 1)
+            phase + (order * mains_rad if sensor.hum_phase_scatter else 0.0)
+            for order, phase in enumerate(stated[: len(sensor.hum_n)], 1)
         )
 
     def millivolts_per_volt(self, force_n: NDArray[np.float64], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -169,27 +155,19 @@ class ForceSignal:
         return np.clip(output, -sensor.saturation_mv_per_v, sensor.saturation_mv_per_v)
 
 
-@dataclass(eq=False)
 class EncoderSignals:
     """The three scales during one trial: quarter-pulse positions, whole numbers, zero at the first edge."""
 
-    sensors: tuple[EncoderSensor, ...]
-    seed: int
-    trial: int
-    _phase: NDArray[np.float64] = field(init=False)
-    _shift_rad: NDArray[np.float64] = field(init=False)
-    _centre_rad: NDArray[np.float64] = field(init=False)
-    _line_rad: NDArray[np.float64] = field(init=False)
-    _rest_rad: NDArray[np.float64] | None = field(init=False, default=None)
-    _first: NDArray[np.int64] | None = field(init=False, default=None)
-    _first_opposite: int | None = field(init=False, default=None)
-
-    def __post_init__(self) -> None:
-        rng = np.random.default_rng([self.seed, self.trial, _ENCODER_STREAM])
+    def __init__(self, sensors: tuple[EncoderSensor, ...], seed: int, trial: int) -> None:
+        self.sensors = sensors
+        rng = np.random.default_rng([seed, trial, _ENCODER_STREAM])
         self._phase = rng.uniform(0, 1, len(ENCODED_BODIES))
-        self._shift_rad = rng.standard_normal(len(ENCODED_BODIES)) * [s.pivot_shift_rad for s in self.sensors]
-        mounted = np.random.default_rng([self.seed, _MOUNTING_STREAM])
+        self._shift_rad = rng.standard_normal(len(ENCODED_BODIES)) * [s.pivot_shift_rad for s in sensors]
+        mounted = np.random.default_rng([seed, _MOUNTING_STREAM])
         self._centre_rad, self._line_rad = mounted.uniform(0, 2 * np.pi, (2, len(ENCODED_BODIES)))
+        self._rest_rad: NDArray[np.float64] | None = None
+        self._first: NDArray[np.int64] | None = None
+        self._first_opposite: int | None = None
 
     def error_rad(self, angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
         """Error of the scales' readings beside rounding, (n, 3), for absolute angles (n, 3)."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rig.simulated import daqmx
-from rig.simulated.status import Code, DaqStatusError
+from rig.simulated.status import Code, DaqStatusError, refuse_any
 
 LINEAR, MAP, POLYNOMIAL, TABLE = 10447, 10448, 10449, 10450
 Array = NDArray[np.float64]
@@ -36,25 +36,22 @@ class CustomScale:
 
     def scaled(self, value: ArrayLike) -> Array:
         """Return what the client sees, for what is measured."""
-        x, own = np.asarray(value, dtype=np.float64), self.values
-        if self.type == LINEAR:
-            return x * own["LIN_SLOPE"] + own["LIN_Y_INTERCEPT"]
-        if self.type == MAP:
-            return _mapped(x, self._ends("PRE_SCALED"), self._ends("SCALED"))
-        if self.type == POLYNOMIAL:
-            return np.polynomial.polynomial.polyval(x, own["POLY_FORWARD_COEFF"])
-        return _interpolated(x, own["TABLE_PRE_SCALED_VALS"], own["TABLE_SCALED_VALS"])
+        return self._carried(value, "PRE_SCALED", "SCALED", "FORWARD")
 
     def prescaled(self, value: ArrayLike) -> Array:
         """Return what stands at the terminal, for what the client says."""
-        y, own = np.asarray(value, dtype=np.float64), self.values
+        return self._carried(value, "SCALED", "PRE_SCALED", "REVERSE")
+
+    def _carried(self, value: ArrayLike, from_side: str, to_side: str, way: str) -> Array:
+        x, own = np.asarray(value, dtype=np.float64), self.values
         if self.type == LINEAR:
-            return (y - own["LIN_Y_INTERCEPT"]) / own["LIN_SLOPE"]
+            slope, intercept = own["LIN_SLOPE"], own["LIN_Y_INTERCEPT"]
+            return x * slope + intercept if way == "FORWARD" else (x - intercept) / slope
         if self.type == MAP:
-            return _mapped(y, self._ends("SCALED"), self._ends("PRE_SCALED"))
+            return _mapped(x, self._ends(from_side), self._ends(to_side))
         if self.type == POLYNOMIAL:
-            return np.polynomial.polynomial.polyval(y, own["POLY_REVERSE_COEFF"])
-        return _interpolated(y, own["TABLE_SCALED_VALS"], own["TABLE_PRE_SCALED_VALS"])
+            return np.polynomial.polynomial.polyval(x, own[f"POLY_{way}_COEFF"])
+        return _interpolated(x, own[f"TABLE_{from_side}_VALS"], own[f"TABLE_{to_side}_VALS"])
 
     def _ends(self, side: str) -> tuple[float, float]:
         return self.values[f"MAP_{side}_MIN"], self.values[f"MAP_{side}_MAX"]
@@ -80,13 +77,14 @@ class CustomScale:
             self._check_table(own["TABLE_PRE_SCALED_VALS"], own["TABLE_SCALED_VALS"])
 
     def _check_table(self, prescaled: Sequence[float], scaled: Sequence[float]) -> None:
-        if len(prescaled) != len(scaled):
-            raise DaqStatusError(
+        refuse_any(
+            (
+                len(prescaled) != len(scaled),
                 Code.TABLE_SCALE_NUM_PRE_SCALED_AND_SCALED_VALS_NOT_EQUAL,
                 f"Scale: {self.name}: {len(prescaled)} and {len(scaled)} values",
-            )
-        if len(prescaled) < 2:
-            raise DaqStatusError(Code.FEWER_THAN_2_PRE_SCALED_VALS, f"Scale: {self.name}")
+            ),
+            (len(prescaled) < 2, Code.FEWER_THAN_2_PRE_SCALED_VALS, f"Scale: {self.name}"),
+        )
         for values, code in (
             (prescaled, Code.REPEATED_NUMBER_IN_PRE_SCALED_VALUES),
             (scaled, Code.REPEATED_NUMBER_IN_SCALED_VALUES),
@@ -208,6 +206,3 @@ class ThermocoupleScale:
         factor, offset = PER_CELSIUS[self.units]
         celsius = (np.asarray(value, dtype=np.float64) - offset) / factor
         return 1e-3 * (millivolts(self.kind, celsius) - millivolts(self.kind, self.cold_celsius))
-
-    def check(self) -> None:
-        """Refuse nothing: the call that makes it has checked."""

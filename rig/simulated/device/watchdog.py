@@ -13,8 +13,8 @@ import re
 from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState, WatchdogTimer
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.product.inventory import Inventory
-from rig.simulated.status import Code, DaqStatusError, Unsupported
+from rig.simulated.product import Inventory
+from rig.simulated.status import Code, DaqStatusError, Unsupported, refuse_any
 
 RESET_TIMER, CLEAR_EXPIRATION = 0, 1
 SHORTEST_S = 1e-3
@@ -27,10 +27,14 @@ WITHOUT_HARDWARE = re.compile(
 
 def refuse_bad_timer(owner: Inventory, name: str, timeout_s: float) -> None:
     """Refuse a watchdog timer task the product does not have, or with a timeout out of range."""
-    if not owner.product.watchdog_reach:
-        raise DaqStatusError(Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Task: {name}")
-    if not SHORTEST_S <= timeout_s <= owner.product.watchdog_longest_s:
-        raise DaqStatusError(Code.WATCHDOG_TIMEOUT_OUT_OF_RANGE_AND_NOT_SPECIAL_VAL, f"Timeout: {timeout_s:g} s")
+    refuse_any(
+        (not owner.product.watchdog_reach, Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Task: {name}"),
+        (
+            not SHORTEST_S <= timeout_s <= owner.product.watchdog_longest_s,
+            Code.WATCHDOG_TIMEOUT_OUT_OF_RANGE_AND_NOT_SPECIAL_VAL,
+            f"Timeout: {timeout_s:g} s",
+        ),
+    )
 
 
 def watchdog_timer(device: DeviceState, name: str) -> WatchdogTimer:

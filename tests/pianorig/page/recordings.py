@@ -11,8 +11,7 @@ import numpy as np
 
 from rig.backend import Block
 from rig.session import Session, TrialData
-from rig.session.journal.trial_head import TrialHead
-from rig.session.journal.writer import JournalWriter
+from rig.session.journal import JournalWriter, TrialHead
 
 
 class Recording:

@@ -12,7 +12,7 @@ from rig.daq.address import discover
 from rig.daq.discovery import FoundDevice, propose_rig
 from rig.errors import HardwareFault, InputError
 from rig.simulated.backend import open_backend
-from rig.simulated.rpc.tcp_server import serve
+from rig.simulated.serve import serve
 from tests.command_line import run
 
 CHASSIS = FoundDevice(

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rig.configuration.rig_file import load_rig
-from rig.daq import NidaqmxBackend, call_delay, open_backend
+from rig.daq import NidaqmxBackend, nidaqmx_backend, open_backend
 from rig.errors import DeviceNotFound, HardwareFault, InputError, NotSupported, ReadTimeout, SamplesLost
-from rig.simulated.rpc.tcp_server import serve
+from rig.simulated.serve import serve
 from rig.simulated.signals import pulse_train
 from rig.simulated.status import NotImplementedByDevice
 from rig.simulated.timing import advance
@@ -63,8 +63,8 @@ def test_each_channel_reads_its_own_sensor_with_the_delay_of_its_module(name, ma
 @pytest.fixture
 def on_any_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     """Calls over a socket take no time, also where the machine has other work."""
-    measure = call_delay.measure
-    monkeypatch.setattr(call_delay, "measure", lambda call, now_s: measure(call, lambda: 0.0))
+    measure = nidaqmx_backend.measure
+    monkeypatch.setattr(nidaqmx_backend, "measure", lambda call, now_s: measure(call, lambda: 0.0))
 
 
 @pytest.mark.usefixtures("on_any_machine")

@@ -30,7 +30,7 @@ from rig.errors import (
 from rig.recording.recorder import record_session
 from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.driver import clear_task, stop_task
-from rig.simulated.rpc.tcp_server import serve
+from rig.simulated.serve import serve
 from rig.simulated.status import DaqStatusError, ServerGone
 from rig.simulated.timing import advance
 

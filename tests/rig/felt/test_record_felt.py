@@ -13,9 +13,9 @@ import rig
 from model.calibration import damping_factor, fit_felt, read_curve
 from model.derived.load import kernel_of
 from rig.calibration import changed
-from rig.felt.press_curve import press_curve
+from rig.felt import press_curve
 from rig.simulated.backend import DEFAULT_BENCH
-from rig.simulated.bench.felt_plant import felt_law
+from rig.simulated.bench.parts_alone import felt_law
 
 LONG_BLOCKS = {"block_s": 0.1}
 """A fifth of the calls."""

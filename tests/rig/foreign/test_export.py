@@ -13,7 +13,7 @@ import pytest
 from rig.errors import InputError
 from rig.foreign.export import columns, export_trial
 from rig.foreign.reading import read_channels
-from rig.session.channel_info import ChannelInfo
+from rig.session.info import ChannelInfo
 from rig.session.trial_data import TrialData
 from tests.rig.session.test_trial_file import trial
 

@@ -8,14 +8,13 @@ import gzip
 import numpy as np
 import pytest
 
-from rig.configuration.channels import ChannelConfig
+from rig.configuration.rig_file import ChannelConfig
 from rig.errors import InputError, RigInputError
 from rig.foreign.export import columns
 from rig.foreign.mapping import load_mapping, parse_mapping
-from rig.foreign.position_import import cut_strokes
-from rig.foreign.session_import import import_session
+from rig.foreign.session_import import cut_strokes, import_session
 from rig.session import Session
-from rig.session.channel_info import ChannelInfo, RulerInfo
+from rig.session.info import ChannelInfo, RulerInfo
 from rig.session.ruler import ABOVE, BELOW, position_of, ruler_curve
 from tests.command_line import run
 from validation.measurement.positions import measure_positions

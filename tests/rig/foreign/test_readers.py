@@ -14,9 +14,7 @@ import pytest
 from rig.errors import InputError
 from rig.foreign import read_channels
 from rig.foreign.channel_table import ChannelTable, Clock, number
-from rig.foreign.csv_text import parse_csv
-from rig.foreign.lvm_text import parse_lvm
-from rig.foreign.reading import joined
+from rig.foreign.reading import joined, parse_csv, parse_lvm
 from tests.rig.foreign import tdms_bytes
 
 TIME = np.arange(5) * 2e-4

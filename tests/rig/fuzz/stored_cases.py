@@ -19,10 +19,9 @@ from rig.configuration.profile import MotorCommand
 from rig.configuration.rig_file import load_rig
 from rig.foreign.reading import read_channels
 from rig.session import Session
-from rig.session.channel_info import ChannelInfo
-from rig.session.journal.format import BLOCK, COMMAND, HEAD, block_payload, encode
-from rig.session.journal.format import parse as parse_journal
-from rig.session.journal.trial_head import TrialHead
+from rig.session.info import ChannelInfo
+from rig.session.journal import BLOCK, COMMAND, HEAD, TrialHead, block_payload, encode
+from rig.session.journal import parse as parse_journal
 from tests.rig.foreign import tdms_bytes
 from tests.rig.fuzz.damage import Case, same_values
 

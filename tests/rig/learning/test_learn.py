@@ -11,7 +11,7 @@ from rig.backend import Timing
 from rig.configuration.profile import Profile, motor_command, parse_profile
 from rig.errors import InputError
 from rig.learning import key_bottom, key_points, learn, make_target, profile_of, within_limits
-from rig.session.journal.trial_head import TrialHead
+from rig.session.journal import TrialHead
 from rig.session.trial_data import TrialData
 
 RATE = 5000.0

@@ -27,14 +27,11 @@ from rig.errors import HardwareFault, InputError, RecordingFault
 from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.session import Session
-from rig.session.journal.format import block_payload, read_journal
-from rig.session.journal.live_reader import SessionFollower
-from rig.session.journal.trial_head import FrameClock
-from rig.session.journal.writer import JournalWriter
+from rig.session.journal import FrameClock, JournalWriter, SessionFollower, block_payload, read_journal
 from rig.session.trial_file import read_trial, write_trial
 from rig.simulated.backend import CAMERA_CLOCK_ERROR, DEFAULT_BENCH
 from rig.simulated.bench.sensors import load_sensors
-from rig.simulated.device.fault_injection import FaultPlan, parse_faults
+from rig.simulated.device.state import FaultPlan, parse_faults
 from tests.rig.lab_channels import READBACK
 
 

@@ -31,9 +31,9 @@ from rig.errors import HardwareFault, RecordingFault
 from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.session import Session
-from rig.session.journal.writer import JournalWriter
+from rig.session.journal import JournalWriter
 from rig.simulated.backend import SimulatedBackend
-from rig.simulated.device.fault_injection import FaultPlan, parse_faults
+from rig.simulated.device.state import FaultPlan, parse_faults
 from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.driver import reset_device
 from rig.simulated.status import DaqStatusError, ServerGone

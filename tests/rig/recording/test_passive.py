@@ -19,11 +19,10 @@ import pytest
 from rig.backend import Backend, Block, Capabilities, Timing
 from rig.configuration.rig_file import RigConfig, load_rig
 from rig.errors import HardwareFault, InputError
-from rig.recording.passive import record_passive
+from rig.recording.passive import Stroke, StrokeDetector, StrokeSettings, record_passive
 from rig.recording.recover import recover_session
-from rig.recording.strokes import Stroke, StrokeDetector, StrokeSettings
 from rig.session import Session
-from rig.session.journal.live_reader import SessionFollower
+from rig.session.journal import SessionFollower
 from rig.simulated.backend import open_backend
 from tests.command_line import run
 

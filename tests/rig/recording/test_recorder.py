@@ -177,7 +177,7 @@ def test_a_fault_of_the_bench_keeps_and_marks_with_its_reason(record, intercept,
     folder, backend, call = record
 
     def fail(name, request):
-        if backend.device.trial == 2 and backend.device.edge > 2000 and name.startswith("ReadCounter"):
+        if backend.device.trial == 2 and backend.device.bench.edge > 2000 and name.startswith("ReadCounter"):
             raise DaqStatusError(-200279)
 
     with intercept(backend, fail), pytest.raises(SamplesLost):

@@ -10,7 +10,7 @@ import pytest
 from rig.configuration.toml_file import dump_toml
 from rig.errors import InputError, NotPermitted
 from rig.recording.recorder import record_session
-from rig.recording.resume import due_entries, resume_session, session_rig
+from rig.recording.recover import due_entries, resume_session, session_rig
 from rig.recording.trial_plan import WARM_UP_REASON, parse_plan
 from rig.session import Session
 from rig.session.info import ActionInfo

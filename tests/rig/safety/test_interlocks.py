@@ -17,8 +17,8 @@ from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.safety.interlocks import Interlocks, LimitUse, LimitWatch
 from rig.session import Session, TrialData
-from rig.session.journal.format import read_journal
-from rig.simulated.device.fault_injection import FaultPlan, parse_faults
+from rig.session.journal import read_journal
+from rig.simulated.device.state import FaultPlan, parse_faults
 
 PUSHING_S = 0.39
 """The motor pushes from 0.36 to 0.43 s."""

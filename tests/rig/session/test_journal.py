@@ -27,11 +27,22 @@ from rig.backend import Block
 from rig.errors import HardwareFault, InputError, RecordingFault
 from rig.recording.recorder import record_session
 from rig.session import Session
-from rig.session.channel_info import EncoderInfo, ForceInfo
-from rig.session.journal.format import BLOCK, COMMAND, END, HEAD, block_payload, encode, parse, read_journal
-from rig.session.journal.live_reader import JournalFollower, SessionFollower
-from rig.session.journal.trial_head import FrameClock, TrialHead
-from rig.session.journal.writer import JournalWriter
+from rig.session.info import EncoderInfo, ForceInfo
+from rig.session.journal import (
+    BLOCK,
+    COMMAND,
+    END,
+    HEAD,
+    FrameClock,
+    JournalFollower,
+    JournalWriter,
+    SessionFollower,
+    TrialHead,
+    block_payload,
+    encode,
+    parse,
+    read_journal,
+)
 from rig.simulated.bench.bench_time import PacedClock
 from rig.storage.platform_calls import remove
 
@@ -352,7 +363,7 @@ TRIALS = 2
 # loaded before the recording begins, then waiting for its folder
 WATCH = """
 import pathlib, sys, time
-import pianorig.workflows.bench.watch, rig.session.journal.live_reader
+import pianorig.workflows.bench.watch, rig.session.journal
 from pianorig.cli import main
 print("{}", flush=True)
 while not (pathlib.Path(sys.argv[2]) / "session.toml").exists():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from rig.session.channel_info import RulerInfo
+from rig.session.info import RulerInfo
 from rig.session.ruler import fit_smooth, position_of
 
 POINTS_M = np.linspace(0.0, 0.010, 11)

@@ -26,8 +26,7 @@ from rig.configuration.rig_file import load_rig, parse_rig
 from rig.errors import InputError
 from rig.recording.recorder import record_session
 from rig.session import CameraInfo, EncoderInfo, ForceInfo, TrialData
-from rig.session.sealed_hdf5 import MARK
-from rig.session.trial_file import NO_CODE, force_codes, read_status, read_trial, write_trial
+from rig.session.trial_file import MARK, NO_CODE, force_codes, read_status, read_trial, write_trial
 from tests.rig.lab_channels import READBACK
 
 ENCODERS = (

@@ -24,6 +24,7 @@ from rig.configuration.rig_file import load_rig
 from rig.errors import InputError, RigInputError
 from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.bench_time import PacedClock, VirtualClock
+from rig.simulated.bench.parts_alone import swing_plant
 from rig.simulated.bench.plant import ActionPlant, PlantTruth, load_plant
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, Plant, read_bench
 from rig.simulated.bench.sensors import (
@@ -35,7 +36,6 @@ from rig.simulated.bench.sensors import (
     load_sensors,
     quantise,
 )
-from rig.simulated.bench.single_body import swing_plant
 
 
 @pytest.mark.parametrize("speed", [1.0, 4.0])

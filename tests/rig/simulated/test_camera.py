@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, film_bodies, film_trial
 from rig.simulated.bench.camera import film_scene, poses
-from rig.simulated.device.fault_injection import FaultPlan, parse_faults
+from rig.simulated.device.state import FaultPlan, parse_faults
 from vision.bodies.masks import build_masks
 from vision.errors import InputError
 from vision.film.mraw import MrawFilm

@@ -22,7 +22,7 @@ from rig.recording.recover import recover_session
 from rig.safety.permission import Permission
 from rig.selftest import read_record
 from rig.session import Session
-from rig.session.journal.format import read_journal
+from rig.session.journal import read_journal
 
 STEP = Path(__file__).parents[1] / "step.toml"
 MOST_UNCOMMITTED = 500

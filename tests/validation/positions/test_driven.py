@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import model
-from rig.session.channel_info import RulerInfo
+from rig.session.info import RulerInfo
 from rig.session.ruler import Position
 from validation.measurement.positions import Measured, Stroke
 from validation.prediction.positions import (

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rig.session.channel_info import NO_FORCE, ChannelInfo, RulerInfo
+from rig.session.info import NO_FORCE, ChannelInfo, RulerInfo
 from rig.session.trial_data import TrialData
 from validation.errors import TrialError
 from validation.events.strikes import find

@@ -19,7 +19,7 @@ from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask, TaskType
 from rig.simulated.driver import all_has_come, read_samples, write_levels, write_volts
 from rig.simulated.rpc.messages import Fields, TaskHandler, enum
-from rig.simulated.rpc.properties.channel import volts_per_code
+from rig.simulated.rpc.properties import volts_per_code
 from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice
 
 _BY_SCAN = 1

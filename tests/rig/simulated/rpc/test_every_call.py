@@ -9,8 +9,8 @@ import pytest
 from google.protobuf.descriptor import FieldDescriptor
 
 from rig.configuration.rig_file import load_rig
-from rig.simulated.rpc.event_streams import EVENTS
 from rig.simulated.rpc.messages import CALLS, REFUSALS, request_class, rpc_status
+from rig.simulated.rpc.service import EVENTS
 
 TEXTS = ("", "x", "Dev9/ai0", "Dev1/ai0:999", "a,b", "\0", ",", ":", "OnboardClock", "Dev1", "Dev1/ai0:3", "Dev1/ao1")
 TEXTS = (*TEXTS, "Dev1/ctr0", "Dev1/port0/line3", "/Dev1/PFI0", "ai/SampleClock", "ai", "co", "do")

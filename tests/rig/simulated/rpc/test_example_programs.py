@@ -18,7 +18,7 @@ from nidaqmx.errors import DaqReadError
 from nidaqmx.stream_writers import AnalogSingleChannelWriter
 
 from rig.configuration.rig_file import load_rig
-from rig.simulated.rpc.tcp_server import serve
+from rig.simulated.serve import serve
 
 FINITE, CONTINUOUS = ni.AcquisitionType.FINITE, ni.AcquisitionType.CONTINUOUS
 

@@ -35,8 +35,7 @@ from rig.configuration.rig_file import load_rig
 from rig.daq.address import reset_server
 from rig.errors import HardwareFault, InputError, ResourceBusy
 from rig.simulated.bench.bench_time import PacedClock
-from rig.simulated.rpc.tcp_server import MOST_BYTES, WORKERS, SessionUtilities, Tls, serve
-from rig.simulated.serve import ServeOptions
+from rig.simulated.serve import MOST_BYTES, WORKERS, ServeOptions, SessionUtilities, Tls, serve
 from rig.simulated.status import SessionRefused
 from tests.command_line import run
 

@@ -12,7 +12,7 @@ import pytest
 
 import model
 from rig.session import Session, TrialData
-from rig.session.channel_info import NO_FORCE
+from rig.session.info import NO_FORCE
 from validation.errors import ValidationInputError
 from validation.identification.identify import identify
 from validation.identification.observations import ENCODERS, FILM
