@@ -22,8 +22,7 @@ from rig.errors import RigError
 from rig.recording.recover import session_rig
 from rig.safety.interlocks import LimitWatch
 from rig.session import TrialData
-from rig.session.journal import JournalFollower
-from rig.session.journal import TrialHead
+from rig.session.journal import JournalFollower, TrialHead
 from rig.session.trial_file import read_trial
 from validation.curves.signs import SIGN, TITLE
 from vision.output.colours import colour_of

@@ -123,16 +123,11 @@ UNDATED = 1900
 """Year of clock times without a date."""
 
 
-def read_csv(path: Path, separator: str = ",", decimal: str = ".", thousands: str = "") -> ChannelTable:
-    """Read all columns of a CSV file.
-
-    Raises RigInputError when the file cannot be read, has no rows, or rows of several lengths.
-    """
-    return parse_csv(read_text(path), str(path), separator, decimal, thousands)
-
-
 def parse_csv(text: str, where: str, separator: str = ",", decimal: str = ".", thousands: str = "") -> ChannelTable:
-    """Read CSV text; ``where`` names it in errors."""
+    """Read CSV text; ``where`` names it in errors.
+
+    Raises RigInputError when it has no rows, or rows of several lengths.
+    """
     if "\0" in text:
         raise RigInputError(f"{where}: holds null characters; not a CSV text file")
     lines = (line for line in text.removeprefix("\ufeff").splitlines() if line.strip() and not line.startswith("#"))
@@ -232,18 +227,11 @@ class _Segment:
     lines: list[str]
 
 
-def read_lvm(path: Path) -> tuple[ChannelTable, ...]:
-    """Read the segments of a LabVIEW measurement file.
+def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
+    """Read the segments of LVM text; ``where`` names it in errors.
 
     Raises RigInputError when it is not such a file or is truncated.
     """
-    with refused(path, "read"):
-        data = path.read_bytes()
-    return parse_lvm(decoded(data, str(path)), str(path))
-
-
-def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
-    """Read LVM text; ``where`` names it in errors."""
     lines = [line.rstrip("\r") for line in text.split("\n")]
     if not lines[0].startswith("LabVIEW Measurement"):
         raise RigInputError(f"{where}: not a LabVIEW measurement file; its first line must be 'LabVIEW Measurement'")
@@ -646,9 +634,9 @@ def read_segments(
     file = Path(path)
     suffix = "".join(file.suffixes[-2:]).lower() if file.suffix.lower() == ".gz" else file.suffix.lower()
     if suffix in (".csv", ".txt", ".csv.gz", ".txt.gz"):
-        return (read_csv(file, separator, decimal, thousands),)
+        return (parse_csv(read_text(file), str(file), separator, decimal, thousands),)
     if suffix == ".lvm":
-        return read_lvm(file)
+        return parse_lvm(read_text(file), str(file))
     if suffix == ".tdms":
         return (read_tdms(file),)
     if suffix in (".h5", ".hdf5"):

@@ -200,26 +200,25 @@ def add_lines(
         task.add_channel(type_, Channel(assigned if name else own, group[0], {"lines": [line.name for line in group]}))
 
 
-def configure_clock(
-    device: DeviceState, task: SimulatedTask, rate_hz: float, source: str, mode: int, samples: int
-) -> None:
+def configure_clock(device: DeviceState, task: SimulatedTask, clock: SampleClock) -> None:
     """Set a task's sample clock after coercing its rate and checking its route."""
+    rate_hz, source = clock.rate_hz, clock.source
     if not task.channels:
         raise DaqStatusError(Code.CAN_NOT_PERFORM_OP_WHEN_NO_CHANS_IN_TASK, f"Task: {task.name}")
     task.refuse_while_running()
-    if not rate_hz > 0 or samples < 1:
-        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Rate {rate_hz:g}, samples per channel {samples}")
+    if not rate_hz > 0 or clock.samples < 1:
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Rate {rate_hz:g}, samples per channel {clock.samples}")
     terminal = device.inventory.terminal(source) if source and source != "OnboardClock" else ""
     if task.type in ("CI", "CO") and not terminal:
         raise DaqStatusError(Code.EXT_SAMP_CLK_SRC_NOT_SPECIFIED)
-    if task.type == "CO" and mode != daqmx.CONTINUOUS:
+    if task.type == "CO" and clock.mode != daqmx.CONTINUOUS:
         raise NotImplementedByDevice("finite pulses on a sample clock")
     owner = device.inventory.of(task.channels[0].physical.name)
     static = any(channel.physical.kind == "static_line" for channel in task.channels)
     if static or (task.type in ("DI", "DO") and not owner.product.clocked_lines):
         raise Unsupported(f"Task: {task.name}: these lines are static")
     rate_hz = owner.coerced_rate(rate_hz, task.channels[0].physical.kind, len(task.channels))
-    task.timing = Timing(SampleClock(rate_hz, terminal, mode, samples))
+    task.timing = Timing(replace(clock, rate_hz=rate_hz, source=terminal))
     if task.type == "CO":
         task.pulses.count = None
 

@@ -119,7 +119,8 @@ class SessionUtilities:
         self._queues: dict[str, deque[_Call]] = {}
         """Calls by reservation; the first has it once it is granted, the others wait for their turn."""
         self._changed = threading.Condition()
-        self._handlers: dict[str, Callable[[Any], Fields]] = {
+        self._handlers: dict[str, Callable[[Any, Callable[[], bool]], Fields]] = {
+            "Reserve": self._reserve,
             "EnumerateDevices": self._devices,
             "IsReservedByClient": self._is_reserved,
             "Unreserve": self._unreserve,
@@ -136,13 +137,11 @@ class SessionUtilities:
         NotImplementedByDevice
             Any other call.
         """
-        if call == "Reserve":
-            return response(call, **self._reserve(request, is_waiting))
         if call not in self._handlers:
             raise NotImplementedByDevice(call)
-        return response(call, **self._handlers[call](request))
+        return response(call, **self._handlers[call](request, is_waiting))
 
-    def _devices(self, request: Any) -> Fields:
+    def _devices(self, request: Any, is_waiting: Callable[[], bool]) -> Fields:
         devices = self._service.device.inventory.devices()
         return {"devices": [{"name": name, "model": model, "vendor": VENDOR} for name, model in devices.items()]}
 
@@ -177,18 +176,18 @@ class SessionUtilities:
         queue = self._queues.get(request.reservation_id)
         return bool(queue) and queue[0].granted and queue[0].client == request.client_id  # type: ignore[index]
 
-    def _is_reserved(self, request: Any) -> Fields:
+    def _is_reserved(self, request: Any, is_waiting: Callable[[], bool]) -> Fields:
         with self._changed:
             return {"is_reserved": self._holds(request)}
 
-    def _unreserve(self, request: Any) -> Fields:
+    def _unreserve(self, request: Any, is_waiting: Callable[[], bool]) -> Fields:
         with self._changed:
             reserved = self._holds(request)
             if reserved:
                 self._leave(request.reservation_id, self._queues[request.reservation_id][0])
         return {"is_unreserved": reserved}
 
-    def _reset(self, request: Any) -> Fields:
+    def _reset(self, request: Any, is_waiting: Callable[[], bool]) -> Fields:
         with self._changed:
             self._queues.clear()
             self._changed.notify_all()

@@ -261,10 +261,8 @@ class WatchdogTimer:
     """Name of its device; the main one's may be left out."""
     volts: dict[str, float] = field(default_factory=dict)
     """By full name of the analog output."""
-    lines: dict[str, bool | None] = field(default_factory=dict)
-    """By full name of the line; None leaves it as it is."""
     levels: dict[str, int] = field(default_factory=dict)
-    """The expiration states of the lines as the client gave them."""
+    """The expiration states of the lines as the client gave them, by full name."""
     settings: dict[int, str | int] = field(default_factory=dict)
     """Further properties by the driver's number, of an expiration by a trigger."""
     running: bool = False
@@ -274,7 +272,7 @@ class WatchdogTimer:
 
     def controls(self, channel: str) -> bool:
         """Whether an output stands at its expiration state and cannot be written."""
-        return self.expired and (channel in self.volts or channel in self.lines)
+        return self.expired and (channel in self.volts or channel in self.levels)
 
 
 @dataclass(eq=False)

@@ -175,14 +175,6 @@ class Triggers:
     pause_high: bool = True
     """Sampling pauses while this terminal is high, or low."""
 
-    def forget(self, which: str) -> None:
-        """Take the start trigger or reference trigger away, of whatever kind."""
-        self.analog_kinds.pop(which, None)
-        if which == "start trigger":
-            self.start = ""
-        else:
-            self.reference = ""
-
     @property
     def begin(self) -> str:
         """Terminal of the trigger with which sampling begins: start trigger, or arm start trigger of a counter."""
@@ -394,6 +386,12 @@ class SimulatedTask:
         )
         self.type = kind
         self.channels.append(channel)
+
+    def forget_trigger(self, which: str) -> None:
+        """Take the start trigger or reference trigger away, of whatever kind."""
+        self.unsimulated.pop(which, None)
+        self.triggers.analog_kinds.pop(which, None)
+        setattr(self.triggers, which.removesuffix(" trigger"), "")
 
     def refuse_while_running(self) -> None:
         """Raise the driver's status for what cannot be done to a running task."""

@@ -63,9 +63,7 @@ def set_expiration_level(device: DeviceState, timer: WatchdogTimer, line: str, l
     if level not in (daqmx.LOW, daqmx.HIGH, daqmx.TRISTATE, daqmx.NO_CHANGE):
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Expiration state of {line}: {level}")
     _same_device(device, timer, line)
-    # tri-stated, the line falls to low: the bench's pull-down
     timer.levels[device.inventory.channel(line, "line").name] = level
-    timer.lines[device.inventory.channel(line, "line").name] = None if level == daqmx.NO_CHANGE else level == daqmx.HIGH
 
 
 def _same_device(device: DeviceState, timer: WatchdogTimer, name: str) -> None:
@@ -112,7 +110,8 @@ def check_watchdogs(device: DeviceState) -> None:
             continue
         timer.expired = True
         device.output_v.update(timer.volts)
-        device.lines.update({line: level for line, level in timer.lines.items() if level is not None})
+        states = {line: level for line, level in timer.levels.items() if level != daqmx.NO_CHANGE}
+        device.lines |= {line: level == daqmx.HIGH for line, level in states.items()}  # tri-stated, it is pulled down
         if device.inventory.of(timer.device).product.expiry_locks:
             _lock(device)
             continue

@@ -64,7 +64,7 @@ def get_clock(device: DeviceState, task: SimulatedTask, number: int) -> Any:
     clock = task.timing.clock
     if number == DIVISOR:
         if clock is None or not task.timing.own_clock:
-            raise _refused(task, number)
+            raise _unsupported(task, ("Timing", number))
         return round(_timebase_hz(device, task) / clock.rate_hz)
     if clock is None and task.type in _KINDS:
         clock = _planned(task)
@@ -85,46 +85,33 @@ def get_clock(device: DeviceState, task: SimulatedTask, number: int) -> Any:
 
 
 def put_clock(device: DeviceState, task: SimulatedTask, number: int, value: Any) -> None:
-    """Set a property of the timing."""
+    """Set a property of the timing; None puts it back to the driver's default."""
     task.refuse_while_running()
-    clock = task.timing.clock
+    clock, name = task.timing.clock, FIELDS.get(number, "")
     if number == TIMING_TYPE:
-        _change_type(device, task, value)
-        return
-    if number == DIVISOR:
-        if clock is None or not task.timing.own_clock or type(value) is not int or value < 2:
-            raise _refused(task, number)
-        task.properties.setdefault(_BEFORE, clock.rate_hz)
-        rate = _timebase_hz(device, task) / value
-        configure_clock(device, task, rate, clock.source, clock.mode, clock.samples)
-        return
-    name = FIELDS[number]
-    if name == "samples" and type(value) is int and not 1 <= value < 2**63:
-        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Samples per channel {value}")
-    if clock is None and name == "samples" and task.type in _KINDS and type(value) is int:
-        task.properties["Timing", "", number] = value
-        return
-    if clock is None or task.timing.implicit or type(value) is not type(getattr(clock, name)):
-        raise Unsupported(f"Task: {task.name} has no sample clock with {name}")
-    changed = replace(clock, **{name: value})
-    if changed.mode not in (daqmx.FINITE, daqmx.CONTINUOUS):
-        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Sample mode {changed.mode}")
-    configure_clock(device, task, changed.rate_hz, changed.source, changed.mode, changed.samples)
-
-
-def reset_clock(device: DeviceState, task: SimulatedTask, number: int) -> None:
-    """Put a property of the timing back to the driver's default."""
-    task.refuse_while_running()
-    if number == TIMING_TYPE:
-        _change_type(device, task, ON_DEMAND)
+        _change_type(device, task, ON_DEMAND if value is None else value)
+    elif number == DIVISOR and value is None:
+        if _BEFORE in task.properties and clock is not None:
+            configure_clock(device, task, replace(clock, rate_hz=task.properties.pop(_BEFORE)))
     elif number == DIVISOR:
-        if _BEFORE in task.properties and task.timing.clock is not None:
-            clock, rate = task.timing.clock, task.properties.pop(_BEFORE)
-            configure_clock(device, task, rate, clock.source, clock.mode, clock.samples)
-    elif task.timing.clock is None:
+        if clock is None or not task.timing.own_clock or type(value) is not int or value < 2:
+            raise _unsupported(task, ("Timing", number))
+        task.properties.setdefault(_BEFORE, clock.rate_hz)
+        configure_clock(device, task, replace(clock, rate_hz=_timebase_hz(device, task) / value))
+    elif clock is None and value is None:
         task.properties.pop(("Timing", "", number), None)
+    elif name == "samples" and type(value) is int and not 1 <= value < 2**63:
+        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Samples per channel {value}")
+    elif clock is None and name == "samples" and task.type in _KINDS and type(value) is int:
+        task.properties["Timing", "", number] = value
     else:
-        put_clock(device, task, number, getattr(DEFAULT, FIELDS[number]))
+        value = getattr(DEFAULT, name) if value is None else value
+        if clock is None or task.timing.implicit or type(value) is not type(getattr(clock, name)):
+            raise Unsupported(f"Task: {task.name} has no sample clock with {name}")
+        changed = replace(clock, **{name: value})
+        if changed.mode not in (daqmx.FINITE, daqmx.CONTINUOUS):
+            raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Sample mode {changed.mode}")
+        configure_clock(device, task, changed)
 
 
 def _planned(task: SimulatedTask) -> SampleClock:
@@ -140,20 +127,15 @@ def _timing_type(task: SimulatedTask) -> int:
 
 def _change_type(device: DeviceState, task: SimulatedTask, value: Any) -> None:
     if task.type not in _KINDS or value not in (ON_DEMAND, SAMPLE_CLOCK):
-        raise _refused(task, TIMING_TYPE)
+        raise _unsupported(task, ("Timing", TIMING_TYPE))
     if value == ON_DEMAND:
         task.timing = Timing()
     elif _timing_type(task) != SAMPLE_CLOCK:
-        planned = _planned(task)
-        configure_clock(device, task, planned.rate_hz, planned.source, planned.mode, planned.samples)
+        configure_clock(device, task, _planned(task))
 
 
 def _timebase_hz(device: DeviceState, task: SimulatedTask) -> float:
     return device.inventory.of(task.channels[0].physical.name).product.timebase_hz
-
-
-def _refused(task: SimulatedTask, number: int) -> Unsupported:
-    return Unsupported(f"Property: 0x{number:04X} (Timing) of {task.name}")
 
 
 CHANNEL_TYPE = {"AI": 10100, "AO": 10102, "DI": 10151, "DO": 10153, "CI": 10131, "CO": 10132}
@@ -226,11 +208,6 @@ def _half_range(device: DeviceState, channel: Channel) -> float | None:
     return device.inventory.of(channel.physical.name).half_range(channel.settings)
 
 
-def _range_low(device: DeviceState, task: SimulatedTask, channel: Channel) -> float | None:
-    half = _half_range(device, channel)
-    return None if half is None else -half
-
-
 def _limit(end: str) -> Property:
     """The largest or smallest value expected of an analog input: coerced to the converter's range, as by the driver."""
 
@@ -288,14 +265,14 @@ def _count(device: DeviceState, task: SimulatedTask, channel: Channel) -> int | 
     return int(latch_now(device, task)[0, 0]) % 2**32 if task.progress.live else 0
 
 
-def _high_time(device: DeviceState, task: SimulatedTask, channel: Channel) -> float:
-    duty = task.setting("Chan", channel.name, daqmx.CO_PULSE_DUTY_CYC, 0.5)
-    return float(duty / task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ, 1.0))
+def _part_of_pulse(high: bool) -> Property:
+    """The time a counter's pulse is high or low, s."""
 
+    def get(device: DeviceState, task: SimulatedTask, channel: Channel) -> float:
+        duty = task.setting("Chan", channel.name, daqmx.CO_PULSE_DUTY_CYC, 0.5)
+        return float((duty if high else 1 - duty) / task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ, 1.0))
 
-def _low_time(device: DeviceState, task: SimulatedTask, channel: Channel) -> float:
-    period = 1 / task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ, 1.0)
-    return float(period - _high_time(device, task, channel))
+    return get
 
 
 _CHANNEL_GETTERS: dict[str, Property] = {
@@ -312,7 +289,7 @@ _CHANNEL_GETTERS: dict[str, Property] = {
     "AI_MAX": _limit("max"),
     "AI_MIN": _limit("min"),
     "AI_RNG_HIGH": lambda device, task, channel: _half_range(device, channel),
-    "AI_RNG_LOW": _range_low,
+    "AI_RNG_LOW": lambda device, task, channel: None if (half := _half_range(device, channel)) is None else -half,
     "AI_RESOLUTION": lambda device, task, channel: float(_bits(device, channel)),
     "AI_RESOLUTION_UNITS": lambda device, task, channel: BITS,
     "AI_RAW_SAMP_SIZE": lambda device, task, channel: raw_sample_bits(device, task, channel),
@@ -330,8 +307,8 @@ _CHANNEL_GETTERS: dict[str, Property] = {
     ),
     "CI_CUSTOM_SCALE_NAME": _scale_name,
     "CI_COUNT": _count,
-    "CO_PULSE_HIGH_TIME": _high_time,
-    "CO_PULSE_LOW_TIME": _low_time,
+    "CO_PULSE_HIGH_TIME": _part_of_pulse(True),
+    "CO_PULSE_LOW_TIME": _part_of_pulse(False),
     "CO_PULSE_TIME_INITIAL_DELAY": lambda device, task, channel: task.setting(
         "Chan", channel.name, daqmx.CO_PULSE_FREQ_INITIAL_DELAY, None
     ),
@@ -704,17 +681,12 @@ def _put_trigger_type(task: SimulatedTask, which: str, value: Any) -> None:
     """Take a kind of trigger that the virtual bench does not have, or take all triggers away."""
     task.refuse_while_running()
     kinds = {number: kind for kind, number in TRIGGER_KINDS.items()}
-    if value == daqmx.NO_TRIGGER:
-        task.triggers.forget(which)
-        task.unsimulated.pop(which, None)
-    elif value in kinds and (which == "start trigger" or task.type == "AI"):
-        task.triggers.forget(which)
-        if kinds[value] in BUILT:
-            task.triggers.analog_kinds[which] = kinds[value]
-        else:
-            task.unsimulated[which] = kinds[value]
-    else:
+    has = value in kinds and (which == "start trigger" or task.type == "AI")
+    if value != daqmx.NO_TRIGGER and not has:
         raise Unsupported(f"Task: {task.name}: {which} of type {value}")
+    task.forget_trigger(which)
+    if has:
+        (task.triggers.analog_kinds if kinds[value] in BUILT else task.unsimulated)[which] = kinds[value]
 
 
 def _unsupported(task: SimulatedTask, key: Key) -> Unsupported:
@@ -741,21 +713,25 @@ def get(device: DeviceState, request: Any, key: Key) -> Any:
 
 
 def put(device: DeviceState, request: Any, key: Key, value: Any) -> None:
-    """Set a property, after checking terminals and trigger types; refused while the task runs."""
+    """Set a property, after checking terminals and trigger types; None puts it back to its default.
+
+    Refused while the task runs.
+    """
     task, channel, (category, number) = find_task(device, request.task.name), getattr(request, "channel", ""), key
-    if category == "Chan" and SCALES.get(number) == task.type and isinstance(value, str):
+    if category == "Chan" and SCALES.get(number) == task.type and isinstance(value, str | None):
         task.refuse_while_running()
         for found in find_channels(task, channel):
-            set_scale(device, found, value)
+            set_scale(device, found, value or "")
         return
     if category == "Timing" and number in NUMBERS:
         put_clock(device, task, number, value)
         return
     if key in TRIGGER_TYPES:
-        _put_trigger_type(task, TRIGGER_TYPES[key], value)
+        _put_trigger_type(task, TRIGGER_TYPES[key], daqmx.NO_TRIGGER if value is None else value)
         return
     kind, types = (type(STORED[key].default), ANY) if key in STORED else SETTABLE.get(key, (None, ANY))
-    if type(value) not in (kind,) or task.type not in (None, *types):
+    fits = number not in LIMITS if value is None else type(value) is kind and task.type in (None, *types)
+    if kind is None or not fits:
         raise _unsupported(task, key)
     task.refuse_while_running()
     channels = find_channels(task, channel) if category == "Chan" else []
@@ -765,10 +741,12 @@ def put(device: DeviceState, request: Any, key: Key, value: Any) -> None:
         return
     if number == daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE and any(found.physical.kind != "bridge" for found in channels):
         raise _unsupported(task, key)
-    if key in SETTABLE:
+    if key in SETTABLE and value is not None:
         check_value(device, task, number, value)
     for name in [found.name for found in channels] or [""]:
-        task.properties[category, name, number] = value
+        task.properties.pop((category, name, number), None)
+        if value is not None:
+            task.properties[category, name, number] = value
         note_unsimulated(task, key, name, value)
     _settle_arm_start(device, task, number)
 
@@ -780,23 +758,4 @@ def _settle_arm_start(device: DeviceState, task: SimulatedTask, number: int) -> 
         task.triggers.arm_start = device.inventory.terminal(source) if armed and source else ""
 
 
-def reset(device: DeviceState, request: Any, key: Key) -> None:
-    """Put a property back to its default."""
-    task, channel, (category, number) = find_task(device, request.task.name), getattr(request, "channel", ""), key
-    if category == "Chan" and SCALES.get(number) == task.type:
-        put(device, request, key, "")
-    elif category == "Timing" and number in NUMBERS:
-        reset_clock(device, task, number)
-    elif key in TRIGGER_TYPES:
-        put(device, request, key, daqmx.NO_TRIGGER)
-    elif key not in {**SETTABLE, **STORED} or number in LIMITS:
-        raise _unsupported(task, key)
-    else:
-        task.refuse_while_running()
-        for name in [found.name for found in find_channels(task, channel)] if category == "Chan" else [""]:
-            task.properties.pop((category, name, number), None)
-            note_unsimulated(task, key, name, None)
-        _settle_arm_start(device, task, number)
-
-
-TASK_PROPERTIES = Properties(get, put, reset)
+TASK_PROPERTIES = Properties(get, put, lambda device, request, key: put(device, request, key, None))

@@ -10,7 +10,7 @@ import pytest
 
 from rig.errors import InputError, RigInputError
 from rig.foreign.mapping import parse_mapping
-from rig.foreign.reading import decoded, parse_csv, read_csv, read_segments
+from rig.foreign.reading import decoded, parse_csv, read_segments
 from rig.foreign.session_import import import_session
 from rig.session import Session
 from tests.rig.foreign.test_session_import import FORCE_V, HAMMER_RAD, KEY, MAPPING, TIME, WHIPPEN_DEG
@@ -22,7 +22,7 @@ TEXT = "t;Größe (°C)\n0;1,5\n1;-2,25\n"
 def test_text_of_every_usual_encoding_reads_the_same(encoding, tmp_path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(TEXT.encode(encoding))
-    table = read_csv(path, ";", ",")
+    (table,) = read_segments(path, separator=";", decimal=",")
     np.testing.assert_array_equal(table.channel("Größe (°C)"), [1.5, -2.25])
 
 

@@ -26,7 +26,7 @@ def test_the_watchdog_reaches_what_the_product_lets_it_reach(cdaq, card, refused
     ):
         task = watchdog_task(bench, device)
         task.cfg_watchdog_do_expir_states([DOExpirationState(line, Level.LOW)])
-        assert bench.device.watchdogs["dog"].lines == {line: False} and Level.LOW.value == daqmx.LOW
+        assert bench.device.watchdogs["dog"].levels == {line: daqmx.LOW} and Level.LOW.value == daqmx.LOW
         states = [AOExpirationState(ao, 0.0, WatchdogAOExpirState.VOLTAGE)]
         if bench is card:
             with refused(-200662):

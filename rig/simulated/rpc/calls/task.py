@@ -138,7 +138,7 @@ def _sample_clock(device: DeviceState, task: SimulatedTask, request: Any) -> Non
     mode = enum(request, "sample_mode")
     if mode not in (daqmx.FINITE, daqmx.CONTINUOUS):
         raise NotImplementedByDevice(f"sample mode {mode}")
-    configure_clock(device, task, request.rate, request.source, mode, int(request.samps_per_chan))
+    configure_clock(device, task, SampleClock(request.rate, request.source, mode, int(request.samps_per_chan)))
 
 
 def _implicit(device: DeviceState, task: SimulatedTask, request: Any) -> None:
@@ -171,7 +171,7 @@ def _start_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> No
     if task.type == "CI":
         raise Unsupported(f"Task: {task.name}: counters are armed, not started")
     terminal = device.inventory.terminal(request.trigger_source)
-    forget_trigger(task, "start trigger")
+    task.forget_trigger("start trigger")
     task.triggers.start = terminal
 
 
@@ -199,27 +199,19 @@ def _unsimulated(which: str, kind: str) -> TaskHandler:
         task.refuse_while_running()
         if which == "reference trigger" and task.type != "AI":
             raise Unsupported(f"Task: {task.name}: reference trigger")
+        source = trigger_source(device, task, request.trigger_source) if kind in SHAPES else ""
+        task.forget_trigger(which)
         if kind not in SHAPES:
-            forget_trigger(task, which)
             task.unsimulated[which] = kind
             return
-        shape = SHAPES[kind]
-        source = trigger_source(device, task, request.trigger_source)
-        forget_trigger(task, which)
         task.triggers.analog_kinds[which] = kind
         settings = {"SRC": source, **{what: get(request) for what, get in FIELDS[kind].items()}}
         for what, value in settings.items():
-            task.properties["Trig", "", property_number("Trig", f"{shape}_{short}_TRIG_{what}")] = value
+            task.properties["Trig", "", property_number("Trig", f"{SHAPES[kind]}_{short}_TRIG_{what}")] = value
         if short == "REF":
             _keep_pretrigger(task, request)
 
     return configure
-
-
-def forget_trigger(task: SimulatedTask, which: str) -> None:
-    """Take a start trigger or reference trigger away, of whatever kind."""
-    task.unsimulated.pop(which, None)
-    task.triggers.forget(which)
 
 
 def _reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
@@ -227,13 +219,12 @@ def _reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -
         raise Unsupported(f"Task: {task.name}: reference trigger")
     if not 2 <= request.pretrigger_samples < task.timing.clock.samples - 1:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Pretrigger samples {request.pretrigger_samples}")
-    forget_trigger(task, "reference trigger")
+    task.forget_trigger("reference trigger")
     apfi = re.fullmatch(r"(/\w+/)?(APFI[01])", request.trigger_source)
     if apfi and device.inventory.of(request.trigger_source).product.apfi:
         # an analog terminal as a digital one: by the level of its comparator, which is not simulated
         owner = device.inventory.of(task.channels[0].physical.name)
         task.unsimulated["reference trigger"] = f"digital edge on {apfi[2]}"
-        task.triggers.reference = ""
         _keep_pretrigger(task, request)
         task.properties["Trig", "", DIG_EDGE_REF_TRIG_SRC] = f"/{owner.name}/{apfi[2]}"
         task.properties["Trig", "", DIG_EDGE_REF_TRIG_EDGE] = enum(request, "trigger_edge")
@@ -263,9 +254,9 @@ TIMING_CALLS: dict[str, TaskHandler] = {
     "CfgImplicitTiming": _implicit,
     "CfgChangeDetectionTiming": _change_detection,
     "CfgDigEdgeStartTrig": _start_trigger,
-    "DisableStartTrig": lambda device, task, request: forget_trigger(task, "start trigger"),
+    "DisableStartTrig": lambda device, task, request: task.forget_trigger("start trigger"),
     "CfgDigEdgeRefTrig": _reference_trigger,
-    "DisableRefTrig": lambda device, task, request: forget_trigger(task, "reference trigger"),
+    "DisableRefTrig": lambda device, task, request: task.forget_trigger("reference trigger"),
     **{
         f"Cfg{kind}{end}": _unsimulated(which, words)
         for kind, words in (
