@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MOST_ROWS = 20
+LEAST = 5e-4  # a smaller entry is shown as 0
 TITLES = {
     "onset_s": "onset", "key_bottom_s": "key bottom", "let_off_s": "let-off time", "let_off_m": "let-off distance",
     "strike_s": "strike time", "strike_m_per_s": "hammer speed", "rebound_s": "rebound time",
@@ -146,17 +147,18 @@ def lines(table: LocalTable, quantities: Mapping[str, str], most: int) -> list[s
     width = max([len("parameter"), *(len(name) for name in table.parameters[:most])])
     out = [f"{'parameter':<{width}}" + "".join(f" {heading:>11}" for _, heading in shown)]
     for i, name in enumerate(table.parameters[:most]):
-        out.append(f"{name:<{width}}" + "".join(f" {table.percent[i, q]:>11.4f}" for q, _ in shown))
+        out.append(f"{name:<{width}}" + "".join(f" {table.percent[i, q]:>z11.4f}" for q, _ in shown))
     return out
 
 
-def draw_local(table: LocalTable, path: str | Path) -> None:
+def draw_local(table: LocalTable, path: str | Path, name: str = "") -> None:
     """Write a map of percent per percent: parameters by events and curves, the most influential on top.
 
     Parameters
     ----------
     table : from `local_table`
     path : file to write, .svg, .pdf or .png
+    name : of the action, for the title
 
     Examples
     --------
@@ -171,16 +173,18 @@ def draw_local(table: LocalTable, path: str | Path) -> None:
         limit = max(float(np.quantile(np.abs(shown), 0.9)), 1e-12)
         image = axes.imshow(shown, cmap="PuOr", vmin=-limit, vmax=limit, aspect="auto")
         for i, q in np.ndindex(*shown.shape):
-            dark = abs(shown[i, q]) > 0.6 * limit
+            value = float(shown[i, q])
             axes.text(
-                q, i, f"{shown[i, q]:.2g}", ha="center", va="center", fontsize=6, color="white" if dark else "black"
-            )
+                q, i, f"{value:.2g}" if abs(value) >= LEAST else "0",
+                ha="center", va="center", fontsize=6, color="white" if abs(value) > 0.6 * limit else "black",
+            )  # fmt: skip
         axes.set_xticks(
             range(len(table.quantities)), [TITLES.get(n, n) for n in table.quantities], rotation=50, ha="right"
         )
         axes.set_yticks(range(len(shown)), table.parameters[:MOST_ROWS])
         axes.tick_params(labelsize=8)
-        axes.set_title("percent of a quantity per percent of a parameter", fontsize=9)
+        title = "percent of a quantity per percent of a parameter"
+        axes.set_title(f"{name}: {title}" if name else title, fontsize=9)
         figure.colorbar(image, ax=axes, shrink=0.6, extend="both")
 
 

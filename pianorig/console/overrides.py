@@ -78,6 +78,11 @@ def _changed(
     return model.scaled(changed, factors)
 
 
+def in_scene(action: model.Action, scene: str | None) -> model.Action:
+    """The action with the scene that was chosen for it in its name, as reports and sheets call it."""
+    return action if scene is None else replace(action, name=f"{action.name} (scene {Path(scene).stem})")
+
+
 def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, float], dict[str, float]]:
     """Name, values to set and factors of ``name: --set path=value --scale name=factor``.
 
@@ -135,7 +140,7 @@ def load_model(text: str, settings: Sequence[str] = (), scene: str | None = None
     laws, others = split_laws(settings)
     changes = read_settings(others)
     if not rest:
-        return _changed(text, laws, changes, {}, scene)
+        return in_scene(_changed(text, laws, changes, {}, scene), scene)
     example = 'allowed "action: --scene name --set path=value --scale name=factor"'
     given = _options_of(name, rest, "--action", example)
     own, numbers = split_laws(given["--set"])
@@ -144,7 +149,7 @@ def load_model(text: str, settings: Sequence[str] = (), scene: str | None = None
         raise CommandInputError(f"--action {name}: --scene found {len(given['--scene'])} times, allowed once")
     scene = given["--scene"][0] if given["--scene"] else scene
     action = _changed(name, {**laws, **own}, {**changes, **values}, factors, scene)
-    said = [f"scene {Path(text).stem}" for text in given["--scene"]]
+    said = [] if scene is None else [f"scene {Path(scene).stem}"]
     said += [f"{contact}.{LAW}={law}" for contact, law in own.items()]
     said += [f"{path}={value:g}" for path, value in values.items()]
     said += [f"{path} × {factor:g}" for path, factor in factors.items()]

@@ -12,7 +12,7 @@ import model
 from pianorig.console.column_file import check_writable
 from pianorig.console.options import BUILT_IN_ACTION, AsJson, Scene, Settings, complete_file
 from pianorig.console.output import tell
-from pianorig.console.overrides import load_changed, read_settings
+from pianorig.console.overrides import in_scene, load_changed, read_settings
 from pianorig.console.progress import working
 
 
@@ -43,15 +43,18 @@ def command(
     if out is not None:
         check_writable(out, ".toml")
     given = load_changed(action, set_, scene=scene)
+    said = in_scene(given, scene).name
     wanted = {name: 1e-3 * length for name, length in read_settings(target_mm or [], "--target-mm").items()}
     targets = model.regulation.targets_at(wanted)
     if out is None:
-        _measure(given, targets, as_json)
+        _measure(given, said, targets, as_json)
     else:
-        _regulate(given, wanted, out, as_json)
+        _regulate(given, said, wanted, out, as_json)
 
 
-def _measure(given: model.Action, targets: Sequence[model.regulation.RegulationTarget], as_json: bool) -> None:
+def _measure(
+    given: model.Action, said: str, targets: Sequence[model.regulation.RegulationTarget], as_json: bool
+) -> None:
     """Print the seven targets as they are."""
     with working("measuring the action", quiet=as_json):
         seen = model.regulation.measure(given)
@@ -65,14 +68,14 @@ def _measure(given: model.Action, targets: Sequence[model.regulation.RegulationT
         }
         for t in targets
     ]
-    lines = [f"{given.name}: {'target':<46}  wanted  measured   (mm)"]
+    lines = [f"{said}: {'target':<46}  wanted  measured   (mm)"]
     for row in rows:
         remark = f"   {row['remark']}" if row["remark"] else ""
         lines.append(f"  {row['words']:<58}{_millimetres(row['wanted_m'])}  {_millimetres(row['measured_m'])}{remark}")
     tell(as_json, {"action": given.name, "targets": rows}, lines)
 
 
-def _regulate(given: model.Action, wanted_m: Mapping[str, float], out: Path, as_json: bool) -> None:
+def _regulate(given: model.Action, said: str, wanted_m: Mapping[str, float], out: Path, as_json: bool) -> None:
     """Turn the seven screws, write the action, print each target before and after."""
     with working("turning seven screws until seven targets are met", quiet=as_json):
         done = model.regulation.regulate(given, wanted_m=wanted_m)
@@ -80,7 +83,7 @@ def _regulate(given: model.Action, wanted_m: Mapping[str, float], out: Path, as_
         done.action,
         out,
         [
-            f"{done.action.name}: {given.name} regulated by `pianorig regulate` to the targets of Hirschkorn (2004), "
+            f"{done.action.name}: {said} regulated by `pianorig regulate` to the targets of Hirschkorn (2004), "
             f"Section 2.3{model.regulation.other_lengths(done.targets)}.",
             f"{_turned_words(done)} differ from the given set; their source begins with 'regulated'. u of a screw:",
             "what changes its target by its tolerance of 0.02 mm (rectangular).",

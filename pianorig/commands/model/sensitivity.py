@@ -18,7 +18,7 @@ from pianorig.console import options
 from pianorig.console.column_file import make_folder, write_rows
 from pianorig.console.options import DEFAULT_ACTION, AsJson, Scale, Scene, Settings
 from pianorig.console.output import file_lines, tell
-from pianorig.console.overrides import load_changed, read_settings
+from pianorig.console.overrides import in_scene, load_changed, read_settings
 from pianorig.console.progress import bar, say, working
 from pianorig.errors import CommandInputError
 
@@ -94,7 +94,7 @@ def command(
             if given is not None:
                 raise CommandInputError(f"{name}: goes with --morris or --sobol; the local table varies nothing")
     names = None if parameters is None else [name.strip() for name in parameters.split(",") if name.strip()]
-    chosen = load_changed(action, set_, scale, scene)
+    chosen = in_scene(load_changed(action, set_, scale, scene), scene)
     uncertainties = read_settings(u or [], "--u")
     if out is not None:
         make_folder(out)
@@ -117,8 +117,8 @@ def command(
         local = _local(chosen, driving, names, as_json)
         facts: dict[str, Any] = {"action": chosen.name, "blow": source, "local": local.rows()}
         if not as_json:
-            _print_local(local)
-        files = _written(out, "local", local.rows(), partial(model.screening.draw_local, local))
+            _print_local(local, chosen.name)
+        files = _written(out, "local", local.rows(), partial(model.screening.draw_local, local, name=chosen.name))
         varied: list[model.screening.Spread] = []
         if morris is not None or sobol is not None:
             given = names or list(dict.fromkeys([*local.strongest(SCREENED), *uncertainties]))
@@ -186,10 +186,10 @@ def _written(out: Path | None, name: str, rows: list[dict[str, Any]], draw: Any)
     return files
 
 
-def _print_local(table: model.screening.LocalTable) -> None:
+def _print_local(table: model.screening.LocalTable, name: str) -> None:
     from model.screening.local import lines  # start-up: NumPy, which --help does not need
 
-    print("percent of a quantity per percent of a parameter")
+    print(f"{name}: percent of a quantity per percent of a parameter")
     for line in lines(table, HEADINGS, MOST_LINES):
         print(line)
     if len(table.parameters) > MOST_LINES:

@@ -19,7 +19,7 @@ from pianorig import workflows
 from pianorig.console.column_file import make_folder, write_rows
 from pianorig.console.options import DEFAULT_ACTION, AsJson, Scale, Scene, Settings
 from pianorig.console.output import file_lines, tell
-from pianorig.console.overrides import load_changed, read_variant
+from pianorig.console.overrides import in_scene, load_changed, read_variant
 from pianorig.console.progress import working
 from pianorig.errors import CommandInputError
 
@@ -104,7 +104,7 @@ def command(
             raise CommandInputError(f"study {action}: has its own variants; leave out --variant or name an action")
         if scene is not None and action != "thesis":
             raise CommandInputError(f"study {action}: has its own scenes; leave out --scene or name an action")
-        chosen = load_changed(of or DEFAULT_ACTION, set_, scale, scene)
+        chosen = in_scene(load_changed(of or DEFAULT_ACTION, set_, scale, scene), scene)
         words, study, forte = STUDIES[action]
     else:
         if of is not None:
@@ -116,7 +116,7 @@ def command(
             raise CommandInputError(
                 "--force: missing; name a CSV file with the columns time_s,force_n, or a sealed trial"
             )
-        chosen = load_changed(action, set_, scale, scene)
+        chosen = in_scene(load_changed(action, set_, scale, scene), scene)
         variants = [model.study.Variant(*read_variant(text)) for text in variant or []]
         words, study, forte = f"simulating {len(variants) + 1} blows", partial(_variants, variants), ""
     driving = None if force is None else workflows.read_driving_force(force, model.choice_of(chosen).input_column)

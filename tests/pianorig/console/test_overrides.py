@@ -65,3 +65,12 @@ def test_what_is_not_a_change_is_refused_in_one_line(text, said):
 def test_a_path_of_windows_is_no_variant():
     assert split_model(r"C:\\actions\\mine.toml") == (r"C:\\actions\\mine.toml", "")
     assert split_model(r"C:\\mine.toml: --set hammer.mass=0.012") == (r"C:\\mine.toml", "--set hammer.mass=0.012")
+
+
+def test_a_chosen_scene_is_in_the_name_of_a_report_s_model():
+    alone = load_model("hirschkorn2004", scene="string")
+    assert alone.name == "hirschkorn2004 (scene string)"
+    assert load_model("hirschkorn2004: --set hammer.mass=0.01", scene="string").name == (
+        "hirschkorn2004 (scene string, hammer.mass=0.01)"
+    )
+    assert load_model("hirschkorn2004").name == "hirschkorn2004"

@@ -27,7 +27,7 @@ def test_local_table_as_text_json_and_files(tmp_path: Path, capsys: pytest.Captu
     out = tmp_path / "local"
     assert run("sensitivity", FORTE, *FEW, "--out", str(out)) == 0
     text = capsys.readouterr().out.splitlines()
-    assert text[0] == "percent of a quantity per percent of a parameter"
+    assert text[0] == "hirschkorn2004: percent of a quantity per percent of a parameter"
     assert text[1].split()[:3] == ["parameter", "let-off", "speed"]
     table = rows(out / "local.csv")
     speed = {r["parameter"]: float(r["percent_per_percent"]) for r in table if r["quantity"] == "strike_m_per_s"}
