@@ -8,9 +8,9 @@ as it is pressed, which laws with memory refuse, is given the least b that does 
 on every felt (Stulov's on every third), string, balance rail and shank. ``joints``: each case has bushings of its own,
 stiffness 1e4 to 1e7 N/m, damping 0 to critical, loads of up to 5 N. Right means: the energy audit, integrated with
 the motion at 1e-9, closes to 1e-6 of what was turned over (input and losses; where microjoules are turned over, at
-1e-11), and the angles at the tolerance 1e-5 stay within ten times that of those at 1e-9; a miss counts as said where the estimated error says so, and as explained
-where a disturbance of the tolerance grows as much. Prints the outcomes, with the upper bound of the rate of failures
-(95 %).
+1e-11), and the angles at the tolerance 1e-5 stay within ten times that of those at 1e-9; a miss counts as said where
+the estimated error says so, and as explained where a disturbance of the tolerance grows as much. Prints the outcomes,
+with the upper bound of the rate of failures (95 %).
 """
 
 from __future__ import annotations
