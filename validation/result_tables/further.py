@@ -15,6 +15,7 @@ import pandas as pd
 
 import model
 from model.inside.labels import contact_label
+from model.parameters.effects import KEY_LIFT, SHANK
 from validation.conventions import Array
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
@@ -111,14 +112,16 @@ def _parts(action: model.Action, blow: model.Solution) -> Iterator[tuple[str, di
         yield name, row
     for i, body in enumerate(seen.bodies):
         if body in seen.turning_bodies:
-            force, friction = np.hypot(*seen.joint_n[:, i].T), float(seen.joint_j[-1, i])
-            row = {"kind": "joint", "part": f"joint of the {body}", "energy_j": friction, "friction_j": friction}
+            force = np.hypot(*seen.joint_n[:, i].T)
+            place = "bend of the shank" if body == SHANK else f"joint of the {body}"
+            # friction, and what its bushing takes where it gives: not told apart
+            row = {"kind": "joint", "part": place, "energy_j": float(seen.joint_j[-1, i])}
             if blow.give is not None:
                 row["largest_m"] = float(np.hypot(*blow.give.of(body)[0].T).max())
             yield body, row | {"largest_n": float(force.max()), "at_s": float(time[np.argmax(force)])}
     ways: dict[str, Array] = {} if blow.string is None else {"string where it is struck": blow.string.way_m}
-    if "key_lift" in blow.bodies:
-        ways["key above its balance rail"] = blow.angle_rad[:, blow.bodies.index("key_lift")]
+    if KEY_LIFT in blow.bodies:
+        ways["key above its balance rail"] = blow.angle_rad[:, blow.bodies.index(KEY_LIFT)]
     for part, way in ways.items():
         k = int(np.argmax(np.abs(way)))
         yield part, {"kind": "way", "part": part, "largest_m": float(abs(way[k])), "at_s": float(time[k])}

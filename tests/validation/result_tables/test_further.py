@@ -24,7 +24,7 @@ def test_energies_inside_the_action_close_and_are_those_of_its_parts(inside):
     assert parts["felt_j"].sum() == pytest.approx(energy["lost in felt"], rel=1e-3)
     assert parts["friction_j"].sum() == pytest.approx(energy["lost by friction of contacts"], rel=1e-3)
     joints = inside[inside["kind"] == "joint"]
-    assert joints["friction_j"].sum() == pytest.approx(energy["lost by friction of joints"], rel=1e-3)
+    assert joints["energy_j"].sum() == pytest.approx(energy["lost by friction of joints"], rel=1e-3)
 
 
 def test_forces_inside_the_action_have_a_place_a_time_and_an_uncertainty(inside, compared):
@@ -55,3 +55,15 @@ def test_a_comparison_without_a_report_looks_at_nothing_inside(recorded, monkeyp
         recorded[0], recorded[1].action, budget=False, suspect=False, rivals=(), keep_predictions=False
     )
     assert "inside" not in result.tables
+
+
+def test_losses_of_joints_that_give_are_friction_and_bushings(recorded):
+    action = model.load_scene("giving-hammer").on(recorded[1].action)
+    result = compare_session(
+        recorded[0], action, budget=False, suspect=False, rivals=(), keep_predictions=False, further=True
+    )
+    inside = result.tables["inside"]
+    energy, joints = inside.set_index("part")["energy_j"], inside[inside["kind"] == "joint"]
+    lost = energy["lost by friction of joints"] + energy["lost in bushings of joints that give"]
+    assert joints["energy_j"].sum() == pytest.approx(lost, rel=1e-3)
+    assert inside.set_index("part").loc["joint of the hammer", "largest_m"] > 1e-5

@@ -66,7 +66,7 @@ def evidence_table(side: SideBySide) -> PageTable:
             with_u(e.log_bayes_factor, e.u_log_bayes_factor) if e.model != e.against else DASH,
             with_u(e.log_evidence, e.u_log_evidence),
             number(e.p, 2),
-            number(round(e.right_hand_sides), 6) if math.isfinite(e.right_hand_sides) else DASH,
+            str(round(e.right_hand_sides)) if math.isfinite(e.right_hand_sides) else DASH,
             number(e.cost_ratio, 3),
             number(1e3 * e.seconds, 3),
         ]
