@@ -189,8 +189,8 @@ def _reading(place_m: Array, ruler: RulerInfo, random: np.random.Generator | Non
     it as far as they are uncertain.
     """
     curve = ruler_curve(ruler)
-    grid = np.linspace(curve.reading[0], curve.reading[-1], 3001)
-    place = curve.at(grid) if random is None else np.maximum.accumulate(curve.drawn(random, grid))
+    grid = np.linspace(curve.places[0], curve.places[-1], 3001)
+    place = curve.value(grid) if random is None else np.maximum.accumulate(curve.drawn(random, grid))
     place = place - place[0] + 1e-12 * np.arange(grid.size)
     ends = [(grid[-1] - grid[-40]) / (place[-1] - place[-40]), (grid[40] - grid[0]) / (place[40] - place[0])]
     out = np.interp(place_m, place, grid)

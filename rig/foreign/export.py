@@ -92,13 +92,14 @@ def export_trial(data: TrialData, path: Path) -> list[Path]:
     for file in (path, beside) if path.suffix == ".csv" else (path,):
         if file.exists():
             raise RigInputError(f"{file}: exists already; delete it, or export into another folder")
-    return write(path, columns(data), about(data))
+    write(path, columns(data), about(data))
+    return [path, beside] if path.suffix == ".csv" else [path]
 
 
 Facts = dict[str, str | int | float]
 
 
-def write_csv(path: Path, table: list[Column], facts: Facts) -> list[Path]:
+def write_csv(path: Path, table: list[Column], facts: Facts) -> None:
     """Write CSV that reads back to the same numbers, and its metadata."""
     with replace_when_complete(path) as part, part.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(",".join(column.name for column in table) + "\n")
@@ -121,10 +122,9 @@ def write_csv(path: Path, table: list[Column], facts: Facts) -> list[Path]:
         "notes": [facts],
     }
     write_text(beside, json.dumps(metadata, indent=1) + "\n")
-    return [path, beside]
 
 
-def _write_mat(path: Path, table: list[Column], facts: Facts) -> list[Path]:
+def _write_mat(path: Path, table: list[Column], facts: Facts) -> None:
     from scipy.io import savemat  # start-up: 0.2 s that only a MATLAB file needs
 
     content = {
@@ -135,10 +135,9 @@ def _write_mat(path: Path, table: list[Column], facts: Facts) -> list[Path]:
     }
     with replace_when_complete(path) as part, part.open("wb") as stream:
         savemat(stream, content, long_field_names=True, do_compression=True)
-    return [path]
 
 
-def _write_tdms(path: Path, table: list[Column], facts: Facts) -> list[Path]:
+def _write_tdms(path: Path, table: list[Column], facts: Facts) -> None:
     try:
         from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter  # start-up: an optional package
     except ImportError:
@@ -155,10 +154,9 @@ def _write_tdms(path: Path, table: list[Column], facts: Facts) -> list[Path]:
     ]
     with replace_when_complete(path) as part, part.open("wb") as stream, TdmsWriter(stream) as writer:
         writer.write_segment([RootObject(facts), GroupObject("daq"), *channels])
-    return [path]
 
 
-def _write_parquet(path: Path, table: list[Column], facts: Facts) -> list[Path]:
+def _write_parquet(path: Path, table: list[Column], facts: Facts) -> None:
     try:
         import pyarrow as arrow  # start-up: an optional package
         from pyarrow import parquet  # start-up: an optional package
@@ -171,10 +169,9 @@ def _write_parquet(path: Path, table: list[Column], facts: Facts) -> list[Path]:
     schema = arrow.schema(fields, metadata={name: str(value) for name, value in facts.items()})
     with replace_when_complete(path) as part:
         parquet.write_table(arrow.table([np.ascontiguousarray(c.values) for c in table], schema=schema), part)
-    return [path]
 
 
-_WRITERS: dict[str, Callable[[Path, list[Column], Facts], list[Path]]] = {
+_WRITERS: dict[str, Callable[[Path, list[Column], Facts], None]] = {
     ".csv": write_csv,
     ".mat": _write_mat,
     ".tdms": _write_tdms,

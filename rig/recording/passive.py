@@ -42,7 +42,7 @@ from rig.recording.trial_run import (
 )
 from rig.safety.interrupts import deferred, termination_as_interrupt
 from rig.session.folder import Session, Trial
-from rig.session.info import FileInfo, PlanInfo
+from rig.session.info import FileInfo, PlanInfo, of_same_name, restored
 from rig.session.journal import JournalWriter, TrialHead
 
 SUSTAINED_S = 2e-3
@@ -69,17 +69,13 @@ class StrokeSettings:
     @classmethod
     def of(cls, config: RigConfig, rate_hz: float) -> StrokeSettings:
         """Return the settings of a rig file."""
-        passive, recording = config.passive, config.recording
-        return cls(
-            rate_hz,
-            tuple(abs(encoder.rad_per_count) for encoder in config.encoders),
-            pre_s=passive.pre_s,
-            rest_s=recording.rest_s,
-            rest_n=max(recording.rest_force_n, passive.trigger_n / 2),
-            trigger_n=passive.trigger_n,
-            trigger_rad=passive.trigger_rad,
-            still_rad=passive.still_rad,
-            longest_s=passive.longest_s,
+        return of_same_name(
+            cls,
+            config.passive,
+            rate_hz=rate_hz,
+            rad_per_count=tuple(abs(encoder.rad_per_count) for encoder in config.encoders),
+            rest_s=config.recording.rest_s,
+            rest_n=max(config.recording.rest_force_n, config.passive.trigger_n / 2),
         )
 
     def to_text(self) -> str:
@@ -89,8 +85,7 @@ class StrokeSettings:
     @classmethod
     def from_text(cls, text: str) -> StrokeSettings:
         """Restore settings; raises TypeError, ValueError or KeyError for anything else."""
-        plain = json.loads(text)
-        return cls(**{**plain, "rad_per_count": tuple(plain["rad_per_count"])})
+        return restored(cls, json.loads(text))
 
 
 @dataclass(frozen=True)

@@ -168,55 +168,34 @@ JUDGED_BAD = 2.0
 
 
 @dataclass(frozen=True)
-class RulerCurve:
-    """A fitted calibration.
+class RulerCurve(SmoothCurve):
+    """A fitted calibration: places are readings, rising, near the points after pooling; heights displacements, m.
 
     Attributes
     ----------
-    curve : displacement (m) over reading, near the points after pooling
     u_m : standard uncertainty of a point, m: as stated, or as the points scatter where that is more
     stated_m : standard uncertainty stated for a reading of the ruler, m
     """
 
-    curve: SmoothCurve
     u_m: float
     stated_m: float
 
     @property
-    def reading(self) -> Array:
-        """Readings of the points (p,), rising."""
-        return self.curve.places
-
-    @property
-    def displacement_m(self) -> Array:
-        """Displacements (p,), m, on the curve."""
-        return self.curve.height
-
-    @property
-    def scatter_m(self) -> float:
-        """What the points scatter by about a smooth curve, m."""
-        return self.curve.scatter
-
-    @property
     def judgement(self) -> str:
         """One line: how well the points lie on a smooth monotone curve."""
-        found = f"points scatter by {1e3 * self.scatter_m:.2f} mm, stated {1e3 * self.stated_m:.2f} mm"
-        if self.scatter_m > JUDGED_BAD * self.stated_m:
+        found = f"points scatter by {1e3 * self.scatter:.2f} mm, stated {1e3 * self.stated_m:.2f} mm"
+        if self.scatter > JUDGED_BAD * self.stated_m:
             return f"{found}: the ruler was read worse than stated; {1e3 * self.u_m:.2f} mm is used"
         return f"{found}: as good as stated"
 
-    def at(self, reading: Array) -> Array:
-        """Displacement (m) at readings, held at the ends."""
-        return self.curve.value(reading)
-
-    def slope(self, reading: Array) -> Array:
+    def slope(self, x: Array) -> Array:
         """Displacement per reading, m, at readings inside the ruler; 0 beyond it."""
-        inside = (reading >= self.reading[0]) & (reading <= self.reading[-1])
-        return np.where(inside, np.abs(self.curve.slope(reading)), 0.0)
+        inside = (x >= self.places[0]) & (x <= self.places[-1])
+        return np.where(inside, np.abs(super().slope(x)), 0.0)
 
     def drawn(self, random: np.random.Generator, reading: Array) -> Array:
         """Displacements (m) at readings by another calibration that the ruler's uncertainty allows."""
-        return self.curve.moved(self.u_m * random.standard_normal(self.reading.size), reading)
+        return self.moved(self.u_m * random.standard_normal(self.places.size), reading)
 
     def draws(self, reading: Array, n: int = DRAWS) -> Array:
         """Displacements (n, m) by calibrations that the ruler's uncertainty allows, seeded."""
@@ -230,7 +209,7 @@ class RulerCurve:
     @cached_property
     def _u_grid(self) -> tuple[Array, Array]:
         """Readings and the standard uncertainty there: drawn once for a ruler, not for each trial."""
-        grid = np.linspace(0.0, 1.0, 257) ** 2 * (self.reading[-1] - self.reading[0]) + self.reading[0]
+        grid = np.linspace(0.0, 1.0, 257) ** 2 * (self.places[-1] - self.places[0]) + self.places[0]
         return grid, np.hypot(self.draws(grid).std(axis=0), CHOICE * self.u_m)
 
 
@@ -313,7 +292,8 @@ def ruler_curve(ruler: RulerInfo, where: str = "ruler") -> RulerCurve:
     if sense < 0:
         reading, displacement = -reading[::-1], displacement[::-1]
     curve = fit_smooth(reading, displacement)
-    return RulerCurve(curve, max(curve.scatter, ruler.u_displacement_m), ruler.u_displacement_m)
+    u_m = max(curve.scatter, ruler.u_displacement_m)
+    return RulerCurve(**vars(curve), u_m=u_m, stated_m=ruler.u_displacement_m)
 
 
 def _pooled(reading: Array, displacement: Array) -> tuple[Array, Array]:
@@ -348,9 +328,9 @@ def position_of(name: str, ruler: RulerInfo, time_s: Array, reading: Array, u_no
     beyond = max(CLIP_NOISE * u_noise, 2.0 * ruler.u_reading)
     flag = np.zeros(reading.size, dtype=np.uint8)
     rising = ruler.reading[-1] > ruler.reading[0]
-    flag[reading < curve.reading[0] - beyond] = BELOW if rising else ABOVE
-    flag[reading > curve.reading[-1] + beyond] = ABOVE if rising else BELOW
+    flag[reading < curve.places[0] - beyond] = BELOW if rising else ABOVE
+    flag[reading > curve.places[-1] + beyond] = ABOVE if rising else BELOW
     return Position(
-        name, ruler, time_s, curve.at(reading), curve.u_at(reading), curve.slope(reading) * u_noise, flag,
+        name, ruler, time_s, curve.value(reading), curve.u_at(reading), curve.slope(reading) * u_noise, flag,
         curve.judgement,
     )  # fmt: skip

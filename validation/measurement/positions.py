@@ -65,9 +65,9 @@ class Measured:
     def draw(self, random: np.random.Generator) -> Array:
         """Displacement by another calibration and rest that their uncertainties allow, m, zero at rest."""
         curve = ruler_curve(self.position.ruler)
-        order = np.argsort(curve.displacement_m)
-        at = curve.displacement_m[order]
-        away = (curve.drawn(random, curve.reading) - curve.displacement_m)[order]
+        order = np.argsort(curve.height)
+        at = curve.height[order]
+        away = (curve.drawn(random, curve.places) - curve.height)[order]
         zero = random.spawn(1)[0].standard_normal() * self.u_zero_m
         return np.asarray(self.value_m + np.interp(self.value_m, at, away - away[0]) + zero)
 

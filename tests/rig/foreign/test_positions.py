@@ -171,7 +171,7 @@ def test_points_that_go_back_within_their_uncertainty_are_pooled() -> None:
     reading = sensor(RULER_M)
     reading[4] = reading[3] - 1e-4
     curve = ruler_curve(RulerInfo("key", "a", "b", tuple(reading), tuple(RULER_M), 1e-4, 1e-3))
-    assert curve.reading.size == RULER_M.size - 1 and np.all(np.diff(curve.reading) > 0)
+    assert curve.places.size == RULER_M.size - 1 and np.all(np.diff(curve.places) > 0)
 
 
 def test_ruler_points_that_are_not_monotone_are_refused(recording, tmp_path) -> None:
