@@ -85,7 +85,7 @@ class StrokeSettings:
     @classmethod
     def from_text(cls, text: str) -> StrokeSettings:
         """Restore settings; raises TypeError, ValueError or KeyError for anything else."""
-        return restored(cls, json.loads(text))
+        return restored(cls, dict(json.loads(text)))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from types import FrameType
 from typing import Any
 
@@ -21,43 +21,44 @@ class Terminated(KeyboardInterrupt):
 
 
 @contextlib.contextmanager
+def _handled(
+    handler: Callable[[int, FrameType | None], object], numbers: Iterable[int], may_replace: Callable[[Any], bool]
+) -> Iterator[dict[int, Any]]:
+    """Handle signals inside the block where the present handler may be replaced; give the handlers replaced."""
+    previous: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        previous = {number: before for number in numbers if may_replace(before := signal.getsignal(number))}
+    try:
+        for number in previous:
+            signal.signal(number, handler)
+        yield previous
+    finally:
+        for number, before in previous.items():
+            signal.signal(number, before)
+
+
+@contextlib.contextmanager
 def termination_as_interrupt() -> Iterator[None]:
     """Raise :class:`Terminated` inside the block when the program is asked to end, so that it ends like Ctrl-C."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
 
     def terminate(number: int, frame: FrameType | None) -> None:
         raise Terminated(f"stopped by {signal.Signals(number).name}")
 
-    previous: dict[int, Any] = {}
-    for number in platform_calls.ending_signals():
-        if signal.getsignal(number) is signal.SIG_DFL:  # a handler installed by somebody else stays
-            previous[number] = signal.signal(number, terminate)
-    try:
+    # a handler installed by somebody else stays
+    with _handled(terminate, platform_calls.ending_signals(), lambda before: before is signal.SIG_DFL):
         yield
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
 
 
 @contextlib.contextmanager
 def deferred() -> Iterator[None]:
     """Defer Ctrl-C and the signals that end a program until the block has ended."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     waiting: list[tuple[int, FrameType | None]] = []
     previous: dict[int, Any] = {}
-    for number in platform_calls.ending_signals(with_keyboard=True):
-        handler = signal.getsignal(number)
-        if callable(handler):  # not installed by C code, nor the system's default
-            previous[number] = handler
-            signal.signal(number, lambda at, frame: waiting.append((at, frame)))
+    numbers = platform_calls.ending_signals(with_keyboard=True)
     try:
-        yield
+        # callable: not installed by C code, nor the system's default
+        with _handled(lambda at, frame: waiting.append((at, frame)), numbers, callable) as previous:
+            yield
     finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
         if waiting:
             previous[waiting[-1][0]](*waiting[-1])
