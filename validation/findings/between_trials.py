@@ -17,7 +17,7 @@ from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
 from validation.events.session_events import SessionEvents
-from validation.findings.finding import CURVES, OF_TRIALS, PREDICTION, SessionFinding, finds
+from validation.findings.finding import BLOW, OF_TRIALS, PREDICTION, SessionFinding, finds
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
@@ -74,7 +74,7 @@ def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
 FEWEST_MOVED = 50  # samples that differ from the one before: two records of rest may well agree
 
 
-@finds({"duplicated trial": "Reject {trials}: a copy (pianorig annotate)."}, spoils=CURVES, among=OF_TRIALS)
+@finds({"duplicated trial": "Reject {trials}: a copy (pianorig annotate)."}, spoils=BLOW, among=OF_TRIALS)
 def duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """Trials that repeat an earlier one, in counts or in force."""
     out = []
@@ -290,7 +290,7 @@ SCALE_EXPLAINS = 0.9  # of the squared distance
 
 @finds(
     {"outlying trial": "Look at {trials}, unlike the others: annotate what was no such blow (pianorig annotate)."},
-    spoils=CURVES,
+    spoils=BLOW,
 )
 def outlying(
     base: Array,

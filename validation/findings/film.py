@@ -29,13 +29,12 @@ def camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
     film = m.film
     if film is None or film.whippen_rad is None:
         return []
-    return clock_runs_away(m, film) or clock_is_off(m, film)
+    return clock_runs_away(m, film, film.whippen_rad) or clock_is_off(m, film, film.whippen_rad)
 
 
-def clock_is_off(m: MeasuredTrial, film: FilmAngles) -> list[SessionFinding]:
+def clock_is_off(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
     """Frame times that are early or late all along."""
-    assert film.whippen_rad is not None
-    offset, u = clock_offset(film.time_s, film.whippen_rad, m.time_s, m.change_rad[:, WHIPPEN])
+    offset, u = clock_offset(film.time_s, whippen_rad, m.time_s, m.change_rad[:, WHIPPEN])
     limit = max(CLOCK_S, 3 * float(np.hypot(u, film.u_time_s)))
     if not abs(offset) > limit:
         return []
@@ -47,12 +46,11 @@ def clock_is_off(m: MeasuredTrial, film: FilmAngles) -> list[SessionFinding]:
     return [SessionFinding("camera offset", m.number, "film", offset, limit, text)]
 
 
-def clock_runs_away(m: MeasuredTrial, film: FilmAngles) -> list[SessionFinding]:
+def clock_runs_away(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
     """Frame times that lose or gain against the DAQ clock while the whippen moves.
 
     Between two motions nothing tells a wrong rate from lost frames: both are named. Detectable from 0.3 ms.
     """
-    assert film.whippen_rad is not None
     encoder = m.change_rad[:, WHIPPEN]
     speed = np.abs(np.interp(film.time_s, m.time_s, np.gradient(encoder, m.time_s)))
     moving = speed > MOVES * float(speed.max(initial=0.0))
@@ -65,7 +63,7 @@ def clock_runs_away(m: MeasuredTrial, film: FilmAngles) -> list[SessionFinding]:
     found = []
     for low, high in parts:
         here = (film.time_s > low) & (film.time_s <= high)
-        found.append(clock_offset(film.time_s[here], film.whippen_rad[here], m.time_s, encoder))
+        found.append(clock_offset(film.time_s[here], whippen_rad[here], m.time_s, encoder))
     (early, u_early), (late, u_late) = found
     by, u = late - early, float(np.hypot(u_early, u_late))
     limit = max(RUNS_AWAY_S, SIGMAS * u)

@@ -30,6 +30,7 @@ from validation.findings.encoders import (
 )
 from validation.findings.film import camera_clock, film_wiring
 from validation.findings.finding import (
+    BLOW,
     CHANNEL,
     CURVES,
     KINDS,
@@ -52,7 +53,7 @@ from validation.scores.score_session import ScoredSession
 
 def urgent_first() -> dict[str, Kind]:
     """Every kind of finding, those that spoil most first."""
-    order = (CHANNEL, CURVES, PREDICTION, "")
+    order = (CHANNEL, CURVES, BLOW, PREDICTION, "")
     return dict(sorted(KINDS.items(), key=lambda item: order.index(item[1].spoils)))
 
 

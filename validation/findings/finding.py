@@ -27,9 +27,9 @@ class SessionFinding:
     text: str
 
 
-CHANNEL, CURVES, PREDICTION = "channel", "curves", "prediction"
+CHANNEL, CURVES, BLOW, PREDICTION = "channel", "curves", "blow", "prediction"
 """What a finding may spoil: its channel is no measurement of what it is named after; its trial's curves are not what
-happened, or not the others' blow; its trial's prediction is wrong."""
+happened; they are not of the others' blow; its trial's prediction is wrong. The first is the most urgent."""
 
 
 class Kind(NamedTuple):
@@ -76,7 +76,7 @@ def finds(
 
 def distorted_trials(findings: Sequence[SessionFinding]) -> list[int]:
     """Trials whose curves are not what happened, or not the others' blow: they distort what is called repeatability."""
-    return sorted({int(f.trial) for f in findings if KINDS[f.kind].spoils == CURVES and np.isfinite(f.trial)})
+    return sorted({int(f.trial) for f in findings if KINDS[f.kind].spoils in (CURVES, BLOW) and np.isfinite(f.trial)})
 
 
 def are_faulty(numbers: Sequence[int]) -> str:

@@ -228,38 +228,32 @@ def guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[str, fl
     extent = float(np.ptp(t))
     if extent == 0.0:
         return ["constant: the trial does not move, so phase and slope have no meaning"]
-    notes = [
-        _offset(t, c, step, extent, scores["iso_overall"]),
-        _window(t, c, step, extent, scores["iso_overall"]),
-        _periodicity(t, c, step, scores["iso_shift_s"]),
-    ]
-    return [note for note in notes if note]
+    notes = []
+    for words, begin, end, zero in (_offset(t, extent), _window(t, c, extent)):
+        if words:
+            without = iso_score(t[begin:end] - zero, c[begin:end] - zero, step).overall
+            if abs(without - scores["iso_overall"]) >= MATTERS:
+                notes.append(f"{words} the overall score is {without:.3f}")
+    periodicity = _periodicity(t, c, step, scores["iso_shift_s"])
+    return [*notes, periodicity] if periodicity else notes
 
 
-def _offset(t: Array, c: Array, step: float, extent: float, overall: float) -> str:
-    """The largest magnitude of the test against its range tells whether it stands on an offset."""
-    lift = float(np.abs(t).max()) - extent
-    if lift <= OFFSET_SHARE * extent:
-        return ""
+def _offset(t: Array, extent: float) -> tuple[str, int, int, float]:
+    """The largest magnitude of the test against its range tells whether it stands on an offset: words, and the samples
+    and the zero to score again."""
     zero = float(t[0])
-    without = iso_score(t - zero, c - zero, step).overall
-    if abs(without - overall) < MATTERS:
-        return ""
-    return f"offset: both curves stand on {zero:.3g} rad; zeroed at the start the overall score is {without:.3f}"
+    words = f"offset: both curves stand on {zero:.3g} rad; zeroed at the start"
+    lifted = float(np.abs(t).max()) - extent > OFFSET_SHARE * extent
+    return words if lifted else "", 0, t.size, zero
 
 
-def _window(t: Array, c: Array, step: float, extent: float, overall: float) -> str:
-    """Quiet ends of the window: both curves where they begin, or where they end."""
+def _window(t: Array, c: Array, extent: float) -> tuple[str, int, int, float]:
+    """Quiet ends of the window, both curves where they begin, or where they end: as `_offset`."""
     band = QUIET_SHARE * extent
-    begin = _still(t, c, band)
-    end = t.size - _still(t[::-1], c[::-1], band)
+    begin, end = _still(t, c, band), t.size - _still(t[::-1], c[::-1], band)
     quiet = 1 - max(end - begin, 0) / t.size
-    if quiet <= MOST_QUIET or end - begin < FEWEST_SAMPLES:
-        return ""
-    without = iso_score(t[begin:end], c[begin:end], step).overall
-    if abs(without - overall) < MATTERS:
-        return ""
-    return f"window: {100 * quiet:.0f} % of it is quiet; without that the overall score is {without:.3f}"
+    words = f"window: {100 * quiet:.0f} % of it is quiet; without that"
+    return words if quiet > MOST_QUIET and end - begin >= FEWEST_SAMPLES else "", begin, end, 0.0
 
 
 def _still(t: Array, c: Array, band: float) -> int:

@@ -177,7 +177,10 @@ def domain_lines(action: str, places: pd.DataFrame, known: bool) -> list[str]:
     outside, inside = held[held["outside"].eq(True)], held[held["outside"].eq(False)]
     lines = []
     if len(outside):
-        parts = [f"{row.trial} ({row.why_outside}{_far(row.distance)})" for row in outside.itertuples()]
+        parts = [
+            f"{row.trial} ({row.why_outside}{f'; distance {row.distance:.1f}' if np.isfinite(row.distance) else ''})"
+            for row in outside.itertuples()
+        ]
         more = f" and {len(parts) - MOST_NAMED} more" if len(parts) > MOST_NAMED else ""
         lines.append(
             f"Domain: trial{'s' if len(parts) > 1 else ''} {', '.join(parts[:MOST_NAMED])}{more}: outside of what was "
@@ -191,7 +194,3 @@ def domain_lines(action: str, places: pd.DataFrame, known: bool) -> list[str]:
             f"{inside['distance'].max():.1f}, 1 is the limit)."
         )
     return lines
-
-
-def _far(distance: float) -> str:
-    return f"; distance {distance:.1f}" if np.isfinite(distance) else ""

@@ -377,7 +377,9 @@ class LocalLight:
         first : bool
             Whether this is the frame's first question.
         """
-        if self.light is None and not (first and _suspected(fit)):
+        hidden = fit.seen - fit.inlier > HIDDEN_SUSPECTED
+        suspected = hidden or any(one > SUSPECTED for one in fit.coherence.ratio[-1].tolist())
+        if self.light is None and not (first and suspected):
             if first:
                 self._shown = None
             return False
@@ -419,7 +421,3 @@ class LocalLight:
         """Standard deviation of a residual that is noise, grey."""
         noise = max(self._template.noise_grey, LEAST_NOISE_GREY)
         return noise * math.sqrt(float(noise_gain().mean()) ** 2 + gain**2 / self._template.n_averaged)
-
-
-def _suspected(fit: Fit) -> bool:
-    return fit.seen - fit.inlier > HIDDEN_SUSPECTED or any(one > SUSPECTED for one in fit.coherence.ratio[-1].tolist())

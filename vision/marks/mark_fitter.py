@@ -8,7 +8,6 @@ pixels, so that NumPy serves for the rest.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,14 +105,6 @@ class MarkFitter(Fitter):
     def reset(self, cautious: bool = False) -> None:
         """Forget the weights of the frame before."""
         self._weight = np.ones(self.template.n_pixels, dtype=np.float32)
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Weights of the newest frame."""
-        return {"weight": self._weight}
-
-    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Continue from the weights of another frame."""
-        self._weight = np.array(arrays["weight"], dtype=np.float32)
 
     def fit(self, film: FrameSource, index: int, pose: F64, covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the mark in frame ``index``, starting from ``pose``."""
