@@ -191,7 +191,7 @@ class ForceDrivenRun:
         if "inside" in self.outputs:
             solution = replace(solution, inside=self._inside(state))
         if self.estimate_error:
-            solution = replace(solution, error_rad=self._error(state, angles))
+            solution = replace(solution, error_rad=self.judged(state, angles, self.compared(state, angles)))
         return solution
 
     def _end(self) -> float:
@@ -211,6 +211,16 @@ class ForceDrivenRun:
         scene = self.scene if self.fewer_modes is None or len(state.memory) else self.fewer_modes
         return Simulation(scene, state.copy(), tolerance, self.method, creep=share)
 
+    def compared(self, first: State, angles: Array, share: float = COMPANION) -> float:
+        """Largest difference (rad) of ``angles`` from the same motion integrated with a ``share`` of the tolerance.
+
+        The tighter run contains what no local estimate knows: how much the errors of early steps grow.
+        """
+        other, _ = self.companion(first, share).advance(
+            self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s
+        )
+        return self.largest_difference(angles, other)
+
     def judged(self, first: State, angles: Array, error: float) -> float:
         """The error that one companion found; in doubt, above the request but no miss yet, a second one is asked.
 
@@ -218,13 +228,7 @@ class ForceDrivenRun:
         """
         if not self.tolerance < error <= MISSED * self.tolerance:
             return error
-        other, _ = self.companion(first, SECOND_COMPANION).advance(
-            self._until(first), self.time_s, self.force_n, output_time_s=self.output_time_s
-        )
-        return max(error, self.largest_difference(angles, other))
-
-    def _until(self, first: State) -> float:
-        return float(self.output_time_s[-1]) if len(self.output_time_s) else first.time_s
+        return max(error, self.compared(first, angles, SECOND_COMPANION))
 
     def largest_difference(self, angles: Array, others: Array) -> float:
         """Largest difference of an angle (rad) between two motions, columns that are no angles left out."""
@@ -250,15 +254,6 @@ class ForceDrivenRun:
             string=string_motion(self.scene, self.output_time_s, under_way.remembered),
             give=giving_motion(self.scene, under_way.remembered),
         )
-
-    def _error(self, first: State, angles: Array) -> float:
-        """Largest difference (rad) of ``angles`` from the same motion integrated with a tenth of the tolerance.
-
-        The tighter run contains what no local estimate knows: how much the errors of early steps grow.
-        """
-        until = self._until(first)
-        other, _ = self.companion(first).advance(until, self.time_s, self.force_n, output_time_s=self.output_time_s)
-        return self.judged(first, angles, self.largest_difference(angles, other))
 
     def _inside(self, first: State) -> Inside:
         """Inside view of the motion from ``first``, which is integrated again for the times that the view needs."""

@@ -41,7 +41,7 @@ from model.elements.kinematics import Kinematics, State
 from model.elements.scene import Elements
 from model.elements.strings import StringContact
 from model.elements.structure import Structure
-from model.kernels.layout import GRAVITY, MASS, Tables
+from model.kernels.layout import FORCE_DOWN, GRAVITY, MASS, Tables
 
 
 class Watched:
@@ -132,7 +132,7 @@ class Watched:
             out += [Put(name("held"), (read("u", 1) - driven.own_rates()[0] - ahead) / gained)]
             held = local("held")
             acceleration = {i: a + held * eased[i] for i, a in acceleration.items()}
-        out += [Add(name(f"y{body}"), -held) for body in e.pressed_down()]
+        out += [Add(name(f"y{body}"), -held) for kind, body in s.drive if kind == FORCE_DOWN]
         out += [Put(name(f"a{i}"), a) for i, a in acceleration.items()]
         rates = [local(f"a{i}") for i in range(s.n)]
         joint: dict[int, tuple[Expression, Expression]] = {}
@@ -145,8 +145,8 @@ class Watched:
             turned = total(rates[k] for k in e.k.turns(i)) if i not in s.guided else ZERO
             braked = e.bodies.joint_friction()[i] * e.state.v[i] + e.damped(i)
             angle = total(e.state.q[k] for k in e.k.turns(i)) if i not in s.guided else ZERO
-            (x, y), (cx, cy) = e.k.pivot(i), e.bodies.centre(i)
-            row = (x, y, angle, cx, cy, e.k.turning(i), turned, vx, vy, ax, ay, *joint[i], braked, rates[i])
+            (x, y), (cx, cy) = e.k.pose[i].pivot, e.bodies.centre(i)
+            row = (x, y, angle, cx, cy, e.k.pose[i].turning, turned, vx, vy, ax, ay, *joint[i], braked, rates[i])
             out += [Put(at("y", BODY * i + k), value) for k, value in enumerate(row)]
         out += [Put(at("y", BODY * i + HELD), held) for _, i in s.drive if self._prescribed]
         return self._given(out)

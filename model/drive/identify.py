@@ -41,6 +41,14 @@ NOT_MET = {
     "damping": "the arm never turned fast enough for its back-EMF to show; record a blow",
     "delay": "the command never changed fast enough; record steps",
 }
+NOT_SHOWN = "the log does not show it"
+NEEDED = {
+    "supply": ("supply",),
+    "current_limit": ("ceiling",),
+    "inductance": ("delay", "damping"),
+    **dict.fromkeys(("resistance", "loop_gain", "resistance_and_loop_gain"), ("damping",)),
+}
+"""Lumps without which a number stays open, the first that is missing named."""
 ARM_UNITS = {
     "inertia": "kg*m^2",
     "joint_friction": "N*m",
@@ -132,13 +140,10 @@ def identify_drive(log: DriveLog, options: DriveOptions | None = None) -> DriveI
     shown = []
     for name, unit in COMBINATIONS.items():
         k = fit.names.index(name)
-        shown.append(_estimate(name, fit.value[k], u[k], unit, "" if fit.determined[k] else _why(name)))
+        why = "" if fit.determined[k] else NOT_MET.get(name, NOT_SHOWN)
+        shown.append(_estimate(name, fit.value[k], u[k], unit, why))
     arm = tuple(_arm(name, value, u_value) for name, (value, u_value) in fit.arm.items())
     return DriveIdentified(options.mode, _physical(fit, options), tuple(shown), arm, fit.rms_nm)
-
-
-def _why(name: str) -> str:
-    return NOT_MET.get(name, "the log does not show it")
 
 
 def _estimate(name: str, value: float, relative: float, unit: str, why: str) -> Estimate:
@@ -187,7 +192,7 @@ def _physical(fit: LumpFit, options: DriveOptions) -> tuple[Estimate, ...]:
     if not voltage:
         wanted |= {"loop_gain": {"total": 1.0}, "resistance_and_loop_gain": {"total": 1.0}}
     if not rows:
-        return tuple(Estimate(n, np.nan, np.nan, UNITS[n], "the log does not show it") for n in wanted)
+        return tuple(Estimate(n, np.nan, np.nan, UNITS[n], NOT_SHOWN) for n in wanted)
     matrix = np.array([[row.get(name, 0.0) for name in unknown] for row in rows])
     half = np.linalg.cholesky(np.linalg.inv(covariance + 1e-18 * np.eye(len(rows)))).T
     solved = np.linalg.pinv(half @ matrix, rcond=1e-9)
@@ -233,17 +238,9 @@ def _loop_gain(
 
 def _open(name: str, fit: LumpFit, options: DriveOptions) -> str:
     """Why a number is open: what was not met, or what would have to be known."""
-    if name == "supply" and not fit.determined[fit.names.index("supply")]:
-        return NOT_MET["supply"]
-    if name == "current_limit" and not fit.determined[fit.names.index("ceiling")]:
-        return NOT_MET["ceiling"]
-    if name == "inductance" and not fit.determined[fit.names.index("delay")]:
-        return NOT_MET["delay"]
-    if (
-        name in ("resistance", "loop_gain", "resistance_and_loop_gain", "inductance")
-        and not fit.determined[fit.names.index("damping")]
-    ):
-        return NOT_MET["damping"]
+    for lump in NEEDED.get(name, ()):
+        if not fit.determined[fit.names.index(lump)]:
+            return NOT_MET[lump]
     if "torque_constant" in fit.names or options.known:
         if name == "resistance" and options.mode == "torque":
             return NOT_MET["share"]

@@ -12,7 +12,7 @@ from model.files.time_table import two_columns
 from model.kernels import layout as L
 from model.parameters.action import Action
 from model.parameters.effects import ARM, MOTOR, WINDING
-from model.scene.build import build_scene
+from model.scene.build import Scene, build_scene
 from model.scene.pressing import amplifier_voltage, steady_current
 from model.scene.selection import SceneChoice, load_scene
 from model.simulation.solution import Solution
@@ -89,8 +89,7 @@ def drive_readings(
     """
     if WINDING not in solution.bodies:
         raise InputError("drive: found a run without the effect motor_drive, allowed a scene with it")
-    choice = load_scene(scene)
-    built = build_scene(choice.on(action), choice)
+    built = driven_scene(action, scene)
     numbers = built.vector[built.tables.offset[2] :][: L.WINDING_SIZE]
     current = solution.speed_rad_per_s[:, solution.bodies.index(WINDING)]
     emf = numbers[L.WINDING_K] * solution.speed_rad_per_s[:, solution.bodies.index(MOTOR)]
@@ -111,6 +110,15 @@ def drive_readings(
         heat_w=numbers[L.WINDING_R] * current**2,
         stored_j=0.5 * built.vector[L.GLOBALS + L.BODY_SIZE * built.wound[0] + L.INERTIA] * current**2,
     )
+
+
+def driven_scene(action: Action, scene: SceneChoice | str) -> Scene:
+    """A scene of an action in which a drive turns the motor; ``InputError`` where none does."""
+    choice = load_scene(scene)
+    built = build_scene(choice.on(action), choice)
+    if not built.wound:
+        raise InputError("drive: found a scene without the effect motor_drive, allowed a scene with it")
+    return built
 
 
 def static_torque_nm(action: Action, scene: SceneChoice | str, command_v: float) -> float:
@@ -136,9 +144,7 @@ def static_torque_nm(action: Action, scene: SceneChoice | str, command_v: float)
     >>> f"{model.drive.static_torque_nm(model.load_action(), 'motor-drive', 2.0):.2f} N m"
     '2.40 N m'
     """
-    choice = load_scene(scene)
-    built = build_scene(choice.on(action), choice)
-    if built.command is None or not built.wound:
-        raise InputError("drive: found a scene without the effect motor_drive, allowed a scene with it")
+    built = driven_scene(action, scene)
+    assert built.command is not None
     numbers = built.vector[built.tables.offset[2] :][: L.WINDING_SIZE]
     return float(numbers[L.WINDING_K]) * steady_current(numbers, built.command.value(command_v))

@@ -9,12 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
 from model.drive.log import DriveLog
-from model.drive.readings import static_torque_nm
+from model.drive.readings import driven_scene, static_torque_nm
 from model.errors import InputError
 from model.files.force_library import force_table
 from model.parameters.action import Action
 from model.parameters.effects import MOTOR, WINDING
-from model.scene.build import build_scene
 from model.scene.selection import SceneChoice, load_scene
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
@@ -113,10 +112,7 @@ def simulated_log(
     >>> print(f"{found['resistance'].value:.2f} ohm, {1e3 * found['inductance'].value:.2f} mH")
     1.00 ohm, 3.01 mH
     """
-    choice, wrong = load_scene(scene), errors or SensorErrors()
-    built = build_scene(choice.on(action), choice)
-    if not built.wound:
-        raise InputError("drive: found a scene without the effect motor_drive, allowed a scene with it")
+    built, wrong = driven_scene(action, scene), errors or SensorErrors()
     volts = as_numbers(command_v, "command", 1)
     if len(volts) < 2 or not np.isfinite(volts).all():
         raise InputError(f"command: found {len(volts)} values, allowed 2 or more finite ones, V")

@@ -40,11 +40,11 @@ class Bodies:
         w = s.parent[i]
         bias = (ZERO, ZERO)  # acceleration of the pivot while no speed changes
         if w >= 0 and w not in s.guided:
-            turned, about = k.along(w, s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y)), k.turning(w)
+            turned, about = k.along(w, s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y)), k.pose[w].turning
             bias = tuple(b - about * about * d for b, d in zip(self._bias[w], turned, strict=True))  # type: ignore[assignment]
         self._bias[i] = bias
         ways = k.ways(i, *self.centre(i))
-        square, turned_on = k.turning(i) * k.turning(i), k.drift(i)
+        square, turned_on = k.pose[i].turning * k.pose[i].turning, k.pose[i].drift
         drift = bias[0] - square * arm[0] - turned_on * arm[1], bias[1] - square * arm[1] + turned_on * arm[0]
         self._drift[i] = drift
         pull = (mass * drift[0], mass * (drift[1] + self._gravity))
@@ -73,7 +73,7 @@ class Bodies:
         return drift[0] + moved[0], drift[1] + moved[1]
 
     def _joint_speed(self, i: int) -> Expression:
-        return self._k.turning(i) if i in self._s.led else self._k.state.v[i]
+        return self._k.pose[i].turning if i in self._s.led else self._k.state.v[i]
 
     def joint_friction(self) -> dict[int, Expression]:
         """Torque that each joint's friction takes, N m; of a guide its force, N."""
@@ -109,7 +109,9 @@ class Bodies:
         v = k.state.v
         moving = total((0.5 if i == j else 1.0) * m * v[i] * v[j] for (i, j), m in self.mass.items())
         heights = total(
-            s.body(i, L.MASS) * self._gravity * (k.pivot(i)[1] + k.along(i, s.body(i, L.COM_X), s.body(i, L.COM_Y))[1])
+            s.body(i, L.MASS)
+            * self._gravity
+            * (k.pose[i].pivot[1] + k.along(i, s.body(i, L.COM_X), s.body(i, L.COM_Y))[1])
             for i in s.bodies
             if i not in s.guided
         )

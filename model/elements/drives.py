@@ -65,7 +65,7 @@ class Drives:
         """How fast the speed of the way changes along which each input works, while no coordinate's speed does."""
         out = []
         for kind, i, numbers in self._rows:
-            turning = self._k.turning(i)
+            turning = self._k.pose[i].turning
             up = self._k.along(i, numbers[L.DRIVE_X], numbers[L.DRIVE_Y])[1]
             out.append(turning * turning * up if kind == L.FORCE_DOWN else ZERO)
         return out

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from model.compiler.expressions import ONE, ZERO, Expression, cosine, read, root, sine, total, where
-from model.elements.friction import friction, friction_everywhere
+from model.elements.friction import friction
 from model.elements.structure import Structure
 from model.kernels import layout as L
 
@@ -35,10 +35,13 @@ class State:
 
 @dataclass(frozen=True)
 class _Pose:
+    """Where a body is: its pivot in the world, m, and how it is turned; how fast it turns."""
+
     pivot: Vector
     cosine: Expression
     sine: Expression
-    speed: Expression  # of turning
+    turning: Expression
+    """Angular speed against the ground, rad/s."""
     ways: dict[int, Vector | None]
     """For each coordinate that moves the body: the point about which it turns the body, or None where it shifts it."""
     rates: dict[int, Expression] = field(default_factory=dict)
@@ -58,11 +61,11 @@ class Kinematics:
     def __init__(self, s: Structure, state: State, everywhere: bool = False) -> None:
         self.s, self.state = s, state
         self.everywhere = everywhere
-        self.friction = friction_everywhere if everywhere else friction
+        self.friction = friction(everywhere)
         self.per_slide, self.per_turn = (ONE / read("p", k) for k in (L.V_T, L.OMEGA_T))
-        self._pose: dict[int, _Pose] = {}
+        self.pose: dict[int, _Pose] = {}
         for i in s.order():
-            self._pose[i] = self._placed(i)
+            self.pose[i] = self._placed(i)
 
     def _placed(self, i: int) -> _Pose:
         s, q, v = self.s, self.state.q, self.state.v
@@ -73,7 +76,7 @@ class Kinematics:
         if w < 0:
             pivot, angle, speed = at, q[i], v[i]
         else:
-            up, turned = self._pose[w], self.along(w, *at)
+            up, turned = self.pose[w], self.along(w, *at)
             pivot = (up.pivot[0] + turned[0], up.pivot[1] + turned[1])
             fixed = w in s.guided
             angle, speed = (q[i], v[i]) if fixed else (q[i] + q[w], v[i] + v[w])
@@ -108,34 +111,26 @@ class Kinematics:
 
     def rotations(self) -> list[Expression]:
         """Cosines of all bodies that turn."""
-        return [pose.cosine for pose in self._pose.values() if pose.cosine is not ONE and not pose.rates]
-
-    def pivot(self, i: int) -> Vector:
-        """World position of a body's pivot, m."""
-        return self._pose[i].pivot
-
-    def turning(self, i: int) -> Expression:
-        """Angular speed of a body against the ground, rad/s."""
-        return self._pose[i].speed
+        return [pose.cosine for pose in self.pose.values() if pose.cosine is not ONE and not pose.rates]
 
     def along(self, body: int, x: Expression, y: Expression) -> Vector:
         """World components of a vector of a body's frame; of the ground's, -1, its own."""
         if body < 0:
             return x, y
-        pose = self._pose[body]
+        pose = self.pose[body]
         return pose.cosine * x - pose.sine * y, pose.sine * x + pose.cosine * y
 
     def at(self, body: int, x: Expression, y: Expression) -> Vector:
         """World position of a point of a body's frame, m."""
         dx, dy = self.along(body, x, y)
-        return (dx, dy) if body < 0 else (self._pose[body].pivot[0] + dx, self._pose[body].pivot[1] + dy)
+        return (dx, dy) if body < 0 else (self.pose[body].pivot[0] + dx, self.pose[body].pivot[1] + dy)
 
     def ways(self, body: int, x: Expression, y: Expression) -> dict[int, Vector]:
         """Velocity of the body's point that is at a world position, per unit speed of each coordinate."""
         out: dict[int, Vector] = {}
-        for k, centre in (self._pose[body].ways if body >= 0 else {}).items():
+        for k, centre in (self.pose[body].ways if body >= 0 else {}).items():
             if centre is not None:
-                rate = self._pose[body].rates.get(k, ONE)
+                rate = self.pose[body].rates.get(k, ONE)
                 out[k] = rate * -(y - centre[1]), rate * (x - centre[0])
             else:
                 out[k] = (ONE, ZERO) if self.s.axis[k] == 0 else (ZERO, ONE)
@@ -143,12 +138,8 @@ class Kinematics:
 
     def turns(self, body: int) -> dict[int, Expression]:
         """Coordinates that turn a body, and how fast against their own speeds."""
-        pose = self._pose[body]
+        pose = self.pose[body]
         return {k: pose.rates.get(k, ONE) for k, centre in pose.ways.items() if centre is not None}
-
-    def drift(self, i: int) -> Expression:
-        """Angular acceleration of a body while no coordinate's speed changes, rad/s^2."""
-        return self._pose[i].drift
 
     def velocity(self, ways: dict[int, Vector]) -> Vector:
         """Velocity that goes with ways per unit speed, m/s."""

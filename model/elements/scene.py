@@ -62,10 +62,6 @@ class Elements:
         strings = [self.contact(c) for c in self.s.string]
         return [line for one in strings if isinstance(one, StringContact) for line in one.seen()]
 
-    def pressed_down(self) -> list[int]:
-        """Bodies on which the input presses."""
-        return [i for kind, i in self.s.drive if kind == L.FORCE_DOWN]
-
     def damped(self, i: int) -> Expression:
         """Power that dampers and bushings of a joint take, W."""
         return total(e.lost for e in dampers(self.s, self.state) if self.s.pin.get(e.i, e.i) == i)

@@ -102,7 +102,7 @@ def observe(
 
     def rates(times: Array) -> tuple[Array, Array]:
         at = evaluate(times)
-        lost = [at.contact[:, :, C.RUBBED], at.contact[:, :, C.FELT], at.joint_loss_w, at.tip[:, :, 1]]
+        lost = [at.contact[:, :, C.RUBBED], at.contact[:, :, C.FELT], at.body[:, :, C.BRAKED], at.tip[:, :, 1]]
         power = np.concatenate(lost, axis=1)
         if not work:
             work.append(float(np.trapezoid(np.abs(power).sum(axis=1), times)))

@@ -76,11 +76,6 @@ class ObservedStates:
         """Of the centres of mass (m, n, 2), m/s^2."""
         return self.body[:, :, C.AX : C.AY + 1]
 
-    @property
-    def joint_loss_w(self) -> Array:
-        """Power lost in the joints (m, n)."""
-        return self.body[:, :, C.BRAKED]
-
     def poses(self) -> Array:
         """Pivot x, y (m) and orientation from ground (rad) of each body, (m, n, 3)."""
         return self.body[:, :, C.PIVOT_X : C.ANGLE + 1]

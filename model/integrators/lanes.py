@@ -265,14 +265,6 @@ def read_inputs(bits, width, node, members, space):
 
 
 @inlined_uncounted
-def want_steps(width, space):
-    """The steps wanted, before they are fitted to events."""
-    for lane in range(width):
-        h = min(space.number[WANTED * width + lane], space.number[LONGEST * width + lane])
-        space.number[WANTED * width + lane] = space.step[FITTED * width + lane] = h
-
-
-@inlined_uncounted
 def choose_steps(bits, width, gamma, members, space):
     """Steps that end where their member ends, in the lanes of ``bits`` shortened to kinks of their input tables."""
     number, whole, memory = space.number, space.whole, space.step
@@ -297,22 +289,6 @@ def choose_steps(bits, width, gamma, members, space):
             step = number[STEP * width + lane]
             v, acc = memory[(V + i) * width + lane], memory[(ACC + i) * width + lane]
             memory[(ALLOWANCE + i) * width + lane] = 1.5 * step * abs(v) + step * step * abs(acc) + 1e-7
-
-
-@inlined_uncounted
-def weigh_slopes(width, d, space):
-    """What the change of the input adds to a stage."""
-    for lane in range(width):
-        weight = space.number[STEP * width + lane] * d * space.number[SLOPE * width + lane]
-        space.step[INPUT_RATE * width + lane] = weight
-
-
-@inlined_uncounted
-def count_contacts(exceeded, width, n_contacts, space):
-    """Count all contacts, not only those needed, in the lanes in which a coordinate left its allowance."""
-    for lane in range(width):
-        if exceeded >> lane & 1:
-            space.number[EXCEEDED * width + lane] += n_contacts - space.step[NEEDED * width + lane]
 
 
 @inlined_uncounted
@@ -431,7 +407,7 @@ def loop_in_lanes(width: int) -> Any:
     def integrate(members, parent, n_contacts, kernels, method, space):
         """Advance every member to its end, or as far as it comes; returns how many attempts that took."""
         a, c, b, node, d, dense, gamma, exponent = method
-        memory, numbers, _, _, _, _ = space
+        memory, numbers, number, _, _, _ = space
         n_z, n_stages, n_dense = members.memory.shape[1], b.shape[0], dense.shape[0]
         busy = fresh = rejected = following = attempts = int64(0)  # a plain 0 would be a type of its own, compiled anew
         while True:
@@ -446,7 +422,9 @@ def loop_in_lanes(width: int) -> Any:
             kernels.linearise(memory, numbers)
             # felt that remembers may still creep: what it will do, the bound on rest does not know
             rested = rest(fresh if n_z == 0 else 0, width, parent, members, space)
-            want_steps(width, space)
+            for lane in range(width):  # the steps wanted, before they are fitted to events
+                h = min(number[WANTED * width + lane], number[LONGEST * width + lane])
+                number[WANTED * width + lane] = memory[FITTED * width + lane] = h
             kernels.fit(memory, numbers)
             trying = busy & ~rested
             # contacts are left out only while every stage stays within its allowance: the answer is the same
@@ -456,10 +434,14 @@ def loop_in_lanes(width: int) -> Any:
             for m in range(n_stages):
                 if m > 0 and (m == 1 or node[m] != node[m - 1]):
                     read_inputs(trying, width, node[m], members, space)
-                weigh_slopes(width, d[m], space)
+                for lane in range(width):  # what the change of the input adds to a stage
+                    weight = number[STEP * width + lane] * d[m] * number[SLOPE * width + lane]
+                    memory[INPUT_RATE * width + lane] = weight
                 exceeded = kernels.stage(memory, numbers, a, c, m, mask)
-                if m > 0 and exceeded:
-                    count_contacts(exceeded, width, n_contacts, space)
+                if m > 0 and exceeded:  # all contacts count, not only those needed
+                    for lane in range(width):
+                        if exceeded >> lane & 1:
+                            number[EXCEEDED * width + lane] += n_contacts - memory[NEEDED * width + lane]
             sound = prepared & trying & kernels.end(memory, b, n_stages, n_z)
             within = judge(trying, sound, rejected, exponent, width, space)
             asking = ask(within, width, members, space)

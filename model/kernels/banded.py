@@ -19,22 +19,15 @@ def add_rows(matrix, first, rows, weight):
                 matrix[b + k - m, first[r] + m] += weight[r] * rows[r, k] * rows[r, m]
 
 
-@kernel
 def add_to(vector, first, rows, weight):
     """Add sum_r weight_r row_r."""
-    for r in range(rows.shape[0]):
-        for k in range(rows.shape[1]):
-            vector[first[r] + k] += weight[r] * rows[r, k]
+    at = first[:, None] + np.arange(rows.shape[1])
+    vector += np.bincount(at.ravel(), (weight[:, None] * rows).ravel(), len(vector))
 
 
-@kernel
 def times(vector, first, rows):
     """Product of each row with ``vector``, (r,)."""
-    out = np.zeros(rows.shape[0])
-    for r in range(rows.shape[0]):
-        for k in range(rows.shape[1]):
-            out[r] += rows[r, k] * vector[first[r] + k]
-    return out
+    return np.sum(rows * vector[first[:, None] + np.arange(rows.shape[1])], axis=1)
 
 
 @kernel

@@ -15,7 +15,7 @@ import platform
 import sys
 import tempfile
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -50,6 +50,7 @@ numba_config: Any = _config  # set at run time by numba; its names are unknown t
 _PACKAGE = Path(__file__).resolve().parents[1]
 make_machine_code_when_called()
 ask_for_blas_later()
+COMMON: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": False}
 NO_WRAPPERS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
@@ -131,7 +132,7 @@ def _cached(*signature: Any, inner: bool = False, **options: Any) -> Callable[[C
         before = numba_config.CACHE_DIR
         numba_config.CACHE_DIR = "" if FOLDER is None else str(FOLDER)
         try:
-            common = {"cache": FOLDER is not None, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+            common = COMMON | {"cache": FOLDER is not None, "no_cfunc_wrapper": True}
             if inner:
                 return _inner(function, common | options)
             njit: Any = numba.njit  # its types do not name all options
@@ -142,28 +143,16 @@ def _cached(*signature: Any, inner: bool = False, **options: Any) -> Callable[[C
     return compiled
 
 
-def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile ``function`` on first use, without the GIL, cached under the key of all kernel sources."""
-    return _cached(fastmath=False)(function)
+kernel = _cached()
+"""Compile a function on first use, without the GIL, cached under the key of all kernel sources."""
+uncounted = _cached(_nrt=False, inner=True)
+"""Like `kernel`, for a function that allocates nothing: without numba's run time it counts no references.
 
-
-def uncounted(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Like `kernel`, for a ``function`` that allocates nothing: without numba's run time it counts no references.
-
-    Counting those of the arrays in a named tuple took a tenth of a step.
-    """
-    return _cached(fastmath=False, _nrt=False, inner=True)(function)
-
-
-def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a small ``function`` into each of its callers; not cached on its own, it lives in theirs."""
-    return _inner(function, {"nogil": True, "error_model": "numpy", "fastmath": False, "forceinline": True})
-
-
-def inlined_uncounted(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Like `inlined`, for what allocates nothing and takes many arrays: it counts no references to them."""
-    options = {"nogil": True, "error_model": "numpy", "fastmath": False, "forceinline": True, "_nrt": False}
-    return _inner(function, options)
+Counting those of the arrays in a named tuple took a tenth of a step."""
+inlined = partial(_inner, options=COMMON | {"forceinline": True})
+"""Compile a small function into each of its callers; not cached on its own, it lives in theirs."""
+inlined_uncounted = partial(_inner, options=COMMON | {"forceinline": True, "_nrt": False})
+"""Like `inlined`, for what allocates nothing and takes many arrays: it counts no references to them."""
 
 
 def step_loop(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -174,7 +163,7 @@ def step_loop(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], 
 
     def compiled(function: Callable[..., Any]) -> Any:
         with alone(FOLDER, f"{function.__module__}.{function.__qualname__}"):
-            return _cached(signature, fastmath=False, **options)(function)
+            return _cached(signature, **options)(function)
 
     return compiled
 

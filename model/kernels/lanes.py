@@ -86,12 +86,8 @@ register_model(Rows)(_RowsModel)
 
 
 @lower_cast(types.Float, Lanes)
-def _from_float(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
-    return splat(builder, context.cast(builder, value, fromty, types.float64), toty.width)
-
-
 @lower_cast(types.Integer, Lanes)
-def _from_integer(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
+def _from_number(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
     return splat(builder, context.cast(builder, value, fromty, types.float64), toty.width)
 
 
@@ -103,14 +99,8 @@ def _width(args: Any) -> int | None:
     return int(found.pop())
 
 
-def _operation(keys: tuple[Any, ...], arguments: int, lower: Any) -> None:
-    """Give operators a meaning for lanes: of so many ``arguments``, numbers among them, as ``lower`` writes it."""
-    for key in keys:
-        _typed(key, arguments)
-        lower_builtin(key, *[Lanes] * arguments)(lower)
-
-
-def _typed(key: Any, arguments: int) -> None:
+def _operation(key: Any, arguments: int, lower: Any) -> None:
+    """Give an operator a meaning for lanes: of so many ``arguments``, numbers among them, as ``lower`` writes it."""
 
     class Template(AbstractTemplate):  # type: ignore[misc]
         key: Any = None
@@ -123,54 +113,35 @@ def _typed(key: Any, arguments: int) -> None:
 
     Template.key = key
     infer_global(key)(Template)
+    lower_builtin(key, *[Lanes] * arguments)(lambda context, builder, sig, args: lower(builder, *args))
 
 
 def _is_product(value: Any) -> bool:
     return isinstance(value, ir.Instruction) and value.opname == "fmul"
 
 
-def _add(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    a, b = args
-    if _is_product(a):
-        return called(builder, "fma", *a.operands, b)
-    if _is_product(b):
-        return called(builder, "fma", *b.operands, a)
-    return builder.fadd(a, b)
+def _add(b: Any, x: Any, y: Any) -> Any:
+    if _is_product(x):
+        return called(b, "fma", *x.operands, y)
+    return called(b, "fma", *y.operands, x) if _is_product(y) else b.fadd(x, y)
 
 
-def _subtract(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    a, b = args
-    if _is_product(b):
-        x, y = b.operands
-        return called(builder, "fma", builder.fneg(x), y, a)
-    if _is_product(a):
-        return called(builder, "fma", *a.operands, builder.fneg(b))
-    return builder.fsub(a, b)
+def _subtract(b: Any, x: Any, y: Any) -> Any:
+    if _is_product(y):
+        return called(b, "fma", b.fneg(y.operands[0]), y.operands[1], x)
+    return called(b, "fma", *x.operands, b.fneg(y)) if _is_product(x) else b.fsub(x, y)
 
 
-def _multiply(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return builder.fmul(*args)
-
-
-def _divide(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return builder.fdiv(*args)
-
-
-def _absolute(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return called(builder, "fabs", args[0])
-
-
-def _larger(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    a, b = args
-    return builder.select(builder.fcmp_ordered(">", b, a), b, a)
-
-
-_operation((operator.add, operator.iadd), 2, _add)
-_operation((operator.sub, operator.isub), 2, _subtract)
-_operation((operator.mul, operator.imul), 2, _multiply)
-_operation((operator.truediv, operator.itruediv), 2, _divide)
-_operation((abs,), 1, _absolute)
-_operation((max,), 2, _larger)
+for _keys, _arguments, _lower in (
+    ((operator.add, operator.iadd), 2, _add),
+    ((operator.sub, operator.isub), 2, _subtract),
+    ((operator.mul, operator.imul), 2, lambda b, x, y: b.fmul(x, y)),
+    ((operator.truediv, operator.itruediv), 2, lambda b, x, y: b.fdiv(x, y)),
+    ((abs,), 1, lambda b, x: called(b, "fabs", x)),
+    ((max,), 2, lambda b, x, y: b.select(b.fcmp_ordered(">", y, x), y, x)),
+):
+    for _key in _keys:
+        _operation(_key, _arguments, _lower)
 
 
 @infer_global(operator.getitem)

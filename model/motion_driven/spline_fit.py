@@ -10,8 +10,7 @@ jitter of angle and clock beyond that is estimated from the residuals. Unusable 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -111,46 +110,30 @@ def _rows(knots: Array, times: Array, order: int = 0) -> tuple[Array, Integers]:
     return out, first
 
 
-@dataclass(frozen=True)
-class _Readings:
-    """Samples as the fit reads them; jitter that is None is estimated."""
+def _posterior(
+    samples: tuple[Array, Array, Array, float],
+    noise_given: tuple[float | None, float],
+    inner: Array,
+    relaxation: float,
+) -> tuple[tuple[float, float], Array, Array, tuple[Array, Array]]:
+    """Noise of the samples, knots and coefficients of a spline with knots at the times ``inner``, its covariance.
 
-    time_s: Array
-    y_rad: Array  # from the first sample
-    runs: Array
-    resolution_rad: float
-    jitter_rad: float | None
-    clock_s: float = 0.0
-
-    @property
-    def floor_rad(self) -> float:
-        """Least noise assumed: noiseless angles come from a computation of at best this accuracy."""
-        return 1e-9 * max(1e-3, float(np.ptp(self.y_rad)))
-
-
-class _Fitted(NamedTuple):
-    jitter_rad: float
-    clock_s: float
-    knots: Array
-    coefficients: Array
-    factor: Array
-    inverse: Array
-
-
-def _posterior(read: _Readings, inner: Array, relaxation: float) -> _Fitted:
-    """Spline with knots at the times ``inner``, its covariance and the noise of the samples.
+    ``samples`` are times, angles from the first on, the run of equal readings of each, and the width of a count;
+    ``noise_given`` the jitter of angle, None where it is to be estimated, and of the clock.
 
     The prior's variance is what the data show of the fourth derivative, averaged over a window (expectation
     maximisation, each step taken ``relaxation`` times), but never so small that the window would contain less than one
     independent value: the fit would then assume more smoothness than the data can show.
     """
-    times, y, rounding, floor = read.time_s, read.y_rad, read.resolution_rad**2 / 12.0, read.floor_rad
-    jitter = max(floor, 1e-6 * float(np.ptp(y)) if read.jitter_rad is None else read.jitter_rad)
+    (times, y, runs, resolution), (given, clock) = samples, noise_given
+    rounding = resolution**2 / 12.0
+    floor = 1e-9 * max(1e-3, float(np.ptp(y)))  # noiseless angles come from a computation of at best this accuracy
+    jitter = max(floor, 1e-6 * float(np.ptp(y)) if given is None else given)
     knots = np.concatenate([[inner[0]] * DEGREE, inner, [inner[-1]] * DEGREE])
     size = len(knots) - DEGREE - 1
     rows, first = _rows(knots, times)
     rows_speed, first_speed = _rows(knots, times, 1)
-    speed, clock = np.zeros(len(times)), read.clock_s
+    speed = np.zeros(len(times))
     prior, at = _differences(knots, PRIOR), np.arange(size - PRIOR)
     place = np.array([knots[PRIOR + k : PRIOR + k + len(prior)] for k in range(DEGREE - PRIOR + 1)]).mean(axis=0)
     width = (knots[DEGREE + 1 : DEGREE + 1 + len(prior)] - knots[PRIOR : PRIOR + len(prior)]) / (DEGREE + 1 - PRIOR)
@@ -161,8 +144,8 @@ def _posterior(read: _Readings, inner: Array, relaxation: float) -> _Fitted:
     intensity = np.full(len(prior), 1e12)
     factor = inverse = c = np.empty(0)
     for _ in range(ITERATIONS):
-        share = repeated_share(read.resolution_rad, jitter) if rounding > 0.0 else 0.0
-        readings = 1.0 / (1.0 - share + share * read.runs)  # of the rounding, how many readings each sample is
+        share = repeated_share(resolution, jitter) if rounding > 0.0 else 0.0
+        readings = 1.0 / (1.0 - share + share * runs)  # of the rounding, how many readings each sample is
         noise = jitter**2 + (clock * speed) ** 2
         weight = 1.0 / (rounding / readings + noise)
         normal, right = np.zeros((DEGREE + 1, size)), np.zeros(size)
@@ -183,14 +166,14 @@ def _posterior(read: _Readings, inner: Array, relaxation: float) -> _Fitted:
         before, intensity = intensity, intensity * (expected / intensity) ** relaxation
         lowest = SLOWEST_RAD_PER_S ** (2 * PRIOR) * step * (rounding + jitter**2)
         intensity = np.maximum(intensity, max(lowest, SMALLEST_RATIO * float(intensity.max())))
-        if read.jitter_rad is None:
+        if given is None:
             seen = (y - banded.times(c, first, rows)) ** 2 + banded.variances(inverse, first, rows) - rounding
             speed = banded.times(c, first_speed, rows_speed)
             jitter, clock = noise_of(seen, speed, readings / (rounding + noise) ** 2)
             jitter = max(floor, jitter)
         if np.max(np.abs(intensity - before) / before) < CONVERGED:
             break
-    return _Fitted(jitter, clock, knots, c, factor, inverse)
+    return (jitter, clock), knots, c, (factor, inverse)
 
 
 def fit_key_motion(
@@ -214,20 +197,10 @@ def fit_key_motion(
             raise InputError(f"{name} of the key's angle: found {value:g} rad, allowed 0 to 0.1")
     resolution = resolution_of(angles) if resolution_rad is None else float(resolution_rad)
     runs = runs_of(angles) if resolution > 0.0 else np.ones(len(angles))
-    read = _Readings(times, angles - angles[0], runs, resolution, jitter_rad)
-    found = _posterior(read, times, OVER_RELAXATION)
-    if resolution == 0.0 and found.jitter_rad < NOISELESS_RAD:
+    samples = times, angles - angles[0], runs, resolution
+    noise, knots, coefficients, covariance = _posterior(samples, (jitter_rad, 0.0), times, OVER_RELAXATION)
+    if resolution == 0.0 and noise[0] < NOISELESS_RAD:
         # the uncertainty is then what happens between samples: there must be a knot for it
-        read = replace(read, jitter_rad=found.jitter_rad, clock_s=found.clock_s)
-        found = _posterior(read, np.sort(np.concatenate([times, 0.5 * (times[1:] + times[:-1])])), 1.0)
-    return KeyFit(
-        times,
-        resolution,
-        found.jitter_rad,
-        found.clock_s,
-        found.knots,
-        found.coefficients,
-        float(angles[0]),
-        found.factor,
-        found.inverse,
-    )
+        finer = np.sort(np.concatenate([times, 0.5 * (times[1:] + times[:-1])]))
+        noise, knots, coefficients, covariance = _posterior(samples, noise, finer, 1.0)
+    return KeyFit(times, resolution, *noise, knots, coefficients, float(angles[0]), *covariance)

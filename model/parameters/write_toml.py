@@ -15,10 +15,6 @@ def _text(value: str) -> str:
     return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in plain) + '"'
 
 
-def _number(value: float) -> str:
-    return repr(float(value))
-
-
 def action_text(action: Action, comment: Sequence[str] = ()) -> str:
     """The TOML text of an action; ``comment`` lines come first."""
     lines = [f"# {line}".rstrip() for line in comment]
@@ -33,7 +29,7 @@ def action_text(action: Action, comment: Sequence[str] = ()) -> str:
     for path, q in (*action.quantities.items(), *own.items()):
         table, _, rest = path.partition(".")
         tables.setdefault(table, []).append(
-            f"{rest} = {{ value = {_number(q.value)}, unit = {_text(q.unit)}, u = {_number(q.u)}, "
+            f"{rest} = {{ value = {float(q.value)!r}, unit = {_text(q.unit)}, u = {float(q.u)!r}, "
             f"basis = {_text(q.basis)}, source = {_text(q.source)} }}"
         )
     if action.scene:

@@ -247,12 +247,13 @@ def _finished(bench: Bench) -> Action:
             )
             continue
         screw, wanted = SCREW[target], bench.target(target)
+        asked = " (thesis 2.3)" if wanted in TARGETS else ", as asked for"
         quantities[screw.path] = replace(
             quantities[screw.path],
             u=float(f"{TOLERANCE / math.sqrt(3.0) / _effect(bench, target):.2g}"),
             basis="assumed",
             source=(
-                f"regulated: {wanted.words} {1e3 * wanted.wanted_m:.1f} mm{_where_from(wanted)}; {screw.name} turned "
+                f"regulated: {wanted.words} {1e3 * wanted.wanted_m:.1f} mm{asked}; {screw.name} turned "
                 f"{1e3 * turn:+.3f} mm; before: {bench.given.quantities[screw.path].source}"
             ),
         )
@@ -263,7 +264,3 @@ def _finished(bench: Bench) -> Action:
         quantities=quantities,
         changed={},
     )
-
-
-def _where_from(target: RegulationTarget) -> str:
-    return " (thesis 2.3)" if target in TARGETS else ", as asked for"

@@ -102,14 +102,12 @@ class KeyMotion(ArrayRecord):
         return np.stack(out, axis=1)
 
 
-def rise_of(tables: Tables) -> int | None:
-    """Coordinate in which the pivot of a key rises whose front is prescribed; None of any other scene."""
-    return next(iter(Structure(tables).led.values()), None)
-
-
 def _rises(tables: Tables, states: tuple[Array, Array], memory: Array | None) -> tuple[Array, Array] | None:
-    """How far (m,) and how fast that pivot has risen, at states of the bodies and of what joints give."""
-    rise, bodies, count = rise_of(tables), len(tables.parent), len(tables.pin)
+    """How far (m,) and how fast the pivot of a key has risen whose front is prescribed; None of any other scene.
+
+    At states of the bodies and of what joints give.
+    """
+    rise, bodies, count = next(iter(Structure(tables).led.values()), None), len(tables.parent), len(tables.pin)
     if rise is None:
         return None
     if rise < bodies:

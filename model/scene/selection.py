@@ -17,7 +17,7 @@ What is left out is not in the compiled kernels. A new structure compiles once (
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ from model.parameters.action import (
     read_toml,
 )
 from model.parameters.effects import ARM, EFFECTS, FINGER, MOTOR, PINS, RAIL, effect_of
-from model.parameters.quantity import Quantity, check_value
+from model.parameters.quantity import Quantity, check_value, quantity_tables
 
 SPRINGS = ("jack_spring", "repetition_spring")
 OUTPUTS = ("contact_forces", "energy", "inside")
@@ -307,7 +307,7 @@ def scene_of(table: Mapping[str, Any], where: str) -> SceneChoice:
 def _values(where: str, effect: str, table: dict[str, Any]) -> list[tuple[str, float]]:
     """Paths and checked values of an effect's or a contact's table in a scene file."""
     known, out = added_defaults(), []
-    for key, item in _flat(table, f"{effect}."):
+    for key, item in quantity_tables(table, f"{effect}."):
         if key not in known:
             allowed = ", ".join(p for p in known if p.startswith(f"{effect}."))
             raise InputError(f"{where}: {key}: unknown key; allowed {allowed}")
@@ -322,15 +322,6 @@ def _felt(where: str, contact: str, law: str, table: dict[str, Any]) -> list[tup
         if law_of(path) != (contact, law):
             raise InputError(f"{where}: {path}: found beside the law {law}, allowed {contact}.{law}. and its numbers")
     return values
-
-
-def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys of nested tables with their values."""
-    for key, item in table.items():
-        if isinstance(item, dict):
-            yield from _flat(item, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", item
 
 
 def check_prescribed(choice: SceneChoice) -> None:

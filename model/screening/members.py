@@ -106,11 +106,6 @@ def _computed(jobs: Sequence[Job]) -> list[Member]:
     return [members[i] for i in range(len(jobs))]
 
 
-def marks_of_unit(variants: Variants, values: Array) -> Array:
-    """`Variants.marks`, for an executor."""
-    return variants.marks(values)
-
-
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C during a study; ``done`` of ``total`` members are computed, and kept where there is a store."""
 
@@ -181,7 +176,7 @@ class Study:
             self.progress(done, len(out))
 
         def submit(pool: Executor, unit: Sequence[int]) -> Future[Array]:
-            return pool.submit(marks_of_unit, variants, values[unit])
+            return pool.submit(variants.marks, values[unit])
 
         def finish(unit: Sequence[int], future: Future[Array]) -> None:
             nonlocal done

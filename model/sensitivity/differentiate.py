@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.errors import InputError
 from model.files.force_table import check_force_table
 from model.force_driven import check_output_times
 from model.parameters.action import Action, load_action
 from model.sensitivity.events import Events
 from model.sensitivity.options import SensitivityOptions
-from model.sensitivity.parameter_names import directions, find_parameters, stated_uncertainty
+from model.sensitivity.parameter_names import described, directions, find_parameters, refuse_idle
 from model.sensitivity.result import Sensitivities
 from model.sensitivity.tangents import Recorded
 from model.simulation.run import Simulation, State, with_memory
@@ -100,22 +99,15 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
     end = float(outputs[-1]) if len(outputs) else float(times[-1])
     recorded = Recorded(slopes, simulation, end, (times, forces), (whole, options.rest_input))
     events = Events(action, recorded, (float(times[0]), end))
-    at_events = events.find().times() if options.events else np.empty(0)
+    at_events = events.find() if options.events else np.empty(0)
     wanted = np.concatenate([outputs, at_events])
     followed = recorded.follow(wanted, options.relative_tolerance, options.contact_forces)
     idle = tuple(p.name for p, it_does in zip(slopes.parameters, followed.acts, strict=True) if not it_does)
-    if idle and not options.allow_idle:
-        raise InputError(
-            f"parameter {', '.join(idle)}: does nothing in this blow (its element stays out of touch or still); "
-            "leave it out or choose another blow"
-        )
+    refuse_idle(idle, options.allow_idle, "blow")
     rows = len(outputs)
     states = recorded.whole_states(outputs)
     out = Sensitivities(
-        parameters=tuple(p.name for p in slopes.parameters),
-        values=np.array([p.value for p in slopes.parameters]),
-        units=tuple(p.unit for p in slopes.parameters),
-        uncertainties=np.array([stated_uncertainty(action, p.name) for p in slopes.parameters]),
+        **described(action, slopes.parameters),
         time_s=outputs,
         angle_names=scene.bodies,
         angles_rad=np.ascontiguousarray(states[:, : scene.size]),
@@ -133,7 +125,7 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
     if options.events:
         slopes_there = followed.whole_angle[rows:], followed.whole_speed[rows:]
         values, d_values = events.differentiate(at_events, slopes_there)
-        out = replace(out, events=values, d_events=d_values, absent_events=events.found.absent)
+        out = replace(out, events=values, d_events=d_values, absent_events=events.absent)
     if options.contact_forces:
         slopes_of_state = followed.whole_angle[:rows], followed.whole_speed[:rows], followed.channel[:rows]
         normal, d_normal = recorded.normal_forces(states, slopes_of_state)

@@ -8,7 +8,6 @@ that those are had exactly there.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
@@ -44,18 +43,6 @@ RELEASE = "release_s"  # end of the hold; `check_m` is read half-way to it
 NARROWINGS = 5  # by 32 each, to some 1e-12 s
 
 
-@dataclass
-class Found:
-    """Events of one motion: time of each, why others are absent, and when the hammer is held."""
-
-    at: dict[str, float] = field(default_factory=dict)
-    absent: dict[str, str] = field(default_factory=dict)
-
-    def times(self) -> Array:
-        """All times at which states are needed, in order."""
-        return np.unique(list(self.at.values()))
-
-
 class Events:
     """Finds and differentiates the events of one motion.
 
@@ -67,7 +54,8 @@ class Events:
         self.directions = recorded.directions
         self.scene = self.directions.scene
         self.span = span
-        self.found = Found()
+        self.at: dict[str, float] = {}  # time of each event that was found, s
+        self.absent: dict[str, str] = {}  # why one was not
 
     @cached_property
     def times(self) -> Array:
@@ -128,17 +116,17 @@ class Events:
         passes = (above[1:] & ~above[:-1]) if rising else (~above[1:] & above[:-1])
         at = np.flatnonzero(passes & (self.times[1:] > after))
         if not len(at):
-            self.found.absent[name] = why
+            self.absent[name] = why
             return False
-        self.found.at[name] = self._root(value, int(at[0]))
+        self.at[name] = self._root(value, int(at[0]))
         return True
 
-    def find(self) -> Found:
-        """Times of all events."""
+    def find(self) -> Array:
+        """Find all events; the times at which states are needed for them, in order."""
         missing = [body for body in BODIES if body not in self.scene.bodies[: len(BODIES)]]
         if missing or self.scene.bodies[: len(BODIES)] != BODIES:
-            self.found.absent.update(dict.fromkeys(EVENTS, f"the scene has no free {' or '.join(missing) or 'key'}"))
-            return self.found
+            self.absent.update(dict.fromkeys(EVENTS, f"the scene has no free {' or '.join(missing) or 'key'}"))
+            return np.empty(0)
         action = self.action
         rest = self.motion[0][0]
         self._first(
@@ -152,23 +140,21 @@ class Events:
             front = partial(self._depth, KEY_FRONT)
             self._first("key_bottom_s", front, True, -np.inf, "the key does not reach its felt")
         else:
-            self.found.absent["key_bottom_s"] = "the scene has no felt under the key's front"
+            self.absent["key_bottom_s"] = "the scene has no felt under the key's front"
         if STRING in self.scene.contacts and self._first(
             "strike_s", lambda q, v: self._height(action, q, v), False, -np.inf, "the hammer does not reach the string"
         ):
             self._after_strike()
         else:
-            why = self.found.absent.setdefault("strike_s", "the scene has no string")
+            why = self.absent.setdefault("strike_s", "the scene has no string")
             for name in EVENTS:
-                if name not in self.found.at:
-                    self.found.absent.setdefault(name, why)
-        self.found.absent.update(
-            {name: self.found.absent[other] for name, other in _READ_AT.items() if other in self.found.absent}
-        )
-        return self.found
+                if name not in self.at:
+                    self.absent.setdefault(name, why)
+        self.absent.update({name: self.absent[other] for name, other in _READ_AT.items() if other in self.absent})
+        return np.unique(list(self.at.values()))
 
     def _after_strike(self) -> None:
-        action, strike = self.action, self.found.at["strike_s"]
+        action, strike = self.action, self.at["strike_s"]
         self._first(
             "rebound_s", lambda q, v: self._height(action, q, v), True, strike, "the hammer does not leave the string"
         )
@@ -180,30 +166,30 @@ class Events:
             k = int(before[-1])
             leaving = next(contact for contact in driving if presses[contact][k])
             self._leaver = leaving
-            self.found.at["let_off_s"] = self._root(partial(self._depth, leaving), k)
+            self.at["let_off_s"] = self._root(partial(self._depth, leaving), k)
         else:
-            self.found.absent["let_off_s"] = "the hammer is carried to the string"
+            self.absent["let_off_s"] = "the hammer is carried to the string"
         if BACK_CHECK not in self.scene.contacts:
-            self.found.absent["check_s"] = self.found.absent["check_m"] = "the scene has no back check"
-            self.found.absent["drop_s"] = "the scene has no back check"
+            self.absent["check_s"] = self.absent["check_m"] = "the scene has no back check"
+            self.absent["drop_s"] = "the scene has no back check"
             return
         self._hold(strike)
 
     def _hold(self, strike: float) -> None:
         action = self.action
         if not self._first("check_s", partial(self._depth, BACK_CHECK), True, strike, "the back check does not touch"):
-            self.found.absent["check_m"] = self.found.absent["drop_s"] = "the back check does not touch"
+            self.absent["check_m"] = self.absent["drop_s"] = "the back check does not touch"
             return
         pressed = self._depth(BACK_CHECK, *self.motion) > 0.0
         k = int(np.flatnonzero(pressed)[-1])
         last = float(self.times[k])
-        if last - self.found.at["check_s"] < SHORTEST_HOLD_S:
-            self.found.absent["check_m"] = self.found.absent["drop_s"] = "the hammer is not held"
+        if last - self.at["check_s"] < SHORTEST_HOLD_S:
+            self.absent["check_m"] = self.absent["drop_s"] = "the hammer is not held"
             return
         if k + 1 < len(self.times):  # else it is held to the end
-            last = self.found.at[RELEASE] = self._root(partial(self._depth, BACK_CHECK), k)
-        middle = 0.5 * (self.found.at["check_s"] + last)
-        self.found.at["check_m"] = middle
+            last = self.at[RELEASE] = self._root(partial(self._depth, BACK_CHECK), k)
+        middle = 0.5 * (self.at["check_s"] + last)
+        self.at["check_m"] = middle
         level = float(self._height(action, *self.states(np.array([middle])))[0]) + DROP_M
         self._first(
             "drop_s", lambda q, v: self._height(action, q, v) - level, True, middle, "the hammer does not drop again"
@@ -218,10 +204,10 @@ class Events:
         d_events = {name: np.full(count, np.nan) for name in EVENTS} | {RELEASE: np.zeros(count)}
         row = {float(t): k for k, t in enumerate(times)}
         first = ("check_s", RELEASE, "check_m")  # each hangs on those before it, and the drop on them
-        for name in (*first, *(name for name in self.found.at if name not in first)):
-            if name not in self.found.at:
+        for name in (*first, *(name for name in self.at if name not in first)):
+            if name not in self.at:
                 continue
-            t = self.found.at[name]
+            t = self.at[name]
             k = row[t]
             state = self.states(np.array([t]))
             own = (slopes[0][k : k + 1], slopes[1][k : k + 1])

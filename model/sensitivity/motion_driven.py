@@ -24,7 +24,7 @@ from model.scene.selection import check_prescribed
 from model.scene.string_terms import with_modes
 from model.sensitivity.observed import vector_slopes
 from model.sensitivity.options import SensitivityOptions
-from model.sensitivity.parameter_names import directions, find_parameters, stated_uncertainty
+from model.sensitivity.parameter_names import described, directions, find_parameters, refuse_idle
 from model.sensitivity.result import Sensitivities
 from model.sensitivity.tangents import Recorded, rest_slopes
 from model.simulation.run import Simulation, State, with_memory
@@ -132,16 +132,9 @@ def motion_sensitivities(
         longer = np.array([p.paths.get(arm, 0.0) for p in named])
         force, d_force = force / action[arm], (d_force - np.outer(force / action[arm], longer)) / action[arm]
     idle = tuple(p.name for j, p in enumerate(named) if not (np.any(d_angle[:, :, j]) or np.any(d_force[:, j])))
-    if idle and not options.allow_idle:
-        raise InputError(
-            f"parameter {', '.join(idle)}: does nothing under this motion (its element stays out of touch or still); "
-            "leave it out or choose another stroke"
-        )
+    refuse_idle(idle, options.allow_idle, "stroke")
     return Sensitivities(
-        parameters=tuple(p.name for p in named),
-        values=np.array([p.value for p in named]),
-        units=tuple(p.unit for p in named),
-        uncertainties=np.array([stated_uncertainty(action, p.name) for p in named]),
+        **described(action, named),
         time_s=outputs,
         angle_names=scene.bodies,
         angles_rad=angle,

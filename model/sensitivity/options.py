@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-
-from numpy.typing import ArrayLike
 
 from model.errors import InputError
-from model.parameters.action import Action
-from model.scene.selection import SceneChoice, choice_of
+from model.simulation.options import SimulationOptions
 
 SMALLEST, LARGEST = 1e-9, 1e-2
 
 
 @dataclass(frozen=True)
-class SensitivityOptions:
+class SensitivityOptions(SimulationOptions):
     """How to compute sensitivities.
 
     Attributes
@@ -35,10 +31,8 @@ class SensitivityOptions:
     """
 
     tolerance: float = 2e-9
-    relative_tolerance: float = 3e-6
-    output_time_s: ArrayLike | None = None
-    scene: SceneChoice | str | Path | None = None
     method: str = "rodas5p"
+    relative_tolerance: float = 3e-6
     rest_input: float = 0.0
     contact_forces: bool = False
     events: bool = True
@@ -51,8 +45,3 @@ class SensitivityOptions:
             raise InputError(
                 f"relative tolerance: found {self.relative_tolerance:g}, allowed {SMALLEST:g} to {LARGEST:g}"
             )
-
-    def of(self, action: Action) -> tuple[Action, SceneChoice]:
-        """The action as its scene has it, and what takes part."""
-        choice = choice_of(action, self.scene)
-        return choice.on(action), choice

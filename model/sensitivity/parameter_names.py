@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,6 +115,25 @@ def _step(unit: str, value: float, u: float) -> float:
     if unit in ("m", "rad"):
         return LENGTH_STEP
     return SHARE_STEP * (abs(value) or u or 1.0)
+
+
+def described(action: Action, parameters: Sequence[Parameter]) -> dict[str, Any]:
+    """What `Sensitivities` say of the parameters themselves."""
+    return {
+        "parameters": tuple(p.name for p in parameters),
+        "values": np.array([p.value for p in parameters]),
+        "units": tuple(p.unit for p in parameters),
+        "uncertainties": np.array([stated_uncertainty(action, p.name) for p in parameters]),
+    }
+
+
+def refuse_idle(idle: Sequence[str], allowed: bool, what: str) -> None:
+    """Refuse parameters that do nothing in a blow, or under the motion of a stroke, unless they are allowed."""
+    if idle and not allowed:
+        raise InputError(
+            f"parameter {', '.join(idle)}: does nothing in this {what} (its element stays out of touch or still); "
+            f"leave it out or choose another {what}"
+        )
 
 
 def stated_uncertainty(action: Action, name: str) -> float:

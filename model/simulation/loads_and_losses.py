@@ -217,17 +217,24 @@ class Inside(ArrayRecord):
             out |= {f"{name}_{quantity}": getattr(self, quantity)[:, i] for quantity in CONTACT_WORDS}
         for tip_n, tip_j in zip(self.tip_n.T, self.tip_j.T, strict=True):
             out["motor_arm_normal_n"], out["motor_arm_felt_j"] = tip_n, tip_j
-        for i, body in enumerate(self.bodies):
-            out[f"{body}_joint_x_n"], out[f"{body}_joint_y_n"] = self.joint_n[:, i, 0], self.joint_n[:, i, 1]
-            out[f"{body}_joint_rubbed_j"] = self.joint_j[:, i]
-        for body in self.turning_bodies:
-            i = self.bodies.index(body)
-            for k, axis in enumerate("xy"):
-                out[f"{body}_center_{axis}_m_per_s"] = self.center_m_per_s[:, i, k]
-            for k, axis in enumerate("xy"):
-                out[f"{body}_center_{axis}_m_per_s2"] = self.center_m_per_s2[:, i, k]
-            out[f"{body}_from_ground_rad_per_s"] = self.angle_rad_per_s[:, i]
-            out[f"{body}_from_ground_rad_per_s2"] = self.angle_rad_per_s2[:, i]
+        of_bodies = dict(
+            zip(
+                BODY_WORDS,
+                (
+                    *np.moveaxis(self.joint_n, 2, 0),
+                    self.joint_j,
+                    *np.moveaxis(self.center_m_per_s, 2, 0),
+                    *np.moveaxis(self.center_m_per_s2, 2, 0),
+                    self.angle_rad_per_s,
+                    self.angle_rad_per_s2,
+                ),
+                strict=True,
+            )
+        )
+        joints = [name for name in BODY_WORDS if name.startswith("joint_")]
+        for bodies, names in ((self.bodies, joints), (self.turning_bodies, [n for n in BODY_WORDS if n not in joints])):
+            for body in bodies:
+                out |= {f"{body}_{name}": of_bodies[name][:, self.bodies.index(body)] for name in names}
         return out
 
     def key_tensions(self) -> list[RailTension]:

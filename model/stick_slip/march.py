@@ -135,12 +135,9 @@ def simulate(action: Action, time_s: ArrayLike, force_n: ArrayLike, step_s: floa
 
 def _without_friction(scene: Scene) -> Array:
     """The scene's parameters with every friction coefficient and torque at zero."""
-    p = scene.vector.copy()
-    for i in range(scene.size):
-        p[L.GLOBALS + L.BODY_SIZE * i + L.JF_A] = 0.0
-    start = int(scene.tables.offset[1])
-    for k in range(len(scene.contacts)):
-        p[start + L.CONTACT_SIZE * k + L.MU_A] = 0.0
+    p, start = scene.vector.copy(), int(scene.tables.offset[1])
+    p[L.GLOBALS + L.JF_A :: L.BODY_SIZE][: scene.size] = 0.0
+    p[start + L.MU_A :: L.CONTACT_SIZE][: len(scene.contacts)] = 0.0
     return p
 
 

@@ -83,7 +83,7 @@ def test_a_fitted_motion_from_a_rest_under_a_force(action: model.Action, motion:
 def test_what_only_a_force_has_is_refused(action: model.Action, motion: tuple[np.ndarray, np.ndarray]) -> None:
     with pytest.raises(model.InputError, match="found events, allowed tolerances"):
         model.motion_sensitivities(action, motion, ["hammer.mass"], options=model.SensitivityOptions())
-    with pytest.raises(model.InputError, match="contact12: does nothing under this motion"):
+    with pytest.raises(model.InputError, match="contact12: does nothing in this stroke"):
         model.motion_sensitivities(action, (motion[0][:100], motion[1][:100]), ["contact12"])
     with pytest.raises(model.InputError, match="found nothing but the prescribed key"):
         options = model.SensitivityOptions(events=False, scene="key")
