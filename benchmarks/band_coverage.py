@@ -10,13 +10,18 @@ before the first run.  Exit code 1 if a coverage lies outside 0.925 to 0.97.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
 from scipy import stats
 
+from benchmarks.bench_strokes import AFTER_S, BEFORE_S, BENCH, KINDS
 from benchmarks.runner import Run, Table, interval
-from validation.statistics.bands import repeatability_band
+from rig.configuration.rig_file import load_rig
+from rig.simulated.bench.plant import ActionPlant, load_plant
+from validation.conventions import ENCODER_CHANNELS, Array
+from validation.statistics.bands import FEWEST_FOR_BAND, repeatability_band
 
 SEED = 18571
 ALLOWED = (0.925, 0.97)
@@ -57,16 +62,16 @@ def counts(rng: np.random.Generator, n: int) -> np.ndarray:
     return np.floor(true + rng.uniform(0, 1, n))
 
 
-KINDS = {"even": even, "rig-like": rig_like, "long": long, "counts": counts}
+CURVES = {"even": even, "rig-like": rig_like, "long": long, "counts": counts}
 U_SAMPLE = {"counts": np.sqrt(2 / 12)}  # of a sample and of its zero, in counts
 
 
 def coverage(kind: str, n: int, sessions: int) -> tuple[float, float, float, float]:
     """Share of sessions whose band contains the true mean (zero), its 95 % interval, and the median critical value."""
-    rng = np.random.default_rng([SEED, n, list(KINDS).index(kind)])
+    rng = np.random.default_rng([SEED, n, list(CURVES).index(kind)])
     held, factors = 0, []
     for _ in range(sessions):
-        band = repeatability_band(KINDS[kind](rng, n), u_sample=U_SAMPLE.get(kind, 0.0))
+        band = repeatability_band(CURVES[kind](rng, n), u_sample=U_SAMPLE.get(kind, 0.0))
         held += band.covers(np.zeros(band.mean.size))
         factors.append(band.factor)
     return held / sessions, *interval(held, sessions), float(np.median(factors))
@@ -76,7 +81,7 @@ def main(run: Run) -> bool:
     """Print a row for each kind of curve and number of trials."""
     good = True
     table = Table("curves:>9s", "n:3d", "covered:.4f", "low:.4f", "high:.4f", "u (median):.2f", "t:6.2f", "outside:s")
-    for kind, n in product(KINDS, (5, 10, 20)):
+    for kind, n in product(CURVES, (5, 10, 20)):
         share, low, high, factor = coverage(kind, n, run.sessions)
         inside = ALLOWED[0] <= share <= ALLOWED[1]
         inside |= run.quick and low <= ALLOWED[1] and high >= ALLOWED[0]  # too few to tell
@@ -84,3 +89,93 @@ def main(run: Run) -> bool:
         table.row(kind, n, share, low, high, factor, stats.t.ppf(0.975, n - 1), "" if inside else "OUTSIDE")
     print(f"seed {SEED}; allowed {ALLOWED[0]} to {ALLOWED[1]}; 95 % intervals")
     return good
+
+
+RATE_HZ = 5000.0
+LEAD_S = 0.02
+TRIALS = (3, 5, 10)
+ALLOWED_ON_BENCH = (0.93, 0.97)
+N_PER_VOLT = 12.0
+
+
+class Strokes:
+    """Trials of one stroke, read in whole counts and zeroed: (n_samples, 3), rad."""
+
+    def __init__(self, kind: str, pace: float, strength: float, seed: int) -> None:
+        at, newton = KINDS[kind]
+        t = np.arange(int((BEFORE_S + 1.2 * at[-1] + AFTER_S) * RATE_HZ)) / RATE_HZ
+        self.command_v = strength * np.interp(t, BEFORE_S + pace * np.array(at), newton) / N_PER_VOLT
+        self.first = int((BEFORE_S - LEAD_S) * RATE_HZ)
+        self.plant: ActionPlant = load_plant(BENCH, seed, RATE_HZ)
+        per = {e.name: 2 * np.pi / e.counts_per_revolution for e in load_rig("virtual").config.encoders}
+        self.count_rad = np.array([per[name] for name in ENCODER_CHANNELS])
+        self.rng = np.random.default_rng([seed, 97])
+
+    def trial(self, session: int, number: int) -> Array:
+        """One trial of the session with this seed."""
+        self.plant.seed = session
+        self.plant.start_trial(number)
+        angle = self.plant.advance(self.command_v).angle_rad
+        count = np.floor(angle / self.count_rad + self.rng.uniform(0, 1, 3))
+        return np.asarray(((count - count[0]) * self.count_rad)[self.first :])
+
+
+def sessions(strokes: Strokes, options: Run) -> Iterator[tuple[Array, Array]]:
+    """Curves of each session, (n_samples, 3, n), and the mean of the other trials, (n_samples, 3)."""
+    # the others have one seed, the sessions the following ones
+    first, n = 1_000_000 * options.seed, max(TRIALS)
+    if not options.drawn:
+        others = sum(strokes.trial(first, k) for k in range(1, options.others + 1)) / options.others
+        for k in range(options.sessions):
+            yield np.stack([strokes.trial(first + 1 + k, number) for number in range(1, n + 1)], axis=2), others
+        return
+    pool = np.stack([strokes.trial(first, k) for k in range(1, options.others + 1)], axis=2)
+    total = pool.sum(axis=2)
+    for _ in range(options.sessions):
+        mine = pool[:, :, strokes.rng.choice(options.others, n, replace=False)]
+        yield mine, (total - mine.sum(axis=2)) / (options.others - n)
+
+
+def coverage_on_bench(kind: str, options: Run, table: Table) -> bool:
+    """Print the rows of one stroke; whether all of them are within the allowed shares."""
+    strokes = Strokes(kind, options.pace, options.strength, options.seed)
+    u = strokes.count_rad / np.sqrt(6)
+    # by number of trials: covered, covered by the band of values alone, half width over the range
+    found = {n: np.zeros((3, options.sessions, 3)) for n in TRIALS if n >= FEWEST_FOR_BAND}
+    for k, (curves, others) in enumerate(sessions(strokes, options)):
+        extent = np.ptp(others, axis=0)
+        for (n, cells), c in product(found.items(), range(3)):
+            band = repeatability_band(curves[:, c, :n], u_sample=float(u[c]))
+            s = np.maximum(curves[:, c, :n].std(axis=1, ddof=1), u[c])
+            by_value = np.all(np.abs(others[:, c] - band.mean) <= band.factor * s / np.sqrt(n))
+            cells[:, k, c] = band.covers(others[:, c]), by_value, np.sqrt(np.mean(band.half_width**2)) / extent[c]
+    good = True
+    for n, (held, by_value, width) in found.items():
+        for c, name in enumerate(ENCODER_CHANNELS):
+            limits = interval(held[:, c].sum(), options.sessions)
+            table.row(f"{kind} {name}", n, held[:, c].mean(), *limits, by_value[:, c].mean(), 100 * width[:, c].mean())
+        low, high = interval(held.sum(), held.size)
+        inside = ALLOWED_ON_BENCH[0] <= held.mean() <= ALLOWED_ON_BENCH[1]
+        inside |= options.quick and low <= ALLOWED_ON_BENCH[1] and high >= ALLOWED_ON_BENCH[0]  # too few to tell
+        good &= bool(inside)
+        table.row(f"{kind} all" + ("" if inside else " OUTSIDE"), n, held.mean(), *[None] * 4)
+    return good
+
+
+def band_on_bench(run: Run) -> bool:
+    """Coverage of the trials' own band on the virtual bench, whose blows scatter in time and amplitude.
+
+        python -m benchmarks band_on_bench [--sessions 2000] [--others 2000] [--strokes forte,piano,double,staccato]
+                                           [--seed 1] [--pace 1.0] [--strength 1.0] [--drawn]
+
+    Every session is ten trials of one stroke with a seed of its own, read by encoders; the band of its first five and
+    of all ten is compared, over the whole record and for each encoder, with the mean of other trials of the same
+    stroke. Prints the share covered with its 95 % interval, and the band's root mean square half width over the range;
+    beside it the share that the band of the values alone would cover. Pace and strength make other strokes. ``--drawn``
+    is quicker: only the other trials are played, and each session draws ten of them; the rest are then the others. Exit
+    code 1 if the share of all encoders together lies outside 0.93 to 0.97.
+    """
+    table = Table(
+        "stroke, encoder:24s", "n:3d", "covered:.3f", "low:.3f", "high:.3f", "by value:.3f", "half width %:.2f"
+    )
+    return all([coverage_on_bench(kind, run, table) for kind in run.strokes])

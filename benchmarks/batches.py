@@ -23,7 +23,7 @@ from functools import partial
 import numpy as np
 
 import model
-from benchmarks.peers.forces import force_table
+from benchmarks.peers.compiled import force_table
 from benchmarks.runner import Run, Table
 from model import batch
 from model.batch.run import workers_here

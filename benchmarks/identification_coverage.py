@@ -14,13 +14,18 @@ truth, which shows whether sizes of noise are right, whatever the search.
 
 from __future__ import annotations
 
+import re
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from itertools import product
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 import model
 from benchmarks.bench_strokes import BEFORE_S, BENCH, FINE, KINDS, command_n, record
@@ -28,19 +33,32 @@ from benchmarks.runner import Run, Table, interval, may_be
 from model.errors import ModelError
 from rig.configuration.rig_file import load_rig
 from rig.errors import RigError
-from rig.session import EncoderInfo, ForceInfo, TrialData
+from rig.session import CameraInfo, EncoderInfo, ForceInfo, TrialData
 from rig.simulated.bench.plant import ActionPlant, load_plant
+from validation.conventions import FILM_CHANNELS, JACK, REPETITION, Array
 from validation.errors import ValidationError
-from validation.identification.estimates import IDENTIFIED, estimate_all
-from validation.identification.fit import fit
-from validation.identification.force_runs import ForceRuns
+from validation.identification import fit as fitting
+from validation.identification import minima
+from validation.identification.blocks import INSTRUMENT, Block
+from validation.identification.estimates import IDENTIFIED, LACKING, estimate_all
+from validation.identification.fit import Fitted, fit
+from validation.identification.force_runs import ForceRuns, Own
+from validation.identification.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
 from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
 from validation.identification.minima import refine, search
-from validation.identification.observations import ObservedTrial, observe
-from validation.identification.problem import Problem
-from validation.identification.scatter import lacking
+from validation.identification.motion_runs import response_to
+from validation.identification.noise import Sizes, likeliest
+from validation.identification.observations import (
+    ObservedTrial,
+    observe,
+    observe_driven,
+    sharing_the_key,
+    with_errors_of_what_drives,
+)
+from validation.identification.problem import Columns, Problem, linear_residuals
+from validation.identification.scatter import factors, lacking
 from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, Unknowns, unknowns
-from validation.measurement.trial import measure
+from validation.measurement.trial import MeasuredTrial, measure
 from validation.prediction.model_under_test import ModelUnderTest
 
 RATE_HZ, DELAY_S, AFTER_S, TOLERANCE = 5000.0, 0.0024, 0.3, 1e-7
@@ -263,3 +281,453 @@ def main(run: Run) -> bool:
     keys = [(cell, k, *same) for k, cell in product(range(run.sessions), run.cells)]
     kept = list(run.cases(keys, lambda cell, k, *_: experiment(cell, k, run)))
     return all([table(cell, [row for key, row in kept if key[0] == cell]) for cell in run.cells])
+
+
+FRAMES_HZ, FILM_NOISE_RAD, FILM_SCALE, U_CLOCK_S, LOST = 2000.0, 3e-4, 1e-3, 2e-5, 0.02
+
+
+class Camera:
+    """A film's errors, drawn once: scale and clock; noise and lost frames of each film."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.scale, self.late_s = FILM_SCALE * rng.standard_normal(2), U_CLOCK_S * rng.standard_normal()
+
+    def film(self, t: np.ndarray, turn: np.ndarray, rng: np.random.Generator) -> tuple[CameraInfo, pd.DataFrame]:
+        """Frame clock and track table of one trial; ``turn`` (n, 2) of jack and repetition lever."""
+        n = int((t[-1] - 0.01) * FRAMES_HZ)
+        camera = CameraInfo(FRAMES_HZ, 0.003, 1e-4, n, U_CLOCK_S)
+        columns: dict[str, Any] = {"time_s": camera.frame_time_s}
+        for c, name in enumerate(FILM_CHANNELS):
+            seen = np.interp(camera.frame_time_s - self.late_s, t, turn[:, c]) * (1 + self.scale[c])
+            seen = seen + FILM_NOISE_RAD * rng.standard_normal(n)
+            seen[rng.uniform(size=n) < LOST] = np.nan
+            columns[f"{name}_relative_rad"] = seen
+            columns[f"{name}_relative_u_rad"] = np.full(n, FILM_NOISE_RAD)
+            columns[f"{name}_relative_u_total_rad"] = np.hypot(FILM_NOISE_RAD, FILM_SCALE * np.abs(np.nan_to_num(seen)))
+        return camera, pd.DataFrame(columns)
+
+
+def filmed(
+    specimen: model.Action, kind: str, n: int, bench: tuple[Sensors, Camera], rng: np.random.Generator
+) -> list[tuple[TrialData, pd.DataFrame]]:
+    """Filmed trials of one kind on a specimen that the model can be."""
+    sensors, camera = bench
+
+    def read(number: int, t: Array, force: Array, turn: Array, rng: np.random.Generator) -> Any:
+        info, film = camera.film(t, turn[:, [JACK, REPETITION]], rng)
+        return replace(sensors.read(number, t, force, turn, rng), camera=info), film
+
+    return played(specimen, kind, n, sensors, rng, read)
+
+
+def seen_as(way: str, by_kind: dict[str, list[MeasuredTrial]]) -> list[ObservedTrial]:
+    """The trials as a fit of this way sees them."""
+    film, out = way in ("film", "mixed"), []
+    for i, (kind, measured) in enumerate(by_kind.items()):
+        by_key = way == "motion" or (way == "mixed" and i > 0)
+        out += (observe_driven if by_key else observe)(kind, i, measured, film=film)
+    return sharing_the_key(out)
+
+
+def acting_laws_of(start: model.Action, trials: list[ObservedTrial]) -> list[str]:
+    """Laws that move a compared channel of these trials, seen from the first of each session."""
+    free = with_errors_of_what_drives(unknowns(start, LAWS, ["*"]), trials)
+    first = list({t.session: t for t in trials[::-1]}.values())
+    columns = response_to(start, free.asked, first).jacobian(np.zeros(len(free.asked)), range(len(free.asked)))
+    size = np.max([np.abs(c).max(axis=(0, 1)) for c in columns], axis=0)
+    return [p.name for p, s in zip(free.asked, size, strict=True) if s > LEAST_EFFECT_RAD]
+
+
+def fitted(start: model.Action, free: Unknowns, trials: list[ObservedTrial], truth: dict[str, float]) -> dict[str, Any]:
+    """Errors, u and processor time of one fit."""
+    began = time.process_time()
+    free = with_errors_of_what_drives(free, trials)
+    response = response_to(start, (*free.moved, *free.held), trials, RUNS)
+    problem = Problem(start, free, tuple(trials), response, held_columns(response, free))
+    best = search(problem, 1, None, None)[0]
+    took = time.process_time() - began
+    rows = []
+    for e, p in zip(estimate_all(problem, best, (), lambda text: None), free.asked, strict=True):
+        true = p.physical(start, truth[e.name])
+        rows.append(
+            {"name": e.name, "true": truth[e.name], "z": e.z, "u": e.z_u, "inside": bool(e.low <= true <= e.high)}
+        )
+    out = {"estimates": rows, "converged": best.converged, "lacking": lacking(best), "processor_s": took}
+    return out | {"steps": best.steps}
+
+
+def experiment_of_ways(seed: int, options: Run) -> dict[str, Any]:
+    """One specimen, fitted in every way."""
+    rng = np.random.default_rng([seed, 160])
+    start = model.load_action()
+    bench = Sensors(rng), Camera(rng)
+
+    def measured(specimen: model.Action, n: int, random: np.random.Generator) -> dict[str, list[MeasuredTrial]]:
+        return {
+            kind: [measure(d, film, tested().geometry_at(d.force_info.preload_n)) for d, film in some]
+            for kind in options.kinds
+            for some in [filmed(specimen, kind, n, bench, random)]
+        }
+
+    names = acting_laws_of(start, seen_as("motion", measured(start, 1, np.random.default_rng(0))))
+    free = unknowns(start, [str(name) for name in rng.choice(names, options.free, replace=False)], ["*"])
+    truth, specimen = drawn_truth(start, free, options.spread, rng)
+    by_kind = measured(specimen, options.trials, rng)
+    return {way: fitted(start, free, seen_as(way, by_kind), truth) for way in options.ways}
+
+
+def identification_channels(run: Run) -> bool:
+    """Do values identified from motion-driven trials, films and mixed sessions hold? On virtual strokes of known truth.
+
+        python -m benchmarks identification_channels [--ways force,motion,film,mixed] [--kinds forte,double]
+                                                     [--trials 5] [--free 5] [--spread 0.5] [--seeds 1,2]
+                                                     [--results FILE]
+
+    The specimen is the model with N laws drawn from their priors (those of them that act between whippen and hammer),
+    all else known; errors of force, encoders and camera are drawn once for all trials, frictions scatter by 2 % from
+    trial to trial. The same trials are fitted in each way: ``force`` drives; the measured ``motion`` of the key drives;
+    force with ``film`` of jack and repetition lever beside the encoders; ``mixed``: the first kind by force, the others
+    by motion, all filmed, in one fit. Printed: error over u of every law, how many 95 % intervals hold the truth, u,
+    processor time.
+    """
+    good = True
+    same = [run.ways, run.kinds, run.trials, run.free, run.spread]
+    errors: dict[str, list[tuple[float, bool]]] = {}
+    for (seed, *_), ways in run.cases(
+        [(seed, *same) for seed in run.seeds], lambda seed, *_: experiment_of_ways(seed, run)
+    ):
+        for way, found in ways.items():
+            settled = "settled" if found["converged"] else "NOT settled"
+            print(
+                f"seed {seed}, {way}: {settled} in {found['steps']} steps, discrepancy {found['lacking']:.3f}, "
+                f"{found['processor_s']:.0f} s of processor time"
+            )
+            table = Table("law:30s", "true z:+6.2f", "found z:+6.2f", "u:.3f", "error/u:+5.2f")
+            for e in found["estimates"]:
+                ratio = (e["z"] - e["true"]) / e["u"]
+                errors.setdefault(way, []).append((ratio, e["inside"]))
+                table.row(e["name"], e["true"], e["z"], e["u"], ratio)
+    for way, some in errors.items():
+        rms = float(np.sqrt(np.mean([r**2 for r, _ in some])))
+        hold = sum(inside for _, inside in some)
+        print(f"{way:7s} {len(some)} laws: error over u {rms:.2f} RMS, {hold} of {len(some)} 95 % intervals hold")
+        good &= may_be(0.95, hold, len(some))
+    return good
+
+
+IN_A_SESSION = 5
+KNOWN = 0.5  # of the prior
+FIXED = re.compile("normal|arc_|gravity")  # by geometry; and what is no parameter of an action
+PARTS = ("derivatives", "runs", "force noise", "learning", "each trial")
+
+
+class Clock:
+    """Processor time by part; what is called inside a part belongs to the outermost."""
+
+    def __init__(self) -> None:
+        self.spent = dict.fromkeys(PARTS, 0.0)
+        self.inside = False
+
+    @contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        """Count what happens here."""
+        if self.inside:
+            yield
+            return
+        self.inside, began = True, time.process_time()
+        try:
+            yield
+        finally:
+            self.inside = False
+            self.spent[name] += time.process_time() - began
+
+
+class Timed:
+    """The model's response, its processor time counted."""
+
+    def __init__(self, runs: ForceRuns, clock: Clock) -> None:
+        self.runs, self.clock = runs, clock
+
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
+        """As in `Response`."""
+        with self.clock.part("runs"):
+            return self.runs.curves(points, own)
+
+    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
+        """As in `Response`."""
+        with self.clock.part("derivatives"):
+            return self.runs.jacobian(z, which, own)
+
+    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
+        """As in `Response`."""
+        with self.clock.part("force noise"):
+            return self.runs.force_columns(z, own)
+
+
+@cache
+def acting_beside(kinds: tuple[str, ...]) -> tuple[str, ...]:
+    """Masses and geometry of the printed action that move an encoder in strokes of these kinds."""
+    start = model.load_action()
+    names = [p.name for p in unknowns(start, ["friction"]).small if p.paths and not FIXED.search(p.name)]
+    return acting(start, unknowns(start, names, ["*"]).asked, kinds)
+
+
+def one(free_laws: int, n: int, options: Run) -> dict[str, Any]:
+    """One fit as plain data."""
+    rng = np.random.default_rng([options.seed, free_laws])
+    start, clock, kinds = model.load_action(), Clock(), tuple(options.kinds)
+    laws = acting_laws(kinds)
+    names = list(rng.choice(laws, min(free_laws, len(laws)), replace=False))
+    if free_laws > len(laws):
+        names += list(rng.choice(acting_beside(kinds), free_laws - len(laws), replace=False))
+    free = unknowns(start, [str(name) for name in names], ["*"])
+    truth, specimen = drawn_truth(start, free, 0.5, rng)
+    sensors = Sensors(rng)
+    trials: list[ObservedTrial] = []
+    for session, first in enumerate(range(0, n, IN_A_SESSION)):
+        kind = kinds[session % len(kinds)]
+        data = played(specimen, kind, min(IN_A_SESSION, n - first), sensors, rng)
+        trials += observed(f"{kind} {session + 1}", session, data)
+    minima.refine = counted(minima.refine, clock, "each trial")
+    for name in ("learn", "likeliest"):
+        setattr(fitting, name, counted(getattr(fitting, name), clock))
+    began = time.process_time()
+    runs = Timed(ForceRuns(start, (*free.moved, *free.held), trials, RUNS), clock)
+    held = held_columns(runs, free)
+    before_fit = time.process_time() - began
+    clock.spent["derivatives"] -= before_fit
+    problem = Problem(start, free, tuple(trials), runs, held)
+    fits = search(problem, 1, None, None)
+    took, parts, best = time.process_time() - began, dict(clock.spent), fits[0]
+    found = estimate_all(problem, best, None if options.profiles else (), lambda text: None)
+    after = time.process_time() - began - took
+    off = [(e.z - truth[e.name]) / e.z_u for e in found if e.z_u < KNOWN]
+    return {
+        "free": free_laws, "trials": n, "steps": sum(f.steps for f in fits), "settled": best.converged,
+        "fixed laws": before_fit, **parts, "fit": took, "intervals": after, "fits": len(fits),
+        "known": len(off), "off": float(np.sqrt(np.mean(np.square(off)))) if off else 0.0,
+    }  # fmt: skip
+
+
+def counted(function: Any, clock: Clock, name: str = "learning") -> Any:
+    """A function of the fit whose time is that of a part."""
+    plain = getattr(function, "plain", function)
+
+    def timed(*given: Any, **named: Any) -> Any:
+        with clock.part(name):
+            return plain(*given, **named)
+
+    timed.plain = plain  # type: ignore[attr-defined]
+    return timed
+
+
+def identification_scaling(run: Run) -> bool:
+    """How long an identification takes, by number of parameters and of trials, and where the time goes.
+
+        python -m benchmarks identification_scaling [--free 3,6,12] [--trials 2,5,10] [--kinds forte] [--seed 1]
+                                                    [--profiles] [--results FILE]
+
+    Strokes as in `benchmarks.identification_coverage`: the specimen is the model with that many laws drawn, all else
+    known, five trials in a session, sessions of the kinds in turn. Where more are to be free than there are laws that
+    act, masses and geometry that act are free, too. Processor time in seconds, one row per fit: derivatives of the
+    model, runs of the model (steps, checks of derivatives), columns of what each trial has of its own (force noise),
+    learning of the sizes of noise, the end with each trial at its own scatter, and the rest. Processor time of all
+    threads is counted, so that other work on the machine does not; on an idle one with two cores the model's share
+    takes about half of it by the clock. "off" is the root mean square of error over u of those known to half their
+    prior.
+    """
+    good = True
+    heads = ("free", "trials", "fits", "steps", "fit", "fixed laws", *PARTS, "rest", "intervals", "known", "off")
+    whole = ("free", "trials", "fits", "steps", "known")
+    table = Table(*(f"{head}:{'6d' if head in whole else '6.1f'}" for head in heads), "settled:s")
+    keys = [(n, k, run.kinds, run.seed, run.profiles) for n in run.free for k in run.trials]
+    for _, row in run.cases(keys, lambda n, k, *_: one(n, k, run)):
+        row["rest"] = row["fit"] - row["fixed laws"] - sum(row[part] for part in PARTS)
+        table.row(*(row[head] for head in heads), "yes" if row["settled"] else "NO")
+        good &= row["settled"]
+    return good
+
+
+NEAR = 0.2
+SAME_NEXT = ("seed", "first", "next", "numbers", "more")
+FREE = (5, 9)
+TOLD = 0.9
+LEARNINGS = 40
+CLASSES = (
+    ("all", "predicted", np.inf),
+    ("told", "predicted", TOLD),
+    ("linear", "fisher", TOLD),
+    ("clear", "predicted", TOLD),
+)
+Part = tuple[Problem, list[Block], list[Array]]
+
+
+class Experiment:
+    """One specimen, its sensors, and its trials with their linear model at the truth."""
+
+    def __init__(self, k: int, options: Run) -> None:
+        self.rng = np.random.default_rng([options.seed, k, 163])
+        self.start = model.load_action()
+        n = int(self.rng.integers(FREE[0], FREE[1] + 1))
+        self.free: Unknowns = freed(self.start, SimpleNamespace(free=n, kinds=[options.first]), self.rng)  # type: ignore[arg-type]
+        truth, self.specimen = drawn_truth(self.start, self.free, 0.5, self.rng)
+        self.sensors = Sensors(self.rng)
+        force = force_errors(self.sensors)
+        self.z = np.array([truth[p.name] if p.paths else force[p.name] for p in self.free.moved])
+
+    def trials(self, kind: str, session: int, n: int) -> list[ObservedTrial]:
+        """Played and observed."""
+        return observed(kind, session, played(self.specimen, kind, n, self.sensors, self.rng))
+
+    def part(self, kind: str, session: int, n: int) -> Part:
+        """Trials with their linear model and residuals at z = 0 of it."""
+        problem = problem_of(self.start, self.free, self.trials(kind, session, n))
+        (curves,) = problem.response.curves([self.z])
+        if curves is None:
+            raise ValidationError("the model cannot run at the true values")
+        blocks = Columns(problem).blocks(self.z)
+        return problem, blocks, linear_residuals(problem, blocks, curves, self.z)
+
+    def learnt(self, problem: Problem, blocks: list[Block], linear: list[Array], sizes: Sizes | None = None) -> Fitted:
+        """Sizes of noise learnt from some trials, from two starts as in a fit; one of them where they were before."""
+        first = Sizes.start(problem.families, problem.seen) if sizes is None else sizes
+        marginal = likeliest(blocks, linear, first, LEARNINGS)
+        return Fitted(self.z, [], marginal, linear, 0.0, 0, True)
+
+    def errors(self, trial: ObservedTrial) -> dict[str, float]:
+        """True errors of the sensors, in standard uncertainties."""
+        s, names = self.sensors, ("key", "whippen", "hammer")
+        out = force_errors(s)
+        for e, turn, change in zip(s.config.encoders, s.turn, s.change, strict=True):
+            c = names.index(e.name)
+            out[f"{e.name} encoder scale"] = turn / trial.u_scale[c]
+            out[f"{e.name} encoder zero"] = change / trial.u_steady_rad[c]
+        return out
+
+    def better(self, fitted: Fitted, names: Sequence[str], trial: ObservedTrial) -> tuple[list[Block], list[Array]]:
+        """The same trials with half the error of a sensor."""
+        true, moved = self.errors(trial), [p.name for p in self.free.moved]
+        blocks, linear = [], []
+        for b, r in zip(fitted.marginal.blocks, fitted.linear, strict=True):
+            m, i, left = b.moved.copy(), b.instrument.copy(), r.copy()
+            for name in names:
+                columns, j = (m, moved.index(name)) if name in moved else (i, INSTRUMENT.index(name))
+                left -= (1 - HALF_KNOWN) * true[name] * columns[:, j]
+                columns[:, j] *= HALF_KNOWN
+            blocks.append(replace(b, moved=m, instrument=i))
+            linear.append(left)
+        return blocks, linear
+
+
+def experiment_next(k: int, options: Run) -> dict[str, Any]:
+    """One experiment_next as plain data; ``failed`` says why it has none."""
+    numbers, began = options.numbers, time.process_time()
+    try:
+        one = Experiment(k, options)
+        first = one.part(options.first, 0, max(numbers))
+        later = {kind: one.part(kind, 1, options.more) for kind in dict.fromkeys((options.first, options.next))}
+        dry = one.trials(options.next, 0, 1)[0]
+        better = [x for x in SENSORS if x in options.sensors]
+        rows = []
+        for n in numbers:
+            rows += predicted_and_realised(
+                one, n, first, later, Candidate(options.next, dry), better if n == numbers[0] else []
+            )
+    except (ModelError, ValidationError) as error:
+        return {"failed": str(error)}
+    return {"rows": rows, "processor_s": time.process_time() - began}
+
+
+def predicted_and_realised(
+    one: Experiment, n: int, first: Part, later: dict[str, Part], dry: Candidate, better: Sequence[str]
+) -> list[dict[str, Any]]:
+    """A row for each thing that could be done after n trials of the first kind, and each parameter."""
+    whole, blocks, linear = first
+    problem = replace(whole, trials=whole.trials[:n], held=whole.held[:n])
+    before = one.learnt(problem, blocks[:n], linear[:n])
+    ranked, refused = prospects(problem, before, [dry], len(next(iter(later.values()))[0].trials))
+    if refused:
+        raise ValidationError("; ".join(refused))
+    by_name = {p.name: p for p in ranked}
+    out = []
+    for (kind, (new, columns, left)), what in zip(later.items(), ("same", "other"), strict=True):
+        told = next(p for name, p in by_name.items() if name == kind or (what == "same" and name.startswith("more of")))
+        both = replace(problem, trials=(*problem.trials, *new.trials))
+        known = further(before, columns[0], 1).sizes
+        after = one.learnt(both, [*blocks[:n], *columns], [*linear[:n], *left], known)
+        out += compared(what, n, told, before, after)
+    for sensor in better:
+        found = one.better(before, SENSORS[sensor], whole.trials[0])
+        after = one.learnt(problem, *found, before.marginal.sizes)
+        out += compared("sensor", n, by_name[f"{sensor} known twice as well"], before, after)
+    return out
+
+
+def compared(what: str, n: int, told: Prospect, before: Fitted, after: Fitted) -> list[dict[str, Any]]:
+    """A row for each parameter."""
+    u = [np.sqrt(np.diag(f.covariance)) for f in (before, after)]
+    t = [factors(f) for f in (before, after)]
+    family = [f.marginal.sizes.scatter for f in (before, after)]
+    lack = [float(f.marginal.sizes.discrepancy.max()) for f in (before, after)]
+    return [
+        {
+            "what": what, "n": n, "name": name, "predicted": shrink, "fisher": told.fisher.get(name, shrink),
+            "limits": told.range(name), "realised": u[1][j] / u[0][j], "u": u[0][j], "t": [t[0][j], t[1][j]],
+            "scatter": [f[j] for f in family], "lacking": lack,
+        }
+        for j, (name, shrink) in enumerate(told.shrink.items())
+    ]  # fmt: skip
+
+
+def table_next(rows: Sequence[dict[str, Any]]) -> bool:
+    """Print what is within a fifth, and inside the limits, by what is done and by the number of first trials.
+
+    Returns whether limits may hold as often as stated.
+    """
+    good = True
+    shown = Table(
+        "next:7s", "trials:d", "of:6s", "shrinks:d", "within 20 %:d", "share:.2f", "real/told:.2f", "spread:.2f",
+        "limits hold:d", "share:.2f", "99 % low:.2f", "high:.2f", "half as wide:.0%",
+    )  # fmt: skip
+    whole = [r for kept in rows for r in kept.get("rows", ())]
+    for what, n in dict.fromkeys((r["what"], r["n"]) for r in whole):
+        for name, by, most in CLASSES:
+            here = [r for r in whole if (r["what"], r["n"]) == (what, n) and r["fisher"] < most]
+            here = [r for r in here if name != "clear" or r["lacking"][0] <= LACKING]
+            if not here or (what == "sensor" and name == "linear"):
+                continue
+            off = np.log([r["realised"] / r[by] for r in here])
+            near = int(np.sum((off <= np.log(1 + NEAR)) & (off >= np.log(1 - NEAR))))
+            limits: list[Any] = [None] * 5
+            if by == "predicted" and any(r["limits"][0] < r["limits"][1] for r in here):
+                hold = sum(r["limits"][0] <= r["realised"] <= r["limits"][1] for r in here)
+                good &= may_be(0.95, hold, len(here))
+                wide = np.median([np.log(r["limits"][1] / r["limits"][0]) / 2 for r in here])
+                limits = [hold, hold / len(here), *interval(hold, len(here), 0.99), np.expm1(wide)]
+            shown.row(what, n, name, len(here), near, near / len(here), np.exp(np.median(off)), np.std(off), *limits)
+    print(f"experiments {len(rows)}, could not be played {sum('failed' in r for r in rows)}")
+    return good
+
+
+def record_next_sizes(run: Run) -> bool:
+    """How often are predicted shrinks realised, and their 95 % limits right? Many experiments, without fits.
+
+        python -m benchmarks record_next_sizes [--sessions 20] [--first forte] [--next double] [--numbers 5,10]
+                                               [--more 5] [--sensors NAMES] [--seed 1] [--results FILE] [--minutes M]
+
+    Specimen = model; five to nine laws drawn at random are free, their truth and the errors of force and encoders drawn
+    from their priors, all frictions scatter by 2 % from trial to trial (`benchmarks.identification_coverage`). As many
+    trials of the first kind as ``--numbers`` say are played; sizes of noise are learnt from them on the linear model at
+    the truth; shrinks are predicted as `identify --plan` does: for more trials of the same kind in a session of their
+    own, for another kind, and for each sensor known twice as well. Then these trials are played, sizes are learnt
+    again, and u after over u before is compared with what was predicted. A sensor known twice as well has half its
+    error.
+
+    There is no fit: what it shows is how well sizes of noise are known, not where a fit ends. ``told``: parameters
+    whose u is to shrink by more than a tenth; all others are easily right. ``linear``: these by the Fisher information
+    alone, without the rehearsal (`validation.identification.further`); ``clear``: those of ``told`` where after the
+    first trials the model is not said to lack anything.
+    """
+    same = [getattr(run, name) for name in SAME_NEXT]
+    found = run.cases([(k, *same) for k in range(run.sessions)], lambda k, *_: experiment_next(k, run))
+    return table_next([row for _, row in found])

@@ -7,7 +7,8 @@
     python -m benchmarks figures                             # write docs/figures.md (`benchmarks.figures`)
 
 ``registry.toml`` names each benchmark's claim, the code that it measures, its full size (which are its options) and its
-quick one. A benchmark is a module with ``main(run)``; what it returns is whether its answers are right, or nothing.
+quick one. A benchmark is a module with ``main(run)``, or a function of its name in the module that the registry names;
+what it returns is whether its answers are right, or nothing.
 Exit code 0: right; 1: a claim or an answer is wrong; 3: cases are left to run.
 """
 
@@ -16,6 +17,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import importlib.util
+import inspect
 import json
 import multiprocessing
 import os
@@ -278,6 +280,14 @@ def lacking(entry: Mapping[str, Any]) -> list[str]:
     return packages + [name for name in entry.get("commands", ()) if shutil.which(name) is None]
 
 
+def benchmark(name: str, entry: Mapping[str, Any]) -> tuple[Callable[[Run], bool | None], str]:
+    """What is run, and what it says of itself: ``main`` of its module, or the function of its name in another's."""
+    module = importlib.import_module(f"benchmarks.{entry.get('module', name)}")
+    if "module" not in entry:
+        return module.main, module.__doc__ or ""
+    return getattr(module, name), inspect.getdoc(getattr(module, name)) or ""
+
+
 def show_list(entries: Mapping[str, Mapping[str, Any]]) -> None:
     """Print every benchmark with its claim."""
     print(__doc__)
@@ -298,18 +308,18 @@ def main(arguments: Sequence[str]) -> int:
         print(f"\nbenchmark: found {name}, allowed are the names above", file=sys.stderr)
         return 2
     entry = entries[name]
-    module = importlib.import_module(f"benchmarks.{name}") if not (absent := lacking(entry)) else None
-    run = parsed(name, arguments[1:], (module.__doc__ if module else entry["claim"]) or "")
+    work, said = (None, entry["claim"]) if (absent := lacking(entry)) else benchmark(name, entry)
+    run = parsed(name, arguments[1:], said)
     if run.write and run.quick:
         raise SystemExit("--write: found --quick, allowed is the full size: a small run is no figure")
-    if module is None:
+    if work is None:
         print(f"skipped: {name} needs {', '.join(absent)}: not installed")
         return 0
     if run.against is not None and not entry.get("against", False):
         before = ["", *arguments]
         own = [a for a, last in zip(arguments, before, strict=False) if "--against" not in (a.partition("=")[0], last)]
         return with_packages_of(run.against, own)
-    answer = module.main(run)
+    answer = work(run)
     good = answer is None or bool(answer)
     if run.left:
         print(f"{run.left} cases are left: run the same command again", file=sys.stderr)

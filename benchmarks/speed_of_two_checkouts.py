@@ -19,7 +19,7 @@ import numpy as np
 
 import vision
 from benchmarks.runner import ROOT, Checkout, Run, Table, checkouts
-from benchmarks.tracking_cases import blow
+from benchmarks.tracking import blow
 from rig.simulated import CameraSettings, film_bodies, film_trial
 
 LARGEST_RATIO = 1.05

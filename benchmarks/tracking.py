@@ -21,24 +21,273 @@ from __future__ import annotations
 import importlib.util
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import tracking_cases
-from benchmarks.runner import Run, Table
-from benchmarks.tracking_cases import blow
-from benchmarks.tracking_peers import by_lucas_kanade, by_templates
+import vision.fitting.frame_spline as frame_spline
+import vision.fitting.icgn as icgn
+import vision.frame_fit.frame_fit as frame_fit
+import vision.tracking.track_film as tracking
+from benchmarks.runner import Run, Table, in_turns, least
 from rig.simulated import CameraSettings, FilmTruth, film_bodies, film_trial
-from vision.angles import picture_to_ccw
+from vision.angles import ccw_to_picture, picture_to_ccw
+from vision.bodies.masks import build_masks
+from vision.bodies.outlines import Body
+from vision.film.avi_writer import write_avi
+from vision.film.mraw import write_mraw
 from vision.film.open import open_film
-from vision.film.source import Film
-from vision.fitting.template import Template
+from vision.film.source import ArrayFilm, Film
+from vision.fitting.template import Template, design_columns
+from vision.results.flags import FrameFlag
+from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, total_noise, wood_grain
 from vision.tracking.prepare import prepare
 from vision.tracking.track_film import track_film
+
+HEIGHT, WIDTH, BAR_STILL, NOISE = 220, 260, 40, 2.0
+PIVOT = (105.0, 110.0)
+MDEG = np.radians(1e-3)
+
+
+REST = np.array([0.0251, 0.3198, 0.3523])  # whippen, jack, repetition lever
+
+
+def smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Step from 0 to 1 as x goes from 0 to 1, with zero speed and acceleration at both ends."""
+    x = np.clip(x, 0.0, 1.0)
+    return x**3 * (10 - 15 * x + 6 * x * x)
+
+
+def blow(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles of a fast blow, rad, with peak speeds of 4, 25 and 14 rad/s."""
+    down = 1.0 - smooth_step((time_s - 0.20) / 0.06)
+    return REST + np.column_stack(
+        [
+            0.09 * smooth_step((time_s - 0.06) / 0.04) * down,
+            -0.35 * smooth_step((time_s - 0.08) / 0.026) * down,
+            0.22 * smooth_step((time_s - 0.07) / 0.03) * down,
+        ]
+    )
+
+
+def bar_scene(texture: str, seed: int) -> Scene:
+    """A bar with 10,584 usable pixels in front of a background."""
+    extent = (-56.0, -52.0, 90.0, 52.0)
+    make = speckle(extent, seed) if texture == "speckle" else wood_grain(extent, seed, direction_rad=0.15)
+    return Scene([SyntheticBody("bar", box(-50.0, -46.0, 84.0, 46.0), make)], background(HEIGHT, WIDTH, seed + 1))
+
+
+def bar_pose(n: int, turn_rad: float = 0.3) -> NDArray[np.float64]:
+    """Poses (n, 3): at rest, then a rotation with drift."""
+    s = smooth_step((np.arange(n) - BAR_STILL - 2) / (n - BAR_STILL - 10))
+    return np.column_stack([turn_rad * s, PIVOT[0] + 8 * s, PIVOT[1] - 5 * s])
+
+
+def cover_of(frame: int, width: int) -> slice:
+    """Image columns occluded by a dark bar of ``width`` px."""
+    left = 40 + int(0.45 * max(0, frame - BAR_STILL))
+    return slice(left, left + width) if frame > BAR_STILL and width else slice(0, 0)
+
+
+def one_body(texture: str, cover_px: int, n: int = 400, seed: int = 3) -> dict[str, float]:
+    """Track the bar alone from an MRAW film: RMS over the bound for the visible pixels, coverage, frames per second."""
+    scene, pose = bar_scene(texture, seed), bar_pose(n)
+    sensor, frames = Sensor(NOISE, 8, seed), []
+    for i in range(n):
+        light = scene.light(pose[i][None, None]).copy()
+        light[:, cover_of(i, cover_px)] = 25.0
+        frames.append(sensor.expose(light, 1.0 + 0.05 * np.cos(0.37 * i)))
+    body = Body("bar", scene.bodies[0].outline(*pose[0]))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bar.mraw"
+        write_mraw(path, frames, 2000.0)
+        track_film(path, [body], every=n // 4, n_still=BAR_STILL)  # compiles, and fills the page cache
+        seconds = least(lambda: track_film(path, [body], n_still=BAR_STILL), 3)
+        result = track_film(path, [body], n_still=BAR_STILL)
+    error = result.angle_rad[:, 0] - (pose[:, 0] - pose[:BAR_STILL, 0].mean())
+    moving = slice(BAR_STILL + 1, None)
+    bound, hidden = visible_bounds(scene, body, pose, cover_px)
+    z = error[moving] / result.u_angle_rad[moving, 0]
+    return {
+        "pixels": float(result.info["pixels"]["bar"]),
+        "hidden": float(hidden[moving].max()),
+        "rms_mdeg": float(np.sqrt(np.nanmean(error[moving] ** 2)) / MDEG),
+        "ratio": float(np.sqrt(np.nanmean((error[moving] / bound[moving]) ** 2))),
+        "cover95": float(np.mean(np.abs(z[np.isfinite(z)]) < 1.96)),
+        "z_std": float(np.nanstd(z)),
+        "lost": float(result.failed.sum()),
+        "frames_per_s": n / seconds,
+    }
+
+
+def against_pyidi(texture: str, n: int = 110, seed: int = 3) -> dict[str, float]:
+    """The unoccluded bar, ours and pyIDI's rigid DIC on the same rectangle: RMS (mdeg), frames per CPU second."""
+    import pyidi
+
+    scene, pose = bar_scene(texture, seed), bar_pose(n)
+    sensor = Sensor(NOISE, 8, seed)
+    frames = np.stack([sensor.expose(scene.light(p[None, None])) for p in pose])
+    body = Body("bar", scene.bodies[0].outline(*pose[0]))
+    rows, columns = np.nonzero(build_masks([body], HEIGHT, WIDTH)[0])
+    size = [int(np.ptp(v)) // 2 * 2 + 1 for v in (rows, columns)]
+    with tempfile.TemporaryDirectory() as folder:
+        start = time.process_time()
+        dic = pyidi.DIC(pyidi.VideoReader(input_file=frames, root=folder))
+        dic.set_points(points=np.array([[round(rows.mean()), round(columns.mean())]]))
+        dic.configure(roi_size=size, warp="rigid", verbose=0, show_pbar=False)
+        dic.get_displacements(autosave=False)
+        theirs_s = time.process_time() - start
+    film = ArrayFilm(frames, 2000.0)
+    track_film(film, [body], every=n // 4, n_still=BAR_STILL)
+    start = time.process_time()
+    result = track_film(film, [body], n_still=BAR_STILL)
+    ours_s = time.process_time() - start
+    true = pose[:, 0] - pose[:BAR_STILL, 0].mean()
+    phi = -dic.warp_params[0, :, 2]
+    theirs = phi - phi[:BAR_STILL].mean() - true
+    ours = result.angle_rad[:, 0] - true
+
+    def rms(error: NDArray[np.float64]) -> float:
+        return float(np.sqrt(np.nanmean(error[BAR_STILL + 1 :] ** 2)) / MDEG)
+
+    return {"ours": rms(ours), "pyidi": rms(theirs), "ours_per_s": n / ours_s, "pyidi_per_s": n / theirs_s}
+
+
+def visible_bounds(
+    scene: Scene, body: Body, pose: NDArray[np.float64], cover_px: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cramer-Rao bound of the angle from the visible pixels, rad, and occluded share, frame by frame."""
+    picture = scene.light(pose[0][None, None])
+    mask = build_masks([body], HEIGHT, WIDTH)[0]
+    rows, columns = np.nonzero(mask)
+    design, _, _ = design_columns(picture, mask, (float(columns.mean()), float(rows.mean())))
+    bound, hidden = np.empty(len(pose)), np.empty(len(pose))
+    arm = np.stack([columns - PIVOT[0], rows - PIVOT[1]])
+    for i, (angle, x, _) in enumerate(pose):
+        phi = float(ccw_to_picture(angle))
+        at = x + np.cos(phi) * arm[0] - np.sin(phi) * arm[1]
+        bar = cover_of(i, cover_px)
+        seen = (at < bar.start - 0.5) | (at > bar.stop - 0.5)
+        normal = design[seen].T @ design[seen]
+        bound[i] = total_noise(NOISE, 8) * np.sqrt(np.linalg.inv(normal)[0, 0])
+        hidden[i] = 1.0 - seen.mean()
+    return bound, hidden
+
+
+def many_films(count: int, n: int, quality: int | None) -> tuple[float, float, float, int]:
+    """Whippen and both relative angles of ``count`` films: coverage of the 95 % interval, spread of error over u,
+    largest error (mdeg) of a frame without a flag, total frames."""
+    z, largest, total = [], 0.0, 0
+    for seed in range(count):
+        texture = ("wood", "speckle")[seed % 2]
+        settings = replace(CameraSettings(), texture=texture)
+        rng = np.random.default_rng(seed)
+        shift, size = rng.uniform(-0.01, 0.02), rng.uniform(0.6, 1.0)
+        with tempfile.TemporaryDirectory() as folder:
+            path: Path = Path(folder) / "film.mraw"
+            times = 62.5e-6 + np.arange(n) / settings.frame_rate_hz
+            truth = film_trial(
+                path, times, lambda t, a=shift, b=size: REST + b * (blow(t - a) - REST), settings=settings, seed=seed
+            )
+            if quality is not None:
+                avi = Path(folder) / "film.avi"
+                with open_film(path) as film:
+                    write_avi(avi, (film.read(i) for i in range(n)), settings.frame_rate_hz, quality=quality)
+                path = avi
+            result = track_film(path, film_bodies(settings=settings), times)
+        still = slice(0, result.n_still)
+        true = truth.mean_angle_rad - truth.mean_angle_rad[still].mean(axis=0)
+        for name, angle, u, flag in [
+            ("whippen", result.angle_rad[:, 0], result.u_angle_rad[:, 0], result.flag[:, 0]),
+            *((body, *result.relative(body)) for body in ("jack", "repetition")),
+        ]:
+            error = angle - true[:, truth.bodies.index(name)]
+            good = np.isfinite(error)
+            z.append(error[good] / u[good])
+            doubtful = int(FrameFlag.IMPRECISE | FrameFlag.WIDENED | FrameFlag.COVERED)
+            largest = max(largest, float(np.abs(error[good & ((flag & doubtful) == 0)]).max(initial=0.0)))
+        total += n
+    everything = np.concatenate(z)
+    return float(np.mean(np.abs(everything) < 1.96)), float(everything.std()), largest / MDEG, total
+
+
+def by_lucas_kanade(film: Film, templates: list[Template], picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Each frame is rotated back by the previous pose, 80 corners are tracked, and a rigid fit gives the increment."""
+    phi = np.full((film.n_frames, len(templates)), np.nan)
+    corners, poses = [], []
+    for template in templates:
+        mask = np.zeros(picture.shape, dtype=np.uint8)
+        columns, rows = np.rint(template.offset_px + np.array(template.centre_px)[:, None]).astype(int)
+        mask[rows, columns] = 255
+        corners.append(cv2.goodFeaturesToTrack(picture, 80, 0.01, 5, mask=mask))
+        poses.append(np.zeros(3))
+    height, width = picture.shape
+    for index in range(film.n_frames):
+        frame = np.ascontiguousarray(film.read(index))
+        for i, template in enumerate(templates):
+            turn, tx, ty = poses[i]
+            c, s = np.cos(turn), np.sin(turn)
+            cx, cy = template.centre_px
+            warp = np.array([[c, -s, cx + tx - c * cx + s * cy], [s, c, cy + ty - s * cx - c * cy]])
+            back = cv2.warpAffine(frame, warp, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+            found, status, _ = cv2.calcOpticalFlowPyrLK(picture, back, corners[i], None, winSize=(21, 21), maxLevel=2)
+            good = status[:, 0] == 1
+            if np.count_nonzero(good) < 8:
+                continue
+            fit, _ = cv2.estimateAffinePartial2D(corners[i][good], found[good], ransacReprojThreshold=0.5)
+            if fit is None:
+                continue
+            more = float(np.arctan2(fit[1, 0], fit[0, 0]))
+            centre = fit @ np.array([cx, cy, 1.0])
+            moved = warp @ np.array([centre[0], centre[1], 1.0])
+            poses[i] = np.array([turn + more, moved[0] - cx, moved[1] - cy])
+            phi[index, i] = poses[i][0]
+    return phi
+
+
+def by_templates(film: Film, templates: list[Template], picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Two 31 px squares per body, matched without rotation, with a parabola for the subpixel part."""
+    phi = np.full((film.n_frames, len(templates)), np.nan)
+    half, reach = 15, 8
+    marks = []
+    for template in templates:
+        offset = template.offset_px.T.astype(float)
+        axis = np.linalg.svd(offset - offset.mean(0), full_matrices=False)[2][0]
+        along = offset @ axis
+        ends = [offset[np.abs(along - np.quantile(along, q)) < 6].mean(0) for q in (0.1, 0.9)]
+        marks.append(np.rint(np.array(ends) + template.centre_px).astype(int))
+    inside = (half + reach, picture.shape[1] - half - reach - 1, picture.shape[0] - half - reach - 1)
+    marks = [np.clip(m, inside[0], inside[1:]) for m in marks]
+    patches = [[picture[y - half : y + half + 1, x - half : x + half + 1] for x, y in m] for m in marks]
+    places = [m.astype(float) for m in marks]
+    for index in range(film.n_frames):
+        frame = np.ascontiguousarray(film.read(index))
+        for i, pair in enumerate(patches):
+            for k, patch in enumerate(pair):
+                x, y = np.clip(np.rint(places[i][k]).astype(int), inside[0], inside[1:])
+                window = frame[y - half - reach : y + half + reach + 1, x - half - reach : x + half + reach + 1]
+                score = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
+                _, _, _, (bx, by) = cv2.minMaxLoc(score)
+                places[i][k] = (x + bx - reach + peak(score[by], bx), y + by - reach + peak(score[:, bx], by))
+            before, now = marks[i][1] - marks[i][0], places[i][1] - places[i][0]
+            phi[index, i] = np.arctan2(before[0] * now[1] - before[1] * now[0], before[0] * now[0] + before[1] * now[1])
+    return phi
+
+
+def peak(score: NDArray[Any], at: int) -> float:
+    """Subpixel offset of the peak of a parabola through three scores from the highest one."""
+    if not 0 < at < score.size - 1:
+        return 0.0
+    left, middle, right = float(score[at - 1]), float(score[at]), float(score[at + 1])
+    bend = left - 2 * middle + right
+    return 0.5 * (left - right) / bend if bend < 0 else 0.0
+
 
 N_STILL = 64
 Row = tuple[str, NDArray[np.float64], float, NDArray[np.int64]]
@@ -97,14 +346,14 @@ def one_body_rows() -> list[str]:
     )  # fmt: skip
     for texture, fewest in (("speckle", 1000.0), ("wood", 600.0)):
         for cover_px in (0, 42):
-            row = tracking_cases.one_body(texture, cover_px)
+            row = one_body(texture, cover_px)
             table.row(texture, *(row[head] for head in table.heads[1:]))
             if row["ratio"] > 1.15 or row["lost"]:
                 failures.append(f"one body, {texture}, {row['hidden']:.2f} hidden: ratio at most 1.15, none lost")
             if cover_px == 0 and row["frames_per_s"] < fewest:
                 failures.append(f"one body, {texture}: {fewest:.0f} frames/s")
         if importlib.util.find_spec("pyidi") is not None:
-            row = tracking_cases.against_pyidi(texture)
+            row = against_pyidi(texture)
             # pyIDI's best case: an axis-aligned rectangle, with angles zeroed on the still frames like ours
             print(
                 f"  {texture:9s}same rectangle: ours {row['ours']:.2f} mdeg at {row['ours_per_s']:.0f}/s, pyIDI "
@@ -119,7 +368,7 @@ def film_rows(count: int, quick: bool) -> list[str]:
     print(f"\n{count} films of three bodies, whippen and relative angles")
     table = Table("films:10s", "frames:d", "95 % covers:.3f", "error/u:.3f", "largest without a flag, mdeg:.1f")
     for name, quality in (("raw", None), ("MJPEG q95", 95)):
-        coverage, spread, largest, total = tracking_cases.many_films(count, 220, quality)
+        coverage, spread, largest, total = many_films(count, 220, quality)
         table.row(name, total, coverage, spread, largest)
         if not quick and not (0.93 <= coverage <= 0.97 and 0.9 <= spread <= 1.1):
             failures.append(f"{name}: coverage 0.93 to 0.97, spread 0.9 to 1.1")
@@ -173,3 +422,88 @@ def main(run: Run) -> bool:
     for failure in failures:
         print(f"FAILED {failure}")
     return not failures
+
+
+PARTS = (
+    (tracking, "prepare", "before the first frame"),
+    (tracking, "assemble_result", "after the last frame"),
+    (tracking, "track_forward", "frames"),
+    (frame_fit, "walk", "  frames in one call (leaves the lock)"),
+    (frame_fit, "fit_bodies", "  rest of a doubtful frame (leaves it)"),
+    (frame_spline, "prefilter", "  spline filter, called by Python (leaves it)"),
+    (icgn, "fit_rigid", "  fit, called by Python (leaves it)"),
+)
+LEAVES = "leaves"
+
+
+def parts_of(run: Callable[[], Any]) -> Counter[str]:
+    """Processor time (ns) of one run by part."""
+    spent: Counter[str] = Counter()
+
+    def timed(work: Callable[..., Any], name: str) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:
+            start = time.thread_time_ns()
+            try:
+                return work(*arguments, **named)
+            finally:
+                spent[name] += time.thread_time_ns() - start
+
+        return call
+
+    kept = [(where, what, getattr(where, what)) for where, what, _ in PARTS]
+    for where, what, name in PARTS:
+        setattr(where, what, timed(getattr(where, what), name))
+    try:
+        start = time.thread_time_ns()
+        run()
+        spent["whole"] = time.thread_time_ns() - start
+    finally:
+        for where, what, work in kept:
+            setattr(where, what, work)
+    return spent
+
+
+def tracking_threads(asked: Run) -> bool:
+    """Tracking by one and by two threads, and where a frame's time goes: three bodies of 400 x 304, per texture.
+
+        python -m benchmarks tracking_threads [--frames 600] [--turns 6]
+
+    One and two threads alternate; the best wall time of each counts, so that it says something on a machine at rest
+    only. The parts are processor time of the tracking thread (one thread): what leaves Python's lock to others, and
+    what holds it. With two threads, the parts before and after are shared out by bodies, frames and cameras. The RMS
+    error of the angles (jack and lever relative to the whippen) stands beside, and whether both gave the same bits.
+    """
+    cv2.setNumThreads(1)
+    same = True
+    for texture in ("wood", "speckle"):
+        settings = CameraSettings(texture=texture)
+        times = 62.5e-6 + np.arange(asked.frames) / settings.frame_rate_hz
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "film.mraw"
+            truth, bodies = film_trial(path, times, blow, settings=settings, seed=1), film_bodies(settings=settings)
+
+            def run(threads: int, path: Path = path, bodies: Any = bodies, truth: Any = truth) -> Any:
+                return tracking.track(path, bodies, truth.frame_time_s, n_still=N_STILL, threads=threads)
+
+            jobs = {1: lambda run=run: run(1), 2: lambda run=run: run(2)}
+            rates = [asked.frames / spent.min() for spent in in_turns(jobs, asked.turns, time.perf_counter).values()]
+            angle = {threads: run(threads).angle_rad for threads in jobs}
+            spent = min((parts_of(jobs[1]) for _ in range(3)), key=lambda one: one["whole"])
+        same &= np.array_equal(angle[1], angle[2], equal_nan=True)
+        true = truth.mean_angle_rad - truth.mean_angle_rad[:N_STILL].mean(axis=0)
+        found = angle[1] - np.column_stack([np.zeros(len(true)), angle[1][:, 0], angle[1][:, 0]])
+        rms = np.degrees(np.sqrt(np.mean((found - true) ** 2, axis=0))) * 1e3
+        print(
+            f"\n{texture}: {rates[0]:.0f} frames/s by one thread, {rates[1]:.0f} by two ({rates[1] / rates[0]:.2f} x)"
+        )
+        print(f"  RMS, mdeg: whippen {rms[0]:.2f}, jack {rms[1]:.2f}, lever {rms[2]:.2f}; same bits: {same}")
+        free = sum(spent[name] for *_, name in PARTS if LEAVES in name)
+        spent["  Python, and short compiled calls"] = spent["frames"] - free
+        for name in (*(name for *_, name in PARTS), "  Python, and short compiled calls", "whole"):
+            print(f"  {name:50s}{spent[name] / 1e3 / asked.frames:8.0f} us a frame")
+        held, ends = spent["frames"] - free, spent["whole"] - spent["frames"]
+        print(
+            f"  of a frame's time {free / spent['frames']:.0%} leaves the lock; with all else done alone, two threads "
+            f"give at most {spent['whole'] / (max(0.5 * spent['frames'], held) + ends):.2f} x"
+        )
+    return bool(same)

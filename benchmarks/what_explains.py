@@ -29,8 +29,7 @@ import numpy as np
 
 import model
 from benchmarks.bench_strokes import BENCH
-from benchmarks.planted_faults import delayed, louder
-from benchmarks.planted_sweep import stroke_of
+from benchmarks.planted_sweep import delayed, louder, stroke_of
 from benchmarks.runner import Run, Table, may_be
 from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo

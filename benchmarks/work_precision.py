@@ -14,30 +14,205 @@ Wrong is: an error of ours exceeds twice its requested tolerance, or the referen
 
 from __future__ import annotations
 
+import contextlib
 import json
+import math
+import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import BDF, LSODA, Radau
 
 import model
 from benchmarks.figures import machine
 from benchmarks.methods import COMPARISON
 from benchmarks.peers import solvers, traced
-from benchmarks.peers.compiled import CompiledEquations, pack
-from benchmarks.peers.cvode_from_c import version
-from benchmarks.peers.diagram import draw
+from benchmarks.peers.compiled import BLOWS, CompiledEquations, CompiledJacobian, force_table, pack
 from benchmarks.peers.equations import largest_deviation
-from benchmarks.peers.forces import BLOWS, force_table
-from benchmarks.peers.jacobian import CompiledJacobian
-from benchmarks.peers.race import Entry, Row, race, time_at_error
+from benchmarks.peers.solvers import Answer, Solver, version
 from benchmarks.runner import Run, Table
 from model.integrators.methods import DEFAULT_METHOD, METHODS
+
+ENOUGH_S = 1.5  # a run that has taken this long in total is not repeated
+
+
+@dataclass
+class Row:
+    """One method at one tolerance on one blow."""
+
+    blow: str
+    method: str
+    ours: bool
+    tolerance: float
+    error_rad: float
+    best_s: float
+    repeats: int
+    steps: int | None
+    rejected: int | None
+    rhs: int | None
+    jacobians: int | None
+
+
+@dataclass
+class Entry:
+    """A competing method: its name, solver and tolerances."""
+
+    method: str
+    ours: bool
+    solver: Solver
+    tolerances: tuple[float, ...]
+    warm: bool = True  # one uncounted warm-up run
+
+
+def race(
+    blow: str,
+    entries: Iterable[Entry],
+    reference_rad: NDArray[np.float64],
+    repeats: int,
+    say: Callable[[str], None],
+) -> list[Row]:
+    """Run all entries on one blow; a peer that fails at a tolerance is reported through ``say`` and left out."""
+    rows: list[Row] = []
+    runs: list[tuple[Row, Solver]] = []
+    for entry in entries:
+        if entry.warm:
+            with contextlib.suppress(RuntimeError, ArithmeticError):  # reported below, with its tolerance
+                entry.solver(max(entry.tolerances))
+        for tolerance in entry.tolerances:
+            runs.append(
+                (Row(blow, entry.method, entry.ours, tolerance, math.nan, math.inf, 0, *[None] * 4), entry.solver)
+            )
+    spent = {id(row): 0.0 for row, _ in runs}
+    for number in range(repeats):
+        for row, solver in runs:
+            if number and (row.repeats == 0 or spent[id(row)] > ENOUGH_S):
+                continue
+            start = time.process_time()
+            try:
+                answer = solver(row.tolerance)
+            except Exception as problem:
+                if row.ours:
+                    raise
+                say(f"{blow}: {row.method} at {row.tolerance:.0e} failed: {problem}")
+                continue
+            took = time.process_time() - start
+            spent[id(row)] += took
+            row.best_s = min(row.best_s, took)
+            row.repeats += 1
+            if number == 0:
+                _fill(row, answer, reference_rad)
+    rows += [row for row, _ in runs if row.repeats]
+    return rows
+
+
+def _fill(row: Row, answer: Answer, reference_rad: NDArray[np.float64]) -> None:
+    row.error_rad = float(np.abs(answer.angle_rad - reference_rad).max())
+    row.steps, row.rejected, row.rhs, row.jacobians = answer.steps, answer.rejected, answer.rhs, answer.jacobians
+
+
+def time_at_error(rows: list[Row], error_rad: float) -> float | None:
+    """Time (s) in which a method reaches an error, interpolated on the log-log line between its best points.
+
+    If even its cheapest run is more accurate, that run's time; None if no run is accurate enough.
+    """
+    best: list[tuple[float, float]] = []
+    for row in sorted(rows, key=lambda r: r.best_s):
+        if math.isfinite(row.error_rad) and row.error_rad > 0 and (not best or row.error_rad < best[-1][0]):
+            best.append((row.error_rad, row.best_s))
+    if not best or best[-1][0] > error_rad:
+        return None
+    errors, times = np.log([b[0] for b in best])[::-1], np.log([b[1] for b in best])[::-1]
+    return float(np.exp(np.interp(math.log(error_rad), errors, times)))
+
+
+OURS = ("#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7")
+OUR_MARKS = "osDP*"
+MARKS = {
+    "CVODE from C": ("#000000", "^"),
+    "scikit-sundae CVODE": ("#CC79A7", "v"),
+    "SciPy odeint (LSODA)": ("#E69F00", "<"),
+    "SciPy LSODA": ("#009E73", ">"),
+    "CasADi CVODES": ("#56B4E9", "h"),
+    "diffrax Kvaerno5": ("#CC79A7", "p"),
+    "SciPy BDF": ("#666666", "x"),
+    "SciPy Radau": ("#666666", "+"),
+    "explicit DOP853 compiled": ("#999999", "d"),
+    "plain NumPy with LSODA": ("#D55E00", "*"),
+}
+
+
+def draw(rows: Sequence[Row], blows: Sequence[str], default: str, path: Path) -> None:
+    """Write the diagram of ``rows`` to ``path`` (SVG, or whatever its suffix says)."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "work-precision", "font.size": 9})
+    import matplotlib.pyplot as plt
+    from matplotlib.ticker import LogLocator
+
+    columns = min(3, len(blows) + 1)
+    lines = -(-(len(blows) + 1) // columns)
+    figure, axes = plt.subplots(
+        lines, columns, figsize=(3.6 * columns, 3.5 * lines), sharex=True, sharey=True, squeeze=False
+    )
+    panels = list(axes.flat)
+    handles: dict[str, object] = {}
+    methods = list(dict.fromkeys(r.method for r in rows))
+    ours = [m for m in methods if any(r.ours for r in rows if r.method == m)]
+    ours.sort(key=lambda m: m != default)
+    for panel, blow in zip(panels, blows, strict=False):
+        for method in [*(m for m in methods if m not in ours), *reversed(ours)]:
+            points = sorted(
+                (r.tolerance, r.error_rad, r.best_s * 1e3) for r in rows if r.blow == blow and r.method == method
+            )
+            if not points:
+                continue
+            if method in ours:
+                k = ours.index(method) % len(OURS)
+                style = {"color": OURS[k], "marker": OUR_MARKS[k], "lw": 2.2, "ms": 5, "ls": "-", "zorder": 3}
+            else:
+                colour, mark = MARKS.get(method, ("#666666", "."))
+                face = {} if mark in "x+" else {"mfc": "white"}
+                style = {"color": colour, "marker": mark, "lw": 1.0, "ms": 5, "ls": "--", **face}
+            (handles[method],) = panel.plot([p[1] for p in points], [p[2] for p in points], label=method, **style)
+        panel.set_title(blow, loc="left", fontsize=10, fontweight="bold")
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.grid(True, which="major", color="#dddddd", lw=0.6)
+        panel.xaxis.set_major_locator(LogLocator(numticks=7))
+        panel.minorticks_off()
+        panel.tick_params(labelbottom=True, labelleft=True)
+        panel.set_xlabel("largest angle error, rad")
+        panel.set_ylabel("run time, ms")
+    panels[0].invert_xaxis()
+    for panel in panels[len(blows) :]:
+        panel.set_axis_off()
+    order = [*ours, *(m for m in MARKS if m in handles)]
+    panels[len(blows)].legend(
+        [handles[m] for m in order],
+        [m.replace("ours ", "ours, ") + (" (default)" if m == default else "") for m in order],
+        loc="center",
+        frameon=False,
+        fontsize=9,
+        handlelength=3.2,
+        title="0.7 s of motion, one core;\nlower right is better",
+    )
+    figure.tight_layout()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None, dpi=110)
+    plt.close(figure)
+    if path.suffix == ".svg":  # a hundredth of a point is enough and halves the file size
+        text = path.read_text(encoding="utf-8")
+        text = re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), text)
+        path.write_text(text, encoding="utf-8")
+
 
 OUR_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ...]]] = {

@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.peers.cvode_from_c import Unavailable
 from benchmarks.peers.equations import N, accelerations
-from benchmarks.peers.solvers import Answer, Solver, Task
+from benchmarks.peers.solvers import Answer, Solver, Task, Unavailable
 
 Array = NDArray[np.float64]
 # one set of equations serves all blows; CasADi itself recompiles their derivatives once they have been released

@@ -26,23 +26,6 @@ EVERY_TIME = (
 )
 
 
-class _Notice:
-    """Speaks at the first compilation that is not part of another one."""
-
-    def __init__(self) -> None:
-        self._inside = threading.local()
-        self._said = False
-
-    def notify(self, event: Any) -> None:
-        """Take an event of numba; its data name the compiled function."""
-        depth = getattr(self._inside, "depth", 0)
-        if event.is_start and not depth and not self._said:
-            self._said = True
-            cached = event.data["dispatcher"].stats.cache_path is not None
-            say(ONCE if cached else EVERY_TIME)
-        self._inside.depth = depth + (1 if event.is_start else -1)
-
-
 class _OnImport(MetaPathFinder):
     """Registers the notice as soon as numba's events are imported."""
 
@@ -67,14 +50,19 @@ class _OnImport(MetaPathFinder):
 
 
 def _listener(events: Any) -> Any:
-    notice = _Notice()
+    """Speaks at the first compilation that is not part of another one; an event's data name the compiled function."""
+    inside, said = threading.local(), threading.Event()
 
     class Listener(events.Listener):  # type: ignore[misc]
         def on_start(self, event: Any) -> None:
-            notice.notify(event)
+            depth = getattr(inside, "depth", 0)
+            if not depth and not said.is_set():
+                said.set()
+                say(EVERY_TIME if event.data["dispatcher"].stats.cache_path is None else ONCE)
+            inside.depth = depth + 1
 
         def on_end(self, event: Any) -> None:
-            notice.notify(event)
+            inside.depth = getattr(inside, "depth", 0) - 1
 
     return Listener()
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -186,20 +185,13 @@ BLOWS = tuple(KNOTS)
 KEPT = 8
 
 
-@dataclass(frozen=True, eq=False)
-class _Blow:
-    """A blow as it was computed."""
-
-    action: model.Action
-    time_s: NDArray[np.float64]
-    force_n: NDArray[np.float64]
-    solution: model.Solution
-    rest_rad: NDArray[np.float64]
-
-
 @lru_cache(maxsize=KEPT)
-def _blow(name: str, changes: tuple[str, ...], blow: str, scene: str) -> _Blow:
-    """Computed once for curves and all else; the same words always give the same blow."""
+def _blow(
+    name: str, changes: tuple[str, ...], blow: str, scene: str
+) -> tuple[model.Action, NDArray[np.float64], model.Solution, NDArray[np.float64]]:
+    """Action, force (m,), N, solution and rest (n,), rad; once for curves and all else: the same words always give
+    the same blow.
+    """
     action = changed_action(name, changes, scene)
     table_s, table_n = model.force_table(blow)
     times = model.output_times(float(table_s[0]), float(table_s[-1]), RATE_HZ)
@@ -207,7 +199,7 @@ def _blow(name: str, changes: tuple[str, ...], blow: str, scene: str) -> _Blow:
         action, table_s, table_n, output_time_s=times, tolerance=TOLERANCE_RAD,
         contact_forces=model.build_scene(action).remembers,
     )  # fmt: skip
-    return _Blow(action, times, np.interp(times, table_s, table_n), solution, model.rest_state(action).angle_rad)
+    return action, np.interp(times, table_s, table_n), solution, model.rest_state(action).angle_rad
 
 
 def blow_curves(name: str, changes: Sequence[str], blow: str, scene: str = "whole") -> dict[str, Any]:
@@ -223,10 +215,9 @@ def blow_curves(name: str, changes: Sequence[str], blow: str, scene: str = "whol
     CommandInputError, model.InputError : no such action, scene, blow or parameter, or a value that is not allowed
     model.StaticsError, model.IntegrationError : the action cannot rest or move like this
     """
-    found = _blow(name, tuple(changes), blow, scene)
-    turned = found.solution.angle_rad[::DRAWN] - found.rest_rad
-    bodies = found.solution.bodies
-    return {"values": [pack(degrees(body, turned[:, i])) for i, body in enumerate(bodies) if body in BODIES]}
+    _, _, solution, rest_rad = _blow(name, tuple(changes), blow, scene)
+    turned = solution.angle_rad[::DRAWN] - rest_rad
+    return {"values": [pack(degrees(body, turned[:, i])) for i, body in enumerate(solution.bodies) if body in BODIES]}
 
 
 def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole") -> dict[str, Any]:
@@ -234,15 +225,15 @@ def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole"
 
     Parameters, errors: as `blow_curves`.
     """
-    found = _blow(name, tuple(changes), blow, scene)
-    times, solution = found.time_s, found.solution
+    action, force_n, solution, rest_rad = _blow(name, tuple(changes), blow, scene)
+    times = solution.time_s
     rows = slice(None, None, EVERY)
     seen = see_motion(
-        model.build_scene(found.action),
+        model.build_scene(action),
         times[rows],
         solution.angle_rad[rows],
         solution.speed_rad_per_s[rows],
-        found.force_n[rows],
+        force_n[rows],
         None if solution.contact_normal_n is None else solution.contact_normal_n[rows],
     )
     shown = [body for body in solution.bodies if body in BODIES]
@@ -252,17 +243,17 @@ def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole"
     }
     return {
         "time_s": pack(times[::DRAWN]),
-        "force_n": pack(found.force_n[::DRAWN]),
+        "force_n": pack(force_n[::DRAWN]),
         "channels": channels,
         "drawing": moving_action(seen),
-        "events": _events(found) if shown == [*BODIES] else [],
+        "events": _events(action, solution, rest_rad) if shown == [*BODIES] else [],
     }
 
 
-def _events(blow: _Blow) -> list[dict[str, Any]]:
+def _events(action: model.Action, solution: model.Solution, rest_rad: NDArray[np.float64]) -> list[dict[str, Any]]:
     """What happens in the blow, by the report's definitions, in the units it shows."""
-    change, geometry = blow.solution.angle_rad - blow.rest_rad, geometry_of(blow.action, blow.rest_rad[: len(BODIES)])
-    motion = motion_of(geometry, blow.time_s, change[:, ENCODER_BODIES], np.full(3, TOLERANCE_RAD))
+    change, geometry = solution.angle_rad - rest_rad, geometry_of(action, rest_rad[: len(BODIES)])
+    motion = motion_of(geometry, solution.time_s, change[:, ENCODER_BODIES], np.full(3, TOLERANCE_RAD))
     rows = []
     for event in find_events(motion, int(QUIET_S * RATE_HZ)).values():
         kind = EVENTS[event.name]

@@ -9,8 +9,7 @@ import json
 import os
 import stat
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,64 +25,10 @@ LONGEST = 600
 """Characters of one text that the page shows."""
 
 
-@dataclass(frozen=True)
-class ResultSummary:
-    """What a report says, in short.
-
-    Attributes
-    ----------
-    outcome : ``agrees``, ``error shown``, ``not judged``; several of them joined where models or sessions differ
-    sentence : the headline
-    findings : faults of the session in words, at most `MOST_FINDINGS`
-    n_findings : how many there are
-    rejected : trial → whether it had been rejected when the report was made
-    seals : name of a trial's file without its ending → its seal then
-    problem : why the file cannot be used; empty where it can
-    """
-
-    outcome: str = ""
-    sentence: str = ""
-    findings: tuple[str, ...] = ()
-    n_findings: int = 0
-    rejected: Mapping[int, bool] = field(default_factory=dict)
-    seals: Mapping[str, str] = field(default_factory=dict)
-    problem: str = ""
-
-
 def shortened(text: object) -> str:
     """Text on one line, of bounded length."""
     words = " ".join(str(text).split())
     return words if len(words) <= LONGEST else words[: LONGEST - 1] + "…"
-
-
-def read_results(path: Path) -> ResultSummary | None:
-    """Read a ``results.json``; None where there is none."""
-    if not path.is_file():
-        return None
-    try:
-        size = path.stat().st_size
-        if size > LARGEST_RESULTS_BYTES:
-            return ResultSummary(
-                problem=f"results.json has {size / 1e6:.0f} MB, at most {LARGEST_RESULTS_BYTES / 1e6:.0f} read"
-            )
-        return _summary(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
-        return ResultSummary(problem=f"results.json cannot be read ({shortened(error)}); make the report again")
-
-
-def _summary(content: dict[str, Any]) -> ResultSummary:
-    lines = content["verdict_lines"]
-    texts = [shortened(row["text"]) for row in content["tables"]["findings"]]
-    texts = list(dict.fromkeys(texts))  # a fault of the session stands once for each model
-    outcomes = dict.fromkeys(shortened(result.get("outcome", "")) for result in content["results"])
-    return ResultSummary(
-        outcome=", ".join(text for text in outcomes if text),
-        sentence=shortened(lines[0]) if lines else "",
-        findings=tuple(texts[:MOST_FINDINGS]),
-        n_findings=len(texts),
-        rejected={int(row["trial"]): str(row["reason"]).startswith("rejected") for row in content["tables"]["trials"]},
-        seals=dict(content["results"][0]["provenance"]["trials_sha256"]),
-    )
 
 
 REPORT = "report.html"
@@ -122,7 +67,6 @@ def read_row(folder: Path) -> SessionRow:
         session = open_session(folder)
         trials = session.trials
         info = session.info
-        found = read_results(folder / RESULTS) or ResultSummary()
         return SessionRow(
             name=folder.name,
             created_utc=shortened(info.created_utc),
@@ -133,13 +77,8 @@ def read_row(folder: Path) -> SessionRow:
             trials=len(trials),
             rejected=sum(trial.rejected is not None for trial in trials),
             status=_status(trials, bool(session.journals)),
-            verdict=found.outcome,
-            sentence=found.sentence,
-            findings=found.findings,
-            n_findings=found.n_findings,
             report=(folder / REPORT).is_file(),
-            stale=_is_older(found, trials),
-            problem=found.problem,
+            **results_of(folder / RESULTS, trials),
         )
     except (RigError, OSError, ValueError, RecursionError) as error:
         return SessionRow(name=folder.name, problem=_reason(error, folder))
@@ -251,16 +190,42 @@ def _status(trials: tuple[Trial, ...], unsealed: bool) -> str:
     return ", ".join([*texts, *(["not sealed: recording, or cut off"] if unsealed else [])]) or "no trials"
 
 
-def _is_older(found: ResultSummary, trials: tuple[Trial, ...]) -> bool:
-    """Whether trials were added, exchanged, rejected or accepted since the report was made.
+def results_of(path: Path, trials: tuple[Trial, ...]) -> dict[str, Any]:
+    """What a report's ``results.json`` says, as fields of the session's row; none where there is no such file."""
+    if not path.is_file():
+        return {}
+    try:
+        size = path.stat().st_size
+        if size > LARGEST_RESULTS_BYTES:
+            limit = f"at most {LARGEST_RESULTS_BYTES / 1e6:.0f} read"
+            return {"problem": f"results.json has {size / 1e6:.0f} MB, {limit}"}
+        return _results(json.loads(path.read_text(encoding="utf-8")), trials)
+    except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
+        return {"problem": f"results.json cannot be read ({shortened(error)}); make the report again"}
+
+
+def _results(content: dict[str, Any], trials: tuple[Trial, ...]) -> dict[str, Any]:
+    """The report is stale where trials were added, exchanged, rejected or accepted since it was made.
 
     By what the report itself says of them: times of files do not survive a copy.
     """
-    if found.problem or not found.seals:
-        return False
-    if {trial.number: trial.rejected is not None for trial in trials} != dict(found.rejected):
-        return True
-    return any(trial.path.stem in found.seals and _seal(trial) != found.seals[trial.path.stem] for trial in trials)
+    lines, tables = content["verdict_lines"], content["tables"]
+    # a fault of the session stands once for each model
+    texts = list(dict.fromkeys(shortened(row["text"]) for row in tables["findings"]))
+    outcomes = dict.fromkeys(shortened(result.get("outcome", "")) for result in content["results"])
+    rejected = {int(row["trial"]): str(row["reason"]).startswith("rejected") for row in tables["trials"]}
+    seals = dict(content["results"][0]["provenance"]["trials_sha256"])
+    return {
+        "verdict": ", ".join(text for text in outcomes if text),
+        "sentence": shortened(lines[0]) if lines else "",
+        "findings": tuple(texts[:MOST_FINDINGS]),
+        "n_findings": len(texts),
+        "stale": bool(seals)
+        and (
+            {trial.number: trial.rejected is not None for trial in trials} != rejected
+            or any(trial.path.stem in seals and _seal(trial) != seals[trial.path.stem] for trial in trials)
+        ),
+    }
 
 
 def _seal(trial: Trial) -> str:

@@ -33,6 +33,24 @@ class _Job:
     code: int | None = None
 
 
+def begin_process(words: list[str], variables: dict[str, str], **streams: Any) -> subprocess.Popen[str]:
+    """Start ``python -m`` with these words; Ctrl-C in the terminal is the page's to hand on."""
+    own_group: dict[str, Any] = {} if sys.platform == "win32" else {"start_new_session": True}
+    return subprocess.Popen(
+        [sys.executable, "-m", *words], stdout=subprocess.PIPE, encoding="utf-8", errors="replace",
+        env={**os.environ, **variables}, **own_group, **streams,
+    )  # fmt: skip
+
+
+def end_process(process: subprocess.Popen[str], patience_s: float) -> None:
+    """Wait for a process that was asked to end; one that does not listen is killed."""
+    try:
+        process.wait(patience_s)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
 class Jobs:
     """Jobs of one page."""
 
@@ -57,16 +75,8 @@ class Jobs:
             busy = next((job for job in self._jobs.values() if job.code is None), None)
             if busy is not None:
                 raise CommandInputError(f"{busy.command} of {busy.subject} is running; wait, or stop it")
-            own_group = {} if sys.platform == "win32" else {"start_new_session": True}
-            process = subprocess.Popen(
-                [sys.executable, "-m", "pianorig", *words],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                encoding="utf-8",
-                errors="replace",
-                env={**os.environ, PROGRESS: "lines"},
-                **own_group,  # type: ignore[call-overload]  # Ctrl-C in the terminal is the page's to hand on
+            process = begin_process(
+                ["pianorig", *words], {PROGRESS: "lines"}, stdin=subprocess.DEVNULL, stderr=subprocess.STDOUT
             )
             job = _Job(max(self._jobs, default=0) + 1, subject, words[0], process)
             self._jobs[job.number] = job
@@ -110,8 +120,4 @@ class Jobs:
         for job in self._jobs.values():
             if job.process.poll() is None:
                 self.stop(job.number)
-                try:
-                    job.process.wait(PATIENCE_S)
-                except subprocess.TimeoutExpired:
-                    job.process.kill()
-                    job.process.wait()
+                end_process(job.process, PATIENCE_S)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -173,14 +173,11 @@ def save_marks(subject: FilmSubject, rows: Any) -> dict[str, Any]:
 
 
 def _toml(marks: list[vision.PointMark | vision.LineMark]) -> str:
-    tables: dict[str, list[Row]] = {"point": [], "line": []}
-    for mark in marks:
-        if isinstance(mark, vision.PointMark):
-            tables["point"].append({"name": mark.name, "at_px": list(mark.at_px), "radius_px": mark.radius_px})
-        else:
-            line = {"from_px": list(mark.from_px), "to_px": list(mark.to_px), "width_px": mark.width_px}
-            tables["line"].append({"name": mark.name, **line})
-    return "\n".join(f"[[{kind}]]\n{dump_toml(row)}" for kind, found in tables.items() for row in found)
+    """Points first, then lines, as `vision.load_marks` reads them."""
+    kinds = (("point", vision.PointMark), ("line", vision.LineMark))
+    return "\n".join(
+        f"[[{name}]]\n{dump_toml(asdict(mark))}" for name, kind in kinds for mark in marks if isinstance(mark, kind)
+    )
 
 
 def _mark(row: Any) -> vision.PointMark | vision.LineMark:

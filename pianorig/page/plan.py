@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -19,6 +17,7 @@ from typing import IO, Any
 from pianorig.console.options import SELFTESTS
 from pianorig.errors import CommandInputError
 from pianorig.page.catalogue import Catalogue, UnknownName
+from pianorig.page.jobs import begin_process, end_process
 from pianorig.workflows.session_paths import new_session_folder
 from rig.configuration.profile import built_in_profiles
 from rig.recording.recover import due_entries
@@ -69,15 +68,6 @@ class Order:
     resume: bool = False
     operator: str = "unknown"
     action: str = "unknown"
-
-    def to_plain(self) -> dict[str, Any]:
-        """As plain data, for the recorder's process."""
-        return asdict(self)
-
-    @classmethod
-    def from_plain(cls, plain: dict[str, Any]) -> Order:
-        """Restored from `to_plain`."""
-        return cls(**{**plain, "bench": Bench(**plain["bench"])})
 
 
 def plan_files(root: Path) -> list[str]:
@@ -198,20 +188,13 @@ class PlanControl:
             if self.running:
                 raise CommandInputError("a plan is being played; abort it, or wait for its end")
             self._wait_for_exit()
-            own_group = {} if sys.platform == "win32" else {"start_new_session": True}
             said = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115 `_follow` closes it
-            process = subprocess.Popen(
-                [sys.executable, "-m", "pianorig.page.recorder_process"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=said,
-                encoding="utf-8",
-                env={**os.environ, "PYTHONUNBUFFERED": "1"},
-                **own_group,  # type: ignore[call-overload]  # Ctrl-C in the terminal is the page's to hand on
+            process = begin_process(
+                ["pianorig.page.recorder_process"], {"PYTHONUNBUFFERED": "1"}, stdin=subprocess.PIPE, stderr=said
             )
             self._process = process
             self._state = {"phase": "starting"}
-        self._write(process, json.dumps(order.to_plain()))
+        self._write(process, json.dumps(asdict(order)))
         threading.Thread(target=self._follow, args=(process, said), name="plan", daemon=True).start()
         return self._state
 
@@ -300,11 +283,7 @@ class PlanControl:
         if process.poll() is None:
             with suppress(CommandInputError):
                 self._send({"do": "abort"})
-            try:
-                process.wait(PATIENCE_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            end_process(process, PATIENCE_S)
         if process.stdin is not None:
             with suppress(OSError):
                 process.stdin.close()

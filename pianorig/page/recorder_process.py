@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from pianorig import workflows
-from pianorig.page.plan import Order
+from pianorig.page.plan import Bench, Order
 from rig import NotPermitted, Progress, Session, load_rig, session_rig
 from rig.configuration.rig_file import Rig
 from rig.safety.interrupts import Terminated
@@ -145,7 +145,8 @@ LAST_S = 2.0
 def main() -> int:
     """Play the plan that the first line orders; return the exit code that ``pianorig record`` would have."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored: abort must always work
-    order = Order.from_plain(json.loads(sys.stdin.readline()))
+    said = json.loads(sys.stdin.readline())
+    order = Order(**{**said, "bench": Bench(**said["bench"])})
     return Playing(order, Told(sys.stdout)).play()
 
 

@@ -10,7 +10,6 @@ import math
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -185,12 +184,7 @@ TOLERANCE_RAD = 1e-5
 MOST_MODELS = 2
 
 
-@dataclass(frozen=True)
-class _Predicted:
-    """What one model says of a trial."""
-
-    tested: ModelUnderTest
-    angles: PredictedAngles
+_Predicted = tuple[ModelUnderTest, PredictedAngles]
 
 
 def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[str, Any]:
@@ -235,14 +229,14 @@ def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[st
     predicted = []
     for one in tested:
         try:
-            predicted.append(_Predicted(one, predict_trial(measured, one)))
+            predicted.append((one, predict_trial(measured, one)))
         except (ModelError, ValidationError) as error:
             view["notes"].append(f"{one.action.name}: not predicted: {error}")
-    view["models"] = [each.tested.action.name for each in predicted]
+    view["models"] = [model_of.action.name for model_of, _ in predicted]
     view["notes"] += measured.notes
     view["events"] = _events(measured, predicted)
     if predicted:
-        view["drawings"] = [_drawing(measured, each) for each in predicted]
+        view["drawings"] = [_drawing(measured, model_of) for model_of, _ in predicted]
     return {**view, "force": _force(measured), "channels": _channels(measured, predicted)}
 
 
@@ -283,22 +277,20 @@ def _channels(measured: MeasuredTrial, predicted: list[_Predicted]) -> dict[str,
     channels = {}
     for i, body in enumerate(BODIES):
         found = _measured_of(measured, body)
-        residuals = []
-        for each in predicted if found is not None else []:
-            assert found is not None
-            at, change = found
-            residuals.append(
-                {"time_s": pack(at), "value": pack(degrees(body, each.angles.change_at(body, at) - change))}
-            )
+        at, change = found or (measured.time_s[:0], measured.time_s[:0])
         channels[body] = {
             "title": TITLE[body],
             "color": colour_of(body, i),
-            "measured": None if found is None else {"time_s": pack(found[0]), "value": pack(degrees(body, found[1]))},
+            "measured": None if found is None else {"time_s": pack(at), "value": pack(degrees(body, change))},
             "models": [
-                {"time_s": pack(each.angles.time_s), "value": pack(degrees(body, each.angles.change_rad(body)))}
-                for each in predicted
+                {"time_s": pack(angles.time_s), "value": pack(degrees(body, angles.change_rad(body)))}
+                for _, angles in predicted
             ],
-            "residuals": residuals,
+            "residuals": [
+                {"time_s": pack(at), "value": pack(degrees(body, angles.change_at(body, at) - change))}
+                for _, angles in predicted
+                if found is not None
+            ],
         }
     return channels
 
@@ -306,9 +298,8 @@ def _channels(measured: MeasuredTrial, predicted: list[_Predicted]) -> dict[str,
 def _events(measured: MeasuredTrial, predicted: list[_Predicted]) -> list[dict[str, Any]]:
     """Moments of the trial and of the first model, in the order of time."""
     sources = [("measured", find_events(measured.motion, measured.quiet.stop))]
-    for each in predicted[:1]:
-        geometry = each.tested.geometry_at(measured.force.preload_n)
-        motion = predicted_motion(each.angles, geometry, each.tested.tolerance)
+    for tested, angles in predicted[:1]:
+        motion = predicted_motion(angles, tested.geometry_at(measured.force.preload_n), tested.tolerance)
         sources.append(("model", find_events(motion, measured.quiet.stop)))
     rows = [_row(source, event) for source, events in sources for event in events.values() if _is_moment(event)]
     return sorted(rows, key=lambda row: row["time_s"])
@@ -329,12 +320,12 @@ def _row(source: str, event: Event) -> dict[str, Any]:
     }
 
 
-def _drawing(measured: MeasuredTrial, predicted: _Predicted) -> dict[str, Any]:
+def _drawing(measured: MeasuredTrial, tested: ModelUnderTest) -> dict[str, Any]:
     """The model's action, and the same bodies at the measured angles."""
-    load = predicted.tested.load(measured.force.preload_n)
+    load = tested.load(measured.force.preload_n)
     start = max(float(measured.force.time_s[0]), float(measured.time_s[0]))
     times = drawing_times(start, float(min(measured.force.time_s[-1], measured.time_s[-1])))
-    action, force = predicted.tested.action, measured.force
+    action, force = tested.action, measured.force
     scene = model.build_scene(action)
     solution = model.simulate(
         action, force.time_s, force.force_n, output_time_s=times, initial=load.rest, tolerance=TOLERANCE_RAD,

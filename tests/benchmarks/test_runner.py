@@ -24,7 +24,9 @@ CALL = re.compile(r"python -m benchmarks ([a-z]\w+)([^`\n]*)")
 @pytest.mark.parametrize("name", ENTRIES)
 def test_a_benchmark_has_a_claim_and_two_sizes_and_measures_what_exists(name: str) -> None:
     entry = ENTRIES[name]
-    assert "def main(" in (ROOT / "benchmarks" / f"{name}.py").read_text(encoding="utf-8")
+    work = f"def {name if 'module' in entry else 'main'}(run: Run)"
+    text = (ROOT / "benchmarks" / f"{entry.get('module', name)}.py").read_text(encoding="utf-8")
+    assert work in re.sub(r"\((asked|given|args): Run", "(run: Run", text)
     assert entry["claim"] and not entry["claim"].endswith(".")
     assert entry["measures"] and not [path for path in entry["measures"] if not list(ROOT.glob(f"{path}*"))]
     assert {key: type(value) for key, value in entry["quick"].items()} == {
@@ -34,7 +36,9 @@ def test_a_benchmark_has_a_claim_and_two_sizes_and_measures_what_exists(name: st
 
 def test_every_benchmark_is_registered() -> None:
     files = [path for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in ("runner", "__main__")]
-    assert {path.stem for path in files if "\ndef main(" in path.read_text(encoding="utf-8")} == set(ENTRIES)
+    assert {path.stem for path in files if "\ndef main(" in path.read_text(encoding="utf-8")} == {
+        name for name in ENTRIES if "module" not in ENTRIES[name]
+    }
 
 
 def test_options_are_the_full_size_and_quick_changes_it() -> None:

@@ -12,10 +12,10 @@ import pytest
 
 import model
 from benchmarks import work_precision
+from benchmarks.peers.compiled import BLOWS, force_table
 from benchmarks.peers.equations import accelerations, largest_deviation
-from benchmarks.peers.forces import BLOWS, force_table
-from benchmarks.peers.race import Entry, Row, race, time_at_error
 from benchmarks.peers.solvers import Answer
+from benchmarks.work_precision import Entry, Row, race, time_at_error
 
 ROOT = Path(__file__).parents[2]
 

@@ -221,7 +221,7 @@ TRIALS = 5
 TOLD, MOST_TOLD = 3, 8  # strokes that are rehearsed: at least; until the best of all is one of them, at most
 OF_ANOTHER_KIND = 0.2
 """Standard deviation of the logarithm of a shrink by a kind of stroke not played so far, beside all that is computed:
-measured (`benchmarks/record_next_sizes.py`, seed 1 and the first six experiments of seed 2)."""
+measured (`python -m benchmarks record_next_sizes`, seed 1, the first six experiments of seed 2)."""
 NORMAL = 1.96
 HALF_KNOWN = 0.5
 SENSORS = {

@@ -20,7 +20,7 @@ one nearest to what is found at each instant, weighted with the squared slope, s
 creeping yields to what the next fast motion shows. The band reaches wherever the mean curve comes when it is shifted by
 as much as a further trial's shift may be (prediction interval of Student's t), since one trial in some that comes early
 has its part in the mean, and is nowhere narrower than the rounding of its samples. What this covers on the virtual
-bench: `benchmarks/band_on_bench.py`. No band of a few trials knows what one blow in thirty does and none of them did.
+bench: benchmark `band_on_bench`. No band of a few trials knows what one blow in thirty does and none of them did.
 
 *Prediction band*: about the prediction of a stroke that was not fitted, calibrated on training strokes left out of the
 fit, alike for every model. Its half width is q · u(t): u joins what the key's calibration leaves open (an ensemble),

@@ -94,21 +94,17 @@ def command(
         raise CommandInputError(
             "nothing to calibrate; name a loading experiment, or give --friction, --rebound or --pendulum"
         )
-    facts: dict[str, Any] = {"action": given.name, **speeds.facts}
-    lines = list(speeds.lines)
-    found = []  # what each measurement gave, and the source its values get in the action's file
+    found = []  # name of each measurement, what it gave, and the source its values get in the action's file
     if curves and len(curves) > 1:
         if speed is not None or blows:
             raise CommandInputError(
                 "--speed, --force, --motion: D of one curve; several curves give D from their own speeds"
             )
-        felt = _felt_laws(curves, contact, figure)
-        facts["felt_laws"] = felt.facts
-        found.append((felt, f"calibrated from {len(curves)} presses, {curves[0].name} first"))
+        source = f"calibrated from {len(curves)} presses, {curves[0].name} first"
+        found.append(("felt_laws", _felt_laws(curves, contact, figure), source))
     elif curves:
         felt = _felt(curves[0], contact, speed, blows, figure)
-        facts["felt"] = felt.facts
-        found.append((felt, f"calibrated from {curves[0].name}"))
+        found.append(("felt", felt, f"calibrated from {curves[0].name}"))
     for name, texts, calibrate in (
         ("friction", friction, partial(_friction, contact)),
         ("rebound", rebound, _rebound),
@@ -121,14 +117,15 @@ def command(
                     f"--{name} {' '.join(texts)}: without uncertainty; {out} needs one, as in {texts[0]}+-0.01"
                 )
             part = calibrate([v for v, _ in measured], [u or 0.0 for _, u in measured])
-            facts[name] = part.facts
-            found.append((part, f"calibrated from {name} {' '.join(texts)}"))
-    calibrated = given
-    for part, source in found:
+            found.append((name, part, f"calibrated from {name} {' '.join(texts)}"))
+    facts: dict[str, Any] = {"action": given.name, **speeds.facts}
+    lines, calibrated = list(speeds.lines), given
+    for name, part, source in found:
+        facts[name] = part.facts
         lines += part.lines
         calibrated = model.calibration.with_calibrated(calibrated, part.values, source)
     if out is not None:
-        changed = sum(len(part.values) for part, _ in found)
+        changed = sum(len(part.values) for _, part, _ in found)
         if not changed:
             raise CommandInputError(f"{out}: nothing to write; name with --contact or --body what was measured")
         name = f"{given.name}-calibrated"

@@ -22,7 +22,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.eight_channels import Timed
+from benchmarks.acquisition import Timed
 from rig.backend import Block
 from rig.errors import HardwareFault, InputError, RecordingFault
 from rig.recording.recorder import record_session

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.event_coverage import pairs
-from benchmarks.shank_speed import speeds
+from benchmarks.event_coverage import pairs, speeds
 from validation.events.definitions import EVENTS
 from validation.events.detect import find_events
 from validation.measurement.geometry import geometry_of, motion_of

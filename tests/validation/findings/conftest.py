@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 
 import model
-from benchmarks.planted_faults import Fault
-from benchmarks.planted_sweep import film, findings, stroke_of
+from benchmarks.planted_sweep import Fault, film, findings, stroke_of
 from rig.session import Session
 from validation.events.session_events import SessionEvents, find_session_events
 from validation.measurement.measure_session import measure_session

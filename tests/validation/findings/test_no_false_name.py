@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.planted_faults import Fault, flipped, louder, swapped
+from benchmarks.planted_sweep import Fault, flipped, louder, swapped
 from rig.session import Session
 from validation import compare_session, write_report
 from validation.findings.finding import KINDS

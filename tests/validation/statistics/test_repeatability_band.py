@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from benchmarks.band_coverage import KINDS, coverage
+from benchmarks.band_coverage import CURVES, coverage
 from validation.statistics.bands import critical_value, exceedance, repeatability_band, roughness_length
 
 
@@ -48,7 +48,7 @@ def test_the_band_holds_the_true_curve_at_its_stated_rate(kind, n):
 
 
 def test_the_band_of_known_scatter_is_wider_than_pointwise_and_follows_the_scatter():
-    curves = KINDS["rig-like"](np.random.default_rng(4), 10) + 5.0
+    curves = CURVES["rig-like"](np.random.default_rng(4), 10) + 5.0
     band = repeatability_band(curves)
     s = curves.std(axis=1, ddof=1)
     assert band.factor > stats.t.ppf(0.975, 9)
@@ -91,7 +91,7 @@ def test_the_band_is_nowhere_narrower_than_a_count():
 
 
 def test_few_trials_lost_samples_and_equal_curves():
-    curves = KINDS["even"](np.random.default_rng(5), 6)
+    curves = CURVES["even"](np.random.default_rng(5), 6)
     assert np.isnan(repeatability_band(curves[:, :2]).half_width).all()
     assert np.isnan(repeatability_band(curves[:, :4]).half_width).all()  # four are too few as well
     curves[17, 3] = np.nan
