@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+import model
 import rig.simulated
 from rig.configuration.rig_file import load_rig
 from rig.session import EncoderInfo, ForceInfo, TrialData
@@ -51,8 +52,8 @@ class Stroke:
 
 
 @cache
-def _plant(rate_hz: float, seed: int, effects: tuple[str, ...]) -> ActionPlant:
-    return load_plant(BENCH, seed, rate_hz, effects)
+def _plant(rate_hz: float, seed: int, effects: tuple[str, ...], scene: model.SceneChoice | None = None) -> ActionPlant:
+    return load_plant(BENCH, seed, rate_hz, effects, scene)
 
 
 def command_n(kind: str, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -67,7 +68,7 @@ def command_n(kind: str, time_s: np.ndarray, rng: np.random.Generator) -> np.nda
 
 @dataclass(frozen=True)
 class StrokeOptions:
-    """How a stroke is played and read; `changed` adds to parameters of the specimen (SI).
+    """How a stroke is played and read; `changed` adds to parameters of the specimen (SI), `scene` to what it is.
 
     Trials that are ``alike`` differ only by the bench's scatter and the given strength and delay.
     """
@@ -76,6 +77,7 @@ class StrokeOptions:
     jitter_counts: float = 0.0
     changed: Mapping[str, float] | None = None
     effects: tuple[str, ...] = ()
+    scene: model.SceneChoice | None = None
     alike: bool = False
     strength: float = 1.0
     late_s: float = 0.0
@@ -86,7 +88,7 @@ def play(kind: str, seed: int, number: int = 1, **options: Any) -> Stroke:
     given = StrokeOptions(**options)
     rate_hz, strength, changed = given.rate_hz, given.strength, given.changed
     rng = np.random.default_rng([seed, 0 if given.alike else number, 99])
-    plant = _plant(FINE * rate_hz, seed, given.effects)
+    plant = _plant(FINE * rate_hz, seed, given.effects, given.scene)
     shipped = plant.action
     moved = {**MISREGULATED.get(kind, {}), **(changed or {})}
     try:
@@ -95,19 +97,21 @@ def play(kind: str, seed: int, number: int = 1, **options: Any) -> Stroke:
         length = BEFORE_S + 1.2 * KINDS["forte" if kind in MISREGULATED else kind][0][-1] + AFTER_S
         edges = np.arange(int(length * rate_hz)) / rate_hz
         newton = strength * command_n(kind, edges - given.late_s, rng)
-        plant.advance(np.repeat(newton / 12.0, FINE))
+        lift_m = plant.advance(np.repeat(newton / 12.0, FINE)).key_lift_m
         truth = plant.truth()
     finally:
         plant.action = shipped
-    return Stroke(record(truth, seed, number, rate_hz, given.jitter_counts), truth)
+    return Stroke(record(truth, seed, number, rate_hz, given.jitter_counts, lift_m), truth)
 
 
-def record(truth: PlantTruth, seed: int, number: int, rate_hz: float, jitter_counts: float) -> TrialData:
-    """Return a stroke as measured by scales and load cell."""
+def record(
+    truth: PlantTruth, seed: int, number: int, rate_hz: float, jitter_counts: float, lift_m: np.ndarray | None = None
+) -> TrialData:
+    """Return a stroke as measured by scales and load cell; ``lift_m`` is how far the key's pivot has risen."""
     sensors, config = load_sensors(BENCH, seed=seed), load_rig("virtual").config
     rng = np.random.default_rng([seed, number, 98])
     time = truth.time_s[::FINE]
-    lift = truth.column("key_lift")[::FINE] if "key_lift" in truth.coordinates else None
+    lift = None if lift_m is None else lift_m[::FINE]
     count = EncoderSignals(sensors.encoders, seed, number).quarter_counts(truth.angle_rad[::FINE][:, [0, 1, 4]], lift)
     count = count + np.round(rng.normal(0, jitter_counts, count.shape)).astype(np.int64) * (jitter_counts > 0)
     delayed = np.interp(time - GROUP_DELAY_S, truth.time_s, truth.force_n, left=truth.force_n[0])

@@ -9,10 +9,12 @@ joint frictions by a factor of 1.2 to 1.6 or its inverse, masses and inertias by
 specimen, ten values and a rail, a shank and an arm away from the model. ``drift:4`` is a session of six strokes whose
 force gain drifts, to 4 % in the last one; ``one:4`` has 4 % in its fourth, ``step:4`` from the fourth on, ``late:0.8``
 reads the force of the fourth 0.8 ms late, ``law:40`` has 40 % more friction in the key's joint from the fourth on, and
-``clean`` nothing. ``drift:4+1`` and ``drift:4+bench`` have both. Prints a line per session and a table: ``named`` a set
-of nothing but what was planted is among those named (of what was changed some has next to no effect), ``alone`` it is
-the only one, ``wrong`` sets are named and none is right, ``none`` no cause that was tried explains it, ``nothing``
-nothing need be sought. Of a session with a fault this is said of what its trials differ by.
+``clean`` nothing. ``with:shank:0.3`` is a session of a specimen that has an effect which the model lacks, 0.3 of what
+its file states (`responses.SIZES`); ``with:contact12.stulov`` has felt that remembers, ``with:giving`` joints that all
+give: the added effect is what must be named. ``drift:4+1`` and ``drift:4+bench`` have both. Prints a line per session
+and a table: ``named`` a set of nothing but what was planted is among those named (of what was changed some has next to
+no effect), ``alone`` it is the only one, ``wrong`` sets are named and none is right, ``none`` no cause that was tried
+explains it, ``nothing`` nothing need be sought. Of a session with a fault this is said of what its trials differ by.
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo
 from rig.simulated.bench.plant import load_plant
 from validation.identification.difference.explain import Explained, explain_difference
+from validation.identification.difference.responses import ADDED, addable
 from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, single_names
 from validation.measurement.measure_session import measure_session
 from validation.prediction.model_under_test import ModelUnderTest
@@ -82,7 +85,13 @@ def amount(fault: str, size: float, number: int) -> float:
 
 
 def explained(
-    kind: str, seed: int, specimen: str, factors: dict[str, float], fault: str = "", size: float = 0.0
+    kind: str,
+    seed: int,
+    specimen: str,
+    factors: dict[str, float],
+    fault: str = "",
+    size: float = 0.0,
+    scene: model.SceneChoice | None = None,
 ) -> tuple[Explained, float]:
     """What is said of one session, and processor seconds."""
     action = model.load_action()
@@ -97,8 +106,8 @@ def explained(
             planted, by = dict(changed), amount(fault, size, number) if fault in FAULTS else 0.0
             if fault == "law" and by:
                 planted[LAW] = planted.get(LAW, 0.0) + 0.01 * by * action[LAW]
-            played = (("changed", tuple(planted.items())),) if planted else ()
-            stroke = stroke_of(kind, seed, number, specimen, played)
+            played = {"changed": tuple(planted.items()), "scene": scene}
+            stroke = stroke_of(kind, seed, number, specimen, tuple((k, v) for k, v in played.items() if v))
             data = stroke.data
             if by and fault != "law":
                 data = (delayed(1e-3 * by) if fault == "late" else louder(1.0 + 0.01 * by))(data, stroke)
@@ -128,11 +137,16 @@ def case(kind: str, n: str, seed: int) -> dict[str, Any]:
     """One session as plain data."""
     fault, _, changes = n.partition("+") if n[0].isalpha() and n != "bench" else ("", "", n)
     name, _, size = fault.partition(":")
-    changes = changes or "0"
+    changes, scene = changes or "0", None
     rng = np.random.default_rng([seed, 0 if changes == "bench" else int(changes)])
     factors = bench_factors() if changes == "bench" else drawn(model.load_action(), int(changes), rng)
     specimen = "bench" if changes == "bench" else "printed"
-    found, took = explained(kind, seed, specimen, factors, name, float(size or 0.0))
+    if name == "with":
+        effect, _, much = size.partition(":")
+        action, name, size = model.load_action(), "", ""
+        (added,) = (source for source in addable(action) if source.name.startswith(ADDED + effect))
+        factors[added.name], scene = float(much or 1.0), added.scene(action, float(much or 1.0))
+    found, took = explained(kind, seed, specimen, factors, name, float(size or 0.0), scene)
     return {
         "verdict": judged(found, factors, name), "shared": judged(found, factors), "factors": factors,
         "said": "; ".join([*(f.text.split(": this")[0] for f in found.findings), found.sentence]),

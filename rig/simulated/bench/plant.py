@@ -178,7 +178,7 @@ def load_plant(
     seed: int | None,
     sample_rate_hz: float,
     effects: Collection[str] = (),
-    scene: str | None = None,
+    scene: str | model.SceneChoice | None = None,
 ) -> ActionPlant:
     """Build the plant a bench file describes.
 
@@ -191,8 +191,8 @@ def load_plant(
     sample_rate_hz : float
     effects : collection of str
         Effects (`model.parameters.effects`) that the specimen has beside those with a table in the file.
-    scene : str or None
-        Scene of the specimen by name or file, to which these effects come; by default that of the specimen's action.
+    scene : str, SceneChoice or None
+        Scene of the specimen by name, file or choice, to which these effects come; by default that of its action.
 
     Returns
     -------

@@ -1,10 +1,11 @@
 """Which causes explain the differences of a session: the answer, as sentences, rows of a table and findings.
 
-Conventions: trials of one kind without faults, until the key is let go. Causes are faults of the session and changes of
-the model alike. First is asked what the trials differ by among themselves (one trial, a trend, a step), then what all
-share, beside that. Named are all sets of the smallest size that is as good as any larger one to a factor of `ODDS`, and
-sets with one change more that hold none of these and are as good; none where "the model lacks something else" is better
-than all of them by that factor (docs/explanation/differences.md).
+Conventions: trials of one kind without faults, until the key is let go. Causes are faults of the session, changes of
+the model and effects that it lacks alike. First is asked what the trials differ by among themselves (one trial, a
+trend, a step), then what all share, beside that. Named are all sets of the smallest size that is as good as any larger
+one to a factor of `ODDS`, and sets with one change more that hold none of these and are as good; where that is one set
+of what all share, also those that hold it with one or two changes more and are as good. None where "the model lacks
+something else" is better than all of them by that factor (docs/explanation/differences.md).
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ from validation.errors import ValidationInputError
 from validation.findings.finding import SessionFinding
 from validation.identification.blocks import make_blocks
 from validation.identification.difference.responses import (
+    ADDED,
     ALL,
     ENCODER_SCALES,
     FEWEST_TOLD_APART,
+    LEAST_ADDED,
     ONE,
     SESSION_ERRORS,
     TREND,
@@ -59,10 +62,6 @@ SESSION = "about the session, not the model: "
 EITHER = "about the model or the session: "
 BESIDE = "beside that, "
 FINDINGS = {FORCE_GAIN: "force gain", FORCE_LEVEL: "force level", FORCE_DELAY: "force delay"}
-TRIED = (
-    "gain, level and delay of the force, the clock's rate, scales of the encoders, and masses, lengths, laws of "
-    "friction and felt, and springs of the model"
-)
 FINDINGS |= dict.fromkeys(ENCODER_SCALES, "encoder scale or stops")
 
 
@@ -102,6 +101,8 @@ class CompatibleChange:
         """The change for a reader."""
         when = {ALL: "", ONE: f" in trial {self.first}", TREND: ""}.get(self.profile, f" from trial {self.first} on")
         drift = f" from trial {self.first} to trial {self.last}"
+        if self.cause.startswith(ADDED) and self.unit != "1":
+            return f"{self.cause} = {self.change:.3g} {self.unit} (u {self.u:.1g})"
         if self.unit == "1":
             places = max(2, 1 - math.floor(math.log10(max(self.u * self.change, 1e-9))))
             size = f"× {self.change:.{places}f}"
@@ -184,7 +185,8 @@ def _chosen(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
 
 
 def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial]) -> Explained:
-    listed = sources(tested.action, trials[0])
+    found = sources(tested.action, trials[0])
+    listed = [s for s in found if tested.own_model or not s.added]  # a stand-in knows no scenes
     responses = Responses(tested, trials, listed)
     each = responses.base
     if each is None or _small(trials, each):
@@ -226,7 +228,7 @@ def linearised(
     asked : `MEAN` or `BETWEEN`
     """
     (start, at), listed, trials = points, responses.listed, responses.trials
-    wanted = list(range(len(listed)))
+    wanted = [j for j, s in enumerate(listed) if not s.added]  # these: `Search.with_effects`
     if before is not None:
         wanted = [] if before.around is at else before.noise
     columns = np.zeros((at.each.shape[1], len(listed))) if before is None else before.columns.copy()
@@ -280,7 +282,7 @@ def decide(around: Around, nothing: Followed, numbers: Sequence[int]) -> Explain
     if len(numbers) >= FEWEST_TOLD_APART:
         told = _answer(around, told.search, MOST_APART)
     apart = [row for n, (one, odds) in enumerate(told.near, 1) for row in _rows(told.search, n, one, odds)]
-    found = findings_of(apart, where)
+    found = findings_of(apart, where, told.search.tried)
     granted = told.near[0][0] if told.near else nothing
     shared = _answer(around, around(granted, granted, told.search, MEAN), MOST_LAWS)
     rows = [
@@ -288,7 +290,7 @@ def decide(around: Around, nothing: Followed, numbers: Sequence[int]) -> Explain
         for n, (one, odds) in enumerate(shared.near)
         for row in _rows(shared.search, len(told.near) + n + 1, one, odds)
     ]
-    sentence = _sentence(rows, where, shared.nothing)
+    sentence = _sentence(rows, where, shared)
     if apart:
         sentence = BESIDE + sentence.replace(ABOUT, MODEL)
     elif not told.nothing or told.search.promised(nothing) > math.log(ODDS):  # they may differ, by less than is named
@@ -312,6 +314,10 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
             break
         sets[size] = found
         best, lacks, scores = _weighed(search, sets)
+        if size == 1 and asked == MEAN:
+            search = search.with_effects()
+            sets[1] += search.effects()
+            best, lacks, scores = _weighed(search, sets)
         if len(search.own(best.members)) > 1:  # found together with what it does not need
             sets[size - 1] = _one_each([*sets[size - 1], *search.subsets(best)], search)
             best, lacks, scores = _weighed(search, sets)
@@ -336,7 +342,7 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
     near = [s for score, s in zip(scores[size], sets[size], strict=True) if score >= best_of - margin]
     if size < most:  # a larger set that holds none of these is no less compatible for being larger
         near += _large(search, search.without(size + 1, [s.members for s in near]))
-    plain = [search.log_evidence(s, chosen=False) for s in near]
+    plain = [search.log_evidence(s) + search.chosen(s.members) for s in near]
     smallest = len(start.members) + size
     best_of = max(score for score, s in zip(plain, near, strict=True) if len(s.members) == smallest)
     kept = [
@@ -345,20 +351,19 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
         if score >= best_of - margin or len(s.members) == smallest
     ]
     if asked == MEAN and len(kept) == 1:  # none is singled out that others hold and explain as well
-        held = search.log_evidence(kept[0][0])
-        more = [s for s in search.holding(kept[0][0], margin) if search.log_evidence(s) >= held - margin]
-        kept += [(s, search.log_evidence(s, chosen=False) - best_of) for s in _least(more)]
+        (one, _), least = kept[0], search.log_evidence(kept[0][0]) - margin
+        more = [(s, held) for s in search.holding(one, margin) if (held := search.log_evidence(s)) >= least]
+        kept += [  # what a set adds to another of them is not needed
+            (s, held + search.chosen(s.members) - best_of)
+            for s, held in more
+            if not any(set(other.members) < set(s.members) for other, _ in more)
+        ]
     return Answer(tuple(sorted(kept, key=lambda pair: (len(pair[0].members), -pair[1]))), search)
 
 
 def _large(search: Search, found: Sequence[Followed]) -> list[Followed]:
     """Sets of which every change is more than the blows scatter by, where some trials may have one."""
     return [s for s in found if search.asked == MEAN or np.all(np.abs(s.z) > SMALLEST_CHANGE)]
-
-
-def _least(found: Sequence[Followed]) -> list[Followed]:
-    """Sets that hold no other of them: what such a set adds is not needed."""
-    return [s for s in found if not any(set(other.members) < set(s.members) for other in found)]
 
 
 def _one_each(found: Sequence[Followed], search: Search) -> list[Followed]:
@@ -388,11 +393,8 @@ def _rows(search: Search, number: int, one: Followed, log_odds: float) -> list[C
             continue
         c = search.responses.candidates[j]
         s = search.responses.listed[c.source]
-        u = math.hypot(u, search.scatter(j))
-        change = CompatibleChange(
-            number, len(own), s.name, s.at(1.0 if s.unit == "1" else 0.0, float(at)), float(s.wrong * u), s.unit,
-            log_odds, left,
-        )  # fmt: skip
+        size, u = s.size(max(float(at), LEAST_ADDED) if s.added else float(at), math.hypot(u, search.scatter(j)))
+        change = CompatibleChange(number, len(own), s.name, size, u, s.unit, log_odds, left)
         out.append(replace(change, profile=c.profile, first=c.first, last=c.last))
     return out
 
@@ -409,12 +411,12 @@ def _in_words(sets: Sequence[Sequence[CompatibleChange]]) -> str:
     return words + (f"; and {len(sets) - MOST_NAMED} more (table compatible_changes)" if len(sets) > MOST_NAMED else "")
 
 
-def findings_of(rows: Sequence[CompatibleChange], where: str) -> tuple[SessionFinding, ...]:
+def findings_of(rows: Sequence[CompatibleChange], where: str, causes: str) -> tuple[SessionFinding, ...]:
     """What is found where some trials differ from the others: one finding for each change of the only set, else one."""
     sets = _sets(rows)
     if not sets:
         return ()
-    tried = f"tried were {TRIED}, each in one trial, from one on, or as a drift"
+    tried = f"tried were {causes}, each in one trial, from one on, or as a drift"
     if len(sets) > 1:
         size = "" if max(map(len, sets)) == 1 else "sets of "
         text = (
@@ -442,16 +444,16 @@ def _finding(rows: Sequence[CompatibleChange], text: str) -> SessionFinding:
     return SessionFinding(kind, trial, channel, rows[0].change, 1.0 if rows[0].unit == "1" else 0.0, text)
 
 
-def _sentence(rows: Sequence[CompatibleChange], where: str, nothing: bool) -> str:
+def _sentence(rows: Sequence[CompatibleChange], where: str, shared: Answer) -> str:
     """What is said of what all trials share."""
     sets = _sets(rows)
     what = f"the difference of {where} until the key is let go"
-    if nothing:
+    if shared.nothing:
         return (
             f"until the key is let go, {where} and model differ by no more than force, sensors and stated "
             "uncertainties of the parameters may: no part of the model need have changed"
         )
-    tried = f"tried were {TRIED}, in all trials"
+    tried = f"tried were {shared.search.tried}, in all trials"
     if not sets:
         return (
             f"none of the causes that were tried explains {what}, alone or up to {MOST_LAWS} together: no part of the "

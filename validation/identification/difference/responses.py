@@ -3,7 +3,9 @@
 Conventions: differences are measured less predicted, channel after channel, (3 m,) rad, at phases that the trials
 share. Derivatives are differences of runs of one trial, which stands for the others: strokes of one kind. What is wrong
 with a channel is its error: a force gain of 0.9 reads 0.9 of the force that acted beside the preload, which is
-declared and not read; a level of 0.1 N is a preload declared 0.1 N too large.
+declared and not read; a level of 0.1 N is a preload declared 0.1 N too large. Of an effect that the model does not
+have, amount 1 is the effect as its file and the laws of felt state it, 2 gives twice as much (half the stiffness), and
+0 is the model as it is.
 """
 
 from __future__ import annotations
@@ -19,7 +21,10 @@ from numpy.typing import NDArray
 
 import model
 from model.errors import ModelError
+from model.parameters.action import CONTACTS
+from model.parameters.effects import KEY_LIFT, PINS, RAIL, STRING_EFFECT
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
+from validation.events.key_lift import SCALE_RADIUS_M
 from validation.identification.blocks import rows
 from validation.identification.force_runs import SEGMENTS, noise_knots, slow_noise_n
 from validation.identification.observations import ObservedTrial
@@ -56,6 +61,21 @@ CLOCK_WRONG = 0.01
 SCALE_WRONG = 0.05
 ALL, ONE, TREND, STEP = "all", "one", "trend", "step"
 FEWEST_TOLD_APART = 4  # trials, below which one trial cannot be told from a change between two of them
+ADDED = "added "
+MODES, MOST_MODES = "string.modes", 100.0  # so many, that it is as finely swung as any specimen
+STIFF = -1.0  # power of the amount that stiffness goes with
+SIZES: Mapping[str, tuple[tuple[str, float], ...]] = {
+    "shank": (("shank.frequency_hz", 0.5 * STIFF),),
+    STRING_EFFECT: (("string.tension", STIFF), ("string.mass", STIFF), (MODES, 0.0)),
+    RAIL: ((f"{RAIL}.normal.c", STIFF),),
+    **{pin: ((f"{pin}.stiffness", STIFF), (f"{pin}.damping", STIFF)) for pin in PINS},
+}
+"""What an effect's amount moves, first the value by which its size is told: a string of as much speed and less weight,
+a joint of as long a time and less stiffness."""
+MEMORIES = {"stulov": "tau", "hysteresis": "beta"}
+"""Laws of felt that remembers, and the number that makes their memory larger."""
+JOINTS = f"{ADDED}giving joints' stiffness"
+LEAST_ADDED, STEP_ADDED = 0.03, 0.05  # amounts: below the first it is as if not there; the step once it is
 
 
 @dataclass(frozen=True)
@@ -74,6 +94,8 @@ class Source:
     step : for differences, in units of ``wrong``
     scatter : from trial to trial, standard deviation in units of ``wrong``
     profiles : in which trials it may be wrong
+    effects, laws : what the model lacks and an amount adds to its scene: effects, and laws of felt by contact
+    scaled : paths with their values at amount 1, and the power of the amount that each goes with
     """
 
     name: str
@@ -86,6 +108,37 @@ class Source:
     step: float = STEP_SIZE
     scatter: float = 0.0
     profiles: tuple[str, ...] = (ALL,)
+    effects: tuple[str, ...] = ()
+    laws: tuple[tuple[str, str], ...] = ()
+    scaled: tuple[tuple[str, float, float], ...] = ()
+
+    @property
+    def added(self) -> bool:
+        """Whether it is an effect that the model does not have."""
+        return bool(self.scaled)
+
+    def scene(self, action: model.Action, z: float) -> model.SceneChoice | None:
+        """The scene of the action with so much of the effect; None where it has one that excludes it."""
+        choice = model.choice_of(action)
+        if set(self.effects) & set(choice.effects) or any(action.law(felt) in MEMORIES for felt, _ in self.laws):
+            return None
+        values = tuple((path, value * z**power) for path, value, power in self.scaled)
+        return replace(choice, effects=(*choice.effects, *self.effects), laws=self.laws, values=values)
+
+    def size(self, z: float, u: float) -> tuple[float, float]:
+        """What a reader is told of an amount and its u: a factor and its relative u where ``unit`` is 1, else SI."""
+        if not self.added:
+            return self.at(1.0 if self.unit == "1" else 0.0, z), self.wrong * u
+        _, value, power = self.scaled[0]
+        size, relative = (1.0 if self.unit == "1" else value) * z**power, abs(power) * u / z
+        return size, relative * (1.0 if self.unit == "1" else size)
+
+    @property
+    def kind(self) -> str:
+        """What it is called in a list of all that was tried."""
+        if not self.paths:
+            return self.name
+        return "laws of friction, felt and springs" if self.law else "lengths" if self.unit == "m" else "masses"
 
     def values(self, action: model.Action, z: float) -> dict[str, float]:
         """Values of its paths at ``z``."""
@@ -177,7 +230,30 @@ def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
             )
         elif lead.u > 0.0 and not name.endswith(NORMAL):
             found.append(Source(name, lead.unit, paths, lead.u, 1.0, named=False))
-    return tuple(found)
+    return (*found, *addable(action))
+
+
+def addable(action: model.Action) -> Iterator[Source]:
+    """Effects that the action does not have: of its parts, of all joints together, and memory of each felt."""
+
+    def source(effects: Sequence[str], sizes: Sequence[tuple[str, float]], name: str = "", **laws: str) -> Source:
+        scaled = tuple((path, MOST_MODES if path == MODES else action[path], power) for path, power in sizes)
+        unit = "1" if name else action.effects[sizes[0][0]].unit
+        return Source(
+            name or f"{ADDED}{sizes[0][0]}", unit, (), 1.0, 0.0,
+            step=1.0, effects=tuple(effects), laws=tuple(laws.items()), scaled=scaled,
+        )  # fmt: skip
+
+    choice = model.choice_of(action)
+    for effect, sizes in SIZES.items():
+        if effect not in choice.effects:
+            yield source([effect], sizes)
+    if not {RAIL, *PINS} & set(choice.effects):
+        yield source([RAIL, *PINS], [size for pin in PINS for size in SIZES[pin]], JOINTS)
+    for felt in CONTACTS:
+        if action.law(felt) not in MEMORIES and felt not in choice.without:
+            for law, number in MEMORIES.items():
+                yield source([], [(f"{felt}.{law}.{number}", 1.0)], **{felt: law})
 
 
 def candidates(listed: Sequence[Source], numbers: Sequence[int]) -> tuple[Candidate, ...]:
@@ -325,13 +401,17 @@ class Responses:
         asked : point, index of the trial, index of the source
         here : differences (trials, 3 m) at each of the points
         """
-        steps = [self.listed[j].step for _, _, j in asked]
-        places = [(_moved(self._place(point, t), j, step), t) for (point, t, j), step in zip(asked, steps, strict=True)]
+        places, steps = [], []
+        for point, t, j in asked:
+            at, source = self._place(point, t), self.listed[j]
+            there = source.added and dict(at.amounts).get(j, 0.0) > LEAST_ADDED
+            steps.append(STEP_ADDED if there else source.step)
+            places.append((_moved(at, j, steps[-1]), t))
         scales = [self.listed[j].encoder for _, _, j in asked]
         found = iter(self._turns([p for p, scale in zip(places, scales, strict=True) if scale < 0]))
         out = []
-        for (_, t, j), step, scale, at in zip(asked, steps, scales, here, strict=True):
-            predicted = self.measured[t] - at[t]
+        for (_, t, j), step, scale, differences in zip(asked, steps, scales, here, strict=True):
+            predicted = self.measured[t] - differences[t]
             if scale >= 0:
                 channel = np.repeat(np.arange(len(ENCODER_SCALES)), predicted.size // len(ENCODER_SCALES))
                 out.append(np.where(channel == scale, self.listed[j].wrong * predicted, 0.0))
@@ -375,6 +455,9 @@ class Responses:
             run = runs[i]
             assert run is not None
             change = np.asarray(solution.angle_rad, dtype=float) - np.asarray(run.rest.angle_rad)
+            if _lifts(run.action):
+                change[:, 0] += _lift_m(solution) / SCALE_RADIUS_M
+            change = change[change.shape[0] - self.trials[asked[i][1]].time_s.size :]
             scale = np.ones(len(ENCODER_SCALES))
             for j, z in asked[i][0].amounts:
                 if self.listed[j].encoder >= 0:
@@ -390,16 +473,19 @@ class Responses:
         rests: dict[tuple[_Place, float], tuple[model.Action, model.RestState] | None],
     ) -> Run | None:
         changed: dict[str, float] = {}
+        added: list[tuple[Source, float]] = []
         error = {FORCE_GAIN: 1.0, FORCE_LEVEL: 0.0, FORCE_DELAY: 0.0, CLOCK: 1.0}
         for j, z in place.amounts:
             source = self.listed[j]
             changed |= source.values(self.tested.action, z)
+            if source.added and z > LEAST_ADDED:
+                added.append((source, z))
             if source.name in error:
                 error[source.name] = source.at(error[source.name], z)
         gain, level = error[FORCE_GAIN], error[FORCE_LEVEL] - place.offset_n
         key = place, trial.preload_n
         if key not in rests:
-            rests[key] = self._at_rest(changed, trial.preload_n - level)
+            rests[key] = self._at_rest(changed, added, trial.preload_n - level)
         found = rests[key]
         if found is None:
             return None
@@ -414,14 +500,36 @@ class Responses:
         if rate != 1.0:  # the clock reads more seconds than passed
             table = start + (table[0] - start) / rate, table[1]
         output = trial.time_s if rate == 1.0 else start + (trial.time_s - start) / rate
+        if _lifts(action) and start < output[0]:
+            output = np.append(start, output)  # where the key's pivot was at rest
         return Run(action, rest, *table, output, drawn_tolerance(self.tested))
 
-    def _at_rest(self, changed: dict[str, float], preload_n: float) -> tuple[model.Action, model.RestState] | None:
+    def _at_rest(
+        self, changed: dict[str, float], added: Sequence[tuple[Source, float]], preload_n: float
+    ) -> tuple[model.Action, model.RestState] | None:
         try:
             action = self.tested.action.with_values(changed) if changed else self.tested.action
+            for source, z in added:
+                scene = source.scene(action, z)
+                if scene is None:
+                    return None
+                action = scene.on(action)
             return action, self.tested.rest_of(action, preload_n)
         except ModelError:
             return None
+
+
+def _lifts(action: model.Action) -> bool:
+    """Whether the key's pivot can rise."""
+    return not {RAIL, "key_pin"}.isdisjoint(model.choice_of(action).effects)
+
+
+def _lift_m(solution: model.Solution) -> Array:
+    """How far the key's pivot has risen: on its rail, or in its joint; the key's scale reads it as rotation."""
+    rise = np.zeros(len(solution.time_s)) if solution.give is None else solution.give.of("key")[0][:, 1]
+    if KEY_LIFT in solution.bodies:
+        rise = np.asarray(solution.angle_rad)[:, solution.bodies.index(KEY_LIFT)]
+    return rise - rise[0]
 
 
 def _moved(place: _Place, j: int, step: float) -> _Place:

@@ -14,12 +14,13 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import logsumexp
 
 from validation.conventions import Array
 from validation.identification.blocks import Block
-from validation.identification.difference.responses import ALL, Point, Responses
+from validation.identification.difference.responses import ALL, LEAST_ADDED, Point, Responses
 from validation.identification.noise import smooth
 from validation.identification.observations import ENCODERS
 
@@ -242,7 +243,9 @@ CLEAR = 2.0  # of a u: a change that is told from none
 PAIRED = 60  # candidates, the best alone, whose pairs are looked at
 CLOSE = 0.1  # of a posterior u: a step below it is the last
 TOO_MUCH = 4.0  # standard deviations of the sum of squares
-FURTHEST = 3.0  # of how far off a value may be
+FURTHEST, FURTHEST_ADDED = 3.0, 10.0  # of how far off a value may be; of an effect as stated
+DAMPING = ".normal.D"
+FELTS = 4  # that may remember
 SHORTER = 0.3  # of a step that did not lower the objective
 
 
@@ -318,6 +321,29 @@ class Search:
         self.named = [int(j) for j in np.flatnonzero(wanted & (np.sqrt(shows) > LEAST_SHOWN))]
         if asked == BETWEEN and self.named:
             evidence.settle(lambda: self._best_gain(self.around))
+
+    def with_effects(self) -> Search:
+        """The search with effects that the model lacks among its causes: of felts that remember, the `FELTS` whose
+        damping, which a memory takes the place of, shows most."""
+        listed, known = self.responses.listed, np.any(self.columns != 0.0, axis=0)
+        shows = np.diag(self.evidence.products(self.columns, 0, self.asked)[0])
+        damping = {s.name.removesuffix(DAMPING): shows[j] for j, s in enumerate(listed) if s.name.endswith(DAMPING)}
+        felts = sorted(damping, key=lambda felt: -damping[felt])[:FELTS]
+        late = [
+            j for j, s in enumerate(listed)
+            if s.added and not known[j] and all(damping.get(felt, 0.0) > 0.0 and felt in felts for felt, _ in s.laws)
+        ]  # fmt: skip
+        if not late:
+            return self
+        at, columns = self.around, self.columns.copy()
+        found = self.responses.columns([(at.point, 0, j) for j in late], len(late) * [at.each])
+        columns[:, late] = np.column_stack(found)
+        return Search(self.responses, self.evidence, (self.start, at), (columns, self.force), self.asked)
+
+    def effects(self) -> list[Followed]:
+        """Every effect by itself, followed."""
+        ours = np.array(self.named, dtype=int)[self._added(self.named)]
+        return self._follow([self._started((*self.start.members, int(j)), self.start) for j in ours])
 
     def of_size(self, size: int, best: Followed) -> list[Followed]:
         """The likeliest sets of a size, followed; ``best`` is the best set found so far."""
@@ -461,11 +487,22 @@ class Search:
         """What a set must gain for having been chosen among so many."""
         return sum(self.responses.candidates[j].rarity for j in self.own(members))
 
-    def log_evidence(self, one: Followed, lacking: bool = False, chosen: bool = True) -> float:
-        """Log evidence of a set, ``chosen`` among so many or not; whether the model may lack something beside it."""
+    def log_evidence(self, one: Followed, lacking: bool = False) -> float:
+        """Log evidence of a set, chosen among so many; whether the model may lack something beside it."""
         linear, columns = self.linear(one)
-        found = self.evidence.log_evidence(linear, columns, one.z, lacking, self.asked)
-        return found - (self.chosen(one.members) if chosen else 0.0)
+        return self.evidence.log_evidence(linear, columns, one.z, lacking, self.asked) - self.chosen(one.members)
+
+    @property
+    def tried(self) -> str:
+        """All causes that were looked at, in words."""
+        listed, known = self.responses.listed, np.any(self.columns != 0.0, axis=0)
+        apart = self.asked == BETWEEN
+        kinds = [
+            s.kind
+            for j, s in enumerate(listed)
+            if s.named and (known[j] or not s.added) and (not apart or len(s.profiles) > 1)
+        ]
+        return ", ".join(dict.fromkeys(kinds))
 
     def linear(self, one: Followed) -> tuple[Array, Array]:
         """Turned differences (trials, 3 m) that the linear model at a set has without it; its columns, turned."""
@@ -524,9 +561,12 @@ class Search:
         at = np.array(sets, dtype=int)
         inner = gram[at[:, :, None], at[:, None, :]] + np.eye(at.shape[1])
         right = b[at]
-        gain = 0.5 * np.einsum("si,si->s", right, np.linalg.solve(inner, right[:, :, None])[:, :, 0])
+        amounts = np.linalg.solve(inner, right[:, :, None])[:, :, 0]
+        gain = 0.5 * np.einsum("si,si->s", right, amounts)
         gain -= 0.5 * np.linalg.slogdet(inner)[1]
         gain -= rarity * np.array([self.chosen(s) for s in sets])
+        added = self._added(range(len(self.responses.candidates)))[at]
+        gain[np.any(added & (amounts < 0.0), axis=1)] = -np.inf  # there is no less than none of an effect
         return [(sets[i], float(gain[i])) for i in np.argsort(-gain, kind="stable")]
 
     def _started(self, members: tuple[int, ...], start: Followed) -> Followed:
@@ -571,7 +611,11 @@ class Search:
             if not going:
                 break
         self.evidence.likeliest = likeliest
-        return at
+        return [one for one in at if not np.any(self._added(one.members) & (one.z <= LEAST_ADDED))]
+
+    def _added(self, members: Sequence[int]) -> NDArray[np.bool_]:
+        """Which members are effects that the model does not have."""
+        return np.array([self.responses.listed[self.responses.candidates[j].source].added for j in members], dtype=bool)
 
     def _settle_beside(self, one: Followed) -> None:
         """What some trials differ by would be noise; beside a set it is not."""
@@ -583,7 +627,9 @@ class Search:
         linear, columns = self.linear(one)
         x, w = (self.evidence.whiten(part, asked=self.asked) for part in (columns, linear))
         precision = np.eye(x.shape[1]) + x.T @ x
-        z = np.clip(np.linalg.solve(precision, x.T @ w), -FURTHEST, FURTHEST)
+        added = self._added(one.members)
+        least, most = np.where(added, 0.0, -FURTHEST), np.where(added, FURTHEST_ADDED, FURTHEST)
+        z = np.clip(np.linalg.solve(precision, x.T @ w), least, most)
         step = z - one.z
         width = np.sqrt(np.diag(np.linalg.inv(precision)))
         return None if np.all(np.abs(step) < CLOSE * width) else step

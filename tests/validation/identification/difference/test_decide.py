@@ -98,6 +98,7 @@ def said(
 
     def around(start: Followed, at: Followed, before: Search | None, asked: int) -> Search:
         columns = np.column_stack(responses.columns([(at.point, 0, j) for j in range(SHAPES)], []))
+        columns[:, [s.added for s in listed]] = 0.0 if before is None else before.columns[:, [s.added for s in listed]]
         size = np.full((3, M), 5e-3)
         nil = np.zeros((3 * M, 0))
         block = Block(0, TIME, columns, nil, nil, nil, np.full(3 * M, 4e-10), size, np.zeros(M))
@@ -160,6 +161,24 @@ def test_none_is_named_where_the_model_lacks_something_or_more_have_changed() ->
 def test_nothing_need_have_changed_within_the_noise() -> None:
     found = said({})
     assert not found.changes and "no part of the model need have changed" in found.sentence
+
+
+EFFECT = Source("added part.size", "m", (), 1.0, 0.0, step=1.0, scaled=(("part.size", 2e-3, -1.0),))
+WITH_EFFECT = (*LISTED[:4], EFFECT, *LISTED[5:])
+
+
+def test_an_effect_that_the_model_lacks_is_named_with_its_size() -> None:
+    found = said({4: 0.5}, listed=WITH_EFFECT)
+    assert named(found) == {frozenset({EFFECT.name})} and "added part.size = 0.004 m" in found.sentence
+    (row,) = found.changes
+    assert abs(row.change - 4e-3) < 3 * row.u and row.u < 1e-4
+
+
+def test_there_is_no_less_than_none_of_an_effect_and_it_is_not_tried_for_nothing() -> None:
+    assert EFFECT.name not in {row.cause for row in said({4: -0.5}, listed=WITH_EFFECT).changes}
+    for truth in ({}, {4: -0.5}):
+        sentence = said(truth, listed=WITH_EFFECT).sentence
+        assert (EFFECT.name in sentence) == bool(truth)
 
 
 EVENLY = [-0.4 * k for k in range(6)]  # 5 % of a gain is one: 2 % per trial
