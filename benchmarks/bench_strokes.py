@@ -111,6 +111,8 @@ def record(
     sensors, config = load_sensors(BENCH, seed=seed), load_rig("virtual").config
     rng = np.random.default_rng([seed, number, 98])
     time = truth.time_s[::FINE]
+    if lift_m is None and "key_lift" in truth.coordinates:
+        lift_m = truth.column("key_lift")
     lift = None if lift_m is None else lift_m[::FINE]
     count = EncoderSignals(sensors.encoders, seed, number).quarter_counts(truth.angle_rad[::FINE][:, [0, 1, 4]], lift)
     count = count + np.round(rng.normal(0, jitter_counts, count.shape)).astype(np.int64) * (jitter_counts > 0)
