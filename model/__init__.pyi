@@ -28,11 +28,11 @@ from .force_driven import output_times as output_times
 from .force_driven import simulate as simulate
 from .integrators.methods import DEFAULT_METHOD as DEFAULT_METHOD
 from .integrators.methods import METHODS as METHODS
-from .motion_driven.motion_table import read_motion_table as read_motion_table
 from .motion_driven.simulate import MotionDriven as MotionDriven
 from .motion_driven.simulate import simulate_motion as simulate_motion
 from .motion_driven.slow_press import Press as Press
 from .motion_driven.slow_press import slow_press as slow_press
+from .motion_driven.spline_fit import read_motion_table as read_motion_table
 from .parameters.action import BODIES as BODIES
 from .parameters.action import Action as Action
 from .parameters.action import load_action as load_action

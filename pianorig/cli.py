@@ -22,9 +22,8 @@ from typer.core import TyperArgument, TyperGroup
 from typer.main import get_command
 
 from pianorig import commands
-from pianorig.console.compile_notice import tell_when_compiling
 from pianorig.console.failures import Interrupted, how_stopped, tell_failure
-from pianorig.console.progress import say
+from pianorig.console.progress import say, tell_when_compiling
 from pianorig.console.terminal import write_what_the_terminal_can
 from pianorig.errors import CommandInputError
 

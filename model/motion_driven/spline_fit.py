@@ -11,6 +11,7 @@ jitter of angle and clock beyond that is estimated from the residuals. Unusable 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,12 +19,105 @@ from scipy.interpolate import BSpline, PPoly
 from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded
 
 from model.errors import InputError
+from model.files.csv_columns import read_columns
+from model.files.time_table import check_rows, two_columns
 from model.kernels import banded
-from model.motion_driven.encoder_noise import noise_of, repeated_share, resolution_of, runs_of
-from model.motion_driven.motion_table import check_motion_table
 from model.scene.key_motion import KeyMotion
+from model.scene.selection import SceneChoice, load_scene
 
 Array = NDArray[np.float64]
+
+
+def resolution_of(angle_rad: Array) -> float:
+    """Width of a count (rad) where all angles are whole multiples of one apart, else 0."""
+    step = np.diff(np.unique(angle_rad))
+    step = step[step > 1e-12]
+    if len(step) == 0:
+        return 0.0
+    smallest = float(step.min())
+    smallest = float(np.median(step[step < 1.5 * smallest]))
+    multiples = step / smallest
+    return smallest if np.max(np.abs(multiples - np.round(multiples))) < 1e-3 else 0.0
+
+
+def runs_of(angle_rad: Array) -> Array:
+    """How many equal readings in a row each sample belongs to."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(angle_rad)) + 1, [len(angle_rad)]])
+    length = np.diff(edges)
+    return np.repeat(length, length).astype(float)
+
+
+def repeated_share(resolution_rad: float, jitter_rad: float) -> float:
+    """Share of the rounding's variance that stays the same from sample to sample while nothing moves.
+
+    The mean of a rounded, jittering reading is a sawtooth of the true angle whose harmonics the jitter damps; where
+    the angle may lie anywhere within a count its variance is this sum. Without jitter everything stays (share 1).
+    """
+    k = np.arange(1, 40)
+    damping = np.exp(-((2.0 * np.pi * k * jitter_rad / resolution_rad) ** 2))
+    return float(np.sum(damping / k**2) / np.sum(1.0 / k**2))
+
+
+def noise_of(variance: Array, speed: Array, weight: Array) -> tuple[float, float]:
+    """Jitter of the angle (rad) and of the clock (s): a and b >= 0 of variance = a^2 + b^2 speed^2, least squares."""
+    square = speed**2
+    total, cross, fourth = np.sum(weight), np.sum(weight * square), np.sum(weight * square**2)
+    mean, slope = np.sum(weight * variance), np.sum(weight * variance * square)
+    determinant = total * fourth - cross**2
+    if determinant > 1e-9 * total * fourth:
+        b = (total * slope - cross * mean) / determinant
+        a = (mean - b * cross) / total
+        if a >= 0.0 and b >= 0.0:
+            return float(np.sqrt(a)), float(np.sqrt(b))
+        if b > 0.0:
+            return 0.0, float(np.sqrt(max(0.0, slope / fourth)))
+    return float(np.sqrt(max(0.0, mean / total))), 0.0
+
+
+FEWEST, MOST = 20, 200_000  # samples
+LARGEST_KEY_RAD = 3.0
+
+
+def check_motion_table(time_s: ArrayLike, key_rad: ArrayLike, where: str = "key motion") -> tuple[Array, Array]:
+    """Times and angles (n,) that can be used; lost ones (NaN) are left out. ``InputError`` names the first bad row."""
+    times, angles = two_columns(time_s, key_rad, where)
+    lost = np.isnan(angles)
+    check_rows(times, angles, where, "key_rad", LARGEST_KEY_RAD, lost)
+    times, angles = times[~lost], angles[~lost]
+    if not FEWEST <= len(times) <= MOST:
+        raise InputError(f"{where}: found {len(times)} rows with an angle, allowed {FEWEST} to {MOST}")
+    return times, angles
+
+
+def read_motion_table(path: str | Path, scene: SceneChoice | str | Path = "whole") -> tuple[Array, Array]:
+    """Read the motion of a key from a CSV file with the columns ``time_s,key_rad``.
+
+    Parameters
+    ----------
+    path : CSV file
+    scene : what takes part; with a motor arm or a finger the second column is ``motor_rad`` or ``finger_rad``
+
+    Returns
+    -------
+    tuple of ndarray
+        Times (n,), s, and angles (n,), rad, without rows whose angle is NaN.
+
+    Raises
+    ------
+    InputError : the file cannot be read or used; the message names file and row
+
+    Examples
+    --------
+    >>> import model
+    >>> time_s, key_rad = model.read_motion_table("key.csv")
+    >>> bool(key_rad.min() < -0.04)  # pressed, the key turns clockwise
+    True
+    """
+    angle = f"{load_scene(scene).moved}_rad"
+    table = read_columns(path, ("time_s", angle), ())
+    return check_motion_table(table.numbers("time_s"), table.numbers(angle), table.where)
+
+
 Integers = NDArray[np.int64]
 
 DEGREE, PRIOR = 5, 4  # of the spline; of the derivative that the prior keeps small

@@ -6,11 +6,13 @@ The thesis does not print v_t and omega_t; this project takes 1e-3 m/s and 1e-2 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from model.arrays import as_numbers
+from model.files.figure_sheet import new_sheet
 from model.files.force_table import check_force_table
 from model.force_driven import simulate as simulate_smoothed
 from model.observables import hammer_height_m
@@ -18,6 +20,36 @@ from model.parameters.action import Action
 from model.simulation.solution import Solution
 from model.stick_slip.march import Marched, simulate
 from model.study.blow_measures import BlowMeasures, measure_blow
+
+
+def draw(limit: Limit, path: str | Path) -> None:
+    """Write the sheet to ``path`` (.svg, .pdf or .png)."""
+    with new_sheet(path, 10.0, 4.2) as sheet:
+        over_time, over_speed = sheet.subplots(1, 2)
+        for v_t, solution in zip(limit.v_t, limit.smoothed, strict=True):
+            height = 1e3 * hammer_height_m(limit.action, solution.angle_rad)
+            over_time.plot(1e3 * solution.time_s, height, lw=1.0, label=f"eq. 2.10, v_t = {v_t:g} m/s")
+        marched = limit.marched.solution
+        over_time.plot(
+            1e3 * marched.time_s,
+            1e3 * hammer_height_m(limit.action, marched.angle_rad),
+            "k--",
+            lw=1.0,
+            label="set-valued",
+        )
+        over_time.set(xlabel="time, ms", ylabel="hammer to string, mm", title="One blow")
+        over_time.legend(fontsize="small")
+        over_speed.loglog(limit.v_t, [limit.away_rad(s) for s in limit.smoothed], "o-", label="whole blow")
+        held = [limit.away_until_release_rad(s) for s in limit.smoothed]
+        over_speed.loglog(limit.v_t, held, "s--", label="until the release")
+        over_speed.axhline(limit.march_error_rad, color="0.6", lw=1.0, ls=":", label="march, step halved")
+        over_speed.set(
+            xlabel="threshold speed v_t, m/s", ylabel="largest difference of any angle, rad", title="From the limit"
+        )
+        over_speed.legend(fontsize="small")
+        for axes in (over_time, over_speed):
+            axes.grid(alpha=0.3)
+
 
 THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)
 TOLERANCE = 1e-7

@@ -173,7 +173,7 @@ def test_another_package_of_our_name_is_named_at_start_up(tmp_path: Path) -> Non
 
 
 KERNELS = """
-from pianorig.console.compile_notice import tell_when_compiling
+from pianorig.console.progress import tell_when_compiling
 
 tell_when_compiling()
 import numba

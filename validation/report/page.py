@@ -26,8 +26,7 @@ from validation.events.definitions import EVENTS
 from validation.report.figures.measured import all_figures
 from validation.report.figures.overlays import limit_of_trial, trial_words
 from validation.report.tables import scores as present
-from validation.report.tables.described import described_sections, described_table
-from validation.report.tables.formatting import PageTable
+from validation.report.tables.formatting import PageTable, described_sections, described_table
 from validation.report.tables.models import event_table, evidence_table, forest, heat_map, matrix, pair_tables
 from validation.report.tables.scores import area_table, budget_table, scorecard_table
 from validation.report.view import SessionView, netcdf_names

@@ -190,7 +190,7 @@ def _study_lines(study: model.study.Study) -> list[str]:
 
 
 def _friction_limit(action: model.Action, time_s: Any, force_n: Any) -> Found:
-    from model.stick_slip.figure import draw  # start-up: NumPy, which --help does not need
+    from model.stick_slip.limit import draw  # start-up: NumPy, which --help does not need
 
     limit = model.stick_slip.compare(action, time_s, force_n)
     lines = [

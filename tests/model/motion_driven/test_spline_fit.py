@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from model.kernels import banded
-from model.motion_driven.encoder_noise import noise_of, repeated_share, resolution_of
-from model.motion_driven.spline_fit import fit_key_motion
+from model.motion_driven.spline_fit import fit_key_motion, noise_of, repeated_share, resolution_of
 from tests.model.key_blows import COUNT, PROFILES, counted, key_truth
 
 

@@ -16,8 +16,8 @@ if sys.platform == "win32":
     pytest.skip("pseudo-terminals are POSIX only", allow_module_level=True)
 
 from pianorig.console import progress
-from pianorig.console.compile_notice import ONCE
 from pianorig.console.output import print_json
+from pianorig.console.progress import ONCE
 from pianorig.workflows.bench.watch import curve
 from rig import Progress
 from tests.terminal_screen import OnTerminal, Screen
