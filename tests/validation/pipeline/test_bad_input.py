@@ -39,18 +39,17 @@ def reasons(session):
 def test_wrong_or_missing_units_are_named(make, strokes, tmp_path, monkeypatch, units, words):
     session = Session.create(tmp_path / "s", make.info())
     session.add_trial(make.trial(1, *strokes))
-    write = Content.growing
+    close = Content.close
 
-    def other(content, group, name, *args, **kwargs):
-        column = write(content, group, name, *args, **kwargs)
-        if name == "force":
+    def other(content, dataset, sha256):
+        close(content, dataset, sha256)
+        if dataset.name == "/daq/force":
             if units is None:
-                del column.dataset.attrs["units"]
+                del dataset.attrs["units"]
             else:
-                column.dataset.attrs["units"] = units
-        return column
+                dataset.attrs["units"] = units
 
-    monkeypatch.setattr(Content, "growing", other)
+    monkeypatch.setattr(Content, "close", other)
     session.add_trial(make.trial(2, *strokes))
     result, reason = reasons(Session.open(tmp_path / "s"))
     assert list(result.traces) == [1]
