@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
-from typing import Any, TypedDict
+from typing import Any, Literal, TypedDict
 
 import model
 from validation.conventions import Array
@@ -23,7 +23,7 @@ class CompareOptions(TypedDict, total=False):
     geometry: Callable[[model.Action, Array], ActionGeometry] | None
     rivals: tuple[str, ...]
     budget: bool
-    suspect: bool
+    suspect: bool | Literal["parts"]
     by_motion: bool
     further: bool
     keep_predictions: bool
@@ -49,7 +49,7 @@ class ComparisonOptions:
     tolerance: float = 1e-5
     rivals: tuple[str, ...] = RIVALS
     budget: bool = True
-    suspect: bool = True
+    suspect: bool | Literal["parts"] = True
     by_motion: bool = False
     further: bool = False
     keep_predictions: bool = True

@@ -123,9 +123,10 @@ def compare(
             identification, and two black boxes (`validation.statistics.rivals`).
         budget : bool, default True
             Make the uncertainty budget of the events, some fifty runs of one trial.
-        suspect : bool, default True
+        suspect : bool or "parts", default True
             Find the causes that explain what model and trials, and the trials among themselves, differ by: some 200
-            runs of one trial, up to a thousand more where the difference is large.
+            runs of one trial, up to a thousand more where the difference is large. ``"parts"``: without effects that
+            the model lacks, each of which compiles a scene of its own once (half a minute in all).
         by_motion : bool, default False
             Also drive the model by the key's measured motion and compare the force, in the trial of median peak force.
         further : bool, default False; True where a report is written
@@ -180,9 +181,10 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     explained = Explained()
     if chosen.suspect:
         chosen.say("which causes explain the difference")
-        explained = explain_difference(tested, of_one_kind(predicted.trials, findings, but=ODD))
+        effects = chosen.suspect != "parts"
+        explained = explain_difference(tested, of_one_kind(predicted.trials, findings, but=ODD), effects)
         if ODD in (f.kind for f in findings.faults) and not explained.findings:
-            explained = explain_difference(tested, of_one_kind(predicted.trials, findings))
+            explained = explain_difference(tested, of_one_kind(predicted.trials, findings), effects)
         findings = replace(findings, faults=(*unexplained(findings, explained), *explained.findings))
     changes = [asdict(change) for change in explained.changes]
     rivals = beside_rivals(predicted, scored, tested, findings.left_out)

@@ -143,7 +143,7 @@ class Explained:
     findings: tuple[SessionFinding, ...] = ()
 
 
-def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial]) -> Explained:
+def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial], effects: bool = True) -> Explained:
     """Sets of causes that explain what trials and model, and the trials among themselves, differ by.
 
     Parameters
@@ -152,6 +152,8 @@ def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial]) -
         Known results are reused from its store.
     sound : sequence of MeasuredTrial
         Without faults, of one kind of stroke.
+    effects : bool
+        Whether effects that the model lacks are tried; each compiles a scene of its own once.
 
     Returns
     -------
@@ -163,14 +165,15 @@ def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial]) -
         trials = observe("validate", 0, _chosen(sound))
     except ValidationInputError:  # no span in common
         return Explained()
-    return explain_observed(tested, trials)
+    return explain_observed(tested, trials, effects)
 
 
-def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial]) -> Explained:
+def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: bool = True) -> Explained:
     """`explain_difference` for trials of one kind as they are compared, at the same times, each driven by its force."""
     stated = {path: q.u for path, q in model.quantities_of(tested.action).items()}
-    inputs = tested.identity, trials, stated, dict(tested.action.identification.get(TABLE, {}))
-    found = tested.store.value("compatible changes", inputs, lambda: asdict(_explain(tested, trials)))
+    effects = effects and tested.own_model  # a stand-in knows no scenes
+    inputs = tested.identity, trials, stated, dict(tested.action.identification.get(TABLE, {})), effects
+    found = tested.store.value("compatible changes", inputs, lambda: asdict(_explain(tested, trials, effects)))
     names = [f.name for f in fields(CompatibleChange)]
     changes = tuple(CompatibleChange(**{name: row[name] for name in names}) for row in found["changes"])
     findings = tuple(SessionFinding(**row) for row in found["findings"])
@@ -184,9 +187,8 @@ def _chosen(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
     return [first, *chosen_trials(others, most=MOST_TRIALS - 1)]
 
 
-def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial]) -> Explained:
-    found = sources(tested.action, trials[0])
-    listed = [s for s in found if tested.own_model or not s.added]  # a stand-in knows no scenes
+def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: bool) -> Explained:
+    listed = [s for s in sources(tested.action, trials[0]) if effects or not s.added]
     responses = Responses(tested, trials, listed)
     each = responses.base
     if each is None or _small(trials, each):

@@ -10,6 +10,7 @@ import pytest
 import model
 from tests.validation.identification import toy
 from validation.events.key_lift import SCALE_RADIUS_M
+from validation.identification.difference import explain
 from validation.identification.difference.responses import ADDED, JOINTS, Point, Responses, addable
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -70,3 +71,17 @@ def test_an_amount_runs_its_scene_and_the_key_is_read_with_its_lift(responses: R
 
 def test_effects_that_exclude_each_other_cannot_be_run(responses: Responses) -> None:
     assert responses.differences([Point(((1, 1.0), (2, 1.0)))]) == [None]
+
+
+@pytest.mark.parametrize(("effects", "added"), [(True, True), (False, False)])
+def test_effects_are_candidates_only_where_they_are_asked_for(responses, monkeypatch, effects, added) -> None:
+    listed = []
+    monkeypatch.setattr(explain, "Responses", lambda tested, trials, these: listed.extend(these) or Silent())
+    found = explain.explain_observed(ModelUnderTest(ACTION), responses.trials, effects)
+    assert not found.changes and any(source.added for source in listed) == added and len(listed) > len(BY_NAME)
+
+
+class Silent:
+    """Responses of a model that cannot follow."""
+
+    base = None
