@@ -11,7 +11,7 @@ import pandas as pd
 
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
-from validation.measurement.trial import MeasuredTrial
+from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.statistics.repeatability import curve_repeatability, on_common_base
 
 
@@ -96,7 +96,7 @@ def summary_line(findings: Sequence[SessionFinding]) -> str:
         return ""
     parts = []
     for kind, trials in kinds.items():
-        where = f"trial{'' if len(trials) == 1 else 's'} {', '.join(map(str, trials))}" if trials else "session"
+        where = trials_in_words(trials) if trials else "session"
         parts.append(f"{kind} ({where})")
     return f"Faults found: {', '.join(parts)}; read the warnings before the scores."
 
@@ -138,7 +138,7 @@ def state_of(numbers: Collection[int], channel: str, without: LeftOut) -> str:
     missing = sorted(number for number in numbers if (number, channel) in without)
     if not missing:
         return ""
-    which = f"trial{'' if len(missing) == 1 else 's'} {', '.join(map(str, missing))}"
+    which = trials_in_words(missing)
     return f"{len(numbers) - len(missing)} of {len(numbers)}: {which} left out, wired wrong"
 
 

@@ -21,7 +21,7 @@ from validation.identification.force_runs import TOLERANCE
 from validation.identification.observations import PHASES, ObservedTrial, observe, observe_driven, sharing_the_key
 from validation.identification.petab import is_petab, read_petab
 from validation.measurement.measure_session import MeasuredSession, measure_session, open_session
-from validation.measurement.trial import U_REST_LEVEL_M, MeasuredTrial
+from validation.measurement.trial import U_REST_LEVEL_M, MeasuredTrial, trials_in_words
 from validation.options import utc_now
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import UNKNOWN_STROKE, posterior_of
@@ -233,9 +233,7 @@ def _none(measured: MeasuredSession, name: str, held: int) -> str:
     numbers: dict[str, list[int]] = {}
     for number, why in measured.refused.items():
         numbers.setdefault(why, []).append(number)
-    alike = [
-        f"trial{'' if len(of) == 1 else 's'} {', '.join(map(str, of))}: {why}" for why, of in list(numbers.items())[:3]
-    ]
+    alike = [f"{trials_in_words(of)}: {why}" for why, of in list(numbers.items())[:3]]
     reasons = "; ".join(alike) or "it has no trials"
     return f"{name}: no usable trial to fit ({reasons}); a fit needs measured key, whippen and hammer angles"
 

@@ -9,7 +9,7 @@ Conventions: as in `validation.measurement.trial`; all of the force is NaN, the 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -293,3 +293,9 @@ def _u_column(table: pd.DataFrame, name: str) -> str:
     """
     total = f"{name}_relative_u_total_rad"
     return total if total in table else f"{name}_relative_u_rad"
+
+
+def trials_in_words(numbers: Iterable[int]) -> str:
+    """Numbers of trials as a sentence names them: ``trial 3``, ``trials 3, 5``."""
+    named = [str(number) for number in numbers]
+    return f"trial{'' if len(named) == 1 else 's'} {', '.join(named)}"

@@ -14,6 +14,7 @@ from validation.findings.find_faults import urgent_first
 from validation.findings.finding import SessionFinding
 from validation.identification.difference.explain import CompatibleChange, Explained
 from validation.identification.difference.responses import ALL
+from validation.measurement.trial import trials_in_words
 from validation.result import AGREES
 from validation.statistics.rivals import Rivals
 from validation.statistics.skill import CALLED, Skill
@@ -74,7 +75,7 @@ def mend(findings: Sequence[SessionFinding]) -> list[str]:
         value = own[0].value
         said.append(
             words.format(
-                trials=_trials(numbers) if numbers else "the session",
+                trials=trials_in_words(numbers) if numbers else "the session",
                 channel=" and ".join(channels) or "the channel",
                 value_mm=1e3 * abs(value),
                 side="further from" if value > 0 else "closer to",
@@ -115,7 +116,7 @@ def beyond(outside: Mapping[int, str]) -> list[str]:
     if not far:
         return []
     new = [word for phase, word in TRAINING.items() if any(_phase_missing(why, phase) for why in far.values())]
-    what = " and ".join(new) if new else f"strokes like {_trials(sorted(far))}"
+    what = " and ".join(new) if new else f"strokes like {trials_in_words(sorted(far))}"
     return [f"Record {what} and identify again before you trust the model there."]
 
 
@@ -139,7 +140,3 @@ def nearer(skill: Mapping[str, Skill]) -> list[str]:
 def _and(words: Collection[str]) -> str:
     *first, last = words
     return f"{', '.join(first)} and {last}" if first else last
-
-
-def _trials(numbers: Sequence[int]) -> str:
-    return f"trial{'' if len(numbers) == 1 else 's'} {', '.join(map(str, numbers))}"

@@ -18,7 +18,7 @@ import model
 from validation.curves.signs import SIGN
 from validation.events.definitions import EVENTS
 from validation.findings.finding import SessionFinding, are_faulty, distorted_trials, summary_line
-from validation.measurement.trial import MeasuredTrial
+from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.posterior import UNKNOWN_STROKE, altered, posterior_of
 from validation.result import AGREES, ERROR_SHOWN, NOT_JUDGED
 from validation.statistics.paired_difference import SHOWN
@@ -47,18 +47,14 @@ def prediction_lines(action: model.Action, trials: Sequence[MeasuredTrial]) -> l
             return [f"Whether this is a prediction is not known: {none}, but {'; '.join(doubts)}."]
         return [f"A prediction: {none}."]
     aside = [m.number for m in trials if m.number not in fitted]
-    which = _trials(fitted) if aside else "all of these trials"
+    which = trials_in_words(fitted) if aside else "all of these trials"
     if aside and doubts:  # what the file says of the others may be wrong
         return [f"Not a prediction: the values of {action.name} were fitted to {which} (by hash); {'; '.join(doubts)}."]
-    kept = f"; {_trials(aside)} {'was' if len(aside) == 1 else 'were'} not fitted" if aside else ""
+    kept = f"; {trials_in_words(aside)} {'was' if len(aside) == 1 else 'were'} not fitted" if aside else ""
     return [
         f"Not a prediction: the values of {action.name} were fitted to {which} (by hash){kept}; how well fitted trials "
         "are met says nothing of other strokes."
     ]
-
-
-def _trials(numbers: Sequence[int]) -> str:
-    return f"trial{'' if len(numbers) == 1 else 's'} {', '.join(map(str, numbers))}"
 
 
 def identified_warnings(action: model.Action) -> list[str]:

@@ -38,7 +38,7 @@ from validation.identification.difference.search import BETWEEN, MEAN, Evidence,
 from validation.identification.observations import ENCODERS, ObservedTrial, observe
 from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.measurement.measure_session import representative
-from validation.measurement.trial import MeasuredTrial
+from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.joint_draws import chosen_trials
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import TABLE
@@ -279,7 +279,7 @@ def decide(around: Around, nothing: Followed, numbers: Sequence[int]) -> Explain
         The model as it is.
     numbers : of the trials
     """
-    where = f"trial{'' if len(numbers) == 1 else 's'} {', '.join(map(str, sorted(numbers)))}"
+    where = trials_in_words(sorted(numbers))
     told = Answer((), around(nothing, nothing, None, BETWEEN), nothing=True)
     if len(numbers) >= FEWEST_TOLD_APART:
         told = _answer(around, told.search, MOST_APART)

@@ -38,6 +38,7 @@ from validation.curves.style import (
 )
 from validation.curves.table import force_on_base, on_base
 from validation.events.definitions import EVENTS
+from validation.measurement.trial import trials_in_words
 from validation.report.figures.layout import (
     MOST_LINES,
     QUANTILES,
@@ -88,7 +89,7 @@ def control_charts(view: SessionView) -> ReportFigure | None:
     for i, (axes, (title, trials, values)) in enumerate(zip(panels, charts, strict=True)):
         beyond = _chart(axes, trials, values)
         if beyond:
-            outside.append(f"{title}: trial{'' if len(beyond) == 1 else 's'} {', '.join(map(str, beyond))}")
+            outside.append(f"{title}: {trials_in_words(beyond)}")
         axes.set_title(title, fontsize=8.5, loc="left")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         if i == len(charts) - 1:
