@@ -457,10 +457,7 @@ def _sentence(rows: Sequence[CompatibleChange], where: str, shared: Answer) -> s
         )
     tried = f"tried were {shared.search.tried}, in all trials"
     if not sets:
-        return (
-            f"none of the causes that were tried explains {what}, alone or up to {MOST_LAWS} together: no part of the "
-            f"model and no fault of the session does; {tried}"
-        )
+        return f"none of the causes that were tried explains {what}, alone or up to {MOST_LAWS} together; {tried}"
     of_session = {row.of_session for row in rows}
     about = EITHER if len(of_session) == 2 else SESSION if of_session == {True} else ABOUT
     size, largest = len(sets[0]), len(sets[-1])
