@@ -17,6 +17,7 @@ import pytest
 
 from rig.configuration.profile import Profile, parse_profile
 from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
+from rig.recording.recorder import record_session
 from rig.session import Session
 from rig.session.journal import END, JournalWriter, encode, records
 from rig.simulated.backend import SimulatedBackend, build_device
@@ -93,6 +94,49 @@ def make_backend() -> Iterator[Any]:
     yield make
     for backend in opened:
         backend.close()
+
+
+@pytest.fixture
+def begin(config: RigConfig, command: np.ndarray) -> Callable[..., None]:
+    """Configure, arm and start a backend, and read so many samples; by default with the fixtures' rig and command."""
+
+    def run(backend: Any, samples: int = 0, config: RigConfig = config, command: np.ndarray = command) -> None:
+        backend.configure(config, command)
+        backend.arm()
+        backend.start()
+        if samples:
+            backend.read_block(samples, 1.0)
+
+    return run
+
+
+@pytest.fixture
+def served() -> Iterator[Callable[..., tuple[Any, str]]]:
+    """Serve the device of a backend on the loopback: (server, address); it is stopped with the test."""
+    from rig.simulated.serve import serve
+
+    servers = []
+
+    def start(backend: SimulatedBackend, **options: Any) -> tuple[Any, str]:
+        server, port = serve(backend.service, **options)
+        servers.append(server)
+        return server, f"ni-grpc://127.0.0.1:{port}"
+
+    yield start
+    for server in servers:
+        server.stop(None).wait()
+
+
+@pytest.fixture
+def record_steps(tmp_path: Path, make_backend: Any, step_profile: Profile) -> Callable[..., Session]:
+    """Record trials of the step profile by a rig file, by default one on a bench of its own, into a named folder."""
+
+    def record(rig: Rig, name: str = "s", **changes: Any) -> Session:
+        if "backend" not in changes:
+            changes["backend"] = make_backend(rig.config, noise_n=0.02)
+        return record_session(tmp_path / name, **{"profile": step_profile, "rig_config": rig, "trials": 1, **changes})
+
+    return record
 
 
 @pytest.fixture

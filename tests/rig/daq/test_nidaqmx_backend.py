@@ -11,7 +11,6 @@ import pytest
 from rig.configuration.rig_file import load_rig
 from rig.daq import NidaqmxBackend, nidaqmx_backend, open_backend
 from rig.errors import DeviceNotFound, HardwareFault, InputError, NotSupported, ReadTimeout, SamplesLost
-from rig.simulated.serve import serve
 from rig.simulated.signals import pulse_train
 from rig.simulated.status import NotImplementedByDevice
 from rig.simulated.timing import advance
@@ -28,12 +27,6 @@ def record(backend: NidaqmxBackend, config: Any, command: np.ndarray, blocks: in
     assert [block.first_sample for block in read] == list(range(0, 100 * blocks, 100))
     force, raw, count = ([getattr(b, name) for b in read] for name in ("force_n", "force_raw", "encoder_count"))
     return timing, np.concatenate(force), np.concatenate(raw), np.concatenate(count)
-
-
-def start(backend: NidaqmxBackend, config: Any, command: np.ndarray) -> None:
-    backend.configure(config, command)
-    backend.arm()
-    backend.start()
 
 
 def expected_force(command: np.ndarray, n: int, delay_samples: float) -> np.ndarray:
@@ -68,44 +61,36 @@ def on_any_machine(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("on_any_machine")
-def test_the_same_rig_over_tcp_gives_identical_arrays(make_backend, assert_safe, config, command) -> None:
-    near = make_backend(config, noise_n=0.03, hum_n=(0.1,))
-    far = make_backend(config, noise_n=0.03, hum_n=(0.1,))
-    server, port = serve(far.service)
-    remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
-    try:
-        here, there = record(near, config, command), record(remote, config, command)
-        assert here[0] == there[0]
-        for a, b in zip(here[1:], there[1:], strict=True):
-            np.testing.assert_array_equal(a, b)
-        assert here[1].std() > 0.01
-        # opening asked for versions and devices, then marked the sessions; resets of the watchdog go by the clock
-        timed = ("ControlWatchdogTask",)
-        near_calls, far_calls = ([c for c in b.service.trace if c not in timed] for b in (near, far))
-        assert near_calls == far_calls[len(far_calls) - len(near_calls) :]
-        assert_safe(far)
-    finally:
-        remote.close()
-        server.stop(None).wait()
+def test_the_same_rig_over_tcp_gives_identical_arrays(make_backend, assert_safe, config, command, served) -> None:
+    near, far = (make_backend(config, noise_n=0.03, hum_n=(0.1,)) for _ in range(2))
+    remote = open_backend(served(far)[1], config)
+    here, there = record(near, config, command), record(remote, config, command)
+    # opening asked for versions and devices, then marked the sessions; resets of the watchdog go by the clock
+    near_calls, far_calls = ([c for c in b.service.trace if c != "ControlWatchdogTask"] for b in (near, far))
+    assert_safe(far)
+    remote.close()
+    assert near_calls == far_calls[len(far_calls) - len(near_calls) :]
+    assert here[0] == there[0] and here[1].std() > 0.01
+    for a, b in zip(here[1:], there[1:], strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.usefixtures("on_any_machine")
-def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, unwatched, command) -> None:
-    config = unwatched
-    far = make_backend(config)
-    server, port = serve(far.service)
-    remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
-    start(remote, config, command)
+def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, unwatched, begin, served) -> None:
+    far = make_backend(unwatched)
+    server, address = served(far)
+    remote = open_backend(address, unwatched)
+    begin(remote, config=unwatched)
     with pytest.raises(ReadTimeout) as fault:
         remote.read_block(100, 0.01)
     assert (fault.value.code, fault.value.samples_read) == (-200284, 50)
     assert_safe(far)
-    start(remote, config, command)
-    advance(far.device, 100_001)
-    with pytest.raises(SamplesLost):
+    begin(remote, 100, unwatched)
+    advance(far.device, 100_001)  # 20 s at 5 kHz is what the driver was told to keep
+    with pytest.raises(SamplesLost, match="overwritten"):
         remote.read_block(100, 1.0)
     assert_safe(far)
-    start(remote, config, command)
+    begin(remote, config=unwatched)
     server.stop(None).wait()
     with pytest.raises(DeviceNotFound, match="does not answer") as gone:
         remote.read_block(100, 1.0)
@@ -113,7 +98,7 @@ def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, unw
     with pytest.raises(DeviceNotFound, match="emergency stop"):
         remote.close()
     with pytest.raises(DeviceNotFound, match="does not answer"):
-        open_backend(f"ni-grpc://127.0.0.1:{port}", config)
+        open_backend(address, unwatched)
 
 
 @pytest.mark.parametrize("name", ["virtual", "pcie6363"])
@@ -196,11 +181,9 @@ def test_a_motor_or_load_cell_on_the_wrong_terminal_is_dead(make_backend, edited
     assert not force.any() and count.any()
 
 
-def test_without_drive_enable_nothing_moves(make_backend, config, command) -> None:
+def test_without_drive_enable_nothing_moves(make_backend, config, begin) -> None:
     backend = make_backend(config)
-    backend.configure(config.model_copy(update={"drive_enable": None}), command)
-    backend.arm()
-    backend.start()
+    begin(backend, config=config.model_copy(update={"drive_enable": None}))
     assert not backend.read_block(300, 1.0).encoder_count.any()
 
 
@@ -273,23 +256,18 @@ def test_without_the_driver_or_the_device_ni_local_says_so(config) -> None:
 
 
 def test_what_answers_must_be_the_product_of_the_rig_file_and_says_whether_it_is_simulated(
-    make_backend, config
+    make_backend, config, served
 ) -> None:
-    far = make_backend(config)
-    server, port = serve(far.service)
-    try:
-        remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
-        assert remote.capabilities.simulated is True
-        assert remote.capabilities.description["product"] == "cDAQ-9189"
-        remote.close()
-        other = config.model_copy(update={"device": config.device.model_copy(update={"product": "PCIe-6363"})})
-        with pytest.raises(InputError, match="'PCIe-6363': device cDAQ1 is a cDAQ-9189"):
-            open_backend(f"ni-grpc://127.0.0.1:{port}", other)
-        unknown = config.model_copy(update={"device": config.device.model_copy(update={"name": "cDAQ7"})})
-        with pytest.raises(DeviceNotFound, match="device cDAQ7: no such device"):
-            open_backend(f"ni-grpc://127.0.0.1:{port}", unknown)
-    finally:
-        server.stop(None).wait()
+    _, address = served(make_backend(config))
+    remote = open_backend(address, config)
+    assert remote.capabilities.simulated is True and remote.capabilities.description["product"] == "cDAQ-9189"
+    remote.close()
+    for changed, error, said in (
+        ({"product": "PCIe-6363"}, InputError, "'PCIe-6363': device cDAQ1 is a cDAQ-9189"),
+        ({"name": "cDAQ7"}, DeviceNotFound, "device cDAQ7: no such device"),
+    ):
+        with pytest.raises(error, match=said):
+            open_backend(address, config.model_copy(update={"device": config.device.model_copy(update=changed)}))
 
 
 @pytest.mark.parametrize("url", ["ni://host", "ni-grpc://", "ni-grpc:///x", "ni-grpc://host:99999"])

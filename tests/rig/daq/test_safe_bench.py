@@ -30,17 +30,8 @@ from rig.errors import (
 from rig.recording.recorder import record_session
 from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.driver import clear_task, stop_task
-from rig.simulated.serve import serve
+from rig.simulated.rpc.messages import request_class
 from rig.simulated.status import DaqStatusError, ServerGone
-from rig.simulated.timing import advance
-
-
-def run_into(backend: Any, config: Any, command: np.ndarray) -> None:
-    backend.configure(config, command)
-    backend.arm()
-    backend.start()
-    for _ in range(10):
-        backend.read_block(100, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -57,7 +48,7 @@ def run_into(backend: Any, config: Any, command: np.ndarray) -> None:
 )
 @pytest.mark.parametrize("phase", ["configure", "arm", "start", "read"])
 def test_every_fault_is_typed_with_code_and_phase_and_leaves_the_bench_safe(
-    code, kind, phase, make_backend, assert_safe, intercept, config, command
+    code, kind, phase, make_backend, assert_safe, intercept, config, begin
 ) -> None:
     backend = make_backend(config)
 
@@ -68,70 +59,27 @@ def test_every_fault_is_typed_with_code_and_phase_and_leaves_the_bench_safe(
             raise DaqStatusError(code)
 
     with intercept(backend, fail), pytest.raises(kind) as fault:
-        run_into(backend, config, command)
+        begin(backend, 100)
     assert type(fault.value) is kind
     assert (fault.value.code, fault.value.phase, fault.value.exit_code) == (code, phase, 3)
     assert "\n" not in str(fault.value) and str(code) in str(fault.value)
     assert_safe(backend)
 
 
-def test_a_read_that_times_out_tells_how_many_samples_came(make_backend, assert_safe, config, command) -> None:
-    backend = make_backend(config)
-    backend.configure(config, command)
-    backend.arm()
-    backend.start()
-    with pytest.raises(ReadTimeout) as fault:
-        backend.read_block(100, 0.01)
-    assert fault.value.samples_read == 50 and fault.value.code == -200284
-    assert_safe(backend)
-
-
-def test_a_program_that_reads_too_late_learns_that_samples_are_lost(
-    make_backend, assert_safe, unwatched, command
-) -> None:
-    config = unwatched
-    backend = make_backend(config)
-    backend.configure(config, command)
-    backend.arm()
-    backend.start()
-    backend.read_block(100, 1.0)
-    advance(backend.device, 100_001)  # 20 s at 5 kHz is what the driver was told to keep
-    with pytest.raises(SamplesLost, match="overwritten"):
-        backend.read_block(100, 1.0)
-    assert_safe(backend)
-
-
-def test_an_exception_of_the_program_half_way_ends_at_zero_volts(make_backend, assert_safe, config, command) -> None:
-    backend = make_backend(config)
-    with pytest.raises(ZeroDivisionError):
-        try:
-            backend.configure(config, command)
-            backend.arm()
-            backend.start()
-            backend.read_block(250, 1.0)
-            assert backend.device.output_v["cDAQ1Mod2/ao0"] > 1.0
-            _ = 1 / 0
-        finally:
-            backend.safe_stop()
-    assert_safe(backend)
-
-
-def test_a_stopped_output_would_hold_its_last_value(make_backend, config, command) -> None:
+def test_a_stopped_output_would_hold_its_last_value(make_backend, config, command, begin) -> None:
     """The hazard that the 0 V task is there for: without it the virtual DAC stays where it was."""
     backend = make_backend(config)
-    backend.configure(config, command)
-    backend.arm()
-    backend.start()
-    backend.read_block(250, 1.0)
+    begin(backend, 250)
     stop_task(backend.device, backend.device.tasks["motor"])
     assert backend.device.output_v["cDAQ1Mod2/ao0"] == command[249] > 1.0
 
 
 def test_when_zero_volts_cannot_be_written_the_drive_is_still_disabled_and_the_fault_reported(
-    make_backend, intercept, config, command
+    make_backend, intercept, config, begin
 ) -> None:
     backend = make_backend(config)
-    energised(backend, config, command)
+    begin(backend, 250)
+    assert backend.device.drive_enabled()
 
     def refuse(call: str, request: Any) -> None:
         if call.startswith("WriteAnalog"):
@@ -148,21 +96,14 @@ def test_when_zero_volts_cannot_be_written_the_drive_is_still_disabled_and_the_f
     assert device.output_v["cDAQ1Mod2/ao0"] == 0.0
 
 
-def energised(backend: Any, config: Any, command: np.ndarray) -> None:
-    backend.configure(config, command)
-    backend.arm()
-    backend.start()
-    backend.read_block(250, 1.0)
-    assert backend.device.output_v["cDAQ1Mod2/ao0"] > 1.0 and backend.device.drive_enabled()
-
-
 @pytest.mark.parametrize("way_out", ["end", "close", "fault", "exception", "limit", "next configure"])
 def test_every_way_out_de_energises_in_the_same_order(
-    way_out, make_backend, assert_safe, intercept, config, command
+    way_out, make_backend, assert_safe, intercept, config, command, begin
 ) -> None:
     backend = make_backend(config)
     steps = []
-    energised(backend, config, command)
+    begin(backend, 250)
+    assert backend.device.output_v["cDAQ1Mod2/ao0"] > 1.0 and backend.device.drive_enabled()
     names = {"WriteAnalog": "volts", "WriteDigit": "line", "StopTask": "stop", "ClearTask": "stop"}
     error = DaqStatusError(-200279) if way_out == "fault" else ZeroDivisionError("program")
 
@@ -196,50 +137,52 @@ def test_every_way_out_de_energises_in_the_same_order(
     assert_safe(backend)
 
 
-def energise(backend: Any, config: Any, command: np.ndarray) -> None:
-    backend.configure(config, command)
-    backend.arm()
-    backend.start()
+@pytest.fixture
+def blow(begin) -> Any:
+    """Play a blow: force and counts of 1000 samples."""
 
+    def play(backend: Any, command: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        begin(backend) if command is None else begin(backend, command=command)
+        blocks = [backend.read_block(100, 1.0) for _ in range(10)]
+        backend.safe_stop()
+        return np.concatenate([b.force_n for b in blocks]), np.concatenate([b.encoder_count for b in blocks])
 
-def blow(backend: Any, config: Any, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    energise(backend, config, command)
-    blocks = [backend.read_block(100, 1.0) for _ in range(10)]
-    backend.safe_stop()
-    return np.concatenate([b.force_n for b in blocks]), np.concatenate([b.encoder_count for b in blocks])
+    return play
 
 
 def made(backend: Any) -> int:
     return sum(call in ("CreateTask", "CreateWatchdogTimerTaskEx") for call in backend.service.trace)
 
 
-def test_further_trials_make_no_task_and_read_what_fresh_tasks_read(make_backend, assert_safe, config, command) -> None:
+def test_further_trials_make_no_task_and_read_what_fresh_tasks_read(
+    make_backend, assert_safe, config, command, blow
+) -> None:
     backend = make_backend(config)
     longer = np.concatenate((1.3 * command[:-1], np.zeros(77)))
-    first, other = blow(backend, config, command), blow(backend, config, longer)
+    first, other = blow(backend), blow(backend, longer)
     tasks = made(backend)
     assert tasks == 11  # force, three encoders, motor, camera, watchdog; its zero, drive enable: before and after reset
-    again = blow(backend, config, command)
+    again = blow(backend)
     assert made(backend) == tasks
     assert_safe(backend)
     for trial, (seen, volts) in enumerate(((first, command), (other, longer), (again, command))):
         alone = make_backend(config)
         alone.continue_after(trial)
-        fresh = blow(alone, config, volts)
+        fresh = blow(alone, volts)
         np.testing.assert_array_equal(seen[0], fresh[0])
         np.testing.assert_array_equal(seen[1], fresh[1])
     assert not np.array_equal(first[1], other[1])
 
 
-def test_trials_leave_nothing_for_the_garbage_collector(make_backend, config, command) -> None:
+def test_trials_leave_nothing_for_the_garbage_collector(make_backend, config, blow) -> None:
     """Tasks of the client refer to themselves: made anew each time they are memory that comes back late."""
     backend = make_backend(config)
-    blow(backend, config, command)
+    blow(backend)
     gc.disable()
     gc.freeze()  # what is there already is neither searched nor counted
     try:
         for _ in range(5):
-            blow(backend, config, command)
+            blow(backend)
         grown = len(gc.get_objects())
     finally:
         gc.unfreeze()
@@ -247,10 +190,10 @@ def test_trials_leave_nothing_for_the_garbage_collector(make_backend, config, co
     assert grown < 200, f"{grown} objects more after five trials"
 
 
-def test_after_a_fault_all_tasks_are_made_afresh(make_backend, intercept, config, command) -> None:
+def test_after_a_fault_all_tasks_are_made_afresh(make_backend, intercept, config, begin, blow) -> None:
     backend = make_backend(config)
-    blow(backend, config, command)
-    energise(backend, config, command)
+    blow(backend)
+    begin(backend)
 
     def fail(call: str, request: Any) -> None:
         if call.startswith("Read"):
@@ -261,13 +204,13 @@ def test_after_a_fault_all_tasks_are_made_afresh(make_backend, intercept, config
     assert backend.device.tasks == {}
     tasks = made(backend)
     backend.continue_after(0)
-    np.testing.assert_array_equal(blow(backend, config, command)[1], blow(make_backend(config), config, command)[1])
+    np.testing.assert_array_equal(blow(backend)[1], blow(make_backend(config))[1])
     assert made(backend) == tasks + 9
 
 
-def test_another_rig_file_gets_tasks_of_its_own(make_backend, config, command) -> None:
+def test_another_rig_file_gets_tasks_of_its_own(make_backend, config, command, blow) -> None:
     backend = make_backend(config)
-    blow(backend, config, command)
+    blow(backend)
     camera = config.camera.model_copy(update={"frame_rate_hz": 1234.0})
     timing = backend.configure(config.model_copy(update={"camera": camera}), command)
     assert timing.frame_rate_hz == pytest.approx(1234.0, rel=1e-4) and timing.frame_rate_hz != 2000.0
@@ -275,12 +218,11 @@ def test_another_rig_file_gets_tasks_of_its_own(make_backend, config, command) -
     assert backend.configure(config, command).frame_rate_hz == 2000.0
 
 
-def test_the_motor_is_put_at_zero_even_when_the_kept_task_is_gone(make_backend, config, command) -> None:
+def test_the_motor_is_put_at_zero_even_when_the_kept_task_is_gone(make_backend, config, begin, blow) -> None:
     """As after a restart of the server: what it was told before, it does not know any more."""
     backend = make_backend(config)
-    blow(backend, config, command)
-    energise(backend, config, command)
-    backend.read_block(250, 1.0)
+    blow(backend)
+    begin(backend, 250)
     for task in ("motor_zero", "drive_enable"):
         clear_task(backend.device, task)
     assert backend.device.output_v["cDAQ1Mod2/ao0"] > 1.0 and backend.device.drive_enabled()
@@ -288,15 +230,14 @@ def test_the_motor_is_put_at_zero_even_when_the_kept_task_is_gone(make_backend, 
     assert backend.device.output_v["cDAQ1Mod2/ao0"] == 0.0 and not backend.device.drive_enabled()
 
 
-def test_after_a_watchdog_that_expired_unseen_the_next_trial_is_sound(make_backend, config, command) -> None:
+def test_after_a_watchdog_that_expired_unseen_the_next_trial_is_sound(make_backend, config, begin, blow) -> None:
     backend = make_backend(config)
-    energise(backend, config, command)
-    backend.read_block(250, 1.0)
+    begin(backend, 250)
     backend.device.bench.clock.advance(10 * config.watchdog.timeout_s)
     backend.safe_stop()
     assert backend.device.output_v["cDAQ1Mod2/ao0"] == 0.0 and not backend.device.drive_enabled()
     backend.continue_after(0)
-    np.testing.assert_array_equal(blow(backend, config, command)[1], blow(make_backend(config), config, command)[1])
+    np.testing.assert_array_equal(blow(backend)[1], blow(make_backend(config))[1])
 
 
 def test_a_task_whose_clearing_the_server_did_not_hear_does_not_stand_in_the_way_of_the_next(
@@ -323,21 +264,13 @@ def test_a_task_whose_clearing_the_server_did_not_hear_does_not_stand_in_the_way
 BUILT_IN = ("virtual", "pcie6363")
 
 
-def watchdog_calls(backend: Any) -> list[str]:
-    """Calls from the start of the watchdog to the start of the master."""
-    trace = backend.service.trace
-    begin = max(i for i, call in enumerate(trace) if call == "CreateWatchdogTimerTaskEx")
-    return trace[begin:]
-
-
 @pytest.mark.parametrize("name", BUILT_IN)
-def test_nothing_but_resets_lies_between_the_watchdogs_start_and_its_first_reset(name, make_backend, command) -> None:
-    backend = make_backend(load_rig(name).config)
-    backend.configure(load_rig(name).config, command)
-    backend.arm()
-    backend.start()
-    calls = watchdog_calls(backend)
-    started = calls[calls.index("StartTask") :]
+def test_nothing_but_resets_lies_between_the_watchdogs_start_and_its_first_reset(name, make_backend, begin) -> None:
+    config = load_rig(name).config
+    backend = make_backend(config)
+    begin(backend, config=config)
+    calls = backend.service.trace
+    started = calls[calls.index("StartTask", len(calls) - calls[::-1].index("CreateWatchdogTimerTaskEx")) :]
     assert started[:2] == ["StartTask", "ControlWatchdogTask"]
     resets = [i for i, call in enumerate(started) if call == "ControlWatchdogTask"]
     assert max(b - a for a, b in zip(resets, resets[1:], strict=False)) <= 4
@@ -345,70 +278,51 @@ def test_nothing_but_resets_lies_between_the_watchdogs_start_and_its_first_reset
     assert not [call for call in started if call.startswith(slow)]
 
 
-def test_the_watchdog_is_reset_by_the_devices_time_too(make_backend, config, command) -> None:
+def test_the_watchdog_is_reset_by_the_devices_time_too(make_backend, config, begin, served) -> None:
     """A served bench on a virtual clock runs faster than ours: resets by the wall clock alone would come too late."""
     far = make_backend(config)
-    server, port = serve(far.service)
-    remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
-    try:
-        start_moving(remote, config, command)
-        for _ in range(100):  # 2 s of the bench in much less of ours
-            remote.read_block(100, 1.0)
-        calls = far.service.trace.count("ControlWatchdogTask")
-        assert 25 < calls < 60  # eight in a timeout of 0.5 s, not one a block
-    finally:
-        remote.close()
-        server.stop(None).wait()
+    remote = open_backend(served(far)[1], config)
+    begin(remote, 100)
+    for _ in range(100):  # 2 s of the bench in much less of ours
+        remote.read_block(100, 1.0)
+    calls = far.service.trace.count("ControlWatchdogTask")
+    remote.close()
+    assert 25 < calls < 60  # eight in a timeout of 0.5 s, not one a block
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
-def test_after_a_trip_the_device_is_reset_and_the_next_trial_plays(name, make_backend, assert_safe, command) -> None:
+def test_after_a_trip_the_device_is_reset_and_the_next_trial_plays(name, make_backend, assert_safe, begin) -> None:
     config = load_rig(name).config
     backend = make_backend(config)
-    start_moving(backend, config, command)
+    begin(backend, 100, config)
     backend.device.bench.clock.advance(0.6)  # the program hangs
     with pytest.raises(WatchdogTripped, match="too slow"):
         for _ in range(3):
             backend.read_block(100, 1.0)
     assert backend.service.trace.count("ResetDevice") == 2  # at the start, and now
     assert_safe(backend)
-    start_moving(backend, config, command)
+    begin(backend, 100, config)
     assert backend.read_block(400, 1.0).first_sample == 100
     backend.safe_stop()
     assert_safe(backend)
 
 
-def start_moving(backend: Any, config: Any, command: Any) -> None:
-    backend.configure(config, command)
-    backend.arm()
-    backend.start()
-    backend.read_block(100, 1.0)
-
-
 @pytest.mark.parametrize("name", BUILT_IN)
-def test_what_a_killed_program_left_tripped_does_not_stop_the_next(name, make_backend, command, assert_safe) -> None:
+def test_what_a_killed_program_left_tripped_does_not_stop_the_next(name, make_backend, begin, assert_safe) -> None:
     config = load_rig(name).config
     dead = make_backend(config)
-    start_moving(dead, config, command)
+    begin(dead, 100, config)
     dead.device.bench.clock.advance(1.0)  # killed: nobody resets, nobody stops
     service = dead.service
     for task in list(dead.device.tasks):  # the driver of this computer ends the tasks of a process with it
-        service.handle("ClearTask", _named(task))
+        service.handle("ClearTask", request_class("ClearTask")(task={"name": task}))
     dead._tasks._tasks.clear()
     dead._outputs._tasks._tasks.clear()
     dead._watchdog.leave_running()
     dead.__init__(dead.device)  # the next program on the same device
-    start_moving(dead, config, command)
+    begin(dead, 100, config)
     dead.safe_stop()
     assert_safe(dead)
-
-
-def _named(task: str) -> Any:
-    from rig.simulated.rpc.messages import request_class
-
-    request = request_class("ClearTask")()
-    request.task.name = task
-    return request
 
 
 @pytest.mark.parametrize(
@@ -468,10 +382,10 @@ def test_the_advice_of_a_refusal_is_enough(delay_ms, block_s, timeout_s, edited_
 
 
 def test_every_failure_on_the_way_to_safety_is_logged_and_a_defect_is_not_the_hardwares(
-    make_backend, intercept, config, command, caplog
+    make_backend, intercept, config, begin, caplog
 ) -> None:
     backend = make_backend(config)
-    start_moving(backend, config, command)
+    begin(backend, 100)
 
     def refuse(call: str, request: Any) -> None:
         if call.startswith("WriteDigital"):

@@ -7,87 +7,14 @@ from __future__ import annotations
 
 import threading
 
-import grpc
 import nidaqmx
 import numpy as np
 import pytest
 from nidaqmx import constants as ni
-from nidaqmx._stubs import nidaqmx_pb2 as messages
-from nidaqmx._stubs import nidaqmx_pb2_grpc as services
 from nidaqmx.errors import DaqReadError
 from nidaqmx.stream_writers import AnalogSingleChannelWriter
 
-from rig.configuration.rig_file import load_rig
-from rig.simulated.serve import serve
-
 FINITE, CONTINUOUS = ni.AcquisitionType.FINITE, ni.AcquisitionType.CONTINUOUS
-
-
-@pytest.fixture
-def stub(make_backend):
-    """A client made of the service's own stubs, over TCP, as programs in any language are."""
-    server, port = serve(make_backend(load_rig("pcie6363").config).service)
-    channel = grpc.insecure_channel(f"127.0.0.1:{port}")
-    yield services.NiDAQmxStub(channel)
-    channel.close()
-    server.stop(None).wait()
-
-
-def finite_input(stub, samples: int, rate: float):
-    task = stub.CreateTask(messages.CreateTaskRequest()).task
-    stub.CreateAIVoltageChan(
-        messages.CreateAIVoltageChanRequest(
-            task=task, physical_channel="Dev1/ai0:1", min_val=-10.0, max_val=10.0, units_raw=10348,
-            terminal_config_raw=-1,
-        )
-    )  # fmt: skip
-    stub.CfgSampClkTiming(
-        messages.CfgSampClkTimingRequest(
-            task=task, rate=rate, active_edge_raw=10280, sample_mode_raw=10178, samps_per_chan=samples
-        )
-    )
-    return task
-
-
-def read_input(stub, task, n: int):
-    return stub.ReadAnalogF64(
-        messages.ReadAnalogF64Request(
-            task=task, num_samps_per_chan=n, array_size_in_samps=2 * n, fill_mode_raw=0, timeout=10.0
-        )
-    )
-
-
-def test_a_finite_acquisition_over_stubs(stub) -> None:
-    task = finite_input(stub, 1000, 10_000.0)
-    assert stub.StartTask(messages.StartTaskRequest(task=task)).status == 0
-    count = stub.GetTaskAttributeUInt32(messages.GetTaskAttributeUInt32Request(task=task, attribute_raw=0x2181))
-    assert count.value == 2
-    read = read_input(stub, task, 1000)
-    assert (read.status, len(read.read_array), read.samps_per_chan_read) == (0, 2000, 1000)
-    stub.StopTask(messages.StopTaskRequest(task=task))
-    stub.ClearTask(messages.ClearTaskRequest(task=task))
-
-
-def test_every_n_samples_and_done_events_over_stubs(stub) -> None:
-    task = finite_input(stub, 1000, 100.0)
-    request = messages.RegisterEveryNSamplesEventRequest(task=task, n_samples=100, every_n_samples_event_type_raw=1)
-    every = stub.RegisterEveryNSamplesEvent(request)
-    every.initial_metadata()
-    again = stub.RegisterEveryNSamplesEvent(request)
-    with pytest.raises(grpc.RpcError):
-        next(again)
-    done = stub.RegisterDoneEvent(messages.RegisterDoneEventRequest(task=task))
-    done.initial_metadata()
-    stub.StartTask(messages.StartTaskRequest(task=task))
-    got = 0
-    for event in every:
-        assert (event.status, event.n_samples) == (0, 100)
-        got += read_input(stub, task, 100).samps_per_chan_read
-        if got == 1000:
-            every.cancel()
-            break
-    assert next(done).status == 0
-    stub.ClearTask(messages.ClearTaskRequest(task=task))
 
 
 def test_callbacks_of_the_real_client_see_every_sample(cdaq, bridge) -> None:

@@ -7,8 +7,10 @@ A server with many clients: streams, sizes, clients that die, other computers, a
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -35,19 +37,23 @@ from rig.configuration.rig_file import load_rig
 from rig.daq.address import reset_server
 from rig.errors import HardwareFault, InputError, ResourceBusy
 from rig.simulated.bench.bench_time import PacedClock
+from rig.simulated.rpc.messages import SERVICE, request_class
 from rig.simulated.serve import MOST_BYTES, WORKERS, ServeOptions, SessionUtilities, Tls, serve
 from rig.simulated.status import SessionRefused
 from tests.command_line import run
 
 
+def channel_to(address: str) -> grpc.Channel:
+    options = [("grpc.use_local_subchannel_pool", 1)]
+    return grpc.insecure_channel(address.removeprefix("ni-grpc://"), options=options)
+
+
 @pytest.fixture
-def served(make_backend) -> Iterator[tuple[Any, Any]]:
+def card(make_backend, served) -> Iterator[tuple[Any, Any]]:
     """A PCIe-6363 on the loopback: (stub, virtual device)."""
     backend = make_backend(load_rig("pcie6363").config)
-    server, port = serve(backend.service)
-    with grpc.insecure_channel(f"127.0.0.1:{port}") as channel:
+    with channel_to(served(backend)[1]) as channel:
         yield stubs.NiDAQmxStub(channel), backend.device
-    server.stop(None).wait()
 
 
 def new_task(stub: Any, name: str = "") -> Any:
@@ -59,19 +65,17 @@ def add_voltage_inputs(stub: Any, task: Any, channels: str, **changes: Any) -> N
     stub.CreateAIVoltageChan(messages.CreateAIVoltageChanRequest(task=task, physical_channel=channels, **fields))
 
 
-def test_a_finite_acquisition_of_several_channels(served) -> None:
-    stub, _ = served
-    task = new_task(stub, "several")
-    add_voltage_inputs(stub, task, "Dev1/ai0:2")
-    stub.CfgSampClkTiming(
-        messages.CfgSampClkTimingRequest(
-            task=task,
-            rate=10_000.0,
-            active_edge=messages.EDGE1_RISING,
-            sample_mode=messages.ACQUISITION_TYPE_FINITE_SAMPS,
-            samps_per_chan=400,
-        )
-    )
+def finite_inputs(stub: Any, channels: str, samples: int, rate: float) -> Any:
+    task = new_task(stub)
+    add_voltage_inputs(stub, task, channels)
+    finite = {"active_edge": messages.EDGE1_RISING, "sample_mode": messages.ACQUISITION_TYPE_FINITE_SAMPS}
+    stub.CfgSampClkTiming(messages.CfgSampClkTimingRequest(task=task, rate=rate, samps_per_chan=samples, **finite))
+    return task
+
+
+def test_a_finite_acquisition_of_several_channels(card) -> None:
+    stub, _ = card
+    task = finite_inputs(stub, "Dev1/ai0:2", 400, 10_000.0)
     assert stub.StartTask(messages.StartTaskRequest(task=task)).status == 0
     number = messages.GetTaskAttributeUInt32Request(task=task, attribute=messages.TASK_ATTRIBUTE_NUM_CHANS)
     assert stub.GetTaskAttributeUInt32(number).value == 3
@@ -88,11 +92,35 @@ def test_a_finite_acquisition_of_several_channels(served) -> None:
         assert not rows[1:].any()
     late = stub.ReadAnalogF64(messages.ReadAnalogF64Request(**{**request, "timeout": 0.0}))
     assert (late.status, late.samps_per_chan_read) == (-200284, 0)
+    stub.StopTask(messages.StopTaskRequest(task=task))
     stub.ClearTask(messages.ClearTaskRequest(task=task))
 
 
-def test_one_value_on_an_output(served) -> None:
-    stub, device = served
+def test_every_n_samples_and_done_events(card) -> None:
+    stub, _ = card
+    task = finite_inputs(stub, "Dev1/ai0:1", 1000, 100.0)
+    request = messages.RegisterEveryNSamplesEventRequest(task=task, n_samples=100, every_n_samples_event_type_raw=1)
+    every = stub.RegisterEveryNSamplesEvent(request)
+    every.initial_metadata()
+    with pytest.raises(grpc.RpcError):
+        next(stub.RegisterEveryNSamplesEvent(request))
+    done = stub.RegisterDoneEvent(messages.RegisterDoneEventRequest(task=task))
+    done.initial_metadata()
+    stub.StartTask(messages.StartTaskRequest(task=task))
+    read = messages.ReadAnalogF64Request(task=task, num_samps_per_chan=100, array_size_in_samps=200, timeout=10.0)
+    got = 0
+    for event in every:
+        assert (event.status, event.n_samples) == (0, 100)
+        got += stub.ReadAnalogF64(read).samps_per_chan_read
+        if got == 1000:
+            every.cancel()
+            break
+    assert next(done).status == 0
+    stub.ClearTask(messages.ClearTaskRequest(task=task))
+
+
+def test_one_value_on_an_output(card) -> None:
+    stub, device = card
     task = new_task(stub)
     stub.CreateAOVoltageChan(
         messages.CreateAOVoltageChanRequest(
@@ -106,8 +134,8 @@ def test_one_value_on_an_output(served) -> None:
     assert device.output_v == {"Dev1/ao1": 1.5}
 
 
-def test_refusals_carry_the_driver_status_and_unknown_calls_are_the_drivers_too(served) -> None:
-    stub, _ = served
+def test_refusals_carry_the_driver_status_and_unknown_calls_are_the_drivers_too(card) -> None:
+    stub, _ = card
     task = new_task(stub)
     for code, channels, changes in ((-200170, "Dev1/ai99", {}), (-200077, "Dev1/ai1", {"max_val": 11.0})):
         with pytest.raises(grpc.RpcError) as refusal:
@@ -127,29 +155,24 @@ def test_refusals_carry_the_driver_status_and_unknown_calls_are_the_drivers_too(
 
 
 @pytest.mark.parametrize("call", ["StartTask", "ReadAnalogF64", "WriteAnalogF64", "CfgSampClkTiming", "TaskControl"])
-def test_requests_with_nothing_in_them_are_refused_not_crashed_on(call, served) -> None:
-    stub, _ = served
+def test_requests_with_nothing_in_them_are_refused_not_crashed_on(call, card) -> None:
+    stub, _ = card
     with pytest.raises(grpc.RpcError) as refusal:
         getattr(stub, call)(getattr(messages, f"{call}Request")())
     assert ("ni-error", "-200088") in [tuple(entry) for entry in refusal.value.trailing_metadata()]
 
 
-def test_a_port_that_is_taken_is_a_clear_fault(make_backend) -> None:
-    backend = make_backend(load_rig("virtual").config)
-    server, port = serve(backend.service)
-    try:
-        with pytest.raises(HardwareFault, match="cannot be bound"):
-            serve(backend.service, port=port)
-    finally:
-        server.stop(None).wait()
+def test_a_port_that_is_taken_is_a_clear_fault(make_backend, config, served) -> None:
+    backend = make_backend(config)
+    port = int(served(backend)[1].rsplit(":", 1)[1])
+    with pytest.raises(HardwareFault, match="cannot be bound"):
+        serve(backend.service, port=port)
 
 
 @pytest.fixture
-def channel(make_backend):
-    server, port = serve(make_backend(load_rig("virtual").config).service)
-    with grpc.insecure_channel(f"127.0.0.1:{port}") as channel:
+def channel(make_backend, config, served):
+    with channel_to(served(make_backend(config))[1]) as channel:
         yield channel
-    server.stop(None).wait()
 
 
 def test_the_chassis_and_its_modules_are_enumerated(channel) -> None:
@@ -217,16 +240,10 @@ def test_a_call_that_nobody_waits_for_any_more_takes_nothing() -> None:
 
 
 @pytest.fixture
-def paced_server(make_backend):
-    """A card over TCP, on the wall clock: its backend, and the port."""
+def paced_server(make_backend, served):
+    """A card over TCP, on the wall clock: its backend, and the address."""
     backend = make_backend(load_rig("pcie6363").config, clock=PacedClock())
-    server, port = serve(backend.service)
-    yield backend, port
-    server.stop(None).wait()
-
-
-def client(port: int) -> grpc.Channel:
-    return grpc.insecure_channel(f"127.0.0.1:{port}", options=[("grpc.use_local_subchannel_pool", 1)])
+    return backend, served(backend)[1]
 
 
 def task(channel: grpc.Channel, name: str) -> nidaqmx.Task:
@@ -235,11 +252,9 @@ def task(channel: grpc.Channel, name: str) -> nidaqmx.Task:
 
 @pytest.mark.parametrize("clients", [5, pytest.param(64, marks=pytest.mark.slow)])
 def test_many_event_streams_leave_the_server_to_all_clients(paced_server, clients) -> None:
-    from rig.simulated.rpc.messages import SERVICE, request_class
-
-    _, port = paced_server
+    _, address = paced_server
     assert clients * 32 > WORKERS
-    channels, streams = [client(port) for _ in range(clients)], []
+    channels, streams = [channel_to(address) for _ in range(clients)], []
     register = request_class("RegisterDoneEvent")
     for number, channel in enumerate(channels):
         call = channel.unary_stream(
@@ -255,7 +270,7 @@ def test_many_event_streams_leave_the_server_to_all_clients(paced_server, client
             streams.append(call(request))
             streams[-1].initial_metadata()  # registered
     began = time.monotonic()
-    acquired = task(client(port), "another")
+    acquired = task(channel_to(address), "another")
     acquired.ai_channels.add_ai_voltage_chan("Dev1/ai0")
     assert len(acquired.read(10)) == 10 and time.monotonic() - began < 5
     for stream in streams:
@@ -265,8 +280,8 @@ def test_many_event_streams_leave_the_server_to_all_clients(paced_server, client
 
 
 def test_events_of_a_running_task_come_while_others_wait(paced_server) -> None:
-    backend, port = paced_server
-    channel, seen = client(port), []
+    backend, address = paced_server
+    channel, seen = channel_to(address), []
     made = task(channel, "events")
     made.ai_channels.add_ai_voltage_chan("Dev1/ai0")
     made.timing.cfg_samp_clk_timing(1000.0, sample_mode=AcquisitionType.CONTINUOUS)
@@ -282,8 +297,8 @@ def test_events_of_a_running_task_come_while_others_wait(paced_server) -> None:
 
 
 def test_a_message_beyond_the_bound_is_refused(paced_server) -> None:
-    _, port = paced_server
-    channel = client(port)
+    _, address = paced_server
+    channel = channel_to(address)
     call = channel.unary_unary("/nidaqmx_grpc.NiDAQmx/WriteAnalogF64")
     with pytest.raises(grpc.RpcError) as refused:
         call(bytes(MOST_BYTES + 1000))
@@ -292,13 +307,11 @@ def test_a_message_beyond_the_bound_is_refused(paced_server) -> None:
 
 
 def test_a_call_of_a_client_that_died_ends(paced_server) -> None:
-    backend, port = paced_server
-    channel = client(port)
+    backend, address = paced_server
+    channel = channel_to(address)
     made = task(channel, "endless")
     made.ai_channels.add_ai_voltage_chan("Dev1/ai0")
     made.timing.cfg_samp_clk_timing(1000.0, source="/Dev1/PFI3", sample_mode=AcquisitionType.CONTINUOUS)
-    from rig.simulated.rpc.messages import SERVICE, request_class
-
     kind = request_class("ReadAnalogF64")
     request = kind(num_samps_per_chan=1, timeout=-1.0, array_size_in_samps=1)
     request.task.name = "endless"
@@ -309,7 +322,7 @@ def test_a_call_of_a_client_that_died_ends(paced_server) -> None:
     time.sleep(0.3)
     channel.close()  # as its death does
     assert waiting.cancelled() or waiting.done()
-    other = client(port)
+    other = channel_to(address)
     begun = time.monotonic()
     while backend.service.waiting:
         assert time.monotonic() - begun < 5
@@ -338,8 +351,6 @@ def test_an_address_on_the_network_warns(serve_lines) -> None:
 @pytest.fixture
 def serve_lines():
     """Start the command, and return its first line on standard error."""
-    import sys
-
     started = []
 
     def start(*arguments: str) -> str:
@@ -383,52 +394,45 @@ def test_tls_of_the_server_and_of_both(make_backend, tmp_path: Path, config) -> 
         serve(backend.service, tls=Tls(tmp_path / "missing.pem", tmp_path / "s.key"))
 
 
-def left_by_a_dead_program(backend: Any, port: int, config: Any, command: Any) -> None:
-    """Record until the middle of a blow, then vanish as a killed program does: lock gone, sessions left."""
-    dead = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
-    dead.configure(config, command)
-    dead.arm()
-    dead.start()
-    import os
-
+@pytest.fixture
+def left_by_a_dead_program(make_backend, config, begin, served) -> tuple[Any, Any, str]:
+    """A bench on which a blow began whose program was killed, lock gone, sessions left: (backend, server, address)."""
+    backend = make_backend(config)
+    server, address = served(backend)
+    dead = open_backend(address, config)
+    begin(dead)
     os.close(dead._claim._lock)
     dead._watchdog.leave_running()
     dead._channel.close()
+    return backend, server, address
 
 
-def test_the_next_recording_takes_over_what_its_own_rig_left(make_backend, config, command) -> None:
-    backend = make_backend(config)
-    server, port = serve(backend.service)
-    left_by_a_dead_program(backend, port, config, command)
+def test_the_next_recording_takes_over_what_its_own_rig_left(left_by_a_dead_program, config, command, begin) -> None:
+    backend, _, address = left_by_a_dead_program
     assert "force" in backend.device.tasks
     other = config.model_copy(update={"name": "another rig"})
-    stranger = open_backend(f"ni-grpc://127.0.0.1:{port}", other)
+    stranger = open_backend(address, other)
     with pytest.raises(ResourceBusy, match="--reset-server"):
         stranger.configure(other, command)
     stranger._claim.release()
     stranger._channel.close()
-    heir = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
-    heir.configure(config, command)
-    heir.arm()
-    heir.start()
+    heir = open_backend(address, config)
+    begin(heir)
     assert heir.read_block(100, 1.0).first_sample == 0
-    second = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
+    second = open_backend(address, config)
     with pytest.raises(ResourceBusy, match="another program on this computer"):
         second.configure(config, command)  # the first one lives
     second._channel.close()
     heir.close()
     assert backend.device.tasks == {}
-    server.stop(None).wait()
 
 
-def test_recover_resets_a_server(make_backend, config, command, capsys) -> None:
-    backend = make_backend(config)
-    server, port = serve(backend.service)
-    left_by_a_dead_program(backend, port, config, command)
-    assert run("recover", "--reset-server", f"ni-grpc://127.0.0.1:{port}") == 0
+def test_recover_resets_a_server(left_by_a_dead_program, capsys) -> None:
+    backend, server, address = left_by_a_dead_program
+    assert run("recover", "--reset-server", address) == 0
     assert "all sessions ended" in capsys.readouterr().out and backend.device.tasks == {}
     server.stop(None).wait()
     with pytest.raises(Exception, match="does not answer"):
-        reset_server(f"ni-grpc://127.0.0.1:{port}")
+        reset_server(address)
     for arguments in (["recover"], ["recover", "--reset-server", "sim://"]):
         assert run(*arguments) == 2
