@@ -95,10 +95,8 @@ def test_a_file_is_locked_far_behind_its_data_and_its_position_kept(windows, tmp
 
 
 def test_a_recording_is_journalled_guarded_and_recovered_with_windows_calls(
-    windows, tmp_path, make_backend, rig, step_profile
+    windows, tmp_path, rig, record_steps
 ) -> None:
-    from rig.recording.recorder import record_session
-
     synced = []
     seen = []
 
@@ -114,10 +112,7 @@ def test_a_recording_is_journalled_guarded_and_recovered_with_windows_calls(
         return JournalWriter(path, head, *room, synchronise=lambda file: (synced.append(file), os.fsync(file))[0])
 
     with pytest.raises(ZeroDivisionError):
-        record_session(
-            tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config, noise_n=0.02),
-            progress=progress, open_journal=open_journal,
-        )  # fmt: skip
+        record_steps(rig, progress=progress, open_journal=open_journal)
     (trial,) = Session.open(tmp_path / "s").trials
     assert trial.status == "defect" and trial.read().n_valid >= seen[-1] * 5000 and synced
 

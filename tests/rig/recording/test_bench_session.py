@@ -10,6 +10,7 @@ A session over several cards: one clock, told apart from two; a missing cable or
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,6 @@ from rig.session.journal import FrameClock, JournalWriter, SessionFollower, bloc
 from rig.session.trial_file import read_trial, write_trial
 from rig.simulated.backend import CAMERA_CLOCK_ERROR, DEFAULT_BENCH
 from rig.simulated.bench.sensors import load_sensors
-from rig.simulated.device.state import FaultPlan, parse_faults
 from tests.rig.lab_channels import READBACK
 
 
@@ -113,23 +113,14 @@ def test_the_motor_was_told_what_the_profile_says(forte) -> None:
 COUNTED = (('mode = "pulses"', 'mode = "counted"'), ('terminal = "/cDAQ1Mod4/PFI4"', 'terminal = "/cDAQ1Mod4/PFI0"'))
 
 
-def record(make_backend, rig, profile, folder, faults: str = "", **changes) -> Session:
-    backend = make_backend(rig.config, noise_n=0.02)
-    backend.device.faults = FaultPlan(parse_faults(faults))
-    record_session(folder, profile=profile, rig_config=rig, backend=backend, trials=2, **changes)
-    return backend
-
-
 def test_counted_exposures_give_the_frame_times_within_their_uncertainty(
-    edited_rig, make_backend, step_profile, tmp_path
+    edited_rig, make_backend, record_steps
 ) -> None:
     rig = edited_rig(*COUNTED)
     truths = []
     backend = make_backend(rig.config, noise_n=0.02)
-    session = record_session(
-        tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=2,
-        after_trial=lambda trial: truths.append(backend.device.bench.exposures),
-    )  # fmt: skip
+    note = {"after_trial": lambda trial: truths.append(backend.device.bench.exposures)}
+    session = record_steps(rig, backend=backend, trials=2, **note)
     for trial, true in zip(session.trials, truths, strict=True):
         data = trial.read()
         assert true.rate_hz == pytest.approx(2000 * (1 + CAMERA_CLOCK_ERROR), rel=1e-12)
@@ -140,9 +131,7 @@ def test_counted_exposures_give_the_frame_times_within_their_uncertainty(
     assert truths[0].first_s != truths[1].first_s
 
 
-def test_what_was_counted_survives_in_the_journal(
-    edited_rig, make_backend, step_profile, tmp_path, monkeypatch
-) -> None:
+def test_what_was_counted_survives_in_the_journal(edited_rig, record_steps, tmp_path, monkeypatch) -> None:
     rig = edited_rig(*COUNTED)
 
     def full(*trial):
@@ -150,14 +139,11 @@ def test_what_was_counted_survives_in_the_journal(
 
     with monkeypatch.context() as context, pytest.raises(RecordingFault):
         context.setattr("rig.session.folder.write_trial_parts", full)
-        record(make_backend, rig, step_profile, tmp_path / "s")
+        record_steps(rig)
     journal = read_journal(tmp_path / "s" / "trial_0001.journal")
     assert all(len(block_payload(b)) == 48 * b.force_n.size for b in journal.blocks)
     recover_session(tmp_path / "s")
-    whole = record_session(
-        tmp_path / "t", profile=step_profile, rig_config=rig, backend=make_backend(rig.config, noise_n=0.02), trials=1
-    )
-    assert Session.open(tmp_path / "s").trial(1).read().camera == whole.trial(1).read().camera
+    assert Session.open(tmp_path / "s").trial(1).read().camera == record_steps(rig, "t").trial(1).read().camera
 
 
 def test_too_few_exposures_are_no_frame_clock_and_a_line_is_fitted_exactly() -> None:
@@ -205,9 +191,8 @@ def wired() -> Any:
     return rig_with(OPEN, READBACK)
 
 
-def test_each_channel_reads_its_own_terminal_in_its_unit(wired, make_backend, step_profile, tmp_path) -> None:
-    backend = make_backend(wired.config)
-    session = record_session(tmp_path / "s", profile=step_profile, rig_config=wired, backend=backend, trials=1)
+def test_each_channel_reads_its_own_terminal_in_its_unit(wired, record_steps) -> None:
+    session = record_steps(wired)
     data = session.trials[0].read()
     assert [c.name for c in data.channels] == ["drive_current", "motor_readback"]
     current, readback = data.channel_values.T
@@ -224,19 +209,15 @@ def test_each_channel_reads_its_own_terminal_in_its_unit(wired, make_backend, st
         assert found.dims[0][0].name == "/daq/time"
 
 
-def test_force_and_counts_are_the_same_with_and_without_them(wired, make_backend, step_profile, tmp_path) -> None:
-    trials = []
-    for name, used in (("with", wired), ("without", load_rig("pcie6363"))):
-        session = record_session(
-            tmp_path / name, profile=step_profile, rig_config=used, backend=make_backend(used.config), trials=1
-        )
-        trials.append(session.trials[0].read())
+def test_force_and_counts_are_the_same_with_and_without_them(wired, record_steps) -> None:
+    used = {"with": wired, "without": load_rig("pcie6363")}
+    trials = [record_steps(rig, name).trials[0].read() for name, rig in used.items()]
     for name in ("force_n", "force_raw", "encoder_count", "motor_command_v"):
         np.testing.assert_array_equal(getattr(trials[0], name), getattr(trials[1], name))
     assert trials[1].channels == () and trials[1].channel_values is None
 
 
-def test_a_recording_cut_off_is_recovered_with_them(wired, make_backend, step_profile, tmp_path) -> None:
+def test_a_recording_cut_off_is_recovered_with_them(wired, record_steps, tmp_path) -> None:
     seen: list[Any] = []
 
     class Keeping(JournalWriter):
@@ -246,11 +227,7 @@ def test_a_recording_cut_off_is_recovered_with_them(wired, make_backend, step_pr
     counted = rig_with(OPEN, READBACK, change=('mode = "pulses"', 'mode = "counted"'))
     counted = parse_rig(counted.text.replace('terminal = "/Dev1/PFI15"', 'terminal = "/Dev1/PFI12"'), "lab.toml")
     for name, used in (("pulses", wired), ("counted", counted)):
-        folder = tmp_path / name
-        session = record_session(
-            folder, profile=step_profile, rig_config=used, backend=make_backend(used.config), trials=1,
-            open_journal=Keeping,
-        )  # fmt: skip
+        folder, session = tmp_path / name, record_steps(used, name, open_journal=Keeping)
         sealed = session.trials[0].read()
         followed = SessionFollower(folder).poll()
         assert followed is not None and followed.force_n.size == sealed.n_valid
@@ -263,15 +240,8 @@ def test_a_recording_cut_off_is_recovered_with_them(wired, make_backend, step_pr
         assert (seen[-1].blocks[0].exposure_count is not None) == (name == "counted")
 
 
-def test_a_trial_whose_values_do_not_fit_its_channels_is_not_written(
-    wired, make_backend, step_profile, tmp_path
-) -> None:
-    from dataclasses import replace
-
-    session = record_session(
-        tmp_path / "s", profile=step_profile, rig_config=wired, backend=make_backend(wired.config), trials=1
-    )
-    data = session.trials[0].read()
+def test_a_trial_whose_values_do_not_fit_its_channels_is_not_written(wired, record_steps, tmp_path) -> None:
+    data = record_steps(wired).trials[0].read()
     for wrong in (data.channel_values[:-1], data.channel_values[:, :1], None):
         with pytest.raises(InputError, match="channel_values has shape"):
             write_trial(tmp_path / "trial_0002.h5", replace(data, number=2, channel_values=wrong))

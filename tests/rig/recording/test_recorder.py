@@ -18,24 +18,17 @@ from rig.backend import Block
 from rig.configuration.profile import parse_profile
 from rig.errors import HardwareFault, InputError, LimitExceeded, RecordingFault, RigError, SamplesLost
 from rig.recording.options import BlockFeed
-from rig.recording.recorder import record_session
 from rig.session import Session
-from rig.simulated.status import DaqStatusError
+from rig.simulated.device.state import FaultPlan, parse_faults
 
 RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])
 
 
 @pytest.fixture
-def record(tmp_path, make_backend, rig, step_profile):
-    """Record on the algebraic bench; returns (session folder, backend, call)."""
+def record(tmp_path, make_backend, rig, record_steps):
+    """Record two trials on the algebraic bench; returns (session folder, backend, call)."""
     backend = make_backend(rig.config, noise_n=0.02)
-    folder = tmp_path / "session"
-
-    def call(**changes) -> Session:
-        arguments = {"profile": step_profile, "rig_config": rig, "backend": backend, "trials": 2, **changes}
-        return record_session(folder, **arguments)
-
-    return folder, backend, call
+    return tmp_path / "s", backend, lambda **more: record_steps(rig, **{"backend": backend, "trials": 2, **more})
 
 
 def test_a_session_holds_quiet_blow_and_rest_of_every_trial(record, assert_safe, step_profile) -> None:
@@ -75,12 +68,8 @@ def test_frame_times_lie_within_the_record_at_the_middle_of_each_exposure(record
     assert end <= data.time_s[-1] < end + 1 / camera.frame_rate_hz
 
 
-def test_the_same_seed_gives_the_same_session_and_trials_differ(tmp_path, make_backend, rig, step_profile) -> None:
-    runs = []
-    for name in ("a", "b"):
-        backend = make_backend(rig.config, noise_n=0.02)
-        session = record_session(tmp_path / name, profile=step_profile, rig_config=rig, backend=backend, trials=2)
-        runs.append([trial.read().force_n for trial in session.trials])
+def test_the_same_seed_gives_the_same_session_and_trials_differ(rig, record_steps) -> None:
+    runs = [[trial.read().force_n for trial in record_steps(rig, name, trials=2).trials] for name in ("a", "b")]
     np.testing.assert_array_equal(runs[0][0], runs[1][0])
     np.testing.assert_array_equal(runs[0][1], runs[1][1])
     assert not np.array_equal(runs[0][0], runs[0][1])
@@ -173,74 +162,44 @@ def test_an_exception_of_the_program_keeps_and_marks_too(record, assert_safe) ->
     assert_safe(backend)
 
 
-def test_a_fault_of_the_bench_keeps_and_marks_with_its_reason(record, intercept, assert_safe) -> None:
+def test_a_folder_that_was_there_stays_empty_after_a_fault_before_the_first_sample(record) -> None:
     folder, backend, call = record
-
-    def fail(name, request):
-        if backend.device.trial == 2 and backend.device.bench.edge > 2000 and name.startswith("ReadCounter"):
-            raise DaqStatusError(-200279)
-
-    with intercept(backend, fail), pytest.raises(SamplesLost):
-        call()
-    trials = Session.open(folder).trials
-    assert [t.status for t in trials] == ["complete", "fault"]
-    assert "overwritten" in trials[1].read().reason and trials[1].read().n_valid == 2000
-    assert_safe(backend)
-
-
-def test_a_fault_before_the_first_sample_leaves_no_session(record, intercept, assert_safe) -> None:
-    folder, backend, call = record
-
-    def fail(name, request):
-        if name == "CfgSampClkTiming":
-            raise DaqStatusError(-50103)
-
-    with intercept(backend, fail), pytest.raises(HardwareFault):
-        call()
-    assert not folder.exists()
     folder.mkdir()
-    with intercept(backend, fail), pytest.raises(HardwareFault):
+    backend.device.faults = FaultPlan(parse_faults("reserved@CfgSampClkTiming#1"))
+    with pytest.raises(HardwareFault):
         call()
     assert list(folder.iterdir()) == []
-    assert_safe(backend)
 
 
-def test_an_action_that_never_rests_is_kept_and_says_so(
-    record, make_backend, edited_rig, tmp_path, step_profile
-) -> None:
-    rig = edited_rig(("longest_s = 3.0", "longest_s = 0.5"))
-    backend = make_backend(rig.config)
-    advance = backend.plant.advance
-
-    def creeping(command_v):
-        block = advance(command_v)
-        block.angle_rad[:, 1] += 0.01 * np.maximum(block.time_s - 0.36, 0)
-        return block
-
-    backend.plant.advance = creeping
-    session = record_session(tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=1)
-    data = session.trials[0].read()
-    assert data.status == "not at rest" and data.reason == "not at rest 0.5 s after the blow"
-    assert data.time_s[-1] == pytest.approx(0.35 + 0.08 + 0.5, abs=0.021)
-
-
-def test_an_action_that_has_not_come_back_is_not_struck_again(
-    record, make_backend, edited_rig, tmp_path, step_profile
-) -> None:
+@pytest.fixture
+def record_creeping(make_backend, edited_rig, record_steps):
+    """Record on a bench whose whippen goes on turning after the blow, at so many rad/s."""
     rig = edited_rig(("longest_s = 3.0", "longest_s = 0.5"))
     backend = make_backend(rig.config, noise_n=0.02)
     advance = backend.plant.advance
 
-    def creeping(command_v):
-        block = advance(command_v)
-        block.angle_rad[:, 1] += 0.02 * np.maximum(block.time_s - 0.36, 0)
-        return block
+    def record(rad_per_s: float, trials: int) -> Session:
+        def creeping(command_v):
+            block = advance(command_v)
+            block.angle_rad[:, 1] += rad_per_s * np.maximum(block.time_s - 0.36, 0)
+            return block
 
-    backend.plant.advance = creeping
+        backend.plant.advance = creeping
+        return record_steps(rig, backend=backend, trials=trials)
+
+    return record
+
+
+def test_an_action_that_never_rests_is_kept_and_says_so(record_creeping) -> None:
+    data = record_creeping(0.01, trials=1).trials[0].read()
+    assert data.status == "not at rest" and data.reason == "not at rest 0.5 s after the blow"
+    assert data.time_s[-1] == pytest.approx(0.35 + 0.08 + 0.5, abs=0.021)
+
+
+def test_an_action_that_has_not_come_back_is_not_struck_again(record_creeping, tmp_path) -> None:
     with pytest.raises(LimitExceeded, match="whippen encoder rests 0.01.* rad from where it began, allowed 0.005"):
-        record_session(tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=3)
-    (trial,) = Session.open(tmp_path / "s").trials
-    assert trial.status == "fault"
+        record_creeping(0.02, trials=3)
+    assert [trial.status for trial in Session.open(tmp_path / "s").trials] == ["fault"]
 
 
 def test_bad_input_is_refused_before_anything_moves_and_leaves_nothing(record, tmp_path) -> None:
@@ -258,15 +217,15 @@ def test_bad_input_is_refused_before_anything_moves_and_leaves_nothing(record, t
     assert not folder.exists() and backend.service.trace == []
 
 
-def test_a_path_that_cannot_be_used_is_refused_before_anything_moves(tmp_path, make_backend, rig, step_profile) -> None:
+def test_a_path_that_cannot_be_used_is_refused_before_anything_moves(tmp_path, make_backend, rig, record_steps) -> None:
     backend = make_backend(rig.config)
     (tmp_path / "file").write_text("mine")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.txt").write_text("mine")
-    for out in (tmp_path / "file", tmp_path / "file" / "below", tmp_path / "full"):
+    for out in ("file", "file/below", "full"):
         with pytest.raises(InputError) as refusal:
-            record_session(out, profile=step_profile, rig_config=rig, backend=backend, trials=1)
-        assert str(out.name) in str(refusal.value) and "\n" not in str(refusal.value)
+            record_steps(rig, out, backend=backend)
+        assert out.split("/")[-1] in str(refusal.value) and "\n" not in str(refusal.value)
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["file", "full", "thesis.txt"]
     assert backend.service.trace == []
 

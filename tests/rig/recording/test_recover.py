@@ -17,13 +17,9 @@ from tests.command_line import run
 
 
 @pytest.fixture
-def cut_off(tmp_path, make_backend, rig, step_profile, undeleted_journal):
+def cut_off(tmp_path, rig, record_steps, undeleted_journal):
     """A session of two trials whose journals are still there: (folder, session as sealed)."""
-    backend = make_backend(rig.config, noise_n=0.02)
-    session = record_session(
-        tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=2, open_journal=undeleted_journal
-    )
-    return tmp_path / "s", session
+    return tmp_path / "s", record_steps(rig, trials=2, open_journal=undeleted_journal)
 
 
 def test_trials_that_were_sealed_only_lose_their_journals(cut_off) -> None:
@@ -115,8 +111,7 @@ def test_a_journal_cut_off_before_its_first_block_was_whole_goes(cut_off) -> Non
     assert path.exists()
 
 
-def test_a_session_that_is_being_recorded_is_left_alone(tmp_path, make_backend, rig, step_profile) -> None:
-    backend = make_backend(rig.config)
+def test_a_session_that_is_being_recorded_is_left_alone(tmp_path, rig, record_steps) -> None:
     refused = []
 
     def meddle(progress) -> None:
@@ -125,9 +120,7 @@ def test_a_session_that_is_being_recorded_is_left_alone(tmp_path, make_backend, 
                 recover_session(tmp_path / "s")
             refused.append(refusal)
 
-    session = record_session(
-        tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=1, progress=meddle
-    )
+    session = record_steps(rig, progress=meddle)
     assert len(refused) == 1 and session.trials[0].status == "complete" and not session.journals
 
 

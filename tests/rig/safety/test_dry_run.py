@@ -92,17 +92,14 @@ def test_the_model_predicts_the_virtual_bench_and_a_violent_profile_never_starts
     assert not (tmp_path / "s").exists()
 
 
-def test_what_was_predicted_stands_in_the_session(tmp_path, make_backend, rig, step_profile) -> None:
+def test_what_was_predicted_stands_in_the_session(tmp_path, rig, step_profile, record_steps) -> None:
     asked = []
 
     def predict(profile):
         asked.append(profile.sha256)
         return still(profile, force_n=(7, 3.5))
 
-    session = record_session(
-        tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config, noise_n=0.02),
-        trials=2, predict=predict,
-    )  # fmt: skip
+    session = record_steps(rig, trials=2, predict=predict)
     assert asked == [step_profile.sha256]
     assert session.info.dry_run["force_n"] == 3.5
     assert session.info.dry_run["profile_sha256"] == step_profile.sha256

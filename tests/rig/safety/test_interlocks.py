@@ -25,14 +25,13 @@ PUSHING_S = 0.39
 
 
 @pytest.fixture
-def bench(tmp_path, make_backend, rig, step_profile):
+def bench(tmp_path, make_backend, rig, record_steps):
     """Record three trials with planted faults: (call, folder, backend)."""
     backend = make_backend(rig.config, noise_n=0.02)
 
     def call(faults: str, **changes):
         backend.device.faults = FaultPlan(parse_faults(faults))
-        arguments = {"profile": step_profile, "rig_config": rig, "backend": backend, "trials": 3, **changes}
-        return record_session(tmp_path / "s", **arguments)
+        return record_steps(rig, backend=backend, trials=3, **changes)
 
     return call, tmp_path / "s", backend
 
@@ -87,7 +86,7 @@ def test_when_not_even_the_trial_can_be_sealed_the_fault_is_told_and_its_journal
 
 
 def test_an_encoder_that_moves_before_the_blow_or_a_force_out_of_range_keeps_the_motor_still(
-    bench, make_backend, rig, step_profile, tmp_path, assert_safe
+    bench, make_backend, rig, record_steps, tmp_path, assert_safe
 ) -> None:
     call, folder, backend = bench
     with pytest.raises(LimitExceeded, match="hammer encoder moved by 300 counts in the 0.2 s before the blow"):
@@ -97,7 +96,7 @@ def test_an_encoder_that_moves_before_the_blow_or_a_force_out_of_range_keeps_the
     assert data.status == "fault" and data.time_s[-1] < data.blow_start_s and not data.motor_command_v.any()
     loaded = make_backend(rig.config, noise_n=0.02, offset_n=2.0)
     with pytest.raises(LimitExceeded, match="force 2.05 N before the blow, allowed -1 to 1 N"):
-        record_session(tmp_path / "t", profile=step_profile, rig_config=rig, backend=loaded, trials=1)
+        record_steps(rig, "t", backend=loaded)
     assert not Session.open(tmp_path / "t").trial(1).read().motor_command_v.any()
 
 
@@ -111,12 +110,12 @@ def test_an_encoder_that_moves_before_the_blow_or_a_force_out_of_range_keeps_the
     ],
 )
 def test_each_limit_stops_the_trial_where_it_is_first_exceeded(
-    limit, message, edited_rig, make_backend, step_profile, tmp_path, assert_safe
+    limit, message, edited_rig, make_backend, record_steps, tmp_path, assert_safe
 ) -> None:
     rig = edited_rig(("[limits]\nleast_preload_n = 0.02 ", f"[limits]\n{limit}\n# "))
     backend = make_backend(rig.config, noise_n=0.001)
     with pytest.raises(LimitExceeded, match=message):
-        record_session(tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=1)
+        record_steps(rig, backend=backend)
     assert_safe(backend)
     assert Session.open(tmp_path / "s").trials[0].status == "fault"
 

@@ -11,7 +11,6 @@ import pytest
 from pianorig.console import terminal as asking
 from rig.backend import Capabilities
 from rig.errors import InputError, LimitExceeded, NotPermitted
-from rig.recording.recorder import record_session
 from rig.safety.dry_run import PredictedBlow
 from rig.safety.permission import Permission, confirm, permit, require_permission
 from rig.selftest import SelftestFinding, SelftestRecord, read_record, valid_record
@@ -114,17 +113,17 @@ def hardware(backend, monkeypatch):
 
 
 def test_without_permission_not_one_call_reaches_the_hardware(
-    rig, make_backend, step_profile, tmp_path, monkeypatch
+    rig, make_backend, record_steps, tmp_path, monkeypatch
 ) -> None:
     backend = hardware(make_backend(rig.config), monkeypatch)
     with pytest.raises(NotPermitted):
-        record_session(tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=1)
+        record_steps(rig, backend=backend)
     assert backend.service.trace == [] and not (tmp_path / "s").exists()
 
 
 @pytest.mark.parametrize(("unloaded_n", "seen"), [(0.0, True), (0.05, False)])
 def test_with_the_unloaded_reading_known_the_arm_must_press_on_the_key(
-    unloaded_n, seen, rig, make_backend, step_profile, tmp_path, monkeypatch
+    unloaded_n, seen, rig, make_backend, record_steps, tmp_path, monkeypatch
 ) -> None:
     backend = hardware(make_backend(rig.config, noise_n=0.02), monkeypatch)
     permission = Permission("typed", rig.sha256, record_of(rig, unloaded_n=unloaded_n))
@@ -133,19 +132,14 @@ def test_with_the_unloaded_reading_known_the_arm_must_press_on_the_key(
     def predict(profile):
         return PredictedBlow(np.arange(n) / 5000, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), "nothing moves")
 
-    def record() -> Session:
-        return record_session(
-            tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=1,
-            permission=permission, predict=predict,
-        )  # fmt: skip
-
+    asked = {"backend": backend, "permission": permission, "predict": predict}
     if seen:
-        session = record()
+        session = record_steps(rig, **asked)
         assert session.trials[0].status == "complete"
         assert session.info.notes["permission"] == "typed" and "drive: 1" in session.info.notes["selftest"]
         return
     with pytest.raises(LimitExceeded, match="the arm is not on the key"):
-        record()
+        record_steps(rig, **asked)
     data = Session.open(tmp_path / "s").trial(1).read()
     assert data.status == "fault" and not data.motor_command_v.any()
 

@@ -178,15 +178,18 @@ def test_blocks_that_do_not_follow_each_other_are_refused(tmp_path) -> None:
 
 
 class Disk:
-    """A disk that can be made to hang, to refuse, or to take a few bytes at a time; and a clock."""
+    """A disk that can be made to hang, to refuse, or to take a few bytes at a time; a clock; a journal on it."""
 
-    def __init__(self) -> None:
+    def __init__(self, path: Path) -> None:
         self.free = threading.Event()
         self.free.set()
         self.error: OSError | None = None
         self.most = 10**9
         self.now_s = 0.0
         self.syncs = 0
+        self.writer = JournalWriter(
+            path, head(), write=self.write, synchronise=self.synchronise, now_s=lambda: self.now_s
+        )
 
     def write(self, file: int, data: Any) -> int:
         self.free.wait()
@@ -197,15 +200,14 @@ class Disk:
     def synchronise(self, file: int) -> None:
         self.syncs += 1
 
-    def journal(self, path: Any, head: TrialHead, *room: int) -> JournalWriter:
-        return JournalWriter(
-            path, head, *room, write=self.write, synchronise=self.synchronise, now_s=lambda: self.now_s
-        )
+
+@pytest.fixture
+def disk(tmp_path) -> Disk:
+    return Disk(tmp_path / "j")
 
 
-def test_a_stall_of_two_seconds_loses_nothing_and_holds_nobody_up(tmp_path) -> None:
-    disk = Disk()
-    writer = disk.journal(tmp_path / "j", head())
+def test_a_stall_of_two_seconds_loses_nothing_and_holds_nobody_up(disk, tmp_path) -> None:
+    writer = disk.writer
     assert writer.append(blocks(60)[0]) == 5
     disk.free.clear()
     for block in blocks(60)[1:41]:
@@ -219,9 +221,8 @@ def test_a_stall_of_two_seconds_loses_nothing_and_holds_nobody_up(tmp_path) -> N
     assert journal.n_samples == writer.committed_samples == writer.synced_samples == 300 and journal.ending
 
 
-def test_a_disk_that_hangs_longer_than_the_limit_is_a_fault(tmp_path) -> None:
-    disk = Disk()
-    writer = disk.journal(tmp_path / "j", head())
+def test_a_disk_that_hangs_longer_than_the_limit_is_a_fault(disk, tmp_path) -> None:
+    writer = disk.writer
     disk.free.clear()
     writer.append(blocks()[0])
     disk.now_s = 5.1
@@ -232,9 +233,8 @@ def test_a_disk_that_hangs_longer_than_the_limit_is_a_fault(tmp_path) -> None:
     assert read_journal(tmp_path / "j").n_samples == 10  # even the last one, once the disk came back
 
 
-def test_a_full_disk_is_a_fault_that_says_what_is_safe(tmp_path) -> None:
-    disk = Disk()
-    writer = disk.journal(tmp_path / "j", head())
+def test_a_full_disk_is_a_fault_that_says_what_is_safe(disk, tmp_path) -> None:
+    writer = disk.writer
     writer.append(blocks()[0])
     disk.error = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     with pytest.raises(RecordingFault, match="No space left on device.*5 samples are safe") as fault:
@@ -245,9 +245,8 @@ def test_a_full_disk_is_a_fault_that_says_what_is_safe(tmp_path) -> None:
     assert read_journal(tmp_path / "j").n_samples == 5
 
 
-def test_an_error_in_the_writer_itself_is_raised_as_what_it_is(tmp_path) -> None:
-    disk = Disk()
-    writer = disk.journal(tmp_path / "j", head())
+def test_an_error_in_the_writer_itself_is_raised_as_what_it_is(disk, tmp_path) -> None:
+    writer = disk.writer
     writer.append(blocks()[0])
     disk.error = ZeroDivisionError("oops")  # type: ignore[assignment]
     with pytest.raises(ZeroDivisionError, match="oops"):
@@ -257,19 +256,17 @@ def test_an_error_in_the_writer_itself_is_raised_as_what_it_is(tmp_path) -> None
     assert read_journal(tmp_path / "j").n_samples == 5
 
 
-def test_a_disk_that_takes_a_few_bytes_at_a_time_gets_them_all(tmp_path) -> None:
-    disk = Disk()
+def test_a_disk_that_takes_a_few_bytes_at_a_time_gets_them_all(disk, tmp_path) -> None:
     disk.most = 7
-    writer = disk.journal(tmp_path / "j", head())
+    writer = disk.writer
     for block in blocks():
         writer.append(block)
     writer.close("complete", "")
     assert read_journal(tmp_path / "j").n_samples == 20
 
 
-def test_the_disk_is_synchronised_at_least_every_second_of_data(tmp_path) -> None:
-    disk = Disk()
-    writer = disk.journal(tmp_path / "j", head())
+def test_the_disk_is_synchronised_at_least_every_second_of_data(disk, tmp_path) -> None:
+    writer = disk.writer
     before = disk.syncs
     for block in blocks(150):
         disk.now_s += 0.02
@@ -291,17 +288,14 @@ def test_no_room_for_the_trial_is_found_before_anything_moves(tmp_path, monkeypa
         JournalWriter(tmp_path / "missing" / "j", head())
 
 
-def test_a_journal_cut_anywhere_shows_its_whole_blocks_and_goes_on(tmp_path, make_backend, rig, step_profile) -> None:
+def test_a_journal_cut_anywhere_shows_its_whole_blocks_and_goes_on(tmp_path, rig, record_steps) -> None:
     snapshot = tmp_path / "snapshot"
 
     def copy(at) -> None:
         if at.time_s > 0.5 and not snapshot.exists():
             snapshot.write_bytes((tmp_path / "s" / "trial_0001.journal").read_bytes())
 
-    session = record_session(
-        tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config), trials=1, progress=copy
-    )
-    data = session.trials[0].read()
+    data = record_steps(rig, progress=copy).trials[0].read()
     whole, live = snapshot.read_bytes(), tmp_path / "live"
     follower = JournalFollower(live)
     assert not follower.poll()
@@ -315,7 +309,7 @@ def test_a_journal_cut_anywhere_shows_its_whole_blocks_and_goes_on(tmp_path, mak
     np.testing.assert_array_equal(force, data.force_n[: force.size])
 
 
-def test_a_session_is_seen_while_it_is_recorded(tmp_path, make_backend, rig, step_profile) -> None:
+def test_a_session_is_seen_while_it_is_recorded(tmp_path, rig, record_steps) -> None:
     views = []
     follower: list[SessionFollower] = []
 
@@ -328,9 +322,7 @@ def test_a_session_is_seen_while_it_is_recorded(tmp_path, make_backend, rig, ste
         assert view.trial == at.trial and view.time_s.size == round(at.committed_s * 5000)
         views.append(view)
 
-    session = record_session(
-        tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config), trials=2, progress=view
-    )
+    session = record_steps(rig, trials=2, progress=view)
     assert {view.state for view in views} == {"recording"} and not any(view.finished for view in views)
     end = follower[0].poll()
     data = session.trials[1].read()

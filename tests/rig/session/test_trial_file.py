@@ -24,7 +24,6 @@ from hypothesis.extra.numpy import arrays
 
 from rig.configuration.rig_file import load_rig, parse_rig
 from rig.errors import InputError
-from rig.recording.recorder import record_session
 from rig.session import CameraInfo, EncoderInfo, ForceInfo, TrialData
 from rig.session.trial_file import MARK, NO_CODE, force_codes, read_status, read_trial, write_trial
 from tests.rig.lab_channels import READBACK
@@ -277,12 +276,10 @@ def assert_digest(path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["virtual", "pcie6363"])
-def test_the_digest_is_that_of_what_is_read_back(name, make_backend, step_profile, tmp_path) -> None:
+def test_the_digest_is_that_of_what_is_read_back(name, record_steps) -> None:
     further = READBACK.replace("wire", "Drähtchen") if name == "pcie6363" else ""
     rig = parse_rig(load_rig(name).text + further, "lab.toml")
-    session = record_session(
-        tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config, noise_n=0.02), trials=1
-    )
+    session = record_steps(rig)
     assert_digest(session.trials[0].path)
     with h5py.File(session.trials[0].path) as file:
         assert ("motor_readback" in file["daq"]) == (name == "pcie6363") and "camera" in file
