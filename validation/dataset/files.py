@@ -30,9 +30,9 @@ CHANNELS = {
     "key_angle": ("time", "rad", "angle of the key since the first sample, counter-clockwise"),
     "whippen_angle": ("time", "rad", "angle of the whippen since the first sample, counter-clockwise"),
     "hammer_angle": ("time", "rad", "angle of the hammer since the first sample, counter-clockwise"),
-    "jack_angle": ("film_time", "rad", "angle of the jack relative to the whippen since the first frame, from film"),
+    "jack_angle": ("film_time", "rad", "angle of the jack relative to the whippen since rest, tracked on film"),
     "repetition_angle": (
-        "film_time", "rad", "angle of the repetition lever relative to the whippen since the first frame, from film"
+        "film_time", "rad", "angle of the repetition lever relative to the whippen since rest, tracked on film"
     ),
 }  # fmt: skip
 """Dimension, unit and meaning of each variable."""

@@ -2,9 +2,9 @@
 
 Each specimen stands on a bench of its own (`ActionPlant` behind the virtual NI-DAQmx device), and `rig.record` plays
 and records its strokes as it would on hardware: anti-alias filter, group delay, codes, counters. What is published of a
-trial is read from its sealed file; faults are planted afterwards. Films are small, lossless, one for each level, in a
-file that any picture program opens: the virtual camera sees whippen, jack and repetition lever at half the scale of the
-bench's own film, around the stroke only; outlines beside them let `pianorig track` make angles of a film."""
+trial is read from its sealed file; faults are planted afterwards. Jack and repetition lever are filmed around the
+stroke, at half the scale of the bench's own film, and their angles are what `vision.track` makes of it. The pictures of
+one film a level stay: small, lossless, in a file that any picture program opens, with the outlines beside it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from pianorig.errors import CommandInputError
 from pianorig.workflows.bench.record import action_geometry
 from pianorig.workflows.dataset.describe import descriptions
 from rig.configuration.profile import Profile
-from rig.simulated import ActionPlant, CameraSettings, PlantTruth, build_device, film_bodies, film_trial, load_plant
+from rig.simulated import ActionPlant, CameraSettings, build_device, film_bodies, film_trial, load_plant
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend
 from rig.simulated.bench.sensors import load_sensors
 from rig.storage.atomic_write import write_text
@@ -135,9 +135,11 @@ RIG = "virtual"
 FILM_HZ = 2000.0
 U = {
     "force": 0.05, "motor_command": 1e-3, "key_angle": 5e-5, "whippen_angle": 5e-5, "hammer_angle": 5e-5,
-    "jack_angle": 1e-4, "repetition_angle": 1e-4, "film_time": 1e-5,
+    "film_time": 1e-5,
 }  # fmt: skip
-"""Standard uncertainties that are published; the force's without its level, which the rest before the stroke shows."""
+"""Standard uncertainties that are published; the force's without its level, which the rest before the stroke shows.
+Those of the filmed angles are the tracker's: the median over the frames of a trial."""
+TRACKED = {"jack_angle": "jack", "repetition_angle": "repetition"}
 BODIES = {"key_angle": "key", "whippen_angle": "whippen", "hammer_angle": "hammer"}
 HUM_HZ = 60.0
 FAULTS = ("force gain", "hammer sign", "key counts", "film late", "hum", "force drift")
@@ -145,12 +147,11 @@ FAULTS = ("force gain", "hammer sign", "key counts", "film late", "hum", "force 
 
 @dataclass(frozen=True)
 class Played:
-    """A trial as it is published, what is true of it; for the camera the motion as it was, and when it began, s."""
+    """A trial as it is published, and what is true of it; of its pictures, how many, and when the first began, s."""
 
     trial: DataTrial
     truth: dict[str, Any]
-    motion: PlantTruth
-    start_s: float
+    pictures: tuple[int, float]
 
 
 class SpecimenBench:
@@ -162,6 +163,7 @@ class SpecimenBench:
     """
 
     def __init__(self, specimen: Specimen) -> None:
+        self.seed = specimen.seed
         bench = load_plant(DEFAULT_BENCH, specimen.seed, RATE_HZ, scene=specimen.scene)
         action = bench.choice.on(specimen.action())
         plant = ActionPlant(action, bench.choice, specimen.torque_per_volt_nm, SCATTER, specimen.seed, RATE_HZ)
@@ -173,8 +175,10 @@ class SpecimenBench:
         """Give the virtual device back."""
         self.backend.close()
 
-    def play(self, number: int, condition: Condition, fault: str, random: np.random.Generator) -> Played:
-        """Record one stroke.
+    def play(
+        self, number: int, condition: Condition, fault: str, random: np.random.Generator, pictures: Path | None = None
+    ) -> Played:
+        """Record and film one stroke.
 
         Parameters
         ----------
@@ -184,41 +188,52 @@ class SpecimenBench:
         fault : str
             One of `FAULTS`, or empty.
         random : Generator
-            For how it is played and what film and faults add.
+            For how it is played and what the film's clock and faults add.
+        pictures : path, optional
+            TIFF file to keep the pictures of the film in; outlines are written beside it.
+
+        Raises
+        ------
+        CommandInputError
+            The pictures cannot be written.
         """
         strength, stretch = (float(np.exp(sd * np.clip(random.standard_normal(), -2, 2))) for sd in (0.05, 0.04))
         times, forces = condition.corners(strength, stretch)
         self.backend.continue_after(number - 1)
+        late = 1e-5 * float(np.clip(random.standard_normal(), -2, 2))
         with tempfile.TemporaryDirectory() as folder:
             session = rig.record(
                 Path(folder) / "session", profile=Profile(condition.name, times, forces), rig_config=self.rig,
                 trials=1, backend=self.backend,
             )  # fmt: skip
             data = session.trial(1).read()
-        plant = self.backend.plant
-        assert isinstance(plant, ActionPlant)
-        motion = plant.truth()
-        late = 1e-5 * float(np.clip(random.standard_normal(), -2, 2))
-        assert data.camera is not None
-        film_s = data.camera.frame_time_s
-        film_s = film_s[(film_s >= 0.0) & (film_s < min(data.time_s[-1], motion.time_s[-1]) - 1e-3)]
-        relative = motion.film_angles_at(film_s + late)[:, 1:]
+            plant = self.backend.plant
+            assert isinstance(plant, ActionPlant) and data.camera is not None
+            motion = plant.truth()
+            first = data.blow_start_s - BEFORE_S
+            last = min(first + times[-1] - times[1] - AFTER_S + BEFORE_S + FILMED_AFTER_S, first + LONGEST_S)
+            film_s = data.camera.frame_time_s
+            film_s = film_s[(film_s >= first) & (film_s < min(last, data.time_s[-1], motion.time_s[-1]) - 1e-3)]
+            geometry = action_geometry(motion)
+            film, bodies = Path(folder) / "film.mraw", film_bodies(geometry, SETTINGS)
+            film_trial(film, film_s, lambda t: motion.film_angles_at(t + late), geometry, SETTINGS, self.seed + number)
+            tracked = vision.track(film, bodies)
+            shown = 0 if pictures is None else write_pictures(pictures, film, bodies)
+        relative = {name: tracked.relative(body) for name, body in TRACKED.items()}
         angles = dict(zip((one.name for one in data.encoders), data.angle_rad().T, strict=True))
         values = {
             # what a sample shows is one group delay old
             "force": np.interp(data.time_s + data.force_info.group_delay_s, data.time_s, data.force_n),
             "motor_command": data.motor_command_v,
             **{name: angles[body] - angles[body][0] for name, body in BODIES.items()},
-            **{
-                name: relative[:, k] - relative[0, k] + U[name] * random.standard_normal(film_s.size)
-                for k, name in enumerate(("jack_angle", "repetition_angle"))
-            },
+            **{name: angle for name, (angle, _, _) in relative.items()},
         }
+        u = U | {name: float(np.nanmedian(of_frame)) for name, (_, of_frame, _) in relative.items()}
         published_s = plant_fault(fault, data.time_s, film_s, values) if fault else film_s
         facts = {"trial": number, "condition": condition.name}
-        trial = DataTrial(data.time_s, published_s, values, U, facts)
+        trial = DataTrial(data.time_s, published_s, values, u, facts)
         truth = {"strength": strength, "stretch": stretch, "film_late_s": late, "fault": fault}
-        return Played(trial, truth, motion, data.blow_start_s)
+        return Played(trial, truth, (shown, float(published_s[0])))
 
 
 def plant_fault(fault: str, time_s: Array, film_s: Array, values: dict[str, Array]) -> Array:
@@ -243,47 +258,29 @@ LEVELS = ("forte", "mezzoforte", "mezzo", "mezzopiano", "piano")
 SETTINGS = CameraSettings(
     frame_rate_hz=FILM_HZ, width=200, height=152, scale_px_per_m=1600.0, noise_grey=1.0, flicker=0.0
 )
-BEFORE_S, LONG_S = 0.03, 0.3
-"""Filmed are so many seconds before the stroke, and so many in all."""
+BEFORE_S, FILMED_AFTER_S, LONGEST_S = 0.03, 0.1, 2.0
+"""Filmed is from so long before the stroke until so long after its force has ended, at most so long in all."""
+PICTURES = 600
+"""Kept are so many pictures of a film."""
 ADOBE_DEFLATE, PREDICTOR = 8, 2
 OUTLINES = "bodies.toml"
 
 
-def write_film(path: Path, played: Played, seed: int) -> tuple[int, float]:
-    """Film a trial.
-
-    Parameters
-    ----------
-    path : path
-        Of the TIFF file; outlines are written beside it.
-    played : Played
-    seed : int
-        Of texture and noise.
-
-    Returns
-    -------
-    int, float
-        Number of frames, and the middle of the first one's exposure on the trial's clock, s.
+def write_pictures(path: Path, film: Path, bodies: list[vision.Body]) -> int:
+    """Copy the first pictures of a film into a TIFF file, the outlines beside it; return how many they are.
 
     Raises
     ------
     CommandInputError
         The file cannot be written.
     """
-    times = played.trial.film_time_s
-    first = played.start_s - BEFORE_S
-    filmed = times[(times >= first) & (times < first + LONG_S)]
-    late, geometry = played.truth["film_late_s"], action_geometry(played.motion)
-    with tempfile.TemporaryDirectory() as folder:
-        raw = Path(folder) / "film.mraw"
-        film_trial(raw, filmed, lambda t: played.motion.film_angles_at(t + late), geometry, SETTINGS, seed)
-        with open_film(raw) as film:
-            frames = [np.array(film.read(k)) for k in range(filmed.size)]
+    with open_film(film) as opened:
+        frames = [np.array(opened.read(k)) for k in range(min(PICTURES, opened.n_frames))]
     options = [cv2.IMWRITE_TIFF_COMPRESSION, ADOBE_DEFLATE, cv2.IMWRITE_TIFF_PREDICTOR, PREDICTOR]
     if not cv2.imwritemulti(str(path), frames, options):
         raise CommandInputError(f"{path}: the film cannot be written; name another folder")
-    vision.save_bodies(path.with_name(path.stem + "_" + OUTLINES), film_bodies(geometry, SETTINGS))
-    return filmed.size, float(filmed[0])
+    vision.save_bodies(path.with_name(path.stem + "_" + OUTLINES), bodies)
+    return len(frames)
 
 
 SEED = 20041
@@ -327,7 +324,7 @@ def make_dataset(
     sealed_truth : path, optional
         Where the truth of a sealed split is kept, outside ``out``; without it there is no sealed split.
     films : bool
-        Film the first stroke of each level as pictures.
+        Keep the pictures of the first stroke of each level.
     scene : str
         Scene of the specimens, by name or file; only the truth states it.
     say : callable
@@ -411,16 +408,17 @@ def _split(
                 number += 1
                 part = "test" if k == each - 1 else "train"
                 fault = str(random.choice(FAULTS)) if random.random() < FAULT_SHARE else ""
-                played = bench.play(number, condition, fault, random)
+                film = f"{split}/trial_{number:04d}_film.tif"
+                kept = told.films and not k and specimen is specimens[0] and condition.name in LEVELS
+                played = bench.play(number, condition, fault, random, out / film if kept else None)
                 facts = {**played.trial.facts, "specimen": specimen.name, "part": part, "title": f"{split} {number}"}
                 file = f"{split}/trial_{number:04d}.nc"
                 write_netcdf(out / file, replace(played.trial, facts=facts))
                 row = {"file": file, "trial": number, "specimen": specimen.name, "condition": condition.name,
                        "part": part}  # fmt: skip
-                if told.films and not k and specimen is specimens[0] and condition.name in LEVELS:
-                    film = f"{split}/trial_{number:04d}_film.tif"
-                    n, first_s = write_film(out / film, played, specimen.seed + number)
-                    row |= {"film": film, "film_frames": n, "film_first_s": first_s}
+                if kept:
+                    frames, first_s = played.pictures
+                    row |= {"film": film, "film_frames": frames, "film_first_s": first_s}
                 rows.append(row)
                 trials[str(number)] = played.truth
                 if fault:

@@ -19,6 +19,7 @@ import vision
 from pianorig.errors import CommandInputError
 from pianorig.workflows.dataset import make
 from pianorig.workflows.dataset.make import CONDITIONS, FAULTS, FILM_HZ, SpecimenBench, draw_specimen, plant_fault
+from rig.simulated import film_trial
 from tests.command_line import run
 from validation.dataset.files import CHANNELS
 from validation.dataset.score import SCORED, scored_trials
@@ -35,7 +36,7 @@ def made(shared) -> tuple[Path, Path]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(make, "CONDITIONS", FEW)
             patch.setattr(make, "SPECIMENS", ("A",))
-            patch.setattr("pianorig.workflows.dataset.make.LONG_S", 0.09)
+            patch.setattr(make, "LONGEST_S", 0.09)
             make.make_dataset(place / "set", each=2, sealed_truth=place / "truth" / "sealed.json")
         return place / "set", place / "truth" / "sealed.json"
 
@@ -54,6 +55,7 @@ def perfect(folder: Path, factor: float = 1.0) -> pd.DataFrame:
 def test_a_seed_makes_the_same_bytes(made, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(make, "SPECIMENS", ("A",))
     monkeypatch.setattr(make, "CONDITIONS", FEW)
+    monkeypatch.setattr(make, "LONGEST_S", 0.09)
     make.make_dataset(tmp_path / "again", each=2, films=False)
     for file in sorted((made[0] / "open").glob("*.nc")):
         assert file.read_bytes() == (tmp_path / "again" / "open" / file.name).read_bytes(), file.name
@@ -242,6 +244,25 @@ def test_every_fault_changes_something(fault) -> None:
     after = plant_fault(fault, time_s, film_s, values)
     changed = [name for name in values if not np.array_equal(values[name], before[name])]
     assert len(changed) + (not np.array_equal(after, film_s)) == 1
+
+
+def test_filmed_angles_are_as_wrong_as_their_u_says(monkeypatch) -> None:
+    seen = {}
+
+    def watched(path, times, angles, *rest):
+        seen["truth"] = film_trial(path, times, angles, *rest)
+
+    monkeypatch.setattr(make, "film_trial", watched)
+    random = np.random.default_rng(3)
+    bench = SpecimenBench(draw_specimen("A", random))
+    trial = bench.play(1, CONDITIONS[6], "", random).trial
+    bench.close()
+    still = int(0.02 * FILM_HZ)
+    for column, name in ((1, "jack_angle"), (2, "repetition_angle")):
+        true = seen["truth"].mean_angle_rad[:, column]
+        assert np.ptp(true) > 0.05
+        error = trial.values[name] - (true - true[:still].mean())
+        assert error.shape == trial.film_time_s.shape and 0.85 < np.sqrt(np.mean(error**2)) / trial.u[name] < 1.15
 
 
 def test_specimens_have_the_scene_that_was_asked_for(tmp_path) -> None:
