@@ -132,6 +132,9 @@ CANDIDATES: dict[str, tuple[SceneChoice, tuple[Free, ...]]] = {
     "key lifts": (SceneChoice(effects=("balance_rail",)), ()),
 }  # fmt: skip
 """Scene and further parameters with their priors."""
+CANDIDATES["all of these that add no effect"] = (
+    SceneChoice(), tuple(one for scene, more in CANDIDATES.values() if scene == SceneChoice() for one in more)
+)  # fmt: skip
 
 
 def training() -> tuple[Identified, list[Stroke]]:
