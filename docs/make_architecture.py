@@ -148,8 +148,8 @@ def rooms(package: str) -> str:
     lines = [f"## {package}/", "", said(folder / "__init__.py"), ""]
     lines += [f"![Subpackages of {package} and which of them import which](images/{picture(package).name})", ""]
     lines += ["| room | what it is for |", "|---|---|"]
-    faces = sorted(folder.glob("*/__init__.py"), key=lambda path: path.parent.name)
-    lines += [f"| `{face.parent.name}/` | {said(face)} |" for face in faces]
+    order = [room for row in levels(imports_between(imports(), package, rooms_of(imports(), package))) for room in row]
+    lines += [f"| `{room}/` | {said(folder / room / '__init__.py')} |" for room in order]
     return "\n".join(lines) + "\n"
 
 

@@ -1,7 +1,8 @@
 """Ctrl-C and SIGTERM: turned into an exception, and deferred while the bench is made safe or a trial is sealed.
 
 Only the main thread receives signals; elsewhere the blocks run as they are. A deferred interrupt is delivered when the
-block ends. A program that is killed outright runs none of this; watchdog and journal are for that.
+block ends. What is done then: `rig.recording.trial_run.run_trial`; what is told: `pianorig/workflows/bench/record.py`.
+A program that is killed outright runs none of this; watchdog and journal are for that.
 """
 
 from __future__ import annotations

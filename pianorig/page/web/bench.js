@@ -1,4 +1,5 @@
 // The frame of the page: the list of views, the view that the address names, help, who may write.
+// elements.js and the moving action's scripts are shared with exported animations: pianorig/player/web.
 import { showAction } from "./action.js";
 import { address } from "./address.js";
 import { make } from "./elements.js";
