@@ -44,7 +44,7 @@ from validation.identification.estimates import IDENTIFIED, LACKING, estimate_al
 from validation.identification.fit import Fitted, fit
 from validation.identification.force_runs import ForceRuns, Own
 from validation.identification.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
-from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
+from validation.identification.identify import LEAST_EFFECT_RAD
 from validation.identification.minima import refine, search
 from validation.identification.motion_runs import response_to
 from validation.identification.noise import Sizes, likeliest
@@ -55,7 +55,7 @@ from validation.identification.observations import (
     sharing_the_key,
     with_errors_of_what_drives,
 )
-from validation.identification.problem import Columns, Problem, linear_residuals
+from validation.identification.problem import Columns, Problem, at_start, linear_residuals
 from validation.identification.scatter import factors, lacking
 from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, Unknowns, unknowns
 from validation.measurement.trial import MeasuredTrial, measure
@@ -163,10 +163,9 @@ def observed(kind: str, session: int, data: Sequence[TrialData]) -> list[Observe
     return observe(kind, session, [measure(d, None, tested().geometry_at(d.force_info.preload_n)) for d in data])
 
 
-def problem_of(start: model.Action, free: Unknowns, trials: Sequence[ObservedTrial]) -> Problem:
+def problem_of(start: model.Action, free: Unknowns, trials: Sequence[ObservedTrial]) -> tuple[Problem, Columns]:
     """The fit of these trials."""
-    response = ForceRuns(start, (*free.moved, *free.held), trials, RUNS)
-    return Problem(start, free, tuple(trials), response, held_columns(response, free))
+    return at_start(start, free, trials, ForceRuns(start, (*free.moved, *free.held), trials, RUNS))
 
 
 def acting(start: model.Action, free: Sequence[Any], kinds: Sequence[str]) -> tuple[str, ...]:
@@ -227,11 +226,11 @@ def experiment(cell: str, k: int, options: Any) -> dict[str, Any]:
             else:
                 data = played(specimen, kind, options.trials, sensors, rng)
             trials += observed(kind, i, data)
-        problem = problem_of(start, free, trials)
+        problem, columns = problem_of(start, free, trials)
         fits = (
             [refine(problem, fit(problem, truth_z(problem, truth, sensors)))]
             if options.from_truth
-            else search(problem, 1, None, None)
+            else search(problem, 1, None, columns)
         )
         fitted = fits[0]
         fit_s = time.process_time() - began
@@ -343,8 +342,8 @@ def fitted(start: model.Action, free: Unknowns, trials: list[ObservedTrial], tru
     began = time.process_time()
     free = with_errors_of_what_drives(free, trials)
     response = response_to(start, (*free.moved, *free.held), trials, RUNS)
-    problem = Problem(start, free, tuple(trials), response, held_columns(response, free))
-    best = search(problem, 1, None, None)[0]
+    problem, columns = at_start(start, free, trials, response)
+    best = search(problem, 1, None, columns)[0]
     took = time.process_time() - began
     rows = []
     for e, p in zip(estimate_all(problem, best, (), lambda text: None), free.asked, strict=True):
@@ -418,7 +417,7 @@ def identification_channels(run: Run) -> bool:
 IN_A_SESSION = 5
 KNOWN = 0.5  # of the prior
 FIXED = re.compile("normal|arc_|gravity")  # by geometry; and what is no parameter of an action
-PARTS = ("derivatives", "runs", "force noise", "learning", "each trial")
+PARTS = ("derivatives", "runs", "learning", "each trial")
 
 
 class Clock:
@@ -453,15 +452,12 @@ class Timed:
         with self.clock.part("runs"):
             return self.runs.curves(points, own)
 
-    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
+    def jacobian(
+        self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
+    ) -> list[Array]:
         """As in `Response`."""
         with self.clock.part("derivatives"):
-            return self.runs.jacobian(z, which, own)
-
-    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
-        """As in `Response`."""
-        with self.clock.part("force noise"):
-            return self.runs.force_columns(z, own)
+            return self.runs.jacobian(z, which, own, driven)
 
 
 @cache
@@ -493,18 +489,15 @@ def one(free_laws: int, n: int, options: Run) -> dict[str, Any]:
         setattr(fitting, name, counted(getattr(fitting, name), clock))
     began = time.process_time()
     runs = Timed(ForceRuns(start, (*free.moved, *free.held), trials, RUNS), clock)
-    held = held_columns(runs, free)
-    before_fit = time.process_time() - began
-    clock.spent["derivatives"] -= before_fit
-    problem = Problem(start, free, tuple(trials), runs, held)
-    fits = search(problem, 1, None, None)
+    problem, columns = at_start(start, free, trials, runs)  # type: ignore[arg-type]
+    fits = search(problem, 1, None, columns)
     took, parts, best = time.process_time() - began, dict(clock.spent), fits[0]
     found = estimate_all(problem, best, None if options.profiles else (), lambda text: None)
     after = time.process_time() - began - took
     off = [(e.z - truth[e.name]) / e.z_u for e in found if e.z_u < KNOWN]
     return {
         "free": free_laws, "trials": n, "steps": sum(f.steps for f in fits), "settled": best.converged,
-        "fixed laws": before_fit, **parts, "fit": took, "intervals": after, "fits": len(fits),
+        **parts, "fit": took, "intervals": after, "fits": len(fits),
         "known": len(off), "off": float(np.sqrt(np.mean(np.square(off)))) if off else 0.0,
     }  # fmt: skip
 
@@ -530,19 +523,18 @@ def identification_scaling(run: Run) -> bool:
     Strokes as in `benchmarks.identification_coverage`: the specimen is the model with that many laws drawn, all else
     known, five trials in a session, sessions of the kinds in turn. Where more are to be free than there are laws that
     act, masses and geometry that act are free, too. Processor time in seconds, one row per fit: derivatives of the
-    model, runs of the model (steps, checks of derivatives), columns of what each trial has of its own (force noise),
-    learning of the sizes of noise, the end with each trial at its own scatter, and the rest. Processor time of all
-    threads is counted, so that other work on the machine does not; on an idle one with two cores the model's share
-    takes about half of it by the clock. "off" is the root mean square of error over u of those known to half their
-    prior.
+    model, those by each trial's own force among them, runs of the model, learning of the sizes of noise, the end with
+    each trial at its own scatter, and the rest. Processor time of all threads is counted, so that other work on the
+    machine does not; on an idle one with two cores the model's share takes about half of it by the clock. "off" is the
+    root mean square of error over u of those known to half their prior.
     """
     good = True
-    heads = ("free", "trials", "fits", "steps", "fit", "fixed laws", *PARTS, "rest", "intervals", "known", "off")
+    heads = ("free", "trials", "fits", "steps", "fit", *PARTS, "rest", "intervals", "known", "off")
     whole = ("free", "trials", "fits", "steps", "known")
     table = Table(*(f"{head}:{'6d' if head in whole else '6.1f'}" for head in heads), "settled:s")
     keys = [(n, k, run.kinds, run.seed, run.profiles) for n in run.free for k in run.trials]
     for _, row in run.cases(keys, lambda n, k, *_: one(n, k, run)):
-        row["rest"] = row["fit"] - row["fixed laws"] - sum(row[part] for part in PARTS)
+        row["rest"] = row["fit"] - sum(row[part] for part in PARTS)
         table.row(*(row[head] for head in heads), "yes" if row["settled"] else "NO")
         good &= row["settled"]
     return good
@@ -581,7 +573,7 @@ class Experiment:
 
     def part(self, kind: str, session: int, n: int) -> Part:
         """Trials with their linear model and residuals at z = 0 of it."""
-        problem = problem_of(self.start, self.free, self.trials(kind, session, n))
+        problem, _ = problem_of(self.start, self.free, self.trials(kind, session, n))
         (curves,) = problem.response.curves([self.z])
         if curves is None:
             raise ValidationError("the model cannot run at the true values")

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.errors import InputError
 from model.files.force_table import check_force_table
 from model.force_driven import check_output_times
 from model.parameters.action import Action, load_action
@@ -32,6 +33,7 @@ def sensitivities(
     parameters: Sequence[str],
     *,
     options: SensitivityOptions | None = None,
+    inputs: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Sensitivities:
     """Differentiate a blow with respect to parameters: angles, speeds, events, contact forces, the rest state included.
 
@@ -42,11 +44,14 @@ def sensitivities(
     parameters : names (P,): paths as ``--set`` takes them, or laws, groups and patterns as ``--scale`` does
         (``friction``, ``contact02`` or ``felt:contact02``, ``*.mass``), which stand for a factor of 1
     options : tolerances, times, scene and what else to give
+    inputs : changes (k, m) of the blow's force at its times, and (m,) of the input it rests under, by which it is to be
+        differentiated, too
 
     Returns
     -------
     Sensitivities
-        The blow and its derivatives (T, n, P), per SI unit of each parameter.
+        The blow and its derivatives (T, n, P), per SI unit of each parameter; after them those by the inputs, per unit
+        of each change.
 
     Raises
     ------
@@ -71,7 +76,7 @@ def sensitivities(
     """
     options = SensitivityOptions() if options is None else options
     chosen = load_action(action) if isinstance(action, str) else action
-    found = _differentiate(chosen, blow, parameters, options)
+    found = _differentiate(chosen, blow, parameters, options, inputs)
     if options.estimate_error:
         finer = replace(
             options,
@@ -80,16 +85,21 @@ def sensitivities(
             contact_forces=False,
             events=False,
         )
-        other = _differentiate(chosen, blow, parameters, finer)
+        other = _differentiate(chosen, blow, parameters, finer, inputs)
         found = replace(found, estimated_error=_largest_difference(found.d_angles, other.d_angles))
     return found
 
 
-def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], options: SensitivityOptions) -> Sensitivities:
+def _differentiate(
+    action: Action, blow: Blow, parameters: Sequence[str], options: SensitivityOptions, inputs: Blow | None
+) -> Sensitivities:
     times, forces = check_force_table(*blow)
     outputs = check_output_times(options.output_time_s, times)
     action, choice = options.of(action)
-    slopes = directions(action, choice, find_parameters(action, parameters))
+    named = find_parameters(action, parameters) if len(parameters) or inputs is None else []
+    slopes = directions(action, choice, named)
+    if inputs is not None:
+        slopes = slopes.with_inputs(*_checked(inputs, len(times)))
     scene = slopes.scene
     start = rest_state(action, options.rest_input, scene)
     whole = with_pins(scene, start.angle_rad, options.rest_input) if scene.pins else start.angle_rad
@@ -102,7 +112,7 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
     at_events = events.find() if options.events else np.empty(0)
     wanted = np.concatenate([outputs, at_events])
     followed = recorded.follow(wanted, options.relative_tolerance, options.contact_forces)
-    idle = tuple(p.name for p, it_does in zip(slopes.parameters, followed.acts, strict=True) if not it_does)
+    idle = tuple(p.name for p, it_does in zip(named, followed.acts, strict=False) if not it_does)
     refuse_idle(idle, options.allow_idle, "blow")
     rows = len(outputs)
     states = recorded.whole_states(outputs)
@@ -131,6 +141,20 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
         normal, d_normal = recorded.normal_forces(states, slopes_of_state)
         out = replace(out, contact_names=scene.contacts, contact_forces=normal, d_contact_forces=d_normal)
     return out
+
+
+def _checked(inputs: Blow, rows: int) -> tuple[Array, Array]:
+    """Changes (k, m) of an input of so many rows, and (m,) at rest."""
+    table, rest = (np.asarray(given, dtype=float) for given in inputs)
+    if (
+        table.ndim != 2
+        or table.shape != (rows, *rest.shape)
+        or not (np.isfinite(table).all() and np.isfinite(rest).all())
+    ):
+        raise InputError(
+            f"inputs: found changes of shape {table.shape}, {rest.shape} at rest, allowed ({rows}, m) and (m,), finite"
+        )
+    return table, rest
 
 
 def _at_kink(start: RestState) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -150,12 +150,22 @@ class Directions:
     ----------
     parameters, action, scene : which, and of what
     slope : (P, k) of the scene's parameter vector per unit of each
+    inputs : (k, m) changes of a run's input at the times of its table, and (m,) of the input at rest; the last m of the
+        parameters stand for them
     """
 
     parameters: tuple[Parameter, ...]
     action: Action
     scene: Scene
     slope: Array
+    inputs: tuple[Array, Array] = (np.empty((0, 0)), np.empty(0))
+
+    def with_inputs(self, table: Array, rest: Array) -> Directions:
+        """The same, followed by directions in which the input of a run changes, per unit of each."""
+        count = len(rest)
+        more = tuple(Parameter(f"input {i + 1}", 0.0, "1", {}, 1.0, 1.0) for i in range(count))
+        slope = np.vstack([self.slope, np.zeros((count, self.slope.shape[1]))])
+        return replace(self, parameters=(*self.parameters, *more), slope=slope, inputs=(table, rest))
 
 
 class _Changed(Action):

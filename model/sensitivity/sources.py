@@ -38,30 +38,44 @@ def modes_moved(directions: Directions, first: int, count: int) -> Array:
     return np.asarray(np.moveaxis(slope.reshape(len(slope), 3, count), 0, -1))
 
 
-def _command_slopes(directions: Directions, found: Callable[[Command], Array], shape: tuple[int, ...]) -> Array:
-    """Change (..., P) by parameters of what a command turns an input into; zeros of ``shape`` where none does."""
-    out = np.zeros((*shape, len(directions.parameters)))
-    for j, parameter in enumerate(directions.parameters):
+INPUT_STEP = 1e-6  # of the largest input: a command is cut off beyond its limits
+
+
+def _input_slopes(
+    directions: Directions, found: Callable[[Command | None, Array], Array], value: Array, moved: Array
+) -> Array:
+    """Change (..., P) of the kernels' input, ``found`` from a command and a run's input, by what changes either.
+
+    ``value`` (k,) is the run's input, ``moved`` (k, m) its changes.
+    """
+    own, count = directions.scene.command, len(directions.parameters) - moved.shape[1]
+    out = np.zeros((*found(own, value).shape, len(directions.parameters)))
+    for j, parameter in enumerate(directions.parameters[:count] if own is not None else ()):
         ends = commands(directions, j)
-        if any(end != directions.scene.command for end in ends):
-            out[..., j] = (found(ends[0]) - found(ends[1])) / (2.0 * parameter.step)
+        if any(end != own for end in ends):
+            out[..., j] = (found(ends[0], value) - found(ends[1], value)) / (2.0 * parameter.step)
+    for j, change in enumerate(moved.T, count):
+        step = INPUT_STEP * (1.0 + np.max(np.abs(value))) / max(float(np.max(np.abs(change))), 1e-300)
+        out[..., j] = (found(own, value + step * change) - found(own, value - step * change)) / (2.0 * step)
     return out
 
 
 def input_slopes(directions: Directions, table: tuple[Array, Array], time_s: Array) -> Array:
     """Change (k - 1, 2, P) of the kernels' input at both ends between the times (k,) of its own table.
 
-    ``table`` is the input of the run. Empty where no parameter changes how that becomes the kernels' input.
+    ``table`` is the input of the run. Empty where nothing changes the kernels' input.
     """
-    if directions.scene.command is None:
+    moved = directions.inputs[0] if directions.inputs[0].size else np.empty((len(table[1]), 0))
+    if directions.scene.command is None and not moved.size:
         return np.empty((0, 2, len(directions.parameters)))
     # between its points the input is straight: two times inside tell the ends, however near a kink lies
     inside = time_s[:-1, None] + np.diff(time_s)[:, None] * np.array([0.25, 0.75])
 
-    def found(command: Command) -> Array:
-        return np.asarray(np.interp(inside, *command.table(*table, False)))
+    def found(command: Command | None, value: Array) -> Array:
+        given = (table[0], value)
+        return np.asarray(np.interp(inside, *(given if command is None else command.table(*given, False))))
 
-    quarter = _command_slopes(directions, found, inside.shape)
+    quarter = _input_slopes(directions, found, table[1], moved)
     if not np.any(quarter):
         return np.empty((0, 2, len(directions.parameters)))
     rise = 0.5 * (quarter[:, 1] - quarter[:, 0])
@@ -69,8 +83,12 @@ def input_slopes(directions: Directions, table: tuple[Array, Array], time_s: Arr
 
 
 def rest_input_slopes(directions: Directions, value: float) -> Array:
-    """Change (P,) of the kernels' input by parameters where the run's input rests at ``value``."""
-    return _command_slopes(directions, lambda command: np.array(command.value(value)), ())
+    """Change (P,) of the kernels' input where the run's input rests at ``value``."""
+
+    def found(command: Command | None, value: Array) -> Array:
+        return np.asarray(value[0] if command is None else command.value(float(value[0])))
+
+    return _input_slopes(directions, found, np.array([value]), directions.inputs[1][None])
 
 
 def places_of_gap(scene: Scene, contact: str) -> NDArray[np.int64]:

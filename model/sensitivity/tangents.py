@@ -165,8 +165,8 @@ def _rest_slopes(run: _Run, rest: Array, u: float) -> Array:
     """
     scene, count, size = run.scene, len(run.directions.parameters), run.scene.size
     run.put(rest[:size], rest[size:])
+    run.space.input_change[0, :count] = rest_input_slopes(run.directions, u)
     if scene.command is not None:
-        run.space.input_change[0, :count] = rest_input_slopes(run.directions, u)
         u = scene.command.value(u)
         for i in scene.wound:
             run.space.point[W.V + i] = steady_current(scene.vector[scene.tables.offset[2] :], u)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from validation.identification.fit import Fitted
 from validation.identification.force_runs import Own
 from validation.identification.identifiability import HALF
 from validation.identification.noise import OwnModes
-from validation.identification.problem import Problem, curves_at, residuals_there
+from validation.identification.problem import Problem, residuals_there
 from validation.identification.scatter import (
     LEAST_TRIALS,
     factors,
@@ -102,38 +102,34 @@ class Profile:
     interval: str
 
 
-def profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Profile:
-    """Profile of the moved parameter ``j``; ``factor`` is the Student factor of a 95 % interval.
+def profiles(problem: Problem, fitted: Fitted, factors: Mapping[int, float]) -> list[Profile]:
+    """Profiles of moved parameters, by their place in z; with each the Student factor of its 95 % interval.
 
     Conventions: the objective is twice the negative log posterior; at each held value the others go where the linear
     model says, and are corrected by runs of the model itself until that gains nothing. The 95 % interval is where it
     has risen by the square of the Student factor. The same without the parameter's own prior says what the strokes
-    alone allow: open where it does not rise enough within `priors.BOX`.
+    alone allow: open where it does not rise enough within `priors.BOX`. All points of all profiles run side by side.
     """
     low, high = problem.box()
-    cov = fitted.covariance
-    width = float(np.sqrt(cov[j, j]))
-    at = fitted.z[j] + width * factor / 2.0 * np.array(REACH)
-    held = [float(v) for v in np.unique(np.clip(at, low[j], high[j])) if abs(v - fitted.z[j]) > 1e-9]
-    points = [_conditional(problem, fitted, j, v) for v in held]
-    z, rise = [float(fitted.z[j])], [0.0]
-    for v, first in zip(held, points, strict=True):
-        z.append(v)
-        rise.append(_least(problem, fitted, j, first) - fitted.objective)
-    order = np.argsort(z)
-    at, up = np.array(z)[order], np.array(rise)[order]
-    finite = np.isfinite(up)
-    at, up = at[finite], up[finite]
-    edges = _crossings(at, up, float(fitted.z[j]), factor**2, width)
-    alone = up - (at**2 - fitted.z[j] ** 2)
-    return Profile(
-        problem.unknowns.moved[j].name,
-        at,
-        up,
-        max(edges[0], float(low[j])),
-        min(edges[1], float(high[j])),
-        _open(at, alone, float(fitted.z[j]), factor**2),
-    )
+    width = np.sqrt(np.diag(fitted.covariance))
+    points: list[tuple[int, Array]] = []
+    for j, factor in factors.items():
+        at = fitted.z[j] + width[j] * factor / 2.0 * np.array(REACH)
+        held = [float(v) for v in np.unique(np.clip(at, low[j], high[j])) if abs(v - fitted.z[j]) > 1e-9]
+        points += [(j, _conditional(problem, fitted, j, v)) for v in held]
+    least, made = _least(problem, fitted, points), []
+    for j, factor in factors.items():
+        best, level = float(fitted.z[j]), factor**2
+        found = [
+            (best, 0.0),
+            *((float(z[j]), up - fitted.objective) for (i, z), up in zip(points, least, strict=True) if i == j),
+        ]
+        at, rise = np.array(sorted(pair for pair in found if np.isfinite(pair[1]))).T
+        below, above = _crossings(at, rise, best, level, float(width[j]))
+        alone = rise - (at**2 - best**2)
+        ends = max(below, float(low[j])), min(above, float(high[j]))
+        made.append(Profile(problem.unknowns.moved[j].name, at, rise, *ends, _open(at, alone, best, level)))
+    return made
 
 
 def _conditional(problem: Problem, fitted: Fitted, j: int, value: float) -> Array:
@@ -146,18 +142,23 @@ def _conditional(problem: Problem, fitted: Fitted, j: int, value: float) -> Arra
     return z
 
 
-def _least(problem: Problem, fitted: Fitted, j: int, z: Array) -> float:
-    """Least objective with parameter j held, from z on."""
-    best, linear = _look(problem, fitted, z, fitted.own_at(z))
-    for _ in range(CORRECTIONS):
-        if linear is None:
+def _least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Array]]) -> list[float]:
+    """Least objective from each point on, the parameter of this place held; infinite where the model cannot run."""
+    best, at = [math.inf] * len(points), [z for _, z in points]
+    own = [fitted.own_at(z) for z in at]
+    active = list(range(len(points)))
+    for _ in range(CORRECTIONS + 1):
+        found = _look(problem, fitted, [at[i] for i in active], [own[i] for i in active])
+        before, active, asked = best.copy(), [], active
+        for i, (objective, linear) in zip(asked, found, strict=True):
+            best[i] = min(objective, best[i])
+            if linear is None or objective > before[i] - GAINED:
+                continue
+            at[i] = _corrected(problem, fitted, points[i][0], at[i], linear)
+            own[i] = None if fitted.own is None else OwnModes(fitted.marginal, linear, at[i]).most
+            active.append(i)
+        if not active:
             break
-        z = _corrected(problem, fitted, j, z, linear)
-        own = None if fitted.own is None else OwnModes(fitted.marginal, linear, z).most
-        new, linear = _look(problem, fitted, z, own)
-        if new > best - GAINED:
-            return min(new, best)
-        best = new
     return best
 
 
@@ -171,13 +172,24 @@ def _corrected(problem: Problem, fitted: Fitted, j: int, z: Array, linear: list[
     return np.asarray(new)
 
 
-def _look(problem: Problem, fitted: Fitted, z: Array, own: Sequence[Own] | None) -> tuple[float, list[Array] | None]:
-    """Objective at z, and residuals that the linear model of the fit would have at z = 0; infinite where none runs."""
-    curves, blocks = curves_at(problem, z, own), fitted.marginal.blocks
-    if curves is None:
-        return float("inf"), None
-    here = residuals_there(problem, blocks, curves, own)
-    return fitted.marginal.objective(here, z), [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
+def _look(
+    problem: Problem, fitted: Fitted, points: Sequence[Array], own: Sequence[Sequence[Own] | None]
+) -> list[tuple[float, list[Array] | None]]:
+    """Of each z its objective, and residuals that the linear model of the fit would have at z = 0.
+
+    Infinite, and None, where the model cannot run.
+    """
+    blocks = fitted.marginal.blocks
+    out: list[tuple[float, list[Array] | None]] = []
+    with_own = None if fitted.own is None else [o for o in own if o is not None]
+    for z, o, curves in zip(points, own, problem.response.curves(points, with_own), strict=True):
+        if curves is None:
+            out.append((math.inf, None))
+            continue
+        here = residuals_there(problem, blocks, curves, o)
+        linear = [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
+        out.append((fitted.marginal.objective(here, z), linear))
+    return out
 
 
 def _crossings(z: Array, rise: Array, best: float, level: float, width: float) -> tuple[float, float]:
@@ -236,16 +248,19 @@ def estimate_all(
     width = widened(np.sqrt(np.diag(fitted.covariance)), jack, len(problem.trials))
     if fitted.wanted is not None:
         width = np.hypot(width, fitted.wanted)
+    names = [p.name for p in problem.unknowns.asked]
+    chosen = {j: float(factor[j]) for j, name in enumerate(names) if wanted is None or name in wanted}
+    made: dict[int, Profile] = {}
+    if chosen:
+        say(f"profiles of {', '.join(names[j] for j in chosen)}")
+        made = dict(zip(chosen, profiles(problem, fitted, chosen), strict=True))
+    if keep is not None:
+        for one in made.values():
+            keep(one)
     out = []
-    for j, parameter in enumerate(problem.unknowns.asked):
-        made = None
-        if wanted is None or parameter.name in wanted:
-            say(f"profile of {parameter.name}")
-            made = profile(problem, fitted, j, float(factor[j]))
-            if keep is not None:
-                keep(made)
+    for j in range(len(names)):
         spread = float(factor[j]), float(width[j]), float(jack[j]), float(lack[j])
-        out.append(replace(_estimate(problem, fitted, j, spread, made), u_strokes=float(strokes[j])))
+        out.append(replace(_estimate(problem, fitted, j, spread, made.get(j)), u_strokes=float(strokes[j])))
     return out
 
 

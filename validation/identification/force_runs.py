@@ -5,8 +5,9 @@ derivatives are per prior standard uncertainty. Each trial is at a place of its 
 moves, and after that laws which are fixed, but may be others in single trials. A soft stroke near a fork of its motion
 does not answer a scatter of 2 % linearly, so each trial is computed where its own laws and its own force most probably
 were, and is linear around that (Lindstrom and Bates 1990). Exact derivatives are integrated beside each stroke
-(`model.sensitivities`): one costs about as much as a third of a run, and has no step to choose; a parameter that does
-nothing in the scene has a column of zeros. The noise of a force changes linearly between knots.
+(`model.sensitivities`), those by the force at its knots among them: together they cost some five runs, and have no step
+to choose; a parameter that does nothing in the scene has a column of zeros. The noise of a force changes linearly
+between knots.
 
 Runs are made on threads of this process or on the workers of an executor; answers come in the order of the jobs, so
 that whatever is made of them is the same wherever they were computed, and what is lost there is said.
@@ -15,7 +16,7 @@ that whatever is made of them is the same wherever they were computed, and what 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -32,7 +33,7 @@ from model.simulation.options import ForceDrivenOptions
 from validation.conventions import BODIES, WORKERS, Array
 from validation.errors import ValidationInputError
 from validation.identification.blocks import MOVED_RAD, Block
-from validation.identification.observations import ObservedTrial
+from validation.identification.observations import FILM, ObservedTrial
 from validation.identification.unknowns import (
     FORCE_DELAY,
     FORCE_GAIN,
@@ -82,7 +83,7 @@ class Own:
     Attributes
     ----------
     laws : (p + h,) by how much what moves and what is fixed differs in this trial, in prior standard uncertainties
-    drive : (k,) of what drives the trial, in standard deviations: weights of `Response.force_columns`
+    drive : (k,) of what drives the trial, in standard deviations
     """
 
     laws: Array
@@ -149,14 +150,14 @@ TOLERANCE = 2e-7
 MODES_RAD = 3e-5  # error of an angle by which a fit chooses a string's modes: the runs' own asks for all there are
 MOTION, TANGENT = 1e-7, 1e-4
 FINER = 0.1  # times the tolerance, of runs whose differences are derivatives: a run's error is divided by the step
-KEPT = 200  # actions, with their rests under each preload, that are kept from run to run
-PROBE = 0.01  # of a prior standard uncertainty: the step that checks the derivatives
+KEPT = 200  # actions, with their rests and curves, that are kept from run to run
+PROBE, PROBED_RAD = 0.01, 1e-5  # prior standard uncertainties, and angle: the step that checks the derivatives
 MISSED = 0.2  # of the change: derivatives that miss it by more are not used
 STEP = 0.015  # of a prior standard uncertainty: half a percent of a friction; after an impact larger steps bend
 SMALL_STEP = 0.02  # of what is known well; strokes of several kinds tell the force's level to a hundredth of its prior
-BUMP_N = 0.01
-OFFSET_N = 0.01
-LATE_S = 1e-4  # by which a film's clock is moved for its column
+OWN_N = 0.01  # of a trial's own force, and by how much a film's clock is moved, where differences tell its columns
+LATE_S = 1e-4
+ERROR_STEP = 1e-3  # standard uncertainties: a difference of tables of forces, no run
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,6 @@ class Case:
     key_scale, key_zero : errors of the key's encoder, likewise
     offset_n : of each trial's force once it acts, N
     noise_n : force noise at each knot of `noise_knots`, N; empty where there is none
-    bump : knot of the force noise that is moved, none below zero
     film_late_s : error of a film's clock
     """
 
@@ -182,7 +182,6 @@ class Case:
     key_zero: float = 0.0
     offset_n: float = 0.0
     noise_n: tuple[float, ...] = ()
-    bump: int = -1
     film_late_s: float = 0.0
 
     def felt_n(self, trial: ObservedTrial) -> Array:
@@ -192,8 +191,6 @@ class Case:
             force = np.interp(when, when + self.delay * trial.u_delay_s, force)
         if self.noise_n:
             force = force + np.interp(when, noise_knots(trial), self.noise_n)
-        if self.bump >= 0:
-            force = force + np.interp(when, noise_knots(trial), BUMP_N * (np.arange(SEGMENTS + 1) == self.bump))
         return force
 
     def preload_n(self, trial: ObservedTrial) -> float:
@@ -201,8 +198,8 @@ class Case:
         return trial.preload_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
 
     def with_noise(self, trial: ObservedTrial, weights: Array) -> Case:
-        """The same with the trial's own force and clock, weights of `Response.force_columns`."""
-        if weights.size == 0:
+        """The same with the trial's own force and clock, by weights in standard deviations."""
+        if not weights.any():
             return self
         found = own_units(trial)[: weights.size] * weights
         late = float(found[1 + SEGMENTS]) if weights.size > 1 + SEGMENTS else 0.0
@@ -231,11 +228,14 @@ class Response(Protocol):
     def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
         """Curves of every trial at each point z (p,); None where the model cannot run."""
 
-    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
-        """Derivatives (m, c, len(which)) of every trial with respect to some of z, and of fixed laws after them."""
+    def jacobian(
+        self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
+    ) -> list[Array]:
+        """Derivatives (m, c, len(which) + k) of every trial with respect to some of z, and of fixed laws after them.
 
-    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
-        """Changes (m, c, k) under what a trial has of its own: force offset, parts of force noise, a film's clock."""
+        ``driven``: followed by those with respect to the k numbers that a trial has of its own drive: force offset,
+        parts of force noise, a film's clock. Else k is 0.
+        """
 
 
 Member = TypeVar("Member")
@@ -258,9 +258,11 @@ class PlacedRuns(ABC, Generic[Member]):
     """
 
     errors: ClassVar[frozenset[str]]
-    """Names of the errors of what drives, or reads, which runs tell."""
+    """Names of the errors of what drives, or reads."""
     tangents: ClassVar[Any]
-    """Derivatives (m, c, n) of one trial by an action, names, a member and the trial, SI or per relative change."""
+    """Derivatives (m, c, n) of one trial by an action, names, a member, the trial and pairs of members close to it."""
+    by_runs: ClassVar[bool]
+    """Whether runs tell what errors and what drives a trial do; else tangents do."""
 
     def __init__(
         self,
@@ -276,11 +278,15 @@ class PlacedRuns(ABC, Generic[Member]):
         self.trials: tuple[ObservedTrial, ...] = tuple(trials)
         self.tolerance, self.executor = TOLERANCE if tolerance is None else tolerance, executor
         self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
-        self._known: dict[tuple[float, ...], tuple[model.Action, dict[float, model.RestState]]] = {}
+        self._known: dict[tuple[float, ...], _Known] = {}
 
     @abstractmethod
     def cases(self, at: Array, own: Sequence[Own] | None) -> list[Member]:
         """The member of each trial where it is, (trials, n)."""
+
+    @abstractmethod
+    def own_steps(self, trial: ObservedTrial) -> Array:
+        """Steps (k,) of differences, of what a trial has of its own drive, in standard deviations."""
 
     @abstractmethod
     def run(self, members: Sequence[Sequence[Member]]) -> list[list[Array] | None]:
@@ -299,87 +305,119 @@ class PlacedRuns(ABC, Generic[Member]):
             at[k, : o.laws.size] += o.laws
         return at
 
-    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
-        """Derivatives with respect to z, see `Response`; differences of runs where tangents do not hold."""
-        at, which = self.places(z, own), list(which)
-        by_runs = [j for j in which if self.parameters[j].name in self.errors]
-        by_tangent = [j for j in which if j in self.acting]
+    def jacobian(
+        self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
+    ) -> list[Array]:
+        """Derivatives, see `Response`; differences of runs where tangents do not hold."""
+        at, n = self.places(z, own), len(self.parameters)
+        columns = [*which, *(range(n, n + self.own_count) if driven else ())]
+        laws = [j for j in columns if j in self.acting]
+        rest = [j for j in columns if j >= n or self.parameters[j].name in self.errors]
+        told = laws if self.by_runs else [*laws, *rest]
         try:
-            found = self.differences(at, own, which, by_runs)
-            if by_tangent:
-                names, place = tuple(self.parameters[j].name for j in by_tangent), [which.index(j) for j in by_tangent]
-                tasks = [(self.action, names, c, t) for c, t in zip(self.cases(at, own), self.trials, strict=True)]
-                columns = spread(self.executor, type(self).tangents, tasks)
-                for out, here, column in zip(found, at, columns, strict=True):
-                    unit = [self.parameters[j].per_u(self.action, float(here[j])) for j in by_tangent]
-                    out[:, :, place] = column * np.array(unit)
+            found = self.differences(at, own, columns, rest if self.by_runs else [])
+            if told:
+                for out, here, column in zip(found, at, self._by_tangents(at, own, laws, told), strict=True):
+                    unit = [self.parameters[j].per_u(self.action, float(here[j])) for j in laws]
+                    out[:, :, [columns.index(j) for j in told]] = column * np.append(
+                        unit, np.ones(len(told) - len(laws))
+                    )
         except ModelError:  # differences of runs go on where a tangent cannot
-            return self.differences(at, own, which, [*by_tangent, *by_runs])
-        wrong = self._wrong(at, own, which, found)
+            return self.differences(at, own, columns, [*laws, *rest])
+        wrong = self._wrong(at, own, columns, found)
         if wrong:
             some = copy(self)
             some.trials = tuple(self.trials[k] for k in wrong)
             those = None if own is None else [own[k] for k in wrong]
-            again = some.differences(at[np.array(wrong)], those, which, [*by_tangent, *by_runs])
+            again = some.differences(at[np.array(wrong)], those, columns, [*laws, *rest])
             for k, redone in zip(wrong, again, strict=True):
                 found[k] = redone
         return found
 
-    def differences(
-        self, at: Array, own: Sequence[Own] | None, which: Sequence[int], asked: Sequence[int]
+    def _by_tangents(
+        self, at: Array, own: Sequence[Own] | None, laws: Sequence[int], told: Sequence[int]
     ) -> list[Array]:
-        """Derivatives (m, c, len(which)) of every trial; those asked for by differences of runs, of the others 0.
+        """Derivatives (m, c, n) of every trial that tangents tell: by ``laws``, then by the rest ``told``."""
+        names = tuple(self.parameters[j].name for j in laws)
+        small = [np.full(self.own_count, ERROR_STEP) for _ in self.trials]
+        ends = [
+            [self.moved(at, own, j, sign * ERROR_STEP, [sign * s for s in small]) for sign in (1.0, -1.0)]
+            for j in told[len(laws) :]
+        ]
+        tasks = [
+            (self.action, names, case, trial, [(plus[k], minus[k]) for plus, minus in ends])
+            for k, (case, trial) in enumerate(zip(self.cases(at, own), self.trials, strict=True))
+        ]
+        return spread(self.executor, type(self).tangents, tasks)
+
+    @property
+    def own_count(self) -> int:
+        """How many numbers trials have of their own drive."""
+        return len(self.own_steps(self.trials[0])) if self.trials else 0
+
+    def moved(
+        self, at: Array, own: Sequence[Own] | None, j: int, step: float, own_steps: Sequence[Array]
+    ) -> list[Member]:
+        """The member of each trial where one number has moved: a parameter by a step, what it has of its own by its."""
+        i = j - at.shape[1]
+        if i < 0:
+            return self.cases(at + step * (np.arange(at.shape[1]) == j), own)
+        return self.cases(at, self.drives(own, [steps * (np.arange(steps.size) == i) for steps in own_steps]))
+
+    def drives(self, own: Sequence[Own] | None, more: Sequence[Array]) -> list[Own]:
+        """What each trial has of its own, with so much more of its own drive (k,)."""
+        each = [Own(np.empty(0), np.empty(0)) for _ in self.trials] if own is None else own
+        return [replace(o, drive=(o.drive if o.drive.size else 0.0) + m) for o, m in zip(each, more, strict=True)]
+
+    def differences(
+        self, at: Array, own: Sequence[Own] | None, columns: Sequence[int], asked: Sequence[int]
+    ) -> list[Array]:
+        """Derivatives (m, c, len(columns)) of every trial; those asked for by differences of runs, of the others 0.
 
         Raises
         ------
         ModelError
             The model cannot run here, or a step away.
         """
-        out = [np.zeros((*t.change_rad.shape, len(which))) for t in self.trials]
-        if asked:
-            steps = np.array([STEP if self.parameters[j].factor else SMALL_STEP for j in asked])
-            moved = [at + step * (np.arange(at.shape[1]) == j) for j, step in zip(asked, steps, strict=True)]
-            members = [self.cases(place, own) for place in [at, *moved]]
-            fine = copy(self)
-            fine.tolerance = FINER * self.tolerance
-            names, place = [self.parameters[j].name for j in asked], [list(which).index(j) for j in asked]
-            for columns, change in zip(out, fine.changes(members, names), strict=True):
-                columns[:, :, place] = change / steps
-        return out
-
-    def changes(self, members: Sequence[Sequence[Member]], names: Sequence[str]) -> list[Array]:
-        """Changes (m, c, k) of every trial from the first of some members to each of the others, which are named.
-
-        Raises
-        ------
-        ModelError
-            The model cannot run in one of them.
-        """
-        base, *moved = self.run(members)
+        out = [np.zeros((*t.change_rad.shape, len(columns))) for t in self.trials]
+        if not asked:
+            return out
+        fine, n = copy(self), at.shape[1]
+        fine.tolerance = FINER * self.tolerance
+        own_steps = [self.own_steps(t) for t in self.trials]
+        steps = [0.0 if j >= n else STEP if self.parameters[j].factor else SMALL_STEP for j in asked]
+        members = [self.moved(at, own, j, step, own_steps) for j, step in zip(asked, steps, strict=True)]
+        base, *ends = fine.run([self.cases(at, own), *members])
         if base is None:
             raise ModelError("identification: the model cannot run where the fit stands; start from other values")
-        out = [np.zeros((*b.shape, len(names))) for b in base]
-        for i, (name, curves) in enumerate(zip(names, moved, strict=True)):
+        for j, step, curves in zip(asked, steps, ends, strict=True):
             if curves is None:
-                raise ModelError(f"identification: the model cannot run with a small change of {name}; --fix it")
-            for column, curve, here in zip(out, curves, base, strict=True):
-                column[:, :, i] = curve - here
+                what = self.parameters[j].name if j < n else "what drives a trial"
+                raise ModelError(f"identification: the model cannot run with a small change of {what}; --fix it")
+            for k, (derivative, curve, here) in enumerate(zip(out, curves, base, strict=True)):
+                width = step if j < n else own_steps[k][j - n]
+                derivative[:, :, columns.index(j)] = (curve - here) / width
         return out
 
-    def _wrong(self, at: Array, own: Sequence[Own] | None, which: list[int], jacobian: Sequence[Array]) -> list[int]:
-        """Trials in which a small step in all parameters at once does not do what the derivatives say.
+    def _wrong(self, at: Array, own: Sequence[Own] | None, columns: list[int], jacobian: Sequence[Array]) -> list[int]:
+        """Trials in which a small step in all that moves at once does not do what the derivatives say.
 
         A tangent that steps over a layer in which friction turns round may grow without bound; a difference shows it.
         """
-        step = np.zeros(at.shape[1])
-        step[which] = PROBE * np.where(np.arange(len(which)) % 2, 1.0, -1.0)
-        here, there = self.run([self.cases(place, own) for place in (at, at + step)])
-        if here is None or there is None:
+        n = at.shape[1]
+        step = np.zeros(n + self.own_count)
+        step[columns] = PROBE * np.where(np.arange(len(columns)) % 2, 1.0, -1.0)
+        said = [derivative @ step[columns] for derivative in jacobian]
+        # many columns at once bend a stroke: what moves it further than this is no small step
+        share = [min(1.0, PROBED_RAD / max(float(np.sqrt(np.mean(d**2))), 1e-300)) for d in said]
+        each = self.drives(own, [x * step[n:] for x in share]) if np.any(step[n:]) else own
+        there = self.cases(at + np.outer(share, step[:n]), each)
+        here, moved = self.run([self.cases(at, own), there])
+        if here is None or moved is None:
             return list(range(len(self.trials)))
         missed = []
-        for k, (a, b, derivative) in enumerate(zip(here, there, jacobian, strict=True)):
-            moved, said = b - a, derivative @ step[which]
-            if np.sqrt(np.mean((moved - said) ** 2)) > MISSED * np.sqrt(np.mean(moved**2)) + self.tolerance:
+        for k, (a, b, d) in enumerate(zip(here, moved, said, strict=True)):
+            if np.sqrt(np.mean((b - a - share[k] * d) ** 2)) > MISSED * np.sqrt(np.mean((b - a) ** 2)) + self.tolerance:
                 missed.append(k)
         return missed
 
@@ -396,32 +434,66 @@ def acting(action: model.Action, parameter: Parameter) -> bool:
     return True
 
 
-def tangents(task: tuple[model.Action, tuple[str, ...], Case, ObservedTrial]) -> Array:
-    """Derivatives (m, c, n) of a trial's channels, per SI unit or per relative change.
+def tangents(
+    task: tuple[model.Action, tuple[str, ...], Case, ObservedTrial, Sequence[tuple[Case, Case]]],
+) -> Array:
+    """Derivatives (m, c, n) of a trial's channels, per SI unit or per relative change, then between pairs of cases.
+
+    A pair lies `ERROR_STEP` to both sides of the case, in the force or in what sensors read; its derivative is per
+    unit.
 
     Raises
     ------
     model.errors.ModelError
         The derivatives cannot be carried on.
     """
-    action, names, case, trial = task
-    blow = trial.force_time_s, case.felt_n(trial)
-    options = tangent_options(trial, case.preload_n(trial))
-    found = model.sensitivities(action.with_values(case.changed), blow, names, options=options)
-    turn = found.d_angles - found.d_rest[None]
-    return np.stack([trial.seen(d[:, : len(BODIES)]) for d in np.moveaxis(turn, -1, 0)], axis=-1)
+    action, names, case, trial, pairs = task
+    width, late = 2.0 * ERROR_STEP, case.film_late_s
+    force = [(a.felt_n(trial) - b.felt_n(trial)) / width for a, b in pairs]
+    rest = [(a.preload_n(trial) - b.preload_n(trial)) / width for a, b in pairs]
+    found = model.sensitivities(
+        action.with_values(case.changed),
+        (trial.force_time_s, case.felt_n(trial)),
+        names,
+        options=tangent_options(trial, case.preload_n(trial), trial.model_time_s(late)),
+        inputs=(np.column_stack(force), np.array(rest)) if pairs else None,
+    )
+    turn, speed = (found.angles_rad - found.rest_rad)[:, : len(BODIES)], found.speeds[:, : len(BODIES)]
+    moves = np.moveaxis((found.d_angles - found.d_rest)[:, : len(BODIES)], -1, 0)
+    out = np.stack([trial.seen(d, late) for d in moves], axis=-1)
+    film = [c in FILM for c in trial.channels]
+    for k, ends in enumerate(pairs, len(names)):
+        a, b = (replace(end, film_late_s=late).read(trial, turn) for end in ends)
+        out[:, :, k] += (a - b) / width
+        later = (ends[0].film_late_s - ends[1].film_late_s) / width
+        if later:
+            out[:, film, k] += later * trial.seen(speed, late)[:, film]
+    return out
 
 
-def tangent_options(trial: ObservedTrial, preload_n: float) -> model.SensitivityOptions:
-    """How the derivatives of a trial's angles are integrated, from rest under a preload, N."""
+def tangent_options(trial: ObservedTrial, preload_n: float, time_s: Array) -> model.SensitivityOptions:
+    """How the derivatives of a trial's angles are integrated, from rest under a preload, N, and when they are given."""
     return model.SensitivityOptions(
         tolerance=MOTION,
         relative_tolerance=TANGENT,
-        output_time_s=trial.model_time_s(),
+        output_time_s=time_s,
         rest_input=preload_n,
         events=False,
         allow_idle=True,
     )
+
+
+_Run = tuple[Case, float, int]
+"""Which run: of a case, to a tolerance, of a trial by its `id`."""
+
+
+@dataclass(frozen=True)
+class _Known:
+    """An action, its rests by preload, and curves of its runs; None of one that could not run."""
+
+    action: model.Action
+    rests: dict[float, model.RestState]
+    curves: dict[_Run, Array | None]
 
 
 class ForceRuns(PlacedRuns[Case]):
@@ -429,6 +501,7 @@ class ForceRuns(PlacedRuns[Case]):
 
     errors = frozenset((FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, KEY_SCALE, KEY_ZERO))
     tangents = staticmethod(tangents)
+    by_runs = False
 
     def cases(self, at: Array, own: Sequence[Own] | None) -> list[Case]:
         """The member of each trial where it is."""
@@ -450,70 +523,63 @@ class ForceRuns(PlacedRuns[Case]):
         )
         return Case(changed, gain, level, delay, scale, zero)
 
-    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
-        """Changes under errors of each trial's own force; see `Response`."""
-        here = self.cases(self.places(z, own), own)
-        # the baseline is the preload: its knot has no noise
-        points = [here, [replace(c, offset_n=c.offset_n + OFFSET_N) for c in here]]
-        points += [[replace(c, bump=i) for c in here] for i in range(1, SEGMENTS + 1)]
-        steps, names = [OFFSET_N] + SEGMENTS * [BUMP_N], ["force offset", *SEGMENTS * ["force noise"]]
-        if any(t.film_time_s is not None for t in self.trials):
-            points.append([replace(c, film_late_s=c.film_late_s + LATE_S) for c in here])
-            steps, names = [*steps, LATE_S], [*names, "film clock"]
-        unit = [change / np.array(steps) for change in self.changes(points, names)]
-        return [columns * own_units(t)[: columns.shape[2]] for columns, t in zip(unit, self.trials, strict=True)]
+    def own_steps(self, trial: ObservedTrial) -> Array:
+        """Of its force's offset and of noise at each knot but the first, which is the preload; of its film's clock."""
+        filmed = any(t.film_time_s is not None for t in self.trials)
+        step = np.array([OWN_N] * (1 + SEGMENTS) + [LATE_S] * filmed)
+        unit = own_units(trial)[: step.size]
+        return np.divide(step, unit, out=np.ones_like(step), where=unit > 0.0)
 
     def run(self, members: Sequence[Sequence[Case]]) -> list[list[Array] | None]:
-        """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
-        jobs: list[model.batch.Job] = []
-        rests: list[list[tuple[model.Action, model.RestState]] | None] = []
+        """Curves of every trial in each of several cases of all trials; None where one of them cannot run.
+
+        What was run before is not run again.
+        """
         if len(self._known) > KEPT:
             self._known.clear()
+        jobs: list[model.batch.Job] = []
+        waiting: dict[_Run, tuple[_Known, ObservedTrial, model.RestState]] = {}
+        places: list[list[tuple[_Known, _Run]] | None] = []
         for cases in members:
-            found = self._rests(cases)
-            rests.append(found)
-            if found is None:
+            rests = self._rests(cases)
+            if rests is None:
+                places.append(None)
                 continue
-            for case, trial, (action, rest) in zip(cases, self.trials, found, strict=True):
-                when = trial.model_time_s(case.film_late_s)
-                chosen = ForceDrivenOptions(tolerance=self.tolerance, output_time_s=when)
-                table = {trial.label: (trial.force_time_s, case.felt_n(trial))}
-                jobs += model.batch.make_jobs(action, table, {"": {}}, chosen, rest)
-        done = iter(model.batch.run_jobs(model.batch.lanes.choose(jobs, None), executor=self.executor))
-        made = zip(members, rests, strict=True)
-        return [None if found is None else self._curves(cases, found, done) for cases, found in made]
+            keys = [(case, self.tolerance, id(trial)) for case, trial in zip(cases, self.trials, strict=True)]
+            places.append([(known, key) for (known, _), key in zip(rests, keys, strict=True)])
+            for (known, rest), key, trial in zip(rests, keys, self.trials, strict=True):
+                if key not in known.curves and key not in waiting:
+                    waiting[key] = known, trial, rest
+                    when = trial.model_time_s(key[0].film_late_s)
+                    chosen = ForceDrivenOptions(tolerance=self.tolerance, output_time_s=when)
+                    table = {trial.label: (trial.force_time_s, key[0].felt_n(trial))}
+                    jobs += model.batch.make_jobs(known.action, table, {"": {}}, chosen, rest)
+        done = model.batch.run_jobs(model.batch.lanes.choose(jobs, None), executor=self.executor)
+        for (key, (known, trial, rest)), member in zip(waiting.items(), done, strict=True):
+            if member.error is not None and not isinstance(member.error, ModelError):
+                raise lost(member.error)  # a run that was lost is not a model that cannot run
+            known.curves[key] = None
+            if member.solution is not None:
+                turn = np.asarray(member.solution.angle_rad)[:, :5] - rest.angle_rad[:5]
+                known.curves[key] = key[0].read(trial, turn)
+        out = []
+        for row in places:
+            curves = [known.curves[key] for known, key in row or ()]
+            out.append(None if row is None or any(c is None for c in curves) else [c for c in curves if c is not None])
+        return out
 
-    def _rests(self, cases: Sequence[Case]) -> list[tuple[model.Action, model.RestState]] | None:
-        """Action and rest of each trial; None where one of them has no rest. What is known from before is kept."""
+    def _rests(self, cases: Sequence[Case]) -> list[tuple[_Known, model.RestState]] | None:
+        """What is known of the action of each trial, and its rest; None where one of them has no rest."""
         out = []
         try:
             for case, trial in zip(cases, self.trials, strict=True):
                 values, preload = tuple(case.changed.values()), case.preload_n(trial)
-                rests = self._known.get(values)
-                if rests is None:
-                    rests = self._known[values] = self.action.with_values(case.changed), {}
-                action, by_preload = rests
-                if preload not in by_preload:
-                    by_preload[preload] = model.rest_state(action, force_n=preload)
-                out.append((action, by_preload[preload]))
+                known = self._known.get(values)
+                if known is None:
+                    known = self._known[values] = _Known(self.action.with_values(case.changed), {}, {})
+                if preload not in known.rests:
+                    known.rests[preload] = model.rest_state(known.action, force_n=preload)
+                out.append((known, known.rests[preload]))
         except ModelError:
             return None
         return out
-
-    def _curves(
-        self,
-        cases: Sequence[Case],
-        rests: Sequence[tuple[model.Action, model.RestState]],
-        members: Iterator[model.batch.Member],
-    ) -> list[Array] | None:
-        """Curves of every trial from the next members; None where one has failed."""
-        curves = []
-        for case, trial, (_, rest) in zip(cases, self.trials, rests, strict=True):
-            member = next(members)
-            if member.error is not None and not isinstance(member.error, ModelError):
-                raise lost(member.error)  # a run that was lost is not a model that cannot run
-            solution = member.solution
-            if solution is not None:
-                turn = np.asarray(solution.angle_rad)[:, :5] - rest.angle_rad[:5]
-                curves.append(case.read(trial, turn))
-        return curves if len(curves) == len(self.trials) else None

@@ -388,12 +388,13 @@ def of_sizes(fitted: Fitted, marginal: Marginal) -> Array:
 def block_of(problem: Problem, z: Array, trial: ObservedTrial, respond: Respond) -> Block:
     """The linear model of a trial that has not been recorded."""
     response = respond([trial])
-    jacobian = response.jacobian(z, range(z.size))
+    (found,) = response.jacobian(z, range(z.size), driven=True)
     held: tuple[Array, ...] = ()
     if problem.held:
         runs = ForceRuns(problem.action, problem.unknowns.held, [trial])
         held = tuple(runs.jacobian(np.zeros(len(problem.unknowns.held)), range(len(problem.unknowns.held))))
-    return make_blocks([trial], jacobian, response.force_columns(z), problem.laws[: z.size], held)[0]
+    columns, force = found[:, :, : z.size], found[:, :, z.size :]
+    return make_blocks([trial], [columns], [force], problem.laws[: z.size], held)[0]
 
 
 def further(fitted: Fitted, block: Block, trials: int) -> Marginal:

@@ -16,13 +16,12 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.estimates import AT_BOUND, LACKING, Profile, estimate_all
 from validation.identification.fit import Fitted
-from validation.identification.force_runs import Response
 from validation.identification.identifiability import EXPECTED, directions, warnings_before, warnings_of
 from validation.identification.minima import search
 from validation.identification.motion_runs import response_to
 from validation.identification.noise import Marginal, Sizes
 from validation.identification.observations import CHANNEL_NAMES, with_errors_of_what_drives
-from validation.identification.problem import Columns, Problem
+from validation.identification.problem import Columns, Problem, at_start
 from validation.identification.result import FITTED, Details, Identification, joint_posterior
 from validation.identification.scatter import lacking
 from validation.identification.scores import score, score_events
@@ -90,11 +89,10 @@ def identify(
     every = (*asked.moved, *asked.held)
     response = response_to(start, every, sources.fitted, options.tolerance, options.executor)
     try:
-        held = held_columns(response, asked)
+        problem, columns = at_start(start, asked, sources.fitted, response)
     except ModelError as error:
         raise _cannot_run(start, error) from None
-    problem = Problem(start, asked, sources.fitted, response, held)
-    columns, before = look_before(problem)
+    before = look_before(problem, columns)
     stuck = bounds_not_run(problem)
     for line in [*stuck, *before]:
         options.say(f"before the fit: {line}")
@@ -135,16 +133,8 @@ def identify(
     )
 
 
-def held_columns(response: Response, asked: Unknowns) -> tuple[Array, ...]:
-    """Columns (m, c, h) of each trial, of laws that are fixed; none where none is."""
-    if not asked.held:
-        return ()
-    p = len(asked.moved)
-    return tuple(response.jacobian(np.zeros(p), range(p, p + len(asked.held))))
-
-
-def look_before(problem: Problem) -> tuple[Columns, list[str]]:
-    """Derivatives at the start, and what they say before anything is fitted.
+def look_before(problem: Problem, columns: Columns) -> list[str]:
+    """What derivatives at the start say before anything is fitted.
 
     Raises
     ------
@@ -161,11 +151,7 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
         raise ValidationInputError(
             f"identify: the model {problem.action.name} cannot run these strokes; use other values with --set"
         )
-    columns = Columns(problem)
-    try:
-        blocks = columns.blocks(zero)
-    except ModelError as error:
-        raise _cannot_run(problem.action, error) from None
+    blocks = columns.blocks(zero)
     effect = np.max([np.abs(b.moved).max(axis=0) for b in blocks], axis=0)
     for name, size in zip(names, effect, strict=False):
         if size < LEAST_EFFECT_RAD:
@@ -176,7 +162,7 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
     tight, n = Sizes.tight(problem.families, problem.seen), len(names)
     usual = tight.grown(EXPECTED / float(tight.discrepancy.max()))
     at_best, expected = (Marginal(blocks, sizes).covariance[:n, :n] for sizes in (tight, usual))
-    return columns, warnings_before(names, at_best, expected)
+    return warnings_before(names, at_best, expected)
 
 
 def _cannot_run(action: model.Action, error: ModelError) -> ValidationInputError:

@@ -61,7 +61,7 @@ class Drive:
         return fit.motion(c)
 
 
-def driven_tangents(task: tuple[model.Action, tuple[str, ...], Drive, ObservedTrial]) -> Array:
+def driven_tangents(task: tuple[model.Action, tuple[str, ...], Drive, ObservedTrial, Sequence[object]]) -> Array:
     """Derivatives (m, c, n) of a trial's channels, per SI unit or per relative change.
 
     Raises
@@ -69,8 +69,8 @@ def driven_tangents(task: tuple[model.Action, tuple[str, ...], Drive, ObservedTr
     model.errors.ModelError
         The derivatives cannot be carried on.
     """
-    action, names, drive, trial = task
-    options = tangent_options(trial, trial.preload_n)
+    action, names, drive, trial, _ = task
+    options = tangent_options(trial, trial.preload_n, trial.model_time_s())
     found = model.motion_sensitivities(action.with_values(drive.changed), drive.motion(trial), names, options=options)
     order = [found.angle_names.index(body) for body in BODIES]
     turn = (found.d_angles - found.d_rest[None])[:, order]
@@ -101,6 +101,7 @@ class MotionRuns(PlacedRuns[Drive]):
 
     errors = frozenset((KEY_SCALE, KEY_ZERO))
     tangents = staticmethod(driven_tangents)
+    by_runs = True
 
     def drive(self, z: Array) -> Drive:
         """What the runs at z, of all parameters, do."""
@@ -118,23 +119,15 @@ class MotionRuns(PlacedRuns[Drive]):
             return len(self.trials) * [self.drive(at[0])]
         out = []
         for place, trial, o in zip(at, self.trials, own, strict=True):
-            draws = tuple((i, float(w) / np.sqrt(DRAWS)) for i, w in enumerate(o.drive[:DRAWS]))
+            draws = tuple((i, float(w) / np.sqrt(DRAWS)) for i, w in enumerate(o.drive[:DRAWS]) if w)
             late = float(o.drive[DRAWS]) * trial.u_film_time_s if o.drive.size > DRAWS else 0.0
             out.append(replace(self.drive(place), draws=draws, film_late_s=late))
         return out
 
-    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
-        """Columns of what the encoder leaves open of the key's motion, and of a film's clock; see `Response`."""
-        here = self.cases(self.places(z, own), own)
-        members = [here, *([replace(d, draws=(*d.draws, (draw, 1.0))) for d in here] for draw in range(DRAWS))]
-        if any(t.film_time_s is not None for t in self.trials):
-            members.append([replace(d, film_late_s=d.film_late_s + LATE_S) for d in here])
-        names = [*DRAWS * ["the key's motion"], "film clock"][: len(members) - 1]
-        out = []
-        for trial, change in zip(self.trials, self.changes(members, names), strict=True):
-            unit = np.append(np.full(DRAWS, 1.0 / np.sqrt(DRAWS)), trial.u_film_time_s / LATE_S)
-            out.append(change * unit[: len(names)])
-        return out
+    def own_steps(self, trial: ObservedTrial) -> Array:
+        """Of weights of whole motions, by one draw; of its film's clock."""
+        filmed = any(t.film_time_s is not None for t in self.trials)
+        return np.array([np.sqrt(DRAWS)] * DRAWS + [LATE_S / (trial.u_film_time_s or LATE_S)] * filmed)
 
     def run(self, members: Sequence[Sequence[Drive]]) -> list[list[Array] | None]:
         """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
@@ -166,13 +159,12 @@ class MixedRuns:
             for i in range(len(points))
         ]
 
-    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
-        """Derivatives of every trial."""
-        return self._joined([response.jacobian(z, which, _those(places, own)) for places, response in self.parts])
-
-    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
-        """Columns of what each trial has of its own."""
-        return self._joined([response.force_columns(z, _those(places, own)) for places, response in self.parts])
+    def jacobian(
+        self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
+    ) -> list[Array]:
+        """Derivatives of every trial, see `Response`."""
+        each = [response.jacobian(z, which, _those(places, own), driven) for places, response in self.parts]
+        return self._joined(each)
 
     def _joined(self, parts: Sequence[list[Array] | None]) -> list[Array]:
         out: list[Array] = [np.empty(0)] * self.size

@@ -69,13 +69,22 @@ class Problem:
 
 
 class Columns:
-    """The linear model where the fit stands; kept while it stands there."""
+    """The linear model where the fit stands; kept while it stands there.
 
-    def __init__(self, problem: Problem) -> None:
+    ``first`` are derivatives at z = 0 that are known, of what moves and of what drives each trial.
+    """
+
+    def __init__(self, problem: Problem, first: Sequence[Array] | None = None) -> None:
         self.problem = problem
         self._last: tuple[Array, Sequence[Own] | None, list[Block]] | None = None
         self._force: tuple[Array, list[Array]] | None = None
         self._held: Sequence[Array] = problem.held
+        if first is not None:
+            p = len(problem.unknowns.moved)
+            self._force = np.zeros(p), [j[:, :, p:] for j in first]
+            jacobian = [j[:, :, :p] for j in first]
+            blocks = make_blocks(problem.trials, jacobian, self._force[1], problem.laws[:p], problem.held)
+            self._last = np.zeros(p), None, blocks
 
     def blocks(self, z: Array, own: Sequence[Own] | None = None, near: bool = True) -> list[Block]:
         """The linear model at z, with what trials have of their own, ``near`` the minimum or on the way to it.
@@ -89,16 +98,34 @@ class Columns:
             return last[2]
         problem, p = self.problem, z.size
         moved = np.inf if self._force is None or own is not None else np.max(np.abs(z - self._force[0]), initial=0.0)
-        if self._force is None or (near and moved > AFAR):
-            self._force = z.copy(), problem.response.force_columns(z, own)
-        if near and own is not None and problem.held:
-            both = problem.response.jacobian(z, range(p + problem.held[0].shape[2]), own)
-            jacobian, self._held = [j[:, :, :p] for j in both], [j[:, :, p:] for j in both]
-        else:
-            jacobian = problem.response.jacobian(z, range(p), own)
+        driven = self._force is None or (near and moved > AFAR)
+        held = problem.held[0].shape[2] if near and own is not None and problem.held else 0
+        found = problem.response.jacobian(z, range(p + held), own, driven)
+        if driven:
+            self._force = z.copy(), [j[:, :, p + held :] for j in found]
+        if held:
+            self._held = [j[:, :, p : p + held] for j in found]
+        assert self._force is not None
+        jacobian = [j[:, :, :p] for j in found]
         blocks = make_blocks(problem.trials, jacobian, self._force[1], problem.laws[:p], self._held)
         self._last = z.copy(), own, blocks
         return blocks
+
+
+def at_start(
+    action: model.Action, unknowns: Unknowns, trials: Sequence[ObservedTrial], response: Response
+) -> tuple[Problem, Columns]:
+    """The problem, and its linear model at z = 0, in one computation.
+
+    Raises
+    ------
+    model.errors.ModelError
+        The model cannot run there.
+    """
+    p, h = len(unknowns.moved), len(unknowns.held)
+    found = response.jacobian(np.zeros(p), range(p + h), driven=True)
+    problem = Problem(action, unknowns, tuple(trials), response, tuple(j[:, :, p : p + h] for j in found) if h else ())
+    return problem, Columns(problem, [np.delete(j, range(p, p + h), axis=2) for j in found])
 
 
 def residuals_there(

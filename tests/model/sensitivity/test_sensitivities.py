@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -310,3 +312,39 @@ def test_the_strongest_kinks_of_an_input() -> None:
     np.testing.assert_allclose(input_kinks(time, plain)[np.argsort(input_kinks(time, plain)[:, 0])][:, 0], [0.2, 0.5])
     assert input_kinks(time, np.random.default_rng(0).normal(size=101)).shape == (50, 2)
     assert input_kinks(time[:2], plain[:2]).shape == (0, 2) and input_kinks(time, time).shape == (0, 2)
+
+
+@pytest.mark.parametrize("scene", ["whole", pytest.param("motor-voltage", marks=pytest.mark.slow)])
+def test_inputs_beside_parameters_agree_with_differences(action: model.Action, scene: str) -> None:
+    """A part of the force that comes and goes, and one that is there at rest, too; with a drive's gain between."""
+    time = np.linspace(0.0, 0.06, 301)
+    force = np.interp(time, [0.0, 0.01, 0.05], [0.3, 0.3, 8.0])
+    changes = np.column_stack([np.interp(time, [0.02, 0.03, 0.035], [0.0, 1.0, 0.0]), np.ones(time.size)])
+    options = model.SensitivityOptions(rest_input=0.3, events=False, tolerance=1e-9, scene=model.load_scene(scene))
+    rest = np.array([0.0, 1.0])
+    found = model.sensitivities(action, (time, force), ["hammer.mass"], options=options, inputs=(changes, rest))
+    assert found.parameters == ("hammer.mass", "input 1", "input 2") and found.idle == ()
+    alone = model.sensitivities(action, (time, force), ["hammer.mass"], options=options)
+    np.testing.assert_allclose(
+        found.d_angles[:, :, 0], alone.d_angles[:, :, 0], atol=1e-5 * np.abs(alone.d_angles).max()
+    )
+    for i in range(2):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = replace(options, rest_input=options.rest_input + sign * 1e-4 * rest[i])
+            ends.append(
+                model.sensitivities(action, (time, force + sign * 1e-4 * changes[:, i]), ["hammer.mass"], options=moved)
+            )
+        difference = (ends[0].angles_rad - ends[1].angles_rad) / 2e-4
+        assert relative_error(found.d_angles[:, :, 1 + i], difference) < 1e-3
+        np.testing.assert_allclose(
+            found.d_rest[:, 1 + i], (ends[0].rest_rad - ends[1].rest_rad) / 2e-4, rtol=1e-4, atol=1e-9
+        )
+
+
+def test_inputs_of_another_shape_are_refused(action: model.Action) -> None:
+    time = np.linspace(0.0, 0.01, 11)
+    with pytest.raises(
+        model.InputError, match=r"inputs: found changes of shape \(10, 1\), \(1,\) at rest, allowed \(11, m\) and"
+    ):
+        model.sensitivities(action, (time, np.ones(11)), [], inputs=(np.ones((10, 1)), np.ones(1)))

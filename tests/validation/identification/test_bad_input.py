@@ -19,7 +19,7 @@ from validation.errors import ValidationInputError
 from validation.identification.fit import fit
 from validation.identification.force_runs import Own
 from validation.identification.identify import bounds_not_run, identify, look_before
-from validation.identification.problem import Problem
+from validation.identification.problem import Columns, Problem
 from validation.identification.sources import IdentifyOptions, _names, _refuse_other_actions, collect
 from validation.identification.unknowns import expand, unknowns
 from validation.pipeline.compare_session import compare_session
@@ -72,7 +72,7 @@ def test_tables_are_refused_by_a_set_without_a_rest_state_in_one_line(monkeypatc
     def stuck(*_: object) -> None:
         raise model.StaticsError("rest state: none")
 
-    monkeypatch.setattr("validation.identification.identify.held_columns", stuck)
+    monkeypatch.setattr("validation.identification.identify.at_start", stuck)
     with pytest.raises(ValidationInputError, match="identify: hirschkorn2004: rest state: none; use other") as error:
         identify([SESSIONS / "example_forte"], ["hammer.joint_friction"], fixed=("*",), phases=5)
     refused(error)
@@ -115,7 +115,7 @@ def test_fewer_data_than_parameters_are_refused() -> None:
     p = made(1)
     short = replace(p.trials[0], time_s=toy.TIME[:0], change_rad=np.zeros((0, 3)))
     with pytest.raises(ValidationInputError, match="found 0 data for 3 parameters; record more trials") as error:
-        look_before(replace(p, trials=(short,)))
+        look_before(replace(p, trials=(short,)), Columns(p))
     refused(error)
 
 
@@ -135,7 +135,7 @@ def test_a_model_that_cannot_run_at_the_start_is_refused() -> None:
     nowhere = Stuck(p.trials)
     nowhere.limit = -np.inf
     with pytest.raises(ValidationInputError, match="cannot run these strokes; use other values") as error:
-        look_before(replace(p, response=nowhere))
+        look_before(replace(p, response=nowhere), Columns(p))
     refused(error)
     with pytest.raises(ValidationInputError, match="cannot run at the start"):
         fit(replace(p, response=nowhere))

@@ -10,7 +10,7 @@ import pytest
 
 from tests.validation.identification import toy
 from validation.conventions import Array
-from validation.identification.estimates import profile
+from validation.identification.estimates import profiles
 from validation.identification.fit import fit
 from validation.identification.force_runs import Own
 from validation.identification.minima import bends, refine
@@ -81,7 +81,7 @@ def test_a_profile_and_a_sampler_see_each_trial_where_it_was() -> None:
     problem, _ = played(0)
     after = refine(problem, fit(problem))
     width = np.sqrt(after.covariance[1, 1])
-    made = profile(problem, after, 1, 1.96)
+    (made,) = profiles(problem, after, {1: 1.96})
     assert made.rise.min() > -0.05 and made.interval == "two-sided"
     # held at the trials' common values the model would miss every trial, and the profile rise a hundredfold
     assert made.high - made.low == pytest.approx(2 * 1.96 * width, rel=0.3)

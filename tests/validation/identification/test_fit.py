@@ -12,11 +12,12 @@ from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.blocks import residuals
-from validation.identification.estimates import IDENTIFIED, NOT_IDENTIFIABLE, estimate_all, profile
+from validation.identification.estimates import IDENTIFIED, NOT_IDENTIFIABLE, estimate_all, profiles
 from validation.identification.fit import fit
 from validation.identification.identifiability import directions, warnings_of
 from validation.identification.identify import look_before
 from validation.identification.minima import starts
+from validation.identification.problem import Columns
 from validation.identification.scatter import factors, jackknife, lacking, widened
 
 TRUTH = np.array([0.8, -0.5, 0.3])
@@ -67,7 +68,8 @@ def test_what_the_model_lacks_is_learnt_and_widens() -> None:
 
 def test_two_parameters_that_act_as_one_are_named_and_not_identified() -> None:
     p = toy.problem(toy.made(np.array([0.8, -0.5, 0.0]), 6, np.random.default_rng(2)), alike=True)
-    columns, before = look_before(p)
+    columns = Columns(p)
+    before = look_before(p, columns)
     assert any("hammer.joint_friction.A" in line and "contact07.friction.A" in line for line in before)
     found = fit(p, columns=columns)
     undetermined, determined = directions(toy.ASKED, found.covariance)
@@ -89,15 +91,15 @@ def test_a_parameter_that_can_be_told_is_not_named() -> None:
 def test_a_parameter_without_effect_is_refused_by_name() -> None:
     p = toy.problem(toy.made(TRUTH, 3, np.random.default_rng(1)), idle=True)
     with pytest.raises(ValidationInputError, match=r"contact07.friction.A: has no effect in these strokes"):
-        look_before(p)
+        look_before(p, Columns(p))
 
 
 def test_a_flat_profile_is_called_open() -> None:
     p = toy.problem(toy.made(np.array([0.8, -0.5, 0.0]), 6, np.random.default_rng(2)), alike=True)
     found = fit(p)
     factor = factors(found)
-    assert profile(p, found, 2, float(factor[2])).interval.startswith("open")
-    assert profile(p, found, 0, float(factor[0])).interval == "two-sided"
+    told, flat = profiles(p, found, {0: float(factor[0]), 2: float(factor[2])})
+    assert flat.interval.startswith("open") and told.interval == "two-sided"
 
 
 def test_jackknife_sees_the_scatter_of_trials() -> None:
@@ -134,7 +136,7 @@ def test_other_starts_find_the_same_minimum() -> None:
 def test_a_profile_is_the_least_objective_over_all_others() -> None:
     p = toy.problem(toy.made(TRUTH, 4, np.random.default_rng(9)))
     found = fit(p)
-    made = profile(p, found, 0, 2.5)
+    (made,) = profiles(p, found, {0: 2.5})
     for z0, rise in list(zip(made.z, made.rise, strict=True))[::2]:
 
         def objective(rest: Array, z0: float = z0) -> float:

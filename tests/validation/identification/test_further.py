@@ -54,10 +54,9 @@ class Mixed(toy.Toy):
             for z, o in zip(points, len(points) * [None] if own is None else own, strict=True)
         ]
 
-    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
-        """As in `Response`."""
-        at = self.places(z, own)
-        return [self.of(t).slope(here)[:, :, list(which)] for t, here in zip(self.trials, at, strict=True)]
+    def slope_of(self, k: int, z: Array) -> Array:
+        """As the trial's own toy has it."""
+        return self.of(self.trials[k]).slope(z)
 
 
 def first(rng: np.random.Generator, n: int = 8) -> tuple[Problem, Fitted]:

@@ -81,7 +81,7 @@ def test_force_noise_of_a_double_stroke_is_told_from_what_the_action_does() -> N
     trial = replace(blank, force_n=measured, time_s=when[at], change_rad=true[at])
     runs = ForceRuns(start, (), [trial])
     left = residuals([trial], runs.curves([np.zeros(0)])[0] or [])[0]
-    noise = rows(runs.force_columns(np.zeros(0))[0])
+    noise = rows(runs.jacobian(np.zeros(0), (), driven=True)[0])
     assert np.sqrt(np.mean(left**2)) > 5e-5
     assert left @ np.linalg.solve(noise @ noise.T + 1e-10 * np.eye(left.size), left) < 1.5 * left.size
 

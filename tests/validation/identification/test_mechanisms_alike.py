@@ -48,15 +48,11 @@ class Mechanism:
         """As in `Response`."""
         return [[self.curve(z) for _ in self.trials] for z in points]
 
-    def jacobian(self, z: Array, which: Sequence[int], own: object = None) -> list[Array]:
-        """As in `Response`, by central differences."""
+    def jacobian(self, z: Array, which: Sequence[int], own: object = None, driven: bool = False) -> list[Array]:
+        """As in `Response`, by central differences; what drives a trial does next to nothing."""
         step = 1e-5 * np.eye(z.size)
         found = np.stack([(self.curve(z + step[j]) - self.curve(z - step[j])) / 2e-5 for j in which], axis=2)
-        return [found for _ in self.trials]
-
-    def force_columns(self, z: Array, own: object = None) -> list[Array]:
-        """As in `Response`: next to nothing."""
-        return [np.full((toy.M, 3, 2), 1e-7) for _ in self.trials]
+        return [np.dstack([found, np.full((toy.M, 3, 2 * driven), 1e-7)]) for _ in self.trials]
 
 
 def planted(arm: float, soft: float, idle: float = 1e-5) -> Problem:
@@ -69,7 +65,7 @@ def planted(arm: float, soft: float, idle: float = 1e-5) -> Problem:
 @pytest.mark.parametrize(("arm", "soft"), [(1.0, 1.0), (0.45, 2.5), (1.7, 0.6)])
 def test_frictions_of_one_body_and_springs_in_series_are_named_and_nothing_else(arm: float, soft: float) -> None:
     problem = planted(arm, soft)
-    _, said = look_before(problem)
+    said = look_before(problem, Columns(problem))
     certain = [line for line in said if line.startswith("even if the model lacks nothing")]
     together = [line for line in certain if "cannot tell" in line]
     assert sum(JOINT in line and RUBBING in line for line in together) == 1
@@ -91,7 +87,7 @@ def test_frictions_of_one_body_and_springs_in_series_are_named_and_nothing_else(
 
 def test_a_damping_that_never_acts_is_refused_by_name() -> None:
     with pytest.raises(ValidationInputError, match=f"{IDLE}: has no effect in these strokes"):
-        look_before(planted(1.0, 1.0, 0.0))
+        look_before(p := planted(1.0, 1.0, 0.0), Columns(p))
 
 
 def test_small_weights_are_named_with_their_digits() -> None:
@@ -113,7 +109,7 @@ def test_a_combination_that_is_known_is_not_cut_short() -> None:
 def test_before_a_fit_only_what_is_certain_is_certain() -> None:
     """A law that 5 % of discrepancy hides is said to be hidden by that, not by the strokes."""
     problem = planted(1.0, 1.0, idle=6e-3)
-    _, said = look_before(problem)
+    said = look_before(problem, Columns(problem))
     named = [line for line in said if IDLE in line]
     assert len(named) == 1 and named[0].startswith("if the model lacks 5 %")
 

@@ -51,18 +51,22 @@ class Toy:
         laws = [np.zeros(z.size) if own is None else own[k].laws[: z.size] for k in range(len(self.trials))]
         return z + np.array(laws).reshape(len(self.trials), z.size)
 
-    def jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None) -> list[Array]:
-        """As in `Response`, exact."""
-        return [self.slope(at)[:, :, list(which)] for at in self.places(z, own)]
+    def jacobian(
+        self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
+    ) -> list[Array]:
+        """As in `Response`, exact; an offset and parts of noise do next to nothing."""
+        force = np.full((M, 3, 4 * driven), 1e-7)
+        every = enumerate(self.places(z, own))
+        return [np.dstack([self.slope_of(k, at)[:, :, list(which)], force]) for k, at in every]
+
+    def slope_of(self, k: int, z: Array) -> Array:
+        """Derivatives (m, 3, p) of one trial."""
+        return self.slope(z)
 
     def slope(self, z: Array) -> Array:
         """Derivatives (m, 3, p) of `curve`."""
         total = self.parts(z).sum(axis=2)
         return np.asarray(self.parts(np.ones(z.size)) * (1.0 + 4.0 * total[:, :, None]))
-
-    def force_columns(self, z: Array, own: Sequence[Own] | None = None) -> list[Array]:
-        """As in `Response`: an offset and parts of noise that do next to nothing."""
-        return [np.full((M, 3, 4), 1e-7) for _ in self.trials]
 
 
 def free(fixed: Sequence[str] = ("*",)) -> Unknowns:

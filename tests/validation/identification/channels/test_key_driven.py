@@ -73,7 +73,7 @@ def test_derivatives_and_what_the_encoder_leaves_open(turn: np.ndarray) -> None:
     apart = (ends[0][0] - ends[1][0]) / 0.04  # type: ignore[index]
     assert np.max(np.abs(slope[:, :, 0] - apart)) < 0.05 * np.max(np.abs(apart))
     assert not slope[:, :, 1].any()  # the key's friction acts on the force alone
-    (own,) = runs.force_columns(zero)
+    (own,) = runs.jacobian(zero, (), driven=True)
     assert own.shape[2] == DRAWS
     spread = np.sqrt((own**2).sum(axis=2)).max(axis=0)  # of whippen and hammer: a fraction of a count, magnified
     assert np.all(spread > 0.01 * COUNT_RAD) and np.all(spread < 30 * COUNT_RAD)

@@ -38,7 +38,7 @@ def response(request: pytest.FixtureRequest) -> Response:
 @pytest.fixture(scope="module")
 def drive(response: Response) -> list[Array]:
     """What drives each stroke, where it is: half the runs of this file."""
-    return response.force_columns(AT)
+    return response.jacobian(AT, (), driven=True)
 
 
 def own(laws: dict[int, float], drive: Array | None = None) -> list[Own]:

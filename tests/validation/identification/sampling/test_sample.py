@@ -12,7 +12,7 @@ import xarray
 
 from tests.validation.identification import toy
 from validation.errors import ValidationInputError
-from validation.identification.estimates import profile
+from validation.identification.estimates import profiles
 from validation.identification.fit import fit
 from validation.identification.sampling import CHAINS, DRAWS, curved, posterior_netcdf, sample_posterior
 from validation.identification.scatter import factors
@@ -23,8 +23,8 @@ def found() -> Any:
     """As much of an identification as draws are made from."""
     p = toy.problem(toy.made(np.array([0.8, -0.5, 0.3]), 5, np.random.default_rng(3), scatter=0.02))
     fitted = fit(p)
-    profiles = tuple(profile(p, fitted, j, float(factors(fitted)[j])) for j in range(3))
-    details = SimpleNamespace(problem=p, fitted=fitted, profiles=profiles)
+    made = tuple(profiles(p, fitted, {j: float(factors(fitted)[j]) for j in range(3)}))
+    details = SimpleNamespace(problem=p, fitted=fitted, profiles=made)
     return SimpleNamespace(details=details, provenance={"created_utc": "2026-11-22T00:00:00Z"}, warnings=("one",))
 
 
