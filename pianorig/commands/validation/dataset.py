@@ -65,14 +65,14 @@ def _make(
 
     if out is None:
         raise CommandInputError("dataset make: --out is missing, the folder to create")
-    made = make_dataset(
+    trials = make_dataset(
         out, seed=seed, each=each, sealed_truth=sealed_truth, films=films, scene=scene,
         say=(lambda text: None) if as_json else say,
     )  # fmt: skip
-    lines = [f"data set: {made.folder} ({', '.join(f'{name} {n} trials' for name, n in made.trials.items())})"]
-    if made.sealed_truth is not None:
-        lines.append(f"truth of the sealed split: {made.sealed_truth}; keep it, it is nowhere else")
-    facts = {"dataset": made.folder, "trials": made.trials, "sealed_truth": made.sealed_truth}
+    lines = [f"data set: {out} ({', '.join(f'{name} {n} trials' for name, n in trials.items())})"]
+    if sealed_truth is not None:
+        lines.append(f"truth of the sealed split: {sealed_truth}; keep it, it is nowhere else")
+    facts = {"dataset": out, "trials": trials, "sealed_truth": sealed_truth}
     tell(as_json, facts, lines)
 
 

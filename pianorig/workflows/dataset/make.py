@@ -292,15 +292,6 @@ OPEN_TRUTH = "truth_open.json"
 SPECIMENS = ("A", "B")
 
 
-@dataclass(frozen=True)
-class Made:
-    """What was written: the folder, files, trials by split, and where the sealed truth is kept."""
-
-    folder: Path
-    trials: dict[str, int]
-    sealed_truth: Path | None
-
-
 def make_dataset(
     out: Path,
     *,
@@ -310,7 +301,7 @@ def make_dataset(
     films: bool = True,
     scene: str = "whole",
     say: Callable[[str], None] = lambda text: None,
-) -> Made:
+) -> dict[str, int]:
     """Make the data set in a new folder.
 
     Parameters
@@ -330,6 +321,11 @@ def make_dataset(
     say : callable
         Told of the progress.
 
+    Returns
+    -------
+    dict
+        Number of trials by split.
+
     Raises
     ------
     CommandInputError
@@ -343,37 +339,31 @@ def make_dataset(
         raise CommandInputError(f"{sealed_truth}: exists, or lies in {out}, where it would be published")
     existed = out.is_dir()
     try:
-        return _make(out, seed, each, sealed_truth, _Drawn(films, scene, say))
+        truths = {"open": out / OPEN_TRUTH} | ({} if sealed_truth is None else {"sealed": sealed_truth})
+        return _make(out, seed, each, truths, (films, scene, say))
     except BaseException:
         if not existed:
             shutil.rmtree(out, ignore_errors=True)
         raise
 
 
-@dataclass(frozen=True)
-class _Drawn:
-    """Whether there are films, the specimens' scene, and who is told of the progress."""
-
-    films: bool
-    scene: str
-    say: Callable[[str], None]
+Drawn = tuple[bool, str, Callable[[str], None]]
+"""Whether there are films, the specimens' scene, and who is told of the progress."""
 
 
-def _make(out: Path, seed: int, each: int, sealed_truth: Path | None, told: _Drawn) -> Made:
+def _make(out: Path, seed: int, each: int, truths: dict[str, Path], drawn: Drawn) -> dict[str, int]:
+    """Write the splits whose ``truths`` are kept in these files: ``open`` from the seed, ``sealed`` from none."""
     out.mkdir(parents=True, exist_ok=True)
     rows: dict[str, list[dict[str, Any]]] = {}
     seals: dict[str, str] = {}
-    rows["open"], truth = _split(out, "open", np.random.default_rng([seed, 1]), each, told)
-    salt = f"open split of seed {seed}"
-    seals["open"] = salted_sha256(truth_text(truth), salt)
-    write_text(out / OPEN_TRUTH, json.dumps({"salt": salt, "truth": truth}, indent=1, sort_keys=True) + "\n")
-    if sealed_truth is not None:
-        random = np.random.default_rng(secrets.randbits(128))
-        rows["sealed"], truth = _split(out, "sealed", random, each, told)
-        salt = secrets.token_hex(32)
-        seals["sealed"] = salted_sha256(truth_text(truth), salt)
-        sealed_truth.parent.mkdir(parents=True, exist_ok=True)
-        write_text(sealed_truth, json.dumps({"salt": salt, "truth": truth}, indent=1, sort_keys=True) + "\n")
+    for split, path in truths.items():
+        again = split == "open"
+        random = np.random.default_rng([seed, 1] if again else secrets.randbits(128))
+        rows[split], truth = _split(out, split, random, each, drawn)
+        salt = f"open split of seed {seed}" if again else secrets.token_hex(32)
+        seals[split] = salted_sha256(truth_text(truth), salt)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, json.dumps({"salt": salt, "truth": truth}, indent=1, sort_keys=True) + "\n")
     index = {
         "schema": SCHEMA,
         "window_s": WINDOW_S,
@@ -388,28 +378,29 @@ def _make(out: Path, seed: int, each: int, sealed_truth: Path | None, told: _Dra
     write_text(out / INDEX, json.dumps(index, indent=1) + "\n")
     for name, text in descriptions(out, index).items():
         write_text(out / name, text)
-    return Made(out, {name: len(part) for name, part in rows.items()}, sealed_truth)
+    return {name: len(part) for name, part in rows.items()}
 
 
 def _split(
-    out: Path, split: str, random: np.random.Generator, each: int, told: _Drawn
+    out: Path, split: str, random: np.random.Generator, each: int, drawn: Drawn
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Play and write one split; return the rows of its index and its truth."""
     (out / split).mkdir()
+    films, scene, say = drawn
     rows: list[dict[str, Any]] = []
     trials, faults = {}, {}
-    specimens = [draw_specimen(name, random, told.scene) for name in SPECIMENS]
+    specimens = [draw_specimen(name, random, scene) for name in SPECIMENS]
     number = 0
     for specimen in specimens:
         bench = SpecimenBench(specimen)
         for condition in CONDITIONS:
-            told.say(f"{split}: specimen {specimen.name}, {condition.name}")
+            say(f"{split}: specimen {specimen.name}, {condition.name}")
             for k in range(each):
                 number += 1
                 part = "test" if k == each - 1 else "train"
                 fault = str(random.choice(FAULTS)) if random.random() < FAULT_SHARE else ""
                 film = f"{split}/trial_{number:04d}_film.tif"
-                kept = told.films and not k and specimen is specimens[0] and condition.name in LEVELS
+                kept = films and not k and specimen is specimens[0] and condition.name in LEVELS
                 played = bench.play(number, condition, fault, random, out / film if kept else None)
                 facts = {**played.trial.facts, "specimen": specimen.name, "part": part, "title": f"{split} {number}"}
                 file = f"{split}/trial_{number:04d}.nc"
