@@ -44,7 +44,7 @@ class Skill:
     @property
     def interval(self) -> str:
         """Its interval in brackets; empty where there is none."""
-        return f" [{self.low:.2f}, {self.high:.2f}]" if np.isfinite(self.low) else ""
+        return f" [{self.low:.2f}, {self.high:.2f}]".replace("-", "−") if np.isfinite(self.low) else ""
 
     @property
     def words(self) -> str:
@@ -52,7 +52,8 @@ class Skill:
         size = f"{100 * abs(self.skill):.0f} % {'smaller' if self.skill >= 0 else 'larger'}"
         nearer = f"{size} than that of {CALLED.get(self.rival, self.rival)}"
         n = f"{self.strokes} stroke{'s' if self.strokes > 1 else ''}"
-        return f"error {nearer} (skill {self.skill:.2f}{self.interval}; {n}{'' if self.interval else ': no interval'})"
+        skill = f"{self.skill:.2f}".replace("-", "−")
+        return f"error {nearer} (skill {skill}{self.interval}; {n}{'' if self.interval else ': no interval'})"
 
 
 def skill_of(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
