@@ -20,8 +20,13 @@ ADVICE = "choose another --out"
 FIGURE_ENDINGS = (".svg", ".pdf", ".png")
 
 
-def check_writable(path: Path, *endings: str) -> None:
-    """Refuse, before any work is done, a file that could not be written in the end, or ends in none of ``endings``."""
+def check_writable(path: Path | None, *endings: str) -> None:
+    """Refuse, before any work is done, a file that could not be written in the end, or ends in none of ``endings``.
+
+    None, an option that was not given, is fine.
+    """
+    if path is None:
+        return
     if endings and path.suffix not in endings:
         allowed = " or ".join(filter(None, (", ".join(endings[:-1]), endings[-1])))
         raise CommandInputError(f"{path}: ending found {path.suffix!r}, allowed {allowed}")
@@ -37,10 +42,11 @@ def check_writable(path: Path, *endings: str) -> None:
         raise CommandInputError(f"{path}: cannot be written ({problem.strerror}); {ADVICE}") from None
 
 
-def make_folder(out: Path, parents: bool = False) -> None:
-    """Make the folder for results, or say why that cannot be."""
+def make_folder(out: Path | None, parents: bool = False) -> None:
+    """Make the folder for results, if one was named, or say why that cannot be."""
     try:
-        out.mkdir(parents=parents, exist_ok=True)
+        if out is not None:
+            out.mkdir(parents=parents, exist_ok=True)
     except OSError as problem:
         raise CommandInputError(f"{out}: folder cannot be made ({problem.strerror}); {ADVICE}") from None
 

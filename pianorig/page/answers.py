@@ -49,8 +49,8 @@ from pianorig.page.outlines import FilmSubject, outlines_of, propose, save, save
 from pianorig.page.plan import choices, read_order
 from pianorig.page.reply import Asked, Guarded, Reply, Sent, Served, Stream
 from pianorig.page.review import MOST_MODELS, film_view, trial_view
-from pianorig.player.animation import SCRIPTS, animation_html, blow_animation, trial_animation
 from pianorig.player.animation import WEB as PLAYER
+from pianorig.player.animation import animation_html, blow_animation, trial_animation
 from rig.errors import RigError
 from rig.session import Session, Trial
 from rig.session.annotation_file import Kind
@@ -463,7 +463,7 @@ def routes(served: Served, scripts: Path) -> list[Any]:
     it = {"served": served}
     return [
         ("/", Shell, it),
-        (rf"/web/((?:{'|'.join(SCRIPTS)})\.js|player\.css)", OwnFiles, {**it, "path": str(PLAYER)}),
+        (rf"/web/({'|'.join(path.name for path in PLAYER.iterdir())})", OwnFiles, {**it, "path": str(PLAYER)}),
         (r"/web/([a-z]+\.(?:js|css))", OwnFiles, {**it, "path": str(WEB)}),
         (r"/drawing/(bokeh(?:-api)?\.min\.js)", OwnFiles, {**it, "path": str(scripts)}),
         ("/api/about", About, it),

@@ -9,6 +9,8 @@ import json
 import os
 import stat
 from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -282,8 +284,7 @@ class Catalogue:
 
     def names(self) -> list[str]:
         """Names of the folders that hold a ``session.toml``."""
-        with os.scandir(self.root) as entries:
-            return sorted(entry.name for entry in entries if self._is_session(entry))
+        return self._listed(self.root, lambda path: (path / SESSION_FILE).is_file())
 
     def rows(self) -> list[SessionRow]:
         """One row a session, newest first; sessions without a date last."""
@@ -309,8 +310,7 @@ class Catalogue:
 
     def films(self) -> list[str]:
         """Names of the films that lie in the folder itself, beside the sessions."""
-        with os.scandir(self.root) as entries:
-            return sorted(entry.name for entry in entries if self._is_film(entry))
+        return self._listed(self.root, lambda path: path.suffix.lower() in FILM_SUFFIXES and path.is_file())
 
     def film(self, name: str) -> Path:
         """A film that lies on its own, which must be one of `films`.
@@ -335,10 +335,7 @@ class Catalogue:
     def comparisons(self) -> list[str]:
         """Names of the reports of several sessions, newest first."""
         folder = self.root / COMPARISONS
-        if not folder.is_dir():
-            return []
-        with os.scandir(folder) as entries:
-            return sorted((entry.name for entry in entries if Path(entry.path, REPORT).is_file()), reverse=True)
+        return self._listed(folder, lambda path: (path / REPORT).is_file())[::-1] if folder.is_dir() else []
 
     def comparison_file(self, name: str, path: str = REPORT) -> tuple[Path, str]:
         """A file of the report of several sessions, as `report_file`.
@@ -365,18 +362,13 @@ class Catalogue:
         return file, kind
 
     @staticmethod
-    def _is_session(entry: os.DirEntry[str]) -> bool:
-        try:
-            return entry.is_dir() and Path(entry.path, SESSION_FILE).is_file()
-        except OSError:
-            return False
-
-    @staticmethod
-    def _is_film(entry: os.DirEntry[str]) -> bool:
-        try:
-            return Path(entry.name).suffix.lower() in FILM_SUFFIXES and entry.is_file()
-        except OSError:
-            return False
+    def _listed(folder: Path, is_one: Callable[[Path], bool]) -> list[str]:
+        """Names in a folder, sorted, of what passes a test; what cannot be looked at does not."""
+        found = []
+        for path in folder.iterdir():
+            with suppress(OSError):
+                found += [path.name] if is_one(path) else []
+        return sorted(found)
 
     def _fingerprint(self, name: str) -> Fingerprint:
         try:

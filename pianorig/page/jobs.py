@@ -72,9 +72,8 @@ class Jobs:
         CommandInputError : another job is running
         """
         with self._lock:
-            busy = next((job for job in self._jobs.values() if job.code is None), None)
-            if busy is not None:
-                raise CommandInputError(f"{busy.command} of {busy.subject} is running; wait, or stop it")
+            if busy := self.running:
+                raise CommandInputError(f"{busy} is running; wait, or stop it")
             process = begin_process(
                 ["pianorig", *words], {PROGRESS: "lines"}, stdin=subprocess.DEVNULL, stderr=subprocess.STDOUT
             )

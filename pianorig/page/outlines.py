@@ -25,7 +25,7 @@ from pianorig.workflows.film.track import retrack
 from rig.configuration.toml_file import dump_toml
 from rig.session import Session, Trial
 from rig.storage.atomic_write import write_text
-from vision.output.overlay import reasons, worst_of
+from vision.output.overlay import what_is_wrong, worst_of
 from vision.results.flags import FAILURE
 
 MARKS_NAME = "marks.toml"
@@ -295,15 +295,10 @@ def worst_frames(subject: FilmSubject) -> list[dict[str, Any]]:
         return []
     flags = np.stack([table[f"{name}_flag"].to_numpy(dtype=int) for name in names], axis=1)
     quality = np.stack([table[f"{name}_quality"].to_numpy(dtype=float) for name in names], axis=1)
-    lost = (flags & int(FAILURE)) != 0
     rows = []
-    for row in worst_of(lost, quality, WORST):
-        words = [f"{name} lost: {reasons(int(flags[row, i]))}" for i, name in enumerate(names) if lost[row, i]]
-        if not words:
-            least = int(np.nanargmin(quality[row]))
-            remarks = reasons(int(flags[row, least]))
-            words = [f"{names[least]} correlates {quality[row, least]:.3f}{', ' if remarks else ''}{remarks}"]
-        rows.append({"frame": int(table["frame"].iloc[row]), "words": "; ".join(words)})
+    for row in worst_of((flags & int(FAILURE)) != 0, quality, WORST):
+        words = what_is_wrong(names, flags[row], quality[row])
+        rows.append({"frame": int(table["frame"].iloc[row]), "words": words})
     return rows
 
 
@@ -323,11 +318,9 @@ def track_again(subject: FilmSubject, frame: Any, places: Any) -> dict[str, Any]
         raise CommandInputError("allowed a frame number, and the places of bodies")
     read = {}
     for name, place in places.items():
-        numbers = place if isinstance(place, list) else []
-        good = len(numbers) == 3 and all(type(x) in (int, float) and math.isfinite(x) for x in numbers)
-        if not good:
+        if not (isinstance(place, list) and len(place) == 3 and all(map(_is_number, place))):
             raise CommandInputError(f"place of {str(name)[:60]}: allowed angle (rad), x and y (px)")
-        read[str(name)] = (float(numbers[0]), float(numbers[1]), float(numbers[2]))
+        read[str(name)] = (float(place[0]), float(place[1]), float(place[2]))
     rows = retrack(subject.film(), subject.table, [frame], read)
     flags = {name.removesuffix("_flag"): int(rows[name].iloc[0]) for name in rows if name.endswith("_flag")}
     return {"frame": frame, "lost": [name for name, flag in flags.items() if flag & int(FAILURE)]}

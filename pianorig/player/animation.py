@@ -26,8 +26,6 @@ from validation.curves.signs import TITLE, degrees
 from vision.output.colours import colour_of
 
 WEB = Path(__file__).parent / "web"
-SCRIPTS = ("elements", "numbers", "player", "forces", "drawing", "strip", "animation")
-"""In the order in which each uses those before it."""
 IMPORT = re.compile(r'^import \{(.*)\} from "\./(\w+)\.js";$', flags=re.MULTILINE)
 VISIBLE_RAD = 2e-4
 BEFORE_S = 5e-3
@@ -73,22 +71,24 @@ def animation_html(animation: Animation) -> str:
     )
 
 
+def scripts(name: str = "animation") -> dict[str, str]:
+    """Texts of a module and of all that it imports, by name, in the order in which each uses those before it."""
+    text = (WEB / f"{name}.js").read_text(encoding="utf-8")
+    found: dict[str, str] = {}
+    for _, other in IMPORT.findall(text):
+        found = scripts(other) | found
+    return found | {name: text}
+
+
 def player_script() -> str:
     """The player's modules as one script; each keeps its own names, and takes from the others what it imports."""
     parts = ["const modules = {};"]
-    for name in SCRIPTS:
-        text = (WEB / f"{name}.js").read_text(encoding="utf-8")
+    for name, text in scripts().items():
         given = re.findall(r"^export (?:function|class|const) (\w+)", text, flags=re.MULTILINE)
         text = IMPORT.sub(r"const {\1} = modules.\2;", text)
         text = re.sub(r"^export ", "", text, flags=re.MULTILINE)
         parts.append(f"modules.{name} = (() => {{\n{text}return {{ {', '.join(given)} }};\n}})();")
     return "\n".join(parts) + "\n"
-
-
-def write_animation_page(animation: Animation, path: Path) -> None:
-    """Write the file, whole or not at all."""
-    with whole_file(path) as part:
-        part.write_text(animation_html(animation), encoding="utf-8")
 
 
 def motion_start_s(time_s: NDArray[Any], pose: NDArray[Any]) -> float:
@@ -188,4 +188,6 @@ def write_blow_animation(
             curves.append({"title": TITLE[body], "unit": "°", "color": colour_of(body, i), "value": pack(change)})
     times = pack(seen.time_s[rows])
     curves = [{**curve, "time_s": times} for curve in curves]
-    write_animation_page(Animation(f"{action.name}: a blow", [("Model", drawing)], curves, []), path)
+    text = animation_html(Animation(f"{action.name}: a blow", [("Model", drawing)], curves, []))
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")

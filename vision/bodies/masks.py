@@ -93,12 +93,10 @@ def unsaturated(
     """
     if not saturated.any():
         return list(masks)
-    near = np.zeros_like(saturated)
-    rows, columns = np.nonzero(saturated)
-    for dy in range(-SATURATED_REACH_PX, SATURATED_REACH_PX + 1):
-        for dx in range(-SATURATED_REACH_PX, SATURATED_REACH_PX + 1):
-            inside_y = np.clip(rows + dy, 0, near.shape[0] - 1)
-            near[inside_y, np.clip(columns + dx, 0, near.shape[1] - 1)] = True
+    # start-up: OpenCV costs 0.12 s, outlines and masks do without
+    import cv2
+
+    near = cv2.dilate(saturated.astype(np.uint8), np.ones((2 * SATURATED_REACH_PX + 1,) * 2, np.uint8)) > 0
     many = [np.count_nonzero(mask & saturated) > SATURATED_SHARE * np.count_nonzero(mask) for mask in masks]
     left = [mask & ~near if much else mask for mask, much in zip(masks, many, strict=True)]
     for body, mask, whole in zip(bodies, left, masks, strict=True):

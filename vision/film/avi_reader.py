@@ -33,7 +33,6 @@ COARSE_JPEG = 12.0
 """Mean quantisation step: 6 at quality 95, 11.5 at 90, 29 at 75 (tables of ITU-T T.81 annex K)."""
 LUMA = np.array([0.114, 0.587, 0.299])
 """Weights of blue, green, red (ITU-R BT.601)."""
-"""No frame decoded yet."""
 
 
 class AviFilm(Film):
@@ -48,8 +47,6 @@ class AviFilm(Film):
     _bottom_up: bool
     _palette: NDArray[np.uint8] | None
     readable: bool
-    _announced: int
-    _format: bytes
 
     def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
         self.path, self._channel = path, channel

@@ -7,12 +7,13 @@ number of frames it announces, raises `FilmError`. Codecs that predict a frame f
 `VisionWarning`: they hide noise on still frames and bias moving ones (errors of 9 to 55 mdeg where raw film gives 2,
 measured with H.264).
 
-Whether a file is as long as its container says is asked by a walk through the top-level chunks of AVI (RIFF) and
-MP4/MOV (ISO base media), before decoding, because decoders hide a missing end: they fill up half a frame silently. Only
-sizes are read, nothing is loaded. Other containers (Matroska) are left to the decoder.
+Whether an MP4 or MOV file is as long as its container says is asked by a walk through its top-level boxes, before
+decoding, because decoders hide a missing end: they fill up half a frame silently. Only sizes are read, nothing is
+loaded. An AVI was walked by `vision.film.avi_reader` before it comes here; other containers (Matroska) are left to the
+decoder.
 
-Formats of containers: RIFF chunk = four letters, 32-bit size, data, padded to even; ISO box = 32-bit big-endian size,
-four letters, with size 1 for a 64-bit size that follows and 0 for "to the end".
+Format (ISO base media): box = 32-bit big-endian size, four letters, with size 1 for a 64-bit size that follows and 0
+for "to the end".
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     import cv2
 
 MAX_CHUNKS = 100_000
+BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
+"""With which such a file begins."""
 
 
 def check_whole(path: Path) -> None:
@@ -38,34 +41,22 @@ def check_whole(path: Path) -> None:
     try:
         size = path.stat().st_size
         with path.open("rb") as file:
-            head = file.read(16)
-            if head[:4] == b"RIFF":
-                big_endian, header = False, 8
-            elif head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip"):
-                big_endian, header = True, 0
-            else:
-                return
-            place = 0
+            end = 0
             for _ in range(MAX_CHUNKS):
-                if place + 8 > size:
-                    return
-                file.seek(place)
+                file.seek(end)
                 head = file.read(16)
-                if big_endian:
-                    length = struct.unpack(">I", head[:4])[0]
-                    if length == 1 and len(head) == 16:
-                        length = struct.unpack(">Q", head[8:16])[0]
-                else:
-                    length = struct.unpack("<I", head[4:8])[0]
-                if length == 0:
-                    # written without going back to fill in the size, or "to the end": nothing to compare
+                if len(head) < 8 or (end == 0 and head[4:8] not in BOXES):
                     return
-                end = place + header + length
+                length = struct.unpack(">I", head[:4])[0]
+                if length == 1 and len(head) == 16:
+                    length = struct.unpack(">Q", head[8:])[0]
+                if length == 0:  # "to the end": nothing to compare
+                    return
+                end += length
                 if end > size:
                     raise FilmError(
                         f"{path}: {size} bytes, but its container needs {end}; the film is cut short, copy it again"
                     )
-                place = end + (end % 2 if not big_endian else 0)
     except OSError as error:
         raise FilmError(f"{path}: cannot be read ({error.strerror})") from None
 

@@ -4,7 +4,7 @@ A call expects, covers, fits, assesses, accepts a body and goes on to its childr
 is doubtful what `tracking.body_tracker` and `fitting.icgn` do in Python, with the same arithmetic in the same order, so
 that the bits are the same. Places are predicted as `tracking.body_tracker` has it.
 
-The walk does what `tracking.stretches.forward_step` does per frame, for frames of which nothing is doubtful: compare
+The walk does what `tracking.stretches.forward_rows` does per frame, for frames of which nothing is doubtful: compare
 with the frame before, expect the bodies, filter the part of the frame that holds them, fit them, store the fits. At the
 first doubt it stops in the middle of the frame, and Python goes on there.
 

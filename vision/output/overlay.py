@@ -207,18 +207,20 @@ def worst_of(failed: NDArray[np.bool_], zncc: NDArray[np.float64], count: int) -
 
 
 def words_of(result: TrackResult, row: int) -> tuple[str, str]:
-    """Frame and time, and what is wrong: bodies lost with their reason, else the least correlation and its remarks."""
+    """Frame and time of a row, and `what_is_wrong`."""
     first = f"frame {int(result.frame[row])}, {result.time_s[row] * 1e3:.2f} ms"
-    lost = [
-        f"{body} lost: {reasons(int(result.flag[row, i]) & int(FAILURE))}"
-        for i, body in enumerate(result.bodies)
-        if result.failed[row, i]
-    ]
-    if lost:
-        return first, "; ".join(lost)
-    worst = int(np.argmin(result.zncc[row]))
-    remarks = reasons(int(result.flag[row, worst]))
-    return first, f"{result.bodies[worst]} correlates {result.zncc[row, worst]:.3f}{', ' if remarks else ''}{remarks}"
+    return first, what_is_wrong(result.bodies, result.flag[row], result.zncc[row])
+
+
+def what_is_wrong(names: Sequence[str], flag: NDArray[np.integer], zncc: NDArray[np.float64]) -> str:
+    """Bodies (m) lost in a frame with their reason, else the least correlation and its remarks, by flags and
+    correlations (m,)."""
+    failures = zip(names, (int(one) & int(FAILURE) for one in flag), strict=True)
+    if lost := [f"{name} lost: {reasons(failure)}" for name, failure in failures if failure]:
+        return "; ".join(lost)
+    worst = int(np.argmin(zncc))
+    remarks = reasons(int(flag[worst]))
+    return f"{names[worst]} correlates {zncc[worst]:.3f}{', ' if remarks else ''}{remarks}"
 
 
 def reasons(flag: int) -> str:

@@ -64,19 +64,9 @@ def far_candidates(film: FrameSource, index: int, template: Template, newest_rad
     border = 4 * (int(math.ceil(template.radius_px / 8.0)) + 1)
     wide = cv2.copyMakeBorder(picture, border, border, border, border, cv2.BORDER_CONSTANT, value=float(picture.mean()))
     small = _halve(_halve(np.asarray(wide, dtype=np.float32)))
-    found: list[tuple[float, NDArray[np.float64]]] = []
-    for phi in newest_rad + np.arange(-math.pi, math.pi - 1e-9, FAR_TURN_STEP_RAD):
-        patch, mask, offset_x, offset_y = _turned(template, float(phi), 4)
-        if min(patch.shape) < FAR_LEAST_PX or patch.shape[0] >= small.shape[0] or patch.shape[1] >= small.shape[1]:
-            return []
-        score = cv2.matchTemplate(small, patch, cv2.TM_CCOEFF_NORMED, mask=mask)
-        score[~np.isfinite(score)] = -1.0
-        _, best, _, (column, row) = cv2.minMaxLoc(score)
-        x, y = 4.0 * (column + offset_x) - border + 1.5, 4.0 * (row + offset_y) - border + 1.5
-        found.append((best, np.array([phi, x - template.centre_px[0], y - template.centre_px[1]])))
-    found.sort(key=lambda item: -item[0])
+    turns = newest_rad + np.arange(-math.pi, math.pi - 1e-9, FAR_TURN_STEP_RAD)
     places: list[NDArray[np.float64]] = []
-    for _, pose in found:
+    for pose in _matched(small, template, turns, 4, (1.5 - border, 1.5 - border), FAR_LEAST_PX):
         apart = [np.abs(pose - other) for other in places]
         if all(one[0] > FAR_APART_RAD or max(one[1:]) > FAR_APART_PX for one in apart):
             places.append(pose)
@@ -103,21 +93,38 @@ def search_candidates(
     top, left = y0 - (centre_y - reach), x0 - (centre_x - reach)
     picture[:] = float(view.mean())
     picture[top : top + view.shape[0], left : left + view.shape[1]] = view
-    small = _halve(picture)
+    turns = expected[0] + np.arange(-TURN_RANGE_RAD, TURN_RANGE_RAD + 1e-9, TURN_STEP_RAD)
+    corner = (centre_x - reach + 0.5, centre_y - reach + 0.5)
+    return _matched(_halve(picture), template, turns, 2, corner)[:N_CANDIDATES]
+
+
+def _matched(
+    small: NDArray[np.float32],
+    template: Template,
+    turns_rad: NDArray[np.float64],
+    coarse: int,
+    corner_px: tuple[float, float],
+    least_px: int = 0,
+) -> list[NDArray[np.float64]]:
+    """Poses of the best match for each turn at which the template fits into a picture, best first.
+
+    The picture is a ``coarse``-th as large as the frame, where its first pixel lies at ``corner_px`` (x, y). Where a
+    side of ``least_px`` is asked for, a template that lacks it, or does not fit in, at any turn matches nowhere.
+    """
     found: list[tuple[float, NDArray[np.float64]]] = []
-    for turn in np.arange(-TURN_RANGE_RAD, TURN_RANGE_RAD + 1e-9, TURN_STEP_RAD):
-        phi = float(expected[0] + turn)
-        patch, mask, offset_x, offset_y = _turned(template, phi, 2)
-        if patch.shape[0] >= small.shape[0] or patch.shape[1] >= small.shape[1]:
+    for phi in turns_rad.tolist():
+        patch, mask, offset_x, offset_y = _turned(template, phi, coarse)
+        if min(patch.shape) < least_px or patch.shape[0] >= small.shape[0] or patch.shape[1] >= small.shape[1]:
+            if least_px:
+                return []
             continue
         score = cv2.matchTemplate(small, patch, cv2.TM_CCOEFF_NORMED, mask=mask)
         score[~np.isfinite(score)] = -1.0
         _, best, _, (column, row) = cv2.minMaxLoc(score)
-        x = 2.0 * (column + offset_x) + centre_x - reach + 0.5
-        y = 2.0 * (row + offset_y) + centre_y - reach + 0.5
+        x, y = coarse * (column + offset_x) + corner_px[0], coarse * (row + offset_y) + corner_px[1]
         found.append((best, np.array([phi, x - template.centre_px[0], y - template.centre_px[1]])))
     found.sort(key=lambda item: -item[0])
-    return [pose for _, pose in found[:N_CANDIDATES]]
+    return [pose for _, pose in found]
 
 
 def _halve(picture: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -172,36 +179,32 @@ class PlacementHistory:
     """
 
     def __init__(self, kept: History | None = None) -> None:
-        self._kept = History.empty(1) if kept is None else kept
+        self.kept = History.empty(1) if kept is None else kept
 
     def add(self, step: int, placement: Placement) -> None:
         """Record the placement found at a step (the running number of the tracked frame)."""
-        add_place.py_func(self._kept, 0, step, *placement.tolist())
+        add_place.py_func(self.kept, 0, step, *placement.tolist())
 
     def clear(self) -> None:
         """Forget everything."""
-        self._kept.known[0] = 0
-
-    def items(self) -> list[tuple[int, Placement]]:
-        """The placements, oldest first, with their steps."""
-        return [(int(self._kept.step[0, k]), self._kept.place[0, k].copy()) for k in range(int(self._kept.known[0]))]
+        self.kept.known[0] = 0
 
     def newest(self) -> Placement | None:
         """The newest known placement."""
-        known = int(self._kept.known[0])
-        return self._kept.place[0, known - 1].copy() if known else None
+        known = int(self.kept.known[0])
+        return self.kept.place[0, known - 1].copy() if known else None
 
     def newest_step(self) -> int | None:
         """Step of the newest known placement."""
-        known = int(self._kept.known[0])
-        return int(self._kept.step[0, known - 1]) if known else None
+        known = int(self.kept.known[0])
+        return int(self.kept.step[0, known - 1]) if known else None
 
     def predict(self, step: int) -> Placement | None:
         """Placement at a step: constant acceleration from three neighbours, else the newest known one."""
-        if not self._kept.known[0]:
+        if not self.kept.known[0]:
             return None
         place = np.empty(3)
-        predict_place.py_func(self._kept, 0, step, place)
+        predict_place.py_func(self.kept, 0, step, place)
         return place
 
 

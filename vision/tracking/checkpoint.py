@@ -92,9 +92,7 @@ def _state(body: BodyTracker) -> dict[str, NDArray[Any]]:
         "counts": np.array([body.lost_in_a_row, body.searches]),
     }
     for name, history in (("absolute", body.absolute), ("relative", body.relative)):
-        items = history.items()
-        arrays[f"{name}_step"] = np.array([step for step, _ in items], dtype=np.int64)
-        arrays[f"{name}_place"] = np.array([place for _, place in items], dtype=float).reshape(-1, 3)
+        arrays |= {f"{name}_{part}": values for part, values in history.kept._asdict().items()}
     return arrays | {f"fitter_{name}": value for name, value in body.fitter.state().items()}
 
 
@@ -102,7 +100,6 @@ def _restore(body: BodyTracker, arrays: dict[str, NDArray[Any]]) -> None:
     body.usual[:] = arrays["figures"]
     body.lost_in_a_row, body.searches = (int(v) for v in arrays["counts"])
     for name, history in (("absolute", body.absolute), ("relative", body.relative)):
-        history.clear()
-        for step, place in zip(arrays[f"{name}_step"], arrays[f"{name}_place"], strict=True):
-            history.add(int(step), np.array(place))
+        for part, values in history.kept._asdict().items():
+            values[:] = arrays[f"{name}_{part}"]
     body.fitter.restore({n.removeprefix("fitter_"): v for n, v in arrays.items() if n.startswith("fitter_")})

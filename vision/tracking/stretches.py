@@ -103,31 +103,23 @@ AGREE_SIGMA = 2.0
 AGREE_PX = 0.02
 
 
-def forward_step(
-    tracker: FilmTracker, repeats: Repeats, table: PoseTable, row: int, step: int, n_still: int, search: bool = True
-) -> None:
-    """Fit the frame of one row, the ``step``-th tracked one, and store the fits.
+def forward_rows(
+    tracker: FilmTracker, repeats: Repeats, table: PoseTable, rows: range, step: int, n_still: int, search: bool = True
+) -> int:
+    """Fit the frames of as many of the rows as one compiled call fits, at least one; returns how many.
 
-    A frame that repeats the one before is lost, beyond the first ``n_still``: at rest it is right all the same. Among
-    those bodies are not searched for: they have not moved. Nor are they where ``search`` is False.
+    The first of them is the ``step``-th tracked. A frame that repeats the one before is lost, beyond the first
+    ``n_still``: at rest it is right all the same. Among those bodies are not searched for: they have not moved. Nor are
+    they where ``search`` is False.
     """
-    index = int(table.frame[row])
+    if done := tracker.walk(table, rows, step, watch(repeats, n_still), search):
+        return done
+    index = int(table.frame[rows.start])
     if index >= n_still and repeats.at(index):
         tracker.skip(step, FrameFlag.REPEATED)
     else:
         tracker.step(index, step, search=search and index >= n_still)
-    tracker.store(table, row)
-
-
-def forward_rows(
-    tracker: FilmTracker, repeats: Repeats, table: PoseTable, rows: range, step: int, n_still: int, search: bool = True
-) -> int:
-    """As `forward_step` for as many of the rows as one compiled call fits, at least one; returns how many. The first of
-    them is the ``step``-th tracked."""
-    done = tracker.walk(table, rows, step, watch(repeats, n_still), search)
-    if done:
-        return done
-    forward_step(tracker, repeats, table, rows.start, step, n_still, search)
+    tracker.store(table, rows.start)
     return 1
 
 

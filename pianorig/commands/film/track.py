@@ -108,8 +108,7 @@ def command(
         (contact_sheet, (".png",)),
         (figure, FIGURE_ENDINGS),
     ):
-        if path is not None:
-            check_writable(path, *endings)
+        check_writable(path, *endings)
     if propose_bodies is not None:
         found = workflows.propose_outlines(film, propose_bodies, allow_truncated=allow_truncated, channel=channel)
         names = ", ".join(found["bodies"])

@@ -66,8 +66,7 @@ def command(
     """
     if (log is None) == (rehearse is None):
         raise CommandInputError("calibrate-drive: found neither a log nor --rehearse, or both; give one of them")
-    if out is not None:
-        check_writable(out, ".csv" if log is None else ".toml")
+    check_writable(out, ".csv" if log is None else ".toml")
     options = _options(mode, length, known or [], (u_force, u_current, u_delay))
     if log is None:
         assert rehearse is not None

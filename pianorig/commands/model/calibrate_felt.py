@@ -79,12 +79,10 @@ def command(
 
     Example:  pianorig calibrate-felt felt.csv --contact contact02 --force force.csv --figure felt.svg --out mine.toml
     """
-    if figure is not None:
-        if not curves:
-            raise CommandInputError("--figure: draws a loading experiment; name its CSV file too")
-        check_writable(figure, *FIGURE_ENDINGS)
-    if out is not None:
-        check_writable(out, ".toml")
+    if figure is not None and not curves:
+        raise CommandInputError("--figure: draws a loading experiment; name its CSV file too")
+    check_writable(figure, *FIGURE_ENDINGS)
+    check_writable(out, ".toml")
     curves = _named(curves or [])
     given = model.load_action(action)
     if curves and contact is not None and f"{contact}.normal.a" not in given.quantities:

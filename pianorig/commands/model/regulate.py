@@ -40,8 +40,7 @@ def command(
     Example:  pianorig regulate hirschkorn2004 --out regulated.toml
     Example:  pianorig regulate hirschkorn2004 --target-mm let_off=1.5 --out soft.toml
     """
-    if out is not None:
-        check_writable(out, ".toml")
+    check_writable(out, ".toml")
     given = load_changed(action, set_, scene=scene)
     said = in_scene(given, scene).name
     wanted = {name: 1e-3 * length for name, length in read_settings(target_mm or [], "--target-mm").items()}

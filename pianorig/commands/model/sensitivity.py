@@ -96,8 +96,7 @@ def command(
     names = None if parameters is None else [name.strip() for name in parameters.split(",") if name.strip()]
     chosen = in_scene(load_changed(action, set_, scale, scene), scene)
     uncertainties = read_settings(u or [], "--u")
-    if out is not None:
-        make_folder(out)
+    make_folder(out)
     # start-up: NumPy, SciPy and numba, which --help does not need
     from model.screening.members import Study
     from model.screening.morris import check_ways

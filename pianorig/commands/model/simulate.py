@@ -90,10 +90,8 @@ def command(
     Example:  pianorig simulate --force force.csv --set contact04.friction=0 --inside --out angles.csv
     """
     check_writable(out, ".csv", ".h5")
-    if figure is not None:
-        check_writable(figure, *FIGURE_ENDINGS)
-    if animation is not None:
-        check_writable(animation, ".html", ".svg")
+    check_writable(figure, *FIGURE_ENDINGS)
+    check_writable(animation, ".html", ".svg")
     chosen = load_changed(action, set_, scale, scene)
     choice = model.choice_of(chosen, scene)
     named = scene or ", ".join(choice.effects) or "whole"

@@ -97,8 +97,7 @@ def command(
 
     Example:  pianorig study hirschkorn2004 --force force.csv --variant "dry: --scale damping=0.1" --out dry
     """
-    if out is not None:
-        make_folder(out)
+    make_folder(out)
     if action in STUDIES:
         if variant:
             raise CommandInputError(f"study {action}: has its own variants; leave out --variant or name an action")

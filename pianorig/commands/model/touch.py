@@ -34,10 +34,8 @@ def command(
 
     Example:  pianorig touch hirschkorn2004 hirschkorn2004-regulated --figure touch.svg
     """
-    if figure is not None:
-        check_writable(figure, *FIGURE_ENDINGS)
-    if curve is not None:
-        check_writable(curve, ".csv")
+    check_writable(figure, *FIGURE_ENDINGS)
+    check_writable(curve, ".csv")
     chosen = [in_scene(load_changed(action, set_, scale, scene), scene) for action in actions]
     names = [a.name for a in chosen]
     names = [n if names.count(n) == 1 else given for n, given in zip(names, actions, strict=True)]

@@ -15,11 +15,10 @@ import model
 from model.inside.seen_motion import SeenMotion
 from pianorig.page.action import blow_curves
 from pianorig.player.animation import (
-    SCRIPTS,
-    WEB,
     Animation,
     animation_html,
     motion_start_s,
+    scripts,
     thinned,
     write_blow_animation,
 )
@@ -54,8 +53,9 @@ def numbers(packed: dict[str, Any]) -> np.ndarray:
 def test_the_file_needs_nothing_else(page: str) -> None:
     assert not re.search(r"https?://", page) and not re.search(r"<(script|link|img)[^>]*(src|href)=", page)
     assert "import " not in re.sub(r"//.*", "", page.split('<script type="module">')[1])
-    for name in SCRIPTS:  # each function and class of the page's own scripts is in it
-        for given in re.findall(r"^export (?:function|class) (\w+)", (WEB / f"{name}.js").read_text(), re.MULTILINE):
+    assert len(scripts()) == 7
+    for text in scripts().values():  # each function and class of the page's own scripts is in it
+        for given in re.findall(r"^export (?:function|class) (\w+)", text, re.MULTILINE):
             assert re.search(rf"(function|class) {given}\b", page), given
 
 
