@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
-from benchmarks.methods import COMPARISON
 from benchmarks.peers.compiled import BLOWS, CompiledEquations, force_table, pack
 from benchmarks.runner import Run, Table
 from model.integrators.methods import METHODS
@@ -145,7 +144,6 @@ def sharp_forces(count: int, seed: int = 1, first: int = 0) -> int:
 
 def main(run: Run) -> bool:
     """Print error over request; whether none is above what is allowed, of sharp forces all but 2 % said."""
-    METHODS.update(COMPARISON)
     if run.sharp:
         return 50 * sharp_forces(run.sharp, run.seed, run.first) <= run.sharp
     action = model.load_action()

@@ -32,7 +32,6 @@ from scipy.integrate import BDF, LSODA, Radau
 
 import model
 from benchmarks.figures import machine
-from benchmarks.methods import COMPARISON
 from benchmarks.peers import solvers, traced
 from benchmarks.peers.compiled import BLOWS, CompiledEquations, CompiledJacobian, force_table, pack
 from benchmarks.peers.equations import largest_deviation
@@ -296,7 +295,6 @@ def first_call(action: model.Action) -> model.RestState:
 
 def main(args: Run) -> bool:
     """Race all methods; whether our errors and the references are right."""
-    METHODS.update({} if args.quick else COMPARISON)  # raced beside those of the package, in this process only
     blows = args.blow or list(BLOWS)
     names = [] if args.only_ours else args.peer or list(PEERS)
     here = {"machine": machine()} | ({"cvode": version()} if names else {})
