@@ -104,8 +104,7 @@ def look(path: Path, frames: NDArray[Any], exact: bool, tally: Tally, what: str)
     tracemalloc.reset_peak()
     before = tracemalloc.get_traced_memory()[0]
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", VisionWarning)
+        with warnings.catch_warnings(action="ignore", category=VisionWarning):
             film = open_film(path)
         with film:
             like = film.frame_time_s is None or film.frame_time_s.size == film.n_frames

@@ -28,11 +28,10 @@ def main(run: Run) -> bool:
     if not (folder / "bodies.toml").is_file():
         print(f"skipped: {folder} is not there (pictures, bodies.toml and gold_*.csv of DICe's escapement)")
         return True
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", vision.VisionWarning)  # no frame is still
-        with vision.open_film(folder) as film:
-            times = np.arange(film.n_frames) / 1000.0
-            result = vision.track(film, vision.load_bodies(folder / "bodies.toml"), times)
+    quiet = warnings.catch_warnings(action="ignore", category=vision.VisionWarning)  # no frame is still
+    with quiet, vision.open_film(folder) as film:
+        times = np.arange(film.n_frames) / 1000.0
+        result = vision.track(film, vision.load_bodies(folder / "bodies.toml"), times)
     table = Table(
         "body:12s", "poses:d", "lost:d", "flagged:d", "RMS mrad:.2f", "u mrad:.2f", "covered:.2f", "DICe SIGMA px:.3f"
     )

@@ -514,8 +514,7 @@ def track_one(kind: str, surface: str, seed: int, n_still: int) -> Row:
     """Render and track one film; ``n_still`` 0: the tracker finds its still frames."""
     film = stress_film(kind, surface, seed)
     source = vision.ArrayFilm(film.frames, frame_rate_hz=2000.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         try:
             result = vision.track(source, [vision.Body("bar", film.outline_px)], n_still=n_still or None)
         except vision.VisionInputError as error:

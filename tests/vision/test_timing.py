@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.vision.motion import smooth_step
+from tests.vision.known_films import smooth_step
 from vision.errors import InputError
 from vision.timing import estimate_offset, times_of_counts, times_of_edges
 

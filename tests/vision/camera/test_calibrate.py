@@ -13,7 +13,7 @@ import pytest
 
 from tests.command_line import run
 from tests.vision.camera.target_picture import target_picture
-from tests.vision.motion import smooth_step
+from tests.vision.known_films import smooth_step
 from vision.bodies.outlines import Body
 from vision.camera.calibrate import Calibration, Target, calibrate
 from vision.camera.model import AssumedCamera, CalibratedCamera, Projection, load_calibration, save_calibration, tilted

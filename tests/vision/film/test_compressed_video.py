@@ -89,8 +89,7 @@ def test_damaged_film_is_read_or_refused(tmp_path: Path, capfd: pytest.CaptureFi
         data[places] = rng.integers(0, 256, places.size)
         path.write_bytes(data.tobytes())
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", VisionWarning)
+            with warnings.catch_warnings(action="ignore", category=VisionWarning):
                 film = open_film(path)
             with film:
                 for i in range(film.n_frames):

@@ -29,10 +29,8 @@ def frames_of(bits: int) -> np.ndarray:
 
 
 def read_all(path: Path) -> np.ndarray:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", VisionWarning)
-        with open_film(path) as film:
-            return np.stack([film.read(i) for i in range(film.n_frames)])
+    with warnings.catch_warnings(action="ignore", category=VisionWarning), open_film(path) as film:
+        return np.stack([film.read(i) for i in range(film.n_frames)])
 
 
 def encoded(path: Path, codec: str, pixels: str, frames: np.ndarray) -> None:
@@ -129,8 +127,7 @@ def test_films_that_other_packages_carry() -> None:
         with av.open(str(path)) as container:
             twelve = zip(container.decode(video=0), range(12), strict=False)
             other = np.stack([frame.to_ndarray(format="bgr24")[..., 1] for frame, _ in twelve])
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", VisionWarning)
-            with open_film(path, channel="green") as film:
-                own = np.stack([film.read(i) for i in range(12)])
+        quiet = warnings.catch_warnings(action="ignore", category=VisionWarning)
+        with quiet, open_film(path, channel="green") as film:
+            own = np.stack([film.read(i) for i in range(12)])
         assert np.abs(own.astype(int) - other).mean() < 0.1

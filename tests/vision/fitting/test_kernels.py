@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from tests.vision.known_films import PIVOT, bar_scene
 from vision.fitting.assessment import Blocks, block_ratios, blocks_of
 from vision.fitting.bspline import coefficients, noise_gain
 from vision.fitting.icgn import IcgnFitter
@@ -25,7 +24,6 @@ from vision.fitting.kernels import (
 )
 from vision.fitting.pose_covariance import TUKEY
 from vision.fitting.template import Template, build_template
-from vision.synthetic import Scene
 
 
 def plain_fit(
@@ -53,14 +51,14 @@ def plain_fit(
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
-def test_fit_against_plain_numpy(bar_scene: Callable[[str], Scene], pivot: tuple[float, float], texture: str) -> None:
+def test_fit_against_plain_numpy(texture: str) -> None:
     scene = bar_scene(texture)
     rng = np.random.default_rng(2)
-    still = scene.light(np.array([[[0.0, *pivot]]]))
+    still = scene.light(np.array([[[0.0, *PIVOT]]]))
     mask = np.zeros(still.shape, dtype=bool)
     mask[80:112, 68:166] = True
     template = build_template("bar", still + 0.2 * rng.standard_normal(still.shape), mask, 10)
-    light = scene.light(np.array([[[0.05, pivot[0] + 1.3, pivot[1] - 0.7]]]))
+    light = scene.light(np.array([[[0.05, PIVOT[0] + 1.3, PIVOT[1] - 0.7]]]))
     frame = (1.1 * light + 2.0 * rng.standard_normal(light.shape)).astype(np.float32)
     frame[85:110, 100:115] = 20.0  # something covers the body
     start = np.array([-0.045, 0.9, -0.8])
@@ -80,10 +78,10 @@ def test_fit_against_plain_numpy(bar_scene: Callable[[str], Scene], pivot: tuple
     assert fit.sums.scale == pytest.approx(scale, rel=0.02)
 
 
-def test_fit_reports_failure_instead_of_raising(bar_scene: Callable[[str], Scene], pivot: tuple[float, float]) -> None:
+def test_fit_reports_failure_instead_of_raising() -> None:
     from vision.film.source import ArrayFilm
 
-    still = bar_scene("speckle").light(np.array([[[0.0, *pivot]]]))
+    still = bar_scene("speckle").light(np.array([[[0.0, *PIVOT]]]))
     mask = np.zeros(still.shape, dtype=bool)
     mask[80:112, 68:166] = True
     fitter = IcgnFitter(build_template("bar", still, mask, 10))

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.vision.known_films import PIVOT, bar_scene
 from vision.film.source import ArrayFilm
 from vision.fitting.base import Fit
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import build_template
-from vision.synthetic import Scene
 
 START = np.array([0.001, 0.1, -0.1])
 
@@ -39,10 +37,8 @@ def fitted(still: NDArray[np.float64], frame: NDArray[np.float64], seed: int) ->
 
 
 @pytest.mark.parametrize(("texture", "kind"), [("speckle", "shade"), ("wood", "shade"), ("wood", "glow")])
-def test_light_that_gradients_do_not_follow(
-    bar_scene: Callable[[str], Scene], pivot: tuple[float, float], texture: str, kind: str
-) -> None:
-    still = bar_scene(texture).light(np.array([[[0.0, *pivot]]])).astype(float)
+def test_light_that_gradients_do_not_follow(texture: str, kind: str) -> None:
+    still = bar_scene(texture).light(np.array([[[0.0, *PIVOT]]])).astype(float)
     y, x = np.mgrid[0 : still.shape[0], 0 : still.shape[1]]
     shade = 1.0 - 0.3 / (1.0 + np.exp((x + 0.3 * y - 140.0) / 1.5))
     glow = 35.0 * np.exp(-((x - 140.0) ** 2 + (y - 100.0) ** 2) / (2.0 * 9.0**2))
@@ -61,10 +57,8 @@ def test_light_that_gradients_do_not_follow(
 
 
 @pytest.mark.parametrize("grey", [30.0, 85.0, 140.0])
-def test_what_hides_a_body_is_no_light(
-    bar_scene: Callable[[str], Scene], pivot: tuple[float, float], grey: float
-) -> None:
-    still = bar_scene("wood").light(np.array([[[0.0, *pivot]]])).astype(float)
+def test_what_hides_a_body_is_no_light(grey: float) -> None:
+    still = bar_scene("wood").light(np.array([[[0.0, *PIVOT]]])).astype(float)
     frame = still.copy()
     frame[:, 90:115] = grey
     fit, fitter = fitted(still, frame, 7)
@@ -73,8 +67,8 @@ def test_what_hides_a_body_is_no_light(
     assert np.all(np.abs(fit.pose) < 4.0 * np.sqrt(np.diag(fit.covariance)))
 
 
-def test_light_goes_on_from_its_state(bar_scene: Callable[[str], Scene], pivot: tuple[float, float]) -> None:
-    still = bar_scene("speckle").light(np.array([[[0.0, *pivot]]])).astype(float)
+def test_light_goes_on_from_its_state() -> None:
+    still = bar_scene("speckle").light(np.array([[[0.0, *PIVOT]]])).astype(float)
     frame = still * np.where(np.arange(still.shape[1]) < 110, 0.75, 1.0)
     _, fitter = fitted(still, frame, 8)
     other = IcgnFitter(fitter.template)

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import vision.tracking.track_film
-from tests.vision.motion import smooth_step
+from tests.vision.known_films import film_of, smooth_step
 from vision.bodies.outlines import Body
 from vision.film.mraw import write_mraw
 from vision.film.open import open_film
@@ -84,7 +84,6 @@ def trouble(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
 @pytest.mark.parametrize(("change", "every"), [(nothing, 1), (trouble, 2)])
 def test_compiled_frames_have_the_bits_of_fits_in_python(
     lever_scene: Scene,
-    film_of: Callable[..., object],
     monkeypatch: pytest.MonkeyPatch,
     tables: list[PoseTable],
     change: Callable[[NDArray[np.uint8]], NDArray[np.uint8]],
@@ -95,8 +94,7 @@ def test_compiled_frames_have_the_bits_of_fits_in_python(
     walked = []
     walk = FrameFit.walk
     monkeypatch.setattr(FrameFit, "walk", lambda *a: walked.append(walk(*a)) or walked[-1])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         compiled = track_film(film, known.bodies, every=every, n_still=STILL)
         monkeypatch.setattr(FilmTracker, "walk", lambda *a: 0)
         by_frame = track_film(film, known.bodies, every=every, n_still=STILL)
@@ -148,7 +146,7 @@ def test_which_frames_are_watched_for_repeating_the_one_before() -> None:
     assert watch(repeats, 3)[1] == NEVER
 
 
-def test_a_body_that_was_never_placed_is_left_to_python(lever_scene: Scene, film_of: Callable[..., object]) -> None:
+def test_a_body_that_was_never_placed_is_left_to_python(lever_scene: Scene) -> None:
     known = film_of(lever_scene, lever_motion()[:16], parents={"finger": "beam"})
     tracker = FilmTracker(vision.tracking.track_film.prepare(known.film, known.bodies, STILL))
     tracker.clear_histories()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import ndimage, special
 
-from tests.vision.motion import smooth_step
+from tests.vision.known_films import PIVOT, bar_scene, film_of, smooth_step
 from vision.errors import BodyError, VisionInputError
 from vision.film.source import ArrayFilm
 from vision.marks.follow import follow_marks
@@ -95,18 +95,16 @@ def test_an_edge_moves_across_itself(angle: float, texture: float) -> None:
     assert np.median(result.u_offset_px) < 0.1
 
 
-def test_textured_spot_gives_its_turn_and_lost_frames_are_flagged(
-    bar_scene: Callable[[str], object], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
+def test_textured_spot_gives_its_turn_and_lost_frames_are_flagged() -> None:
     s = smooth_step((np.arange(80) - 16) / 50)
-    pose = np.column_stack([0.3 * s, pivot[0] + 5.0 * s, pivot[1] - 4.0 * s])[:, None, :]
+    pose = np.column_stack([0.3 * s, PIVOT[0] + 5.0 * s, PIVOT[1] - 4.0 * s])[:, None, :]
 
     def dark(i: int, light: np.ndarray) -> None:
         if 40 <= i < 44:
             light[:] = 12.0
 
     known = film_of(bar_scene("speckle"), pose, cover=dark)
-    result = follow_marks(known.film, [PointMark("spot", (pivot[0] + 30.0, pivot[1]), 14.0)])
+    result = follow_marks(known.film, [PointMark("spot", (PIVOT[0] + 30.0, PIVOT[1]), 14.0)])
     np.testing.assert_array_equal(np.flatnonzero(result.failed[:, 0]), np.arange(40, 44))
     good = ~result.failed[:, 0]
     error = (result.turn_rad[:, 0] - pose[:, 0, 0])[good] / result.u_turn_rad[good, 0]

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from tests.vision.known_films import PIVOT, bar_scene, film_of
 from vision.bodies.outlines import Body
 from vision.errors import InputError
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm
 from vision.output.colours import LOST, bgr, colour_of
 from vision.output.overlay import OutlineDrawer, words_of, worst_of, write_contact_sheet, write_overlay
-from vision.synthetic import Scene, box
+from vision.synthetic import box
 from vision.tracking.track_film import track_film
 
 
 @pytest.fixture(scope="module")
-def tracked(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> tuple[object, object]:
+def tracked() -> tuple[object, object]:
     """A bar that turns by 0.2 rad, hidden in frames 30 to 33."""
-    pose = np.tile([0.0, *pivot], (44, 1))[:, None, :]
+    pose = np.tile([0.0, *PIVOT], (44, 1))[:, None, :]
     pose[:, 0, 0] = 0.2 * np.clip((np.arange(44) - 14) / 25.0, 0.0, 1.0) ** 2
 
     def hide(i: int, light: np.ndarray) -> None:

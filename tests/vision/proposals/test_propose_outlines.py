@@ -13,7 +13,7 @@ import pytest
 import vision.proposals.point_tracks
 from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, film_trial
 from tests.command_line import run
-from tests.vision.motion import smooth_step
+from tests.vision.known_films import smooth_step
 from vision.bodies.outlines import Body, load_bodies, signed_distance
 from vision.errors import TrackingError
 from vision.film.mraw import write_mraw

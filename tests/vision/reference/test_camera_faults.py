@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from tests.vision.motion import smooth_step
+from tests.vision.known_films import smooth_step
 from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.source import ArrayFilm

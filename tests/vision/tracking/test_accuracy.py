@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.vision.conftest import ECC
-from tests.vision.motion import bar_motion, smooth_step
+from tests.vision.known_films import ECC, PIVOT, bar_motion, bar_scene, error_of, film_of, smooth_step
 from vision.angles import ccw_to_picture
 from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
@@ -31,18 +29,12 @@ MDEG = np.radians(1e-3)
 
 @pytest.mark.parametrize("engine", ["icgn", ECC])
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
-def test_error_and_stated_uncertainty_over_random_poses(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    texture: str,
-    engine: str,
-) -> None:
+def test_error_and_stated_uncertainty_over_random_poses(texture: str, engine: str) -> None:
     """Independent random poses and flicker: RMS, coverage of the 95 % interval, spread of error over uncertainty."""
     n_still, n = 40, 400 if engine == "icgn" else 150
     rng = np.random.default_rng(17)
     scene = bar_scene(texture)
-    pose = np.tile([0.0, *pivot], (n_still + n, 1))[:, None, :]
+    pose = np.tile([0.0, *PIVOT], (n_still + n, 1))[:, None, :]
     pose[n_still:, 0] += rng.uniform([-0.15, -4.0, -4.0], [0.15, 4.0, 4.0], (n, 3))
     gain = 1.0 + 0.1 * np.sin(np.arange(n_still + n))
     known = film_of(scene, pose, gain=gain, seed=23)
@@ -55,7 +47,7 @@ def test_error_and_stated_uncertainty_over_random_poses(
     for i in range(n_still, n_still + n):
         phi = float(ccw_to_picture(pose[i, 0, 0]))
         # the true shift of the centre: it turns with the bar about the bar's origin
-        arm = np.array([cx - pivot[0], cy - pivot[1]])
+        arm = np.array([cx - PIVOT[0], cy - PIVOT[1]])
         c, s = np.cos(phi), np.sin(phi)
         centre = pose[i, 0, 1:] + np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1]])
         true = np.array([phi, centre[0] - cx, centre[1] - cy])
@@ -79,19 +71,13 @@ def test_error_and_stated_uncertainty_over_random_poses(
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
-def test_film_of_a_turning_bar(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    texture: str,
-) -> None:
-    pose = bar_motion(160, pivot, 0.3)
+def test_film_of_a_turning_bar(texture: str) -> None:
+    pose = bar_motion(160, PIVOT, 0.3)
     known = film_of(bar_scene(texture), pose, gain=1 + 0.08 * np.cos(0.37 * np.arange(160)))
     result = track_film(known.film, known.bodies)
     assert not result.failed.any()
     assert 10 <= result.n_still <= 22
-    true = pose[:, 0, 0] - pose[: result.n_still, 0, 0].mean()
-    error = result.angle_rad[:, 0] - true
+    error = error_of(result, pose)
     mask = build_masks(known.bodies, known.film.height, known.film.width)[0]
     bound = cramer_rao_bound(known.light, mask, total_noise(2.0, 8))[0]
     assert np.sqrt(np.mean(error**2)) < 1.25 * bound  # 1.15 and the error of a zero from 14 frames
@@ -128,7 +114,7 @@ def test_sign_datum_and_axes() -> None:
     assert mirrored.angle_rad[-1, 0] == pytest.approx(-0.2, abs=2e-5)
 
 
-def two_body_film(film_of: Callable[..., object], n: int = 120) -> object:
+def two_body_film(n: int = 120) -> object:
     """A bar with a finger pinned on its end, in front of it, that sweeps over it."""
     bar = SyntheticBody("beam", box(-60.0, -16.0, 70.0, 16.0), speckle((-66.0, -22.0, 76.0, 22.0), 1))
     finger = SyntheticBody("finger", box(-9.0, -60.0, 9.0, 8.0), speckle((-15.0, -66.0, 15.0, 14.0), 2))
@@ -145,8 +131,8 @@ def two_body_film(film_of: Callable[..., object], n: int = 120) -> object:
     return film_of(scene, pose, parents={"finger": "beam"})
 
 
-def test_relative_angle_and_moving_cover(film_of: Callable[..., object]) -> None:
-    known = two_body_film(film_of)
+def test_relative_angle_and_moving_cover() -> None:
+    known = two_body_film()
     result = track_film(known.film, known.bodies)
     assert not result.failed.any()
     angle, u, flag = result.relative("finger")
@@ -163,8 +149,8 @@ def test_relative_angle_and_moving_cover(film_of: Callable[..., object]) -> None
     assert np.abs(np.mean(beam)) < 3 * np.sqrt(np.mean(result.u_angle_rad[late, 0] ** 2) / beam.size + 1e-12)
 
 
-def test_table_every_and_times(film_of: Callable[..., object]) -> None:
-    known = two_body_film(film_of, 70)
+def test_table_every_and_times() -> None:
+    known = two_body_film(70)
     time_s = 0.5 + np.arange(70) / 1000.0
     seen: list[tuple[int, int]] = []
     result = track_film(
@@ -192,11 +178,9 @@ def test_table_every_and_times(film_of: Callable[..., object]) -> None:
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
-def test_positions_have_their_uncertainty(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float], texture: str
-) -> None:
+def test_positions_have_their_uncertainty(texture: str) -> None:
     n, still, rng = 260, 20, np.random.default_rng(3)
-    pose = np.tile([0.0, *pivot], (n, 1))[:, None, :]
+    pose = np.tile([0.0, *PIVOT], (n, 1))[:, None, :]
     pose[still:, 0, 1:] += np.cumsum(rng.uniform(-0.4, 0.4, (n - still, 2)), axis=0)
     known = film_of(bar_scene(texture), pose, seed=9)
     result = track_film(known.film, known.bodies, n_still=still)
@@ -208,8 +192,8 @@ def test_positions_have_their_uncertainty(
         assert np.median(result.u_position_px[:, 0, 0]) > 2.0 * np.median(result.u_position_px[:, 0, 1])
 
 
-def test_a_preview_is_what_the_whole_film_gives(film_of: Callable[..., object]) -> None:
-    known = two_body_film(film_of, 90)
+def test_a_preview_is_what_the_whole_film_gives() -> None:
+    known = two_body_film(90)
     few, whole = preview(known.film, known.bodies, 4), track_film(known.film, known.bodies)
     assert few.frame.tolist() == [22, 44, 67, 89] and not few.failed.any()
     apart = np.abs(few.angle_rad - whole.angle_rad[few.frame])
@@ -219,8 +203,8 @@ def test_a_preview_is_what_the_whole_film_gives(film_of: Callable[..., object]) 
 
 
 @pytest.mark.parametrize("method", [ECC])
-def test_ecc_tracks_a_film(film_of: Callable[..., object], method: str) -> None:
-    known = two_body_film(film_of, 80)
+def test_ecc_tracks_a_film(method: str) -> None:
+    known = two_body_film(80)
     result = track_film(known.film, known.bodies, method=method)
     assert result.method == method and not result.failed.any()
     angle, u, _ = result.relative("finger")
@@ -230,10 +214,8 @@ def test_ecc_tracks_a_film(film_of: Callable[..., object], method: str) -> None:
     assert np.abs(error).max() < 5 * u.max()
 
 
-def test_what_cannot_be_tracked(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
-    known = film_of(bar_scene("speckle"), bar_motion(40, pivot, 0.2))
+def test_what_cannot_be_tracked() -> None:
+    known = film_of(bar_scene("speckle"), bar_motion(40, PIVOT, 0.2))
     film, bodies = known.film, known.bodies
     with pytest.raises(InputError, match="method 'lk'"):
         track_film(film, bodies, method="lk")

@@ -141,8 +141,7 @@ def test_the_same_film_gives_the_same_bits(stress: ModuleType, tracked: Tracked)
     film = stress.stress_film("neighbour", "speckle", 501)
     first = tracked("neighbour", "speckle", 501)[0]
     junk = np.empty(10007)  # moves what is allocated next
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", VisionWarning)
+    with warnings.catch_warnings(action="ignore", category=VisionWarning):
         second = track_film(ArrayFilm(film.frames.copy(), 2000.0), [Body("bar", film.outline_px)])
     del junk
     for name in ("angle_rad", "u_angle_rad", "zncc", "flag"):

@@ -30,8 +30,7 @@ def test_a_slat_that_slides_over_needs_no_flag(stress: ModuleType, tracked: Call
 
 def test_a_doubted_body_keeps_its_flag_and_a_wrong_pose_widens(stress: ModuleType) -> None:
     film = stress.stress_film("neighbour", "speckle", 501)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", VisionWarning)
+    with warnings.catch_warnings(action="ignore", category=VisionWarning):
         ready = prepare(ArrayFilm(film.frames, 2000.0), [Body("bar", film.outline_px)], n_still=stress.STILL)
     table = PoseTable.empty(np.arange(len(film.frames)), 1)
     track_forward(FilmTracker(ready), table, n_still=stress.STILL)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import vision.tracking.passes
-from tests.vision.conftest import ECC
-from tests.vision.motion import bar_motion
+from tests.vision.known_films import ECC, PIVOT, bar_motion, bar_scene, film_of, same_bits
 from vision.errors import InputError
 from vision.results.flags import FrameFlag
-from vision.synthetic import Scene
 from vision.tracking.retrack import retrack_frames
 from vision.tracking.track_film import track_film
 
@@ -24,23 +21,10 @@ class StoppedError(Exception):
     """Stands for Ctrl-C."""
 
 
-def same(a: object, b: object) -> None:
-    """Equal to the bit."""
-    for name in ("angle_rad", "u_angle_rad", "x_px", "zncc", "covariance", "u_common_rad", "u_total_rad", "flag"):
-        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
-
-
 @pytest.mark.parametrize("method", ["icgn", ECC])
-def test_resumed_run_gives_the_same_numbers(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    method: str,
-) -> None:
+def test_resumed_run_gives_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
     monkeypatch.setattr(vision.tracking.passes, "EVERY_ROWS", 16)
-    known = film_of(bar_scene("wood"), bar_motion(70, pivot, 0.3))
+    known = film_of(bar_scene("wood"), bar_motion(70, PIVOT, 0.3))
     whole = track_film(known.film, known.bodies, method=method)
     checkpoint = tmp_path / "unfinished.npz"
 
@@ -54,7 +38,7 @@ def test_resumed_run_gives_the_same_numbers(
     stored = checkpoint.read_bytes()
     resumed = track_film(known.film, known.bodies, method=method, checkpoint=checkpoint)
     assert (32 if method == "ecc" else 16) <= resumed.info["rows_resumed"] <= 37 and not checkpoint.exists()
-    same(resumed, whole)
+    same_bits(resumed, whole)
     # nothing is resumed from another job or a damaged file
     checkpoint.write_bytes(stored)
     other = track_film(known.film, known.bodies, method=method, every=2, checkpoint=checkpoint)
@@ -64,15 +48,13 @@ def test_resumed_run_gives_the_same_numbers(
         checkpoint.write_bytes(damaged)
         again = track_film(known.film, known.bodies, method=method, checkpoint=checkpoint)
         assert again.info["rows_resumed"] == 0
-        same(again, whole)
+        same_bits(again, whole)
     with pytest.raises(InputError, match="cannot be written"):
         track_film(known.film, known.bodies, method=method, checkpoint=tmp_path / "absent" / "unfinished.npz")
 
 
-def test_a_frame_alone_gives_what_the_film_gave(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
-    pose = bar_motion(70, pivot, 0.3)
+def test_a_frame_alone_gives_what_the_film_gave() -> None:
+    pose = bar_motion(70, PIVOT, 0.3)
     known = film_of(bar_scene("speckle"), pose)
     result = track_film(known.film, known.bodies)
     near = {"bar": (result.angle_rad[50, 0] + 0.03, result.x_px[50, 0] - 2.0, result.y_px[50, 0] + 1.5)}
@@ -90,15 +72,10 @@ def test_a_frame_alone_gives_what_the_film_gave(
         retrack_frames(known.film, known.bodies, [50], [{}])
 
 
-def test_backward_pass_takes_back_a_wrong_stretch(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_backward_pass_takes_back_a_wrong_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
     """Poses of three rows are spoilt after the forward pass, by a pixel at the rim; the backward pass does not confirm
     them. Of one that is spoilt by a twentieth of a pixel the difference is in its uncertainty."""
-    known = film_of(bar_scene("speckle"), bar_motion(70, pivot, 0.3))
+    known = film_of(bar_scene("speckle"), bar_motion(70, PIVOT, 0.3))
     forward = vision.tracking.passes.track_forward
 
     def spoil(tracker: object, table: object, *rest: object) -> int:
@@ -121,10 +98,8 @@ def test_backward_pass_takes_back_a_wrong_stretch(
         track_film(known.film, known.bodies, confirm="maybe")
 
 
-def test_only_doubtful_rows_are_seen_twice(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
-    pose = bar_motion(90, pivot, 0.3)
+def test_only_doubtful_rows_are_seen_twice() -> None:
+    pose = bar_motion(90, PIVOT, 0.3)
     clean = film_of(bar_scene("speckle"), pose)
     assert track_film(clean.film, clean.bodies).info["rows_confirmed"] == 0
 

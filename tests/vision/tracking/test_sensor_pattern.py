@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import vision.tracking.track_film
-from tests.vision.motion import bar_motion
+from tests.vision.known_films import PIVOT, bar_motion, bar_scene, film_of
 from vision.film.source import ArrayFilm
-from vision.synthetic import Scene
 from vision.tracking.sensor_pattern import WithoutPattern
 from vision.tracking.track_film import track_film
 
@@ -24,10 +23,8 @@ def with_pattern(film: ArrayFilm, rms: float, seed: int = 0) -> tuple[ArrayFilm,
 
 
 @pytest.mark.parametrize("texture", ["speckle", pytest.param("wood", marks=pytest.mark.slow)])
-def test_a_fixed_pattern_is_taken_off(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float], texture: str
-) -> None:
-    pose = bar_motion(110, pivot, 0.35)
+def test_a_fixed_pattern_is_taken_off(texture: str) -> None:
+    pose = bar_motion(110, PIVOT, 0.35)
     known = film_of(bar_scene(texture), pose)
     film, pattern = with_pattern(known.film, 2.5)
     result = track_film(film, known.bodies)
@@ -44,17 +41,13 @@ def test_a_fixed_pattern_is_taken_off(
 
 @pytest.mark.parametrize("disturbed", ["pattern", "bar", "nothing"])
 def test_a_film_is_tracked_again_only_where_a_sample_of_rows_fits_better(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    monkeypatch: pytest.MonkeyPatch,
-    disturbed: str,
+    monkeypatch: pytest.MonkeyPatch, disturbed: str
 ) -> None:
     def bar(i: int, light: np.ndarray) -> None:
         left = 45 + max(0, i - 20) // 2
         light[:, left : left + 38] = 25.0 if disturbed == "bar" and i > 20 else light[:, left : left + 38]
 
-    known = film_of(bar_scene("speckle"), bar_motion(110, pivot, 0.35), cover=bar)
+    known = film_of(bar_scene("speckle"), bar_motion(110, PIVOT, 0.35), cover=bar)
     film = with_pattern(known.film, 2.5)[0] if disturbed == "pattern" else known.film
     passes, plain = [], vision.tracking.track_film.track_forward
     monkeypatch.setattr(

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 import vision.tracking.body_tracker
 import vision.tracking.stretches
-from tests.vision.motion import bar_motion
+from tests.vision.known_films import PIVOT, bar_motion, bar_scene, error_of, film_of, same_bits, sliding_bar
 from vision.errors import InputError
 from vision.film.mmap_window import FileWindow
 from vision.film.source import ArrayFilm
-from vision.results.track_result import TrackResult
-from vision.synthetic import Scene
 from vision.tracking.track_film import track_film
 
 N = 120
@@ -26,12 +22,6 @@ def short_stretches(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(vision.tracking.stretches, "STRETCH_ROWS", 30)
 
 
-def same(a: TrackResult, b: TrackResult) -> None:
-    """Equal to the bit."""
-    for name in ("angle_rad", "u_angle_rad", "x_px", "zncc", "covariance", "u_common_rad", "u_total_rad", "flag"):
-        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
-
-
 def counted_searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The frames in which a body is searched for, as they come."""
     frames: list[int] = []
@@ -41,27 +31,19 @@ def counted_searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 @pytest.mark.parametrize("texture", ["speckle", pytest.param("wood", marks=pytest.mark.slow)])
-def test_any_number_of_threads_gives_the_same_bits(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float], texture: str
-) -> None:
-    pose = bar_motion(N, pivot, 0.4)
+def test_any_number_of_threads_gives_the_same_bits(texture: str) -> None:
+    pose = bar_motion(N, PIVOT, 0.4)
     known = film_of(bar_scene(texture), pose)
     one = track_film(known.film, known.bodies, threads=1)
     for threads in (2, 5):
-        same(track_film(known.film, known.bodies, threads=threads), one)
-    error = one.angle_rad[:, 0] - (pose[:, 0, 0] - pose[: one.n_still, 0, 0].mean())
-    assert not one.failed.any() and np.abs(error / one.u_angle_rad[:, 0]).max() < 5.0
+        same_bits(track_film(known.film, known.bodies, threads=threads), one)
+    assert not one.failed.any() and np.abs(error_of(one, pose) / one.u_angle_rad[:, 0]).max() < 5.0
     with pytest.raises(InputError, match="threads"):
         track_film(known.film, known.bodies, threads=0)
 
 
-def test_a_film_in_stretches_is_as_good_as_a_whole_one(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    known = film_of(bar_scene("wood"), bar_motion(N, pivot, 0.4))
+def test_a_film_in_stretches_is_as_good_as_a_whole_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = film_of(bar_scene("wood"), bar_motion(N, PIVOT, 0.4))
     parts = track_film(known.film, known.bodies)
     monkeypatch.setattr(vision.tracking.stretches, "STRETCH_ROWS", N)
     whole = track_film(known.film, known.bodies)
@@ -72,13 +54,9 @@ def test_a_film_in_stretches_is_as_good_as_a_whole_one(
 
 @pytest.mark.parametrize("fault", ["wrong place", "no place"])
 def test_a_stretch_that_does_not_join_is_tracked_from_the_one_before(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    monkeypatch: pytest.MonkeyPatch,
-    fault: str,
+    monkeypatch: pytest.MonkeyPatch, fault: str
 ) -> None:
-    known = film_of(bar_scene("speckle"), bar_motion(N, pivot, 0.4))
+    known = film_of(bar_scene("speckle"), bar_motion(N, PIVOT, 0.4))
     plain = vision.tracking.stretches.starts
 
     def misled(*arguments: object) -> object:
@@ -91,7 +69,7 @@ def test_a_stretch_that_does_not_join_is_tracked_from_the_one_before(
     monkeypatch.setattr(vision.tracking.stretches, "starts", misled)
     searches = counted_searches(monkeypatch)
     results = [track_film(known.film, known.bodies, threads=threads, confirm="none") for threads in (1, 3)]
-    same(*results)
+    same_bits(*results)
     assert not results[0].failed.any()
     assert not searches, "a stretch that cannot join is given up at its seam"
     monkeypatch.setattr(vision.tracking.stretches, "STRETCH_ROWS", N)
@@ -99,17 +77,8 @@ def test_a_stretch_that_does_not_join_is_tracked_from_the_one_before(
     assert np.abs((results[0].angle_rad - whole.angle_rad) / whole.u_angle_rad).max() < 0.3
 
 
-def test_a_stretch_begins_where_a_third_of_the_body_is_hidden(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def bar(i: int, light: np.ndarray) -> None:
-        left = 45 + max(0, i - 20) // 2
-        light[:, left : left + 38] = 25.0 if i > 20 else light[:, left : left + 38]
-
-    known = film_of(bar_scene("speckle"), bar_motion(N, pivot, 0.3), cover=bar)
+def test_a_stretch_begins_where_a_third_of_the_body_is_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = film_of(bar_scene("speckle"), bar_motion(N, PIVOT, 0.3), cover=sliding_bar)
     searches, joined = counted_searches(monkeypatch), []
     plain = vision.tracking.stretches.Stretch.joins
     monkeypatch.setattr(
@@ -120,23 +89,19 @@ def test_a_stretch_begins_where_a_third_of_the_body_is_hidden(
     assert joined == [True] * 3
 
 
-def test_darkness_across_a_seam(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
+def test_darkness_across_a_seam() -> None:
     def blackout(i: int, light: np.ndarray) -> None:
         if 55 <= i < 64:
             light[:] = 12.0
 
-    known = film_of(bar_scene("speckle"), bar_motion(N, pivot, 0.2), cover=blackout)
+    known = film_of(bar_scene("speckle"), bar_motion(N, PIVOT, 0.2), cover=blackout)
     results = [track_film(known.film, known.bodies, threads=threads) for threads in (1, 2)]
-    same(*results)
+    same_bits(*results)
     np.testing.assert_array_equal(np.flatnonzero(results[0].failed[:, 0]), np.arange(55, 64))
 
 
-def test_an_error_in_a_thread_ends_the_run(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
-    known = film_of(bar_scene("speckle"), bar_motion(N, pivot, 0.2))
+def test_an_error_in_a_thread_ends_the_run() -> None:
+    known = film_of(bar_scene("speckle"), bar_motion(N, PIVOT, 0.2))
 
     class Broken(ArrayFilm):
         def read(self, index: int) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from tests.vision.motion import bar_motion, smooth_step
+from tests.vision.known_films import PIVOT, bar_motion, bar_scene, error_of, film_of, smooth_step
 from vision.angles import ccw_to_picture
 from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
@@ -27,12 +26,10 @@ MDEG = np.radians(1e-3)
 REAL_FILM = Path(__file__).resolve().parents[4] / "shared" / "data" / "ball_12bit.mraw"
 
 
-def test_lost_frames_are_nan_and_found_again(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
+def test_lost_frames_are_nan_and_found_again() -> None:
     """10 dark frames in which the bar turns by 13 degrees: all flagged, found on the first visible frame."""
     n, dark = 64, range(32, 42)
-    pose = bar_motion(n, pivot, 0.0)
+    pose = bar_motion(n, PIVOT, 0.0)
     pose[:, 0, 0] = np.radians(13.0) * smooth_step((np.arange(n) - 30) / 13.0)
 
     def blackout(i: int, light: NDArray[np.float32]) -> None:
@@ -46,22 +43,16 @@ def test_lost_frames_are_nan_and_found_again(
     np.testing.assert_array_equal(result.failed[:, 0], lost)
     assert np.all(np.isnan(result.angle_rad[lost])) and np.all(np.isnan(result.u_angle_rad[lost]))
     assert np.all(result.flag[lost] != 0) and result.flag[dark.stop, 0] == 32
-    true = pose[:, 0, 0] - pose[: result.n_still, 0, 0].mean()
-    z = (result.angle_rad[:, 0] - true) / result.u_angle_rad[:, 0]
+    z = error_of(result, pose) / result.u_angle_rad[:, 0]
     assert np.nanmax(np.abs(z)) < 4.5
     assert np.nanmax(result.u_angle_rad) < 8 * MDEG
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
-def test_unknown_object_covers_the_body(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    texture: str,
-) -> None:
+def test_unknown_object_covers_the_body(texture: str) -> None:
     """A dark bar sweeps over up to 30 % of the body: weights bring the error near the bound of the visible pixels."""
     n = 110
-    pose = bar_motion(n, pivot, 0.25)
+    pose = bar_motion(n, PIVOT, 0.25)
 
     def sweep(i: int, light: NDArray[np.float32]) -> None:
         left = int(20 + 1.6 * i)
@@ -71,8 +62,7 @@ def test_unknown_object_covers_the_body(
     result = track_film(known.film, known.bodies)
     assert not result.failed.any()
     assert result.inlier.min() < 0.78
-    true = pose[:, 0, 0] - pose[: result.n_still, 0, 0].mean()
-    error = result.angle_rad[:, 0] - true
+    error = error_of(result, pose)
     z = error / result.u_angle_rad[:, 0]
     assert np.mean(np.abs(z) < 1.96) > 0.88
     mask = build_masks(known.bodies, known.film.height, known.film.width)[0]
@@ -81,16 +71,11 @@ def test_unknown_object_covers_the_body(
 
 
 @pytest.mark.parametrize("texture", ["wood", pytest.param("speckle", marks=pytest.mark.slow)])
-def test_fit_has_converged(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    texture: str,
-) -> None:
+def test_fit_has_converged(texture: str) -> None:
     """With a part freshly covered, a second fit from the first one's end stays where it is."""
     n = 60
     rng = np.random.default_rng(3)
-    pose = np.tile([0.0, *pivot], (n, 1))[:, None, :]
+    pose = np.tile([0.0, *PIVOT], (n, 1))[:, None, :]
     pose[20:, 0] += rng.uniform([-0.1, -3.0, -3.0], [0.1, 3.0, 3.0], (n - 20, 3))
 
     def block(i: int, light: NDArray[np.float32]) -> None:
@@ -105,9 +90,9 @@ def test_fit_has_converged(
     moved = []
     for i in range(20, n):
         phi = float(ccw_to_picture(pose[i, 0, 0]))
-        arm = np.array(template.centre_px) - pivot
+        arm = np.array(template.centre_px) - PIVOT
         c, s = np.cos(phi), np.sin(phi)
-        shift = pose[i, 0, 1:] - pivot + np.array([[c, -s], [s, c]]) @ arm - arm
+        shift = pose[i, 0, 1:] - PIVOT + np.array([[c, -s], [s, c]]) @ arm - arm
         fitter = IcgnFitter(template)
         first = fitter.fit(known.film, i, np.array([phi + 0.003, *(shift + 0.2)]), None)
         second = fitter.fit(known.film, i, first.pose, None)
@@ -116,30 +101,26 @@ def test_fit_has_converged(
     assert np.max(moved) < 0.3
 
 
-def test_leaving_the_picture(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
+def test_leaving_the_picture() -> None:
     """The bar moves half out of the picture: pixels outside do not count, the uncertainty grows, the angle holds."""
     n = 100
-    pose = bar_motion(n, pivot, 0.1)
+    pose = bar_motion(n, PIVOT, 0.1)
     pose[:, 0, 1] += 70.0 * smooth_step((np.arange(n) - 14) / 75.0)
     known = film_of(bar_scene("speckle"), pose)
     result = track_film(known.film, known.bodies)
     assert not result.failed.any()
-    error = result.angle_rad[:, 0] - (pose[:, 0, 0] - pose[: result.n_still, 0, 0].mean())
+    error = error_of(result, pose)
     assert result.inlier[-1, 0] < 0.75
     assert result.u_angle_rad[-1, 0] > 1.3 * result.u_angle_rad[0, 0]
     assert np.mean(np.abs(error) < 1.96 * result.u_angle_rad[:, 0]) > 0.88
 
 
-def test_moving_from_the_first_frame_on(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
+def test_moving_from_the_first_frame_on() -> None:
     """No still frame: the first one is the zero, with its own error in the stated uncertainty."""
     n = 25
     errors, stated = [], []
     for seed in range(12):
-        pose = np.tile([0.0, *pivot], (n, 1))[:, None, :]
+        pose = np.tile([0.0, *PIVOT], (n, 1))[:, None, :]
         pose[:, 0] += np.outer(np.arange(n), [0.006, 0.4, 1.1])
         known = film_of(bar_scene("speckle"), pose, seed=seed)
         with pytest.warns(VisionWarning, match="only 1 still"):
@@ -179,9 +160,7 @@ def test_real_film_of_a_falling_ball() -> None:
 
 
 @pytest.mark.parametrize("texture", ["speckle", pytest.param("wood", marks=pytest.mark.slow)])
-def test_steps_of_45_degrees(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float], texture: str
-) -> None:
+def test_steps_of_45_degrees(texture: str) -> None:
     """A bar that jumps by an eighth of a turn every few frames, beyond half a turn: found at once, and counted on."""
     n = 34
     pose = bar_motion(n, (120.0, 100.0), 0.0)
@@ -191,13 +170,11 @@ def test_steps_of_45_degrees(
     assert not result.failed.any()
     jumps = np.flatnonzero(np.diff(pose[:, 0, 0]) > 0.0) + 1
     np.testing.assert_array_equal(np.flatnonzero(result.flag[:, 0] & 32), jumps)
-    z = (result.angle_rad[:, 0] - pose[:, 0, 0] + pose[: result.n_still, 0, 0].mean()) / result.u_angle_rad[:, 0]
+    z = error_of(result, pose) / result.u_angle_rad[:, 0]
     assert np.abs(z).max() < 4.5 and result.angle_rad[-1, 0] > np.pi
 
 
-def test_a_body_that_leaves_the_picture_and_returns_elsewhere(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
+def test_a_body_that_leaves_the_picture_and_returns_elsewhere() -> None:
     """It leaves to the right and comes back from above, turned by half a radian: lost while it is out, then found."""
     n = 32
     pose = bar_motion(n, (110.0, 100.0), 0.0)
@@ -223,28 +200,22 @@ def test_a_body_that_leaves_the_picture_and_returns_elsewhere(
         *(pytest.param(*case, marks=pytest.mark.slow) for case in (("wood", 0.4), ("speckle", 0.55), ("wood", 1.6))),
     ],
 )
-def test_light_that_changes_at_once_and_stays_loses_no_frame(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    texture: str,
-    light: float,
-) -> None:
+def test_light_that_changes_at_once_and_stays_loses_no_frame(texture: str, light: float) -> None:
     """In the middle of the motion; then back again, so that both ways are taken both up and down."""
     n = 70
-    pose, gain = bar_motion(n, pivot, 0.25), np.ones(n)
+    pose, gain = bar_motion(n, PIVOT, 0.25), np.ones(n)
     gain[30:55] = light
     known = film_of(bar_scene(texture), pose, gain=gain)
     result = track_film(known.film, known.bodies)
     assert not result.failed.any()
-    z = (result.angle_rad[:, 0] - (pose[:, 0, 0] - pose[: result.n_still, 0, 0].mean())) / result.u_angle_rad[:, 0]
+    z = error_of(result, pose) / result.u_angle_rad[:, 0]
     assert np.mean(np.abs(z) < 1.96) > 0.9 and np.abs(z).max() < 4.5
     if light < 1.0:  # where it is darker there is less contrast over the same noise
         ratio = np.median(result.u_angle_rad[32:54, 0]) / np.median(result.u_angle_rad[16:28, 0])
         assert 0.85 < ratio * light < 1.15
 
 
-def test_light_that_changes_on_one_body_alone(film_of: Callable[..., object]) -> None:
+def test_light_that_changes_on_one_body_alone() -> None:
     """A lamp's edge falls between two bodies."""
     n, change = 60, 32
     ends = [box(-30.0, -20.0, 30.0, 20.0)] * 2
@@ -269,12 +240,10 @@ def test_light_that_changes_on_one_body_alone(film_of: Callable[..., object]) ->
     assert np.mean(np.abs(z) < 1.96) > 0.9 and np.abs(z).max() < 4.5
 
 
-def test_another_surface_is_not_taken_for_other_light(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
+def test_another_surface_is_not_taken_for_other_light() -> None:
     """A board of another texture and half the contrast slides before the bar and stays: those frames are lost."""
     n = 36
-    pose = bar_motion(n, pivot, 0.25)
+    pose = bar_motion(n, PIVOT, 0.25)
     board = 0.5 * one_picture(np.random.default_rng(8))
 
     def hidden(i: int, light: NDArray[np.float32]) -> None:
@@ -282,8 +251,7 @@ def test_another_surface_is_not_taken_for_other_light(
             light[:] = board
 
     known = film_of(bar_scene("speckle"), pose, cover=hidden)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", VisionWarning)
+    with warnings.catch_warnings(action="ignore", category=VisionWarning):
         result = track_film(known.film, known.bodies)
     np.testing.assert_array_equal(result.failed[:, 0], np.arange(n) >= 30)
 

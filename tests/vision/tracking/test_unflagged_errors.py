@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.vision.motion import smooth_step
+from tests.vision.known_films import smooth_step
 from vision.bodies.outlines import Body
 from vision.film.source import ArrayFilm
 from vision.results.flags import FrameFlag

@@ -7,6 +7,7 @@ import threading
 import numpy as np
 import pytest
 
+from tests.vision.known_films import PIVOT, bar_scene, film_of
 from vision.bodies.outlines import Body
 from vision.film.source import ArrayFilm
 from vision.reference.camera_faults import WithoutDefects
@@ -35,8 +36,8 @@ def test_each_keeps_the_order_and_raises_the_first_error(threads: int) -> None:
     assert (len(seen) > 1) == (threads > 1)
 
 
-def test_a_film_with_defect_pixels_is_averaged_without_them(film_of, bar_scene, pivot) -> None:  # type: ignore[no-untyped-def]
-    pose = np.tile([0.0, *pivot], (16, 1))[:, None, :]
+def test_a_film_with_defect_pixels_is_averaged_without_them() -> None:
+    pose = np.tile([0.0, *PIVOT], (16, 1))[:, None, :]
     known = film_of(bar_scene("speckle"), pose)
     frames = np.stack([known.film.read(i) for i in range(16)])
     frames[:, 96, 130], frames[:, 90, 110] = 255, 0

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.vision.known_films import PIVOT, bar_scene, film_of
 from vision.bodies.outlines import Body
 from vision.camera.model import AssumedCamera
 from vision.errors import InputError, VisionWarning
 from vision.film.avi_writer import write_avi
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm
-from vision.synthetic import Scene, Sensor
+from vision.synthetic import Sensor
 from vision.tracking.prepare import prepare
 from vision.tracking.track_film import track_film
 from vision.uncertainty.budget import TERMS
@@ -24,8 +24,8 @@ from vision.uncertainty.budget_terms import ExpectedMotion, expected_budget
 SQUARE = AssumedCamera(0.0, 0.0)
 
 
-def poses(n: int, pivot: tuple[float, float], angle: np.ndarray) -> np.ndarray:
-    return np.column_stack([angle, np.full(n, pivot[0]), np.full(n, pivot[1])])[:, None, :]
+def poses(n: int, angle: np.ndarray) -> np.ndarray:
+    return np.column_stack([angle, np.full(n, PIVOT[0]), np.full(n, PIVOT[1])])[:, None, :]
 
 
 def test_shutter_term_is_the_spread_over_where_the_speed_changes() -> None:
@@ -40,13 +40,11 @@ def test_shutter_term_is_the_spread_over_where_the_speed_changes() -> None:
     assert formula == pytest.approx(expected, rel=0.02)
 
 
-def test_terms_that_follow_the_motion(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
+def test_terms_that_follow_the_motion() -> None:
     n, rate, exposure, acceleration = 38, 2000.0, 4e-4, 4000.0
     i = np.arange(n)
     angle = 0.5 * acceleration * (np.maximum(i - 20, 0) / rate) ** 2
-    known = film_of(bar_scene("speckle"), poses(n, pivot, angle))
+    known = film_of(bar_scene("speckle"), poses(n, PIVOT, angle))
     film = ArrayFilm(known.film._frames, rate, exposure)
     result = track_film(film, known.bodies, n_still=16, camera=SQUARE, u_time_s=2e-5)
     terms = result.budget.absolute
@@ -66,7 +64,7 @@ def test_terms_that_follow_the_motion(
         track_film(film, known.bodies, u_time_s=-1.0)
 
 
-def test_relative_terms_share_the_camera(film_of: Callable[..., object], bar_scene: Callable[[str], Scene]) -> None:
+def test_relative_terms_share_the_camera() -> None:
     """Two outlines on one rigid body: noise adds, what the camera bends cancels but for the distance of the two."""
     n = 40
     x = np.clip((np.arange(n) - 16) / 18, 0, 1)
@@ -86,12 +84,10 @@ def test_relative_terms_share_the_camera(film_of: Callable[..., object], bar_sce
     np.testing.assert_allclose(table["right_relative_u_total_rad"] ** 2, result.budget.total(True)[:, 1] ** 2)
 
 
-def test_expected_budget_is_what_comes_out(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
+def test_expected_budget_is_what_comes_out() -> None:
     n = 60
     x = np.clip((np.arange(n) - 16) / 30, 0, 1)
-    known = film_of(bar_scene("wood"), poses(n, pivot, np.radians(15.0) * x * x * (3 - 2 * x)))
+    known = film_of(bar_scene("wood"), poses(n, PIVOT, np.radians(15.0) * x * x * (3 - 2 * x)))
     seen = []
     camera = AssumedCamera(np.radians(2.0), 0.003)
     result = track_film(known.film, known.bodies, camera=camera, u_time_s=1e-5, expected=seen.append)
@@ -107,30 +103,22 @@ def test_expected_budget_is_what_comes_out(
 
 
 @pytest.mark.parametrize("quality", [95, 75])
-def test_codec_term_covers_jpeg(
-    bar_scene: Callable[[str], Scene],
-    film_of: Callable[..., object],
-    pivot: tuple[float, float],
-    tmp_path: Path,
-    quality: int,
-) -> None:
+def test_codec_term_covers_jpeg(tmp_path: Path, quality: int) -> None:
     """Random poses of a wooden bar as MJPEG: error over total uncertainty spreads by about one."""
     n, still = 170, 40
     rng = np.random.default_rng(5)
-    pose = poses(n, pivot, np.zeros(n))
+    pose = poses(n, PIVOT, np.zeros(n))
     walk = np.cumsum(rng.normal(0, [0.004, 0.25, 0.25], (n - still, 3)), axis=0)
     pose[still:, 0] += walk
     known = film_of(bar_scene("wood"), pose)
     path = tmp_path / "film.avi"
     write_avi(path, [known.film.read(i) for i in range(n)], 2000.0, quality=quality)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", VisionWarning)
-        with open_film(path) as film:
-            assert film.compression is not None and film.compression.steps is not None
-            assert film.compression.steps[0, 0] == (2 if quality == 95 else 8)  # T.81 table K.1 scaled by libjpeg
-            assert film.compression.steps[0, 1] == (1 if quality == 95 else 6)
-            assert film.compression.steps[1, 0] == (1 if quality == 95 else 6)
-            result = track_film(film, known.bodies, n_still=still, camera=SQUARE)
+    with warnings.catch_warnings(action="ignore", category=VisionWarning), open_film(path) as film:
+        assert film.compression is not None and film.compression.steps is not None
+        assert film.compression.steps[0, 0] == (2 if quality == 95 else 8)  # T.81 table K.1 scaled by libjpeg
+        assert film.compression.steps[0, 1] == (1 if quality == 95 else 6)
+        assert film.compression.steps[1, 0] == (1 if quality == 95 else 6)
+        result = track_film(film, known.bodies, n_still=still, camera=SQUARE)
     error = result.angle_rad[still:, 0] - (pose[still:, 0, 0] - pose[:still, 0, 0].mean())
     z = np.sqrt(np.nanmean((error / result.u_total_rad[still:, 0]) ** 2))
     assert 0.7 < z < 1.25
@@ -143,9 +131,7 @@ def test_codec_term_covers_jpeg(
     ("turning", "sliding"),
     [(-25.0, 900.0), *(pytest.param(*s, marks=pytest.mark.slow) for s in ((30.0, 0.0), (0.0, 1500.0)))],
 )
-def test_rolling_shutter_term_is_the_error_it_makes(
-    bar_scene: Callable[[str], Scene], pivot: tuple[float, float], turning: float, sliding: float
-) -> None:
+def test_rolling_shutter_term_is_the_error_it_makes(turning: float, sliding: float) -> None:
     """A film whose rows are drawn at their own times, of a bar at constant speed (rad/s, px/s), against its angle when
     the first row is read; and against the closed form of a body with the same texture everywhere."""
     n, rate, rows_per_s, still = 34, 2000.0, 2e5, 14
@@ -154,7 +140,7 @@ def test_rolling_shutter_term_is_the_error_it_makes(
 
     def at(t: float) -> np.ndarray:
         s = max(t - still / rate, 0.0)
-        return np.array([turning * s, pivot[0] + sliding * s, pivot[1]])
+        return np.array([turning * s, PIVOT[0] + sliding * s, PIVOT[1]])
 
     frames = []
     for i in range(n):
@@ -183,10 +169,8 @@ def test_rolling_shutter_term_is_the_error_it_makes(
     np.testing.assert_allclose(term, closed, rtol=0.25)
 
 
-def test_a_shutter_that_is_not_declared_is_said_so(
-    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
-) -> None:
-    known = film_of(bar_scene("speckle"), poses(30, pivot, np.maximum(np.arange(30) - 14, 0) * 0.01))
+def test_a_shutter_that_is_not_declared_is_said_so() -> None:
+    known = film_of(bar_scene("speckle"), poses(30, PIVOT, np.maximum(np.arange(30) - 14, 0) * 0.01))
     for declared, said in ((None, "not declared"), (np.inf, "global shutter"), (1e6, "rolling shutter, 1e+06 rows/s")):
         result = track_film(known.film, known.bodies, n_still=12, rows_per_s=declared)
         assert said in result.budget.shutter

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from tests.command_line import run
-from tests.vision.motion import smooth_step
+from tests.vision.known_films import smooth_step
 from vision.bodies.outlines import Body, save_bodies
 from vision.film.avi_writer import write_avi
 from vision.film.mraw import write_mraw

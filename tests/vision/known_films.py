@@ -1,0 +1,103 @@
+"""Synthetic films with known poses, never square, of scenes that have no symmetry, and how their bodies move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from vision.bodies.outlines import Body
+from vision.film.source import ArrayFilm
+from vision.results.track_result import TrackResult
+from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, wood_grain
+
+HEIGHT, WIDTH = 150, 210
+PIVOT = (92.0, 96.0)
+"""Where the tests put the origin of the bar."""
+ECC = pytest.param(
+    "ecc",
+    marks=pytest.mark.skipif(not hasattr(cv2, "findTransformECCWithMask"), reason="masked ECC is in OpenCV 5"),
+)
+
+
+def smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """0 to 1 while x goes from 0 to 1, with zero speed and acceleration at both ends."""
+    x = np.clip(x, 0.0, 1.0)
+    return x**3 * (10 - 15 * x + 6 * x * x)
+
+
+def bar_motion(n: int, pivot: tuple[float, float], turn_rad: float, still: int = 14) -> NDArray[np.float64]:
+    """Poses (n, 1, 3) of a bar that rests, turns about its origin, and drifts to the right and down."""
+    s = smooth_step((np.arange(n) - still) / (n - still - 6))
+    return np.column_stack([turn_rad * s, pivot[0] + 6.0 * s, pivot[1] + 3.0 * s])[:, None, :]
+
+
+@dataclass(frozen=True)
+class KnownFilm:
+    """Frames with the poses they were drawn at."""
+
+    film: ArrayFilm
+    bodies: list[Body]
+    pose: NDArray[np.float64]  # (n_frames, n_bodies, 3): angle ccw, x, y of the origin
+    light: NDArray[np.float32]
+    noise_grey: float
+
+
+@cache  # its textures are tabulated once
+def bar_scene(texture: str, seed: int = 5) -> Scene:
+    """A bar of 110 x 44 px on a background, its origin off its middle."""
+    extent = (-36.0, -28.0, 86.0, 28.0)
+    make = speckle(extent, seed) if texture == "speckle" else wood_grain(extent, seed, direction_rad=0.15)
+    body = SyntheticBody("bar", box(-30.0, -22.0, 80.0, 22.0), make)
+    return Scene([body], background(HEIGHT, WIDTH, seed + 1))
+
+
+def film_of(
+    scene: Scene,
+    pose: NDArray[np.float64],
+    *,
+    noise_grey: float = 2.0,
+    seed: int = 0,
+    gain: NDArray[np.float64] | None = None,
+    parents: dict[str, str] | None = None,
+    cover: Callable[[int, NDArray[np.float32]], None] | None = None,
+) -> KnownFilm:
+    """A scene at poses (n_frames, n_bodies, 3), one instant each."""
+    sensor = Sensor(noise_grey, 8, seed)
+    frames = []
+    for i, poses in enumerate(pose):
+        light = scene.light(poses[None])
+        if cover is not None:
+            light = light.copy()
+            cover(i, light)
+        frames.append(sensor.expose(light, 1.0 if gain is None else float(gain[i])))
+    bodies = [
+        Body(body.name, body.outline(*pose[0, k]), (parents or {}).get(body.name), layer=k)
+        for k, body in enumerate(scene.bodies)
+    ]
+    film = ArrayFilm(np.stack(frames), frame_rate_hz=2000.0)
+    return KnownFilm(film, bodies, pose, scene.light(pose[0][None]), noise_grey)
+
+
+def error_of(result: TrackResult, pose: NDArray[np.float64], body: int = 0) -> NDArray[np.float64]:
+    """Angle found less the true one, both zero in the mean of the still frames, rad, (n_frames,)."""
+    true = pose[:, body, 0]
+    return result.angle_rad[:, body] - (true - true[: result.n_still].mean())
+
+
+def same_bits(a: TrackResult, b: TrackResult) -> None:
+    """Equal to the bit."""
+    for name in ("angle_rad", "u_angle_rad", "x_px", "zncc", "covariance", "u_common_rad", "u_total_rad", "flag"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+
+
+def sliding_bar(i: int, light: NDArray[np.float32]) -> None:
+    """Hides a third of the bar from frame 21 on."""
+    if i > 20:
+        left = 45 + (i - 20) // 2
+        light[:, left : left + 38] = 25.0
