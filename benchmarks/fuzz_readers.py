@@ -2,7 +2,7 @@
 
     python -m benchmarks fuzz_readers [--count 12000] [--seed 1]
 
-Mutates CIH, CIHX, MRAW (length) and AVI (uncompressed and MJPEG) films of about 1 MB: bytes overwritten, digits
+Mutates CIH, CIHX, MRAW (length), AVI (uncompressed and MJPEG) and CINE films of about 1 MB: bytes overwritten, digits
 changed, ranges cut, duplicated or swapped. A film that opens must give frames of the size it states, and the
 original grey values if its header is unchanged. No step may allocate more than the film's own size (the file or its
 grey values, whichever is larger), nor more than `MOST_FRAMES` frames of it. Allocations by Python, NumPy and
@@ -29,6 +29,7 @@ from benchmarks.runner import Run, Table
 from tests.rig.fuzz.damage import survive
 from tests.rig.fuzz.test_recordings_survive import CASES as BINARY
 from tests.rig.fuzz.test_texts_survive import CASES as TEXTS
+from tests.vision.film.cine_file import write_cine
 
 # decoders report damage on standard error themselves; here every film is damaged
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
@@ -148,15 +149,18 @@ def fuzz(folder: Path, count: int, seed: int) -> dict[str, Tally]:
     raw, jpeg = folder / "raw.avi", folder / "jpeg.avi"
     write_avi(raw, frames, 25.0, quality=None)
     write_avi(jpeg, frames, 25.0, quality=95)
+    cine = folder / "a.cine"
+    write_cine(cine, frames)
     text = CIH_LINES.format(n=SHAPE[0], height=SHAPE[1], width=SHAPE[2]).encode()
     headers = {
         "CIHX": (mraw, mraw.with_suffix(".cihx"), mraw.with_suffix(".cihx").read_bytes(), 10_000, True),
         "CIH": (cih, cih.with_suffix(".cih"), text, 10_000, True),
         "AVI": (raw, raw, raw.read_bytes(), 320, False),
         "AVI MJPEG": (jpeg, jpeg, jpeg.read_bytes(), 1000, False),
+        "CINE": (cine, cine, cine.read_bytes(), 12_500, False),
     }
     tallies = {name: Tally() for name in (*headers, "MRAW length")}
-    for path in (mraw, raw, jpeg):
+    for path in (mraw, raw, jpeg, cine):
         # imports on first use do not count against the film
         open_film(path).close()
     tracemalloc.start()

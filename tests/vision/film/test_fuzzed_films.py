@@ -5,7 +5,6 @@ from __future__ import annotations
 import tracemalloc
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -16,7 +15,7 @@ from vision.film.open import open_film
 
 
 def test_damaged_films_are_refused_or_read_right(tmp_path: Path) -> None:
-    tallies = fuzz(tmp_path, 40, 7)
+    tallies = fuzz(tmp_path, 120, 7)
     assert sum(tally.same for tally in tallies.values()) > 5
     for name, tally in tallies.items():
         assert not tally.wrong, (name, tally.wrong)
@@ -69,29 +68,13 @@ def test_avi_cut_short_is_read_to_its_last_whole_frame_on_request(tmp_path: Path
     path.write_bytes(whole[: chunks[4] + 100])
     with pytest.raises(FilmError, match="cut short"):
         open_film(path)
+    for share in (0.02, 0.5, 0.97):
+        (other := tmp_path / "other.avi").write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(FilmError, match=r"^[^\n]*other\.avi[^\n]*$"):
+            open_film(other)
     with open_film(path, allow_truncated=True) as film:
         assert film.n_frames == 4
         np.testing.assert_allclose(film.read(3).astype(int), frames[3].astype(int), atol=0 if quality is None else 30)
     path.write_bytes(whole[: chunks[0] + 3])
     with pytest.raises(FilmError):
         open_film(path, allow_truncated=True)
-
-
-def test_tiff_cut_short(tmp_path: Path) -> None:
-    path = tmp_path / "film.tif"
-    frames = list(np.random.default_rng(3).integers(0, 65535, (6, 60, 84), dtype=np.uint16))
-    assert cv2.imwritemulti(str(path), frames)
-    with open_film(path) as film:
-        assert film.n_frames == 6
-        np.testing.assert_array_equal(film.read(5), frames[5])
-    data = path.read_bytes()
-    path.write_bytes(data[: len(data) * 2 // 3])
-    try:
-        with open_film(path, allow_truncated=True) as film:
-            assert 1 <= film.n_frames < 6
-            np.testing.assert_array_equal(film.read(film.n_frames - 1), frames[film.n_frames - 1])
-    except FilmError:
-        pass  # a TIFF whose directory stood at its end holds no readable page
-    with pytest.raises(FilmError), open_film(path) as film:
-        for i in range(6):
-            film.read(i)

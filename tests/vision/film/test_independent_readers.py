@@ -100,6 +100,7 @@ def test_folders_of_pictures_that_pillow_wrote(tmp_path: Path, suffix: str, bits
     for i, frame in enumerate(frames_of(bits)):
         options = {"quality": 95} if suffix == "jpg" else {}
         Image.fromarray(frame).save(folder / f"shot_{i + 95}.{suffix}", **options)
+    (folder / "notes.txt").write_text("not a frame")
     other = np.stack([np.asarray(Image.open(folder / f"shot_{i + 95}.{suffix}")) for i in range(N)])
     assert np.abs(read_all(folder).astype(int) - other).max() <= off
 

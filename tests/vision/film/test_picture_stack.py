@@ -25,16 +25,6 @@ def test_pages_of_a_tiff(tmp_path: Path) -> None:
         np.testing.assert_array_equal(film.read_region(5, 2, 7, 3, 20), FRAMES[5, 2:7, 3:20])
 
 
-def test_folder_is_read_in_the_order_of_its_numbers(tmp_path: Path) -> None:
-    for i, frame in enumerate(FRAMES):
-        assert cv2.imwrite(str(tmp_path / f"shot{i}.png"), frame)
-    (tmp_path / "notes.txt").write_text("not a frame")
-    with open_film(tmp_path) as film:
-        assert film.n_frames == 12
-        for i in range(12):
-            np.testing.assert_array_equal(film.read(i), FRAMES[i])
-
-
 @pytest.mark.parametrize("ending", [".jpg", ".JPEG"])
 def test_a_folder_of_jpeg_knows_its_compression(tmp_path: Path, ending: str) -> None:
     smooth = cv2.GaussianBlur((FRAMES >> 4).astype(np.uint8), (0, 0), 2.0)
