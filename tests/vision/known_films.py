@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import ndimage
 
+from vision.angles import ccw_to_picture
+from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
+from vision.errors import VisionWarning
 from vision.film.source import ArrayFilm
+from vision.fitting.pose_covariance import cramer_rao_bound
+from vision.fitting.template import Template, build_template
+from vision.reference.still_average import average_still_frames
 from vision.results.track_result import TrackResult
-from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, wood_grain
+from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, total_noise, wood_grain
+from vision.tracking.track_film import track_film
 
 HEIGHT, WIDTH = 150, 210
 PIVOT = (92.0, 96.0)
@@ -47,6 +57,28 @@ class KnownFilm:
     light: NDArray[np.float32]
     noise_grey: float
 
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Of the first body."""
+        return build_masks(self.bodies, self.film.height, self.film.width)[0]
+
+    def bound(self) -> NDArray[np.float64]:
+        """Least standard errors that the first body's picture allows: angle, x, y."""
+        return cramer_rao_bound(self.light, self.mask, total_noise(self.noise_grey, 8))
+
+    def template(self, n_still: int) -> Template:
+        """Of the first body."""
+        reference = average_still_frames(self.film, self.mask, n_still)
+        return build_template("bar", reference.picture, self.mask, n_still, noise_grey=reference.noise_grey)
+
+    def true_fit(self, i: int, template: Template) -> NDArray[np.float64]:
+        """What a fit of the first body should find: its middle turns about its origin."""
+        phi = float(ccw_to_picture(self.pose[i, 0, 0] - self.pose[0, 0, 0]))
+        origin = self.pose[0, 0, 1:]
+        arm = np.array(template.centre_px) - origin
+        c, s = np.cos(phi), np.sin(phi)
+        return np.array([phi, *(self.pose[i, 0, 1:] - origin + np.array([[c, -s], [s, c]]) @ arm - arm)])
+
 
 @cache  # its textures are tabulated once
 def bar_scene(texture: str, seed: int = 5) -> Scene:
@@ -65,7 +97,7 @@ def film_of(
     seed: int = 0,
     gain: NDArray[np.float64] | None = None,
     parents: dict[str, str] | None = None,
-    cover: Callable[[int, NDArray[np.float32]], None] | None = None,
+    cover: Cover | None = None,
 ) -> KnownFilm:
     """A scene at poses (n_frames, n_bodies, 3), one instant each."""
     sensor = Sensor(noise_grey, 8, seed)
@@ -88,6 +120,48 @@ def error_of(result: TrackResult, pose: NDArray[np.float64], body: int = 0) -> N
     """Angle found less the true one, both zero in the mean of the still frames, rad, (n_frames,)."""
     true = pose[:, body, 0]
     return result.angle_rad[:, body] - (true - true[: result.n_still].mean())
+
+
+def z_of(result: TrackResult, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The first body's errors over their stated uncertainty."""
+    return error_of(result, pose) / result.u_angle_rad[:, 0]
+
+
+def quietly_tracked(film: ArrayFilm, bodies: list[Body], **options: Any) -> TrackResult:
+    """Tracked without warnings."""
+    with warnings.catch_warnings(action="ignore", category=VisionWarning):
+        return track_film(film, bodies, **options)
+
+
+def still_bar(texture: str) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """A picture of the bar at rest, and pixels well inside it."""
+    light = bar_scene(texture).light(np.array([[[0.0, *PIVOT]]]))
+    mask = np.zeros(light.shape, dtype=bool)
+    mask[80:112, 68:166] = True
+    return light, mask
+
+
+Cover = Callable[[int, NDArray[np.float32]], None]
+"""Changes the light of a frame in place."""
+
+
+def dark(frames: range) -> Cover:
+    """No light in these frames."""
+
+    def cover(i: int, light: NDArray[np.float32]) -> None:
+        if i in frames:
+            light[:] = 12.0
+
+    return cover
+
+
+def blurred(width_px: NDArray[np.float64]) -> Cover:
+    """Out of focus by a width of its own in each frame."""
+
+    def cover(i: int, light: NDArray[np.float32]) -> None:
+        light[:] = ndimage.gaussian_filter(light, width_px[i])
+
+    return cover
 
 
 def same_bits(a: TrackResult, b: TrackResult) -> None:

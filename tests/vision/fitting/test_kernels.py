@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from tests.vision.known_films import PIVOT, bar_scene
+from tests.vision.known_films import PIVOT, bar_scene, still_bar
+from vision.film.source import ArrayFilm
 from vision.fitting.assessment import Blocks, block_ratios, blocks_of
 from vision.fitting.bspline import coefficients, noise_gain
 from vision.fitting.icgn import IcgnFitter
@@ -52,13 +53,9 @@ def plain_fit(
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
 def test_fit_against_plain_numpy(texture: str) -> None:
-    scene = bar_scene(texture)
-    rng = np.random.default_rng(2)
-    still = scene.light(np.array([[[0.0, *PIVOT]]]))
-    mask = np.zeros(still.shape, dtype=bool)
-    mask[80:112, 68:166] = True
+    (still, mask), rng = still_bar(texture), np.random.default_rng(2)
     template = build_template("bar", still + 0.2 * rng.standard_normal(still.shape), mask, 10)
-    light = scene.light(np.array([[[0.05, PIVOT[0] + 1.3, PIVOT[1] - 0.7]]]))
+    light = bar_scene(texture).light(np.array([[[0.05, PIVOT[0] + 1.3, PIVOT[1] - 0.7]]]))
     frame = (1.1 * light + 2.0 * rng.standard_normal(light.shape)).astype(np.float32)
     frame[85:110, 100:115] = 20.0  # something covers the body
     start = np.array([-0.045, 0.9, -0.8])
@@ -79,11 +76,7 @@ def test_fit_against_plain_numpy(texture: str) -> None:
 
 
 def test_fit_reports_failure_instead_of_raising() -> None:
-    from vision.film.source import ArrayFilm
-
-    still = bar_scene("speckle").light(np.array([[[0.0, *PIVOT]]]))
-    mask = np.zeros(still.shape, dtype=bool)
-    mask[80:112, 68:166] = True
+    still, mask = still_bar("speckle")
     fitter = IcgnFitter(build_template("bar", still, mask, 10))
     flat = ArrayFilm(np.full((1, *still.shape), 90, dtype=np.uint8))
     for start in ([0.0, 0.0, 0.0], [0.0, 5000.0, 0.0], [np.nan, 0.0, 0.0]):

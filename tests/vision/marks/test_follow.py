@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import ndimage, special
 
-from tests.vision.known_films import PIVOT, bar_scene, film_of, smooth_step
+from tests.vision.known_films import PIVOT, bar_scene, dark, film_of, smooth_step
 from vision.errors import BodyError, VisionInputError
 from vision.film.source import ArrayFilm
 from vision.marks.follow import follow_marks
@@ -98,12 +98,7 @@ def test_an_edge_moves_across_itself(angle: float, texture: float) -> None:
 def test_textured_spot_gives_its_turn_and_lost_frames_are_flagged() -> None:
     s = smooth_step((np.arange(80) - 16) / 50)
     pose = np.column_stack([0.3 * s, PIVOT[0] + 5.0 * s, PIVOT[1] - 4.0 * s])[:, None, :]
-
-    def dark(i: int, light: np.ndarray) -> None:
-        if 40 <= i < 44:
-            light[:] = 12.0
-
-    known = film_of(bar_scene("speckle"), pose, cover=dark)
+    known = film_of(bar_scene("speckle"), pose, cover=dark(range(40, 44)))
     result = follow_marks(known.film, [PointMark("spot", (PIVOT[0] + 30.0, PIVOT[1]), 14.0)])
     np.testing.assert_array_equal(np.flatnonzero(result.failed[:, 0]), np.arange(40, 44))
     good = ~result.failed[:, 0]

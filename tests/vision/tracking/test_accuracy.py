@@ -8,18 +8,13 @@ import numpy as np
 import pytest
 
 from tests.vision.known_films import ECC, PIVOT, bar_motion, bar_scene, error_of, film_of, smooth_step
-from vision.angles import ccw_to_picture
-from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
 from vision.errors import InputError, TrackingError
 from vision.film.source import ArrayFilm
 from vision.fitting.ecc import EccFitter
 from vision.fitting.icgn import IcgnFitter
-from vision.fitting.pose_covariance import cramer_rao_bound
-from vision.fitting.template import build_template
-from vision.reference.still_average import average_still_frames
 from vision.results.flags import FrameFlag
-from vision.synthetic import Scene, SyntheticBody, background, box, speckle, total_noise
+from vision.synthetic import Scene, SyntheticBody, background, box, speckle
 from vision.tracking.prepare import predict_uncertainty
 from vision.tracking.retrack import preview
 from vision.tracking.track_film import track_film
@@ -38,19 +33,11 @@ def test_error_and_stated_uncertainty_over_random_poses(texture: str, engine: st
     pose[n_still:, 0] += rng.uniform([-0.15, -4.0, -4.0], [0.15, 4.0, 4.0], (n, 3))
     gain = 1.0 + 0.1 * np.sin(np.arange(n_still + n))
     known = film_of(scene, pose, gain=gain, seed=23)
-    mask = build_masks(known.bodies, known.film.height, known.film.width)[0]
-    reference = average_still_frames(known.film, mask, n_still)
-    template = build_template("bar", reference.picture, mask, n_still)
+    template = known.template(n_still)
     fitter = IcgnFitter(template) if engine == "icgn" else EccFitter(template)
-    cx, cy = template.centre_px
     errors, stated = [], []
     for i in range(n_still, n_still + n):
-        phi = float(ccw_to_picture(pose[i, 0, 0]))
-        # the true shift of the centre: it turns with the bar about the bar's origin
-        arm = np.array([cx - PIVOT[0], cy - PIVOT[1]])
-        c, s = np.cos(phi), np.sin(phi)
-        centre = pose[i, 0, 1:] + np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1]])
-        true = np.array([phi, centre[0] - cx, centre[1] - cy])
+        true = known.true_fit(i, template)
         fit = fitter.fit(known.film, i, true + rng.normal(0.0, [0.004, 0.3, 0.3]), None)
         assert fit.converged
         # the error of the reference is common to all; it is checked by the films below
@@ -58,7 +45,7 @@ def test_error_and_stated_uncertainty_over_random_poses(texture: str, engine: st
         stated.append(np.sqrt(np.diag(fit.covariance)))
     error, u = np.array(errors), np.array(stated)
     error -= error.mean(axis=0)
-    bound = cramer_rao_bound(known.light, mask, total_noise(known.noise_grey, 8))
+    bound = known.bound()
     for k in range(3):
         z = error[:, k] / u[:, k]
         ratio = np.sqrt(np.mean(error[:, k] ** 2)) / bound[k]
@@ -78,9 +65,7 @@ def test_film_of_a_turning_bar(texture: str) -> None:
     assert not result.failed.any()
     assert 10 <= result.n_still <= 22
     error = error_of(result, pose)
-    mask = build_masks(known.bodies, known.film.height, known.film.width)[0]
-    bound = cramer_rao_bound(known.light, mask, total_noise(2.0, 8))[0]
-    assert np.sqrt(np.mean(error**2)) < 1.25 * bound  # 1.15 and the error of a zero from 14 frames
+    assert np.sqrt(np.mean(error**2)) < 1.25 * known.bound()[0]  # 1.15 and the error of a zero from 14 frames
     assert np.mean(np.abs(error) < 1.96 * result.u_angle_rad[:, 0]) > 0.90
     # what was promised before tracking is what came out
     predicted = predict_uncertainty(known.film, known.bodies)["bar"]

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 from scipy import ndimage
 
-from tests.vision.known_films import PIVOT, bar_motion, bar_scene, film_of, sliding_bar, smooth_step
+from tests.vision.known_films import PIVOT, bar_motion, bar_scene, film_of, quietly_tracked, sliding_bar, smooth_step
 from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.source import ArrayFilm
-from vision.results.track_result import TrackResult
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, wood_grain
 from vision.tracking.track_film import track_film
 
 N = 90
-
-
-def quiet(film: ArrayFilm, bodies: list[Body]) -> TrackResult:
-    """Tracked without warnings."""
-    with warnings.catch_warnings(action="ignore", category=VisionWarning):
-        return track_film(film, bodies)
 
 
 @pytest.mark.parametrize(
@@ -51,7 +43,7 @@ def test_an_outline_over_two_bodies(texture: str, noise: float) -> None:
         result = track_film(film, [Body("both", np.array([[30.0, 57.0], [190.0, 57.0], [190.0, 93.0], [30.0, 93.0]]))])
     parts = result.info["moving_parts"]["both"]
     assert parts["share"] > 0.4 and 3.0 < parts["most_px"] < 10.0
-    apart = quiet(
+    apart = quietly_tracked(
         film, [Body("a", bodies[0].outline(0.0, 30.0, 75.0)), Body("b", bodies[1].outline(0.0, 110.0, 75.0), "a")]
     )
     assert apart.info["moving_parts"] == {}
@@ -60,18 +52,16 @@ def test_an_outline_over_two_bodies(texture: str, noise: float) -> None:
 @pytest.mark.parametrize("sag_px", [-1.5, pytest.param(3.0, marks=pytest.mark.slow)])
 def test_a_body_that_bends_is_named(sag_px: float) -> None:
     """A bar of 120 px whose ends move across its length while it turns, by the square of their place."""
-    scene, pose = bar_scene("speckle"), bar_motion(N, PIVOT, 0.15)
-    s, rng = smooth_step((np.arange(N) - 16) / 60), np.random.default_rng(1)
-    frames = []
-    for i in range(N):
-        light = scene.light(pose[i][None])
+    pose, s = bar_motion(N, PIVOT, 0.15), smooth_step((np.arange(N) - 16) / 60)
+
+    def bend(i: int, light: np.ndarray) -> None:
         y, x = np.mgrid[0 : light.shape[0], 0 : light.shape[1]].astype(float)
         way = ((x - pose[i, 0, 1] - 25.0) * np.cos(pose[i, 0, 0])) / 50.0
-        sagged = ndimage.map_coordinates(light.astype(float), [y + sag_px * s[i] * way**2, x], order=3, mode="nearest")
-        frames.append(np.clip(np.rint(sagged + rng.normal(0.0, 2.0, x.shape)), 0, 255).astype(np.uint8))
-    body = Body("bar", scene.bodies[0].outline(*pose[0, 0]))
+        light[:] = ndimage.map_coordinates(light, [y + sag_px * s[i] * way**2, x], order=3, mode="nearest")
+
+    known = film_of(bar_scene("speckle"), pose, cover=bend)
     with pytest.warns(VisionWarning, match="body bar bends"):
-        result = track_film(ArrayFilm(np.stack(frames), 2000.0), [body])
+        result = track_film(known.film, known.bodies)
     parts = result.info["moving_parts"]["bar"]
     assert parts["bends"] and 0.4 * abs(sag_px) < parts["most_px"] < 2.0 * abs(sag_px)
 
@@ -87,7 +77,7 @@ def test_a_body_that_bends_is_named(sag_px: float) -> None:
 )
 def test_a_rigid_body_is_not_named(texture: str, hidden: float) -> None:
     known = film_of(bar_scene(texture), bar_motion(N, PIVOT, 0.3), cover=sliding_bar if hidden else None)
-    assert quiet(known.film, known.bodies).info["moving_parts"] == {}
+    assert quietly_tracked(known.film, known.bodies).info["moving_parts"] == {}
 
 
 KINDS = {

@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
-from scipy import ndimage
 
-from tests.vision.known_films import PIVOT, bar_motion, bar_scene, error_of, smooth_step
-from vision.bodies.outlines import Body
-from vision.errors import VisionWarning
-from vision.film.source import ArrayFilm
+from tests.vision.known_films import PIVOT, bar_motion, bar_scene, blurred, film_of, quietly_tracked, smooth_step, z_of
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template, build_template
 from vision.results.flags import FrameFlag
-from vision.synthetic import Sensor
 from vision.tracking.body_tracker import BodyTracker
 from vision.tracking.passes import _seen_from
-from vision.tracking.track_film import track_film
 
 RENEWED = np.uint16(int(FrameFlag.RENEWED))
 
 
 def test_a_body_that_leaves_the_plane_of_focus() -> None:
     n = 52
-    scene, pose = bar_scene("speckle"), bar_motion(n, PIVOT, 0.25)
-    width, sensor = 6.0 * smooth_step((np.arange(n) - 16) / 26), Sensor(2.0, 8, 3)
-    frames = [
-        sensor.expose(ndimage.gaussian_filter(scene.light(pose[i][None]), width[i]).astype(np.float32))
-        for i in range(n)
-    ]
-    body = Body("bar", scene.bodies[0].outline(*pose[0, 0]))
-    with warnings.catch_warnings(action="ignore", category=VisionWarning):
-        result = track_film(ArrayFilm(np.stack(frames), 2000.0), [body], confirm="none")
+    pose, width = bar_motion(n, PIVOT, 0.25), 6.0 * smooth_step((np.arange(n) - 16) / 26)
+    known = film_of(bar_scene("speckle"), pose, seed=3, cover=blurred(width))
+    result = quietly_tracked(known.film, known.bodies, confirm="none")
     renewed = (result.flag[:, 0] & RENEWED) != 0
     assert not result.failed.any() and renewed.sum() == result.info["rows_renewed"] > 5
-    error = error_of(result, pose)
-    assert np.abs(error / result.u_angle_rad[:, 0])[renewed].max() < 5.0
+    assert np.abs(z_of(result, pose))[renewed].max() < 5.0
     # the pose a later reference starts from is uncertain too
     assert result.u_angle_rad[renewed, 0].min() > result.u_angle_rad[:10, 0].max()
     assert result.u_angle_rad[-1, 0] > 3.0 * result.u_angle_rad[0, 0]
@@ -45,14 +30,13 @@ def test_a_body_that_leaves_the_plane_of_focus() -> None:
 
 def test_noise_that_hides_the_texture_is_no_reference() -> None:
     """With noise as large as the grain one frame is no template; nothing breaks and nothing is found."""
-    n = 40
-    scene, pose = bar_scene("wood"), bar_motion(n, PIVOT, 0.25)
-    sensor = Sensor(60.0, 8, 3)
-    frames = [sensor.expose(scene.light(pose[i][None])) for i in range(n)]
-    frames[28:] = [sensor.expose(np.full_like(scene.light(pose[0][None]), 90.0)) for _ in range(n - 28)]
-    body = Body("bar", scene.bodies[0].outline(*pose[0, 0]))
-    with warnings.catch_warnings(action="ignore", category=VisionWarning):
-        result = track_film(ArrayFilm(np.stack(frames), 2000.0), [body], n_still=14)
+
+    def gone(i: int, light: np.ndarray) -> None:
+        if i >= 28:
+            light[:] = 90.0
+
+    known = film_of(bar_scene("wood"), bar_motion(40, PIVOT, 0.25), noise_grey=60.0, seed=3, cover=gone)
+    result = quietly_tracked(known.film, known.bodies, n_still=14)
     assert not np.any(np.isfinite(result.angle_rad[28:]))
     template = BodyTracker(IcgnFitter(_noise_only()))
     assert 0.0 < template.common_contrast < 0.1

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vision.tracking.passes
-from tests.vision.known_films import ECC, PIVOT, bar_motion, bar_scene, film_of, same_bits
+from tests.vision.known_films import ECC, PIVOT, bar_motion, bar_scene, dark, error_of, film_of, same_bits
 from vision.errors import InputError
 from vision.results.flags import FrameFlag
 from vision.tracking.retrack import retrack_frames
@@ -92,8 +92,7 @@ def test_backward_pass_takes_back_a_wrong_stretch(monkeypatch: pytest.MonkeyPatc
     assert np.all(result.flag[40:43, 0] & int(FrameFlag.UNCONFIRMED))
     assert np.all(np.isnan(result.angle_rad[40:43])) and np.all(np.isnan(result.u_total_rad[40:43]))
     assert result.flag[30, 0] == int(FrameFlag.REACQUIRED), "found by the backward pass only"
-    error = result.angle_rad[:, 0] - (known.pose[:, 0, 0] - known.pose[: result.n_still, 0, 0].mean())
-    assert np.nanmax(np.abs(error)) < 5 * np.nanmax(result.u_angle_rad)
+    assert np.nanmax(np.abs(error_of(result, known.pose))) < 5 * np.nanmax(result.u_angle_rad)
     with pytest.raises(InputError, match="confirm"):
         track_film(known.film, known.bodies, confirm="maybe")
 
@@ -102,12 +101,7 @@ def test_only_doubtful_rows_are_seen_twice() -> None:
     pose = bar_motion(90, PIVOT, 0.3)
     clean = film_of(bar_scene("speckle"), pose)
     assert track_film(clean.film, clean.bodies).info["rows_confirmed"] == 0
-
-    def dark(i: int, light: np.ndarray) -> None:
-        if 50 <= i < 55:
-            light[:] = 10.0
-
-    known = film_of(bar_scene("speckle"), pose, cover=dark)
+    known = film_of(bar_scene("speckle"), pose, cover=dark(range(50, 55)))
     result = track_film(known.film, known.bodies)
     assert result.info["rows_confirmed"] == 12 + 5 + 1 + 4
     assert np.flatnonzero(result.failed[:, 0]).tolist() == [50, 51, 52, 53, 54]

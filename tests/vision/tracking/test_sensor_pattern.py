@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vision.tracking.track_film
-from tests.vision.known_films import PIVOT, bar_motion, bar_scene, film_of
+from tests.vision.known_films import PIVOT, bar_motion, bar_scene, film_of, sliding_bar, z_of
 from vision.film.source import ArrayFilm
 from vision.tracking.sensor_pattern import WithoutPattern
 from vision.tracking.track_film import track_film
@@ -30,9 +30,7 @@ def test_a_fixed_pattern_is_taken_off(texture: str) -> None:
     result = track_film(film, known.bodies)
     assert not result.failed.any()
     assert result.info["pattern_grey"] == pytest.approx(pattern.std(), rel=0.25)
-    still = result.n_still
-    error = result.angle_rad[still:, 0] - (pose[still:, 0, 0] - pose[:still, 0, 0].mean())
-    z = error / result.u_angle_rad[still:, 0]
+    z = z_of(result, pose)[result.n_still :]
     assert np.abs(z).max() < 5.0 and np.sqrt(np.mean(z**2)) < 1.6
     plain = track_film(known.film, known.bodies)
     assert plain.info["pattern_grey"] == 0.0
@@ -43,11 +41,8 @@ def test_a_fixed_pattern_is_taken_off(texture: str) -> None:
 def test_a_film_is_tracked_again_only_where_a_sample_of_rows_fits_better(
     monkeypatch: pytest.MonkeyPatch, disturbed: str
 ) -> None:
-    def bar(i: int, light: np.ndarray) -> None:
-        left = 45 + max(0, i - 20) // 2
-        light[:, left : left + 38] = 25.0 if disturbed == "bar" and i > 20 else light[:, left : left + 38]
-
-    known = film_of(bar_scene("speckle"), bar_motion(110, PIVOT, 0.35), cover=bar)
+    cover = sliding_bar if disturbed == "bar" else None
+    known = film_of(bar_scene("speckle"), bar_motion(110, PIVOT, 0.35), cover=cover)
     film = with_pattern(known.film, 2.5)[0] if disturbed == "pattern" else known.film
     passes, plain = [], vision.tracking.track_film.track_forward
     monkeypatch.setattr(

@@ -44,7 +44,7 @@ def test_terms_that_follow_the_motion() -> None:
     n, rate, exposure, acceleration = 38, 2000.0, 4e-4, 4000.0
     i = np.arange(n)
     angle = 0.5 * acceleration * (np.maximum(i - 20, 0) / rate) ** 2
-    known = film_of(bar_scene("speckle"), poses(n, PIVOT, angle))
+    known = film_of(bar_scene("speckle"), poses(n, angle))
     film = ArrayFilm(known.film._frames, rate, exposure)
     result = track_film(film, known.bodies, n_still=16, camera=SQUARE, u_time_s=2e-5)
     terms = result.budget.absolute
@@ -68,7 +68,7 @@ def test_relative_terms_share_the_camera() -> None:
     """Two outlines on one rigid body: noise adds, what the camera bends cancels but for the distance of the two."""
     n = 40
     x = np.clip((np.arange(n) - 16) / 18, 0, 1)
-    known = film_of(bar_scene("speckle"), poses(n, (92.0, 96.0), 0.3 * x * x * (3 - 2 * x)))
+    known = film_of(bar_scene("speckle"), poses(n, 0.3 * x * x * (3 - 2 * x)))
     whole = known.bodies[0].polygon_px
     left, right = whole.copy(), whole.copy()
     middle = whole[:, 0].mean()
@@ -87,7 +87,7 @@ def test_relative_terms_share_the_camera() -> None:
 def test_expected_budget_is_what_comes_out() -> None:
     n = 60
     x = np.clip((np.arange(n) - 16) / 30, 0, 1)
-    known = film_of(bar_scene("wood"), poses(n, PIVOT, np.radians(15.0) * x * x * (3 - 2 * x)))
+    known = film_of(bar_scene("wood"), poses(n, np.radians(15.0) * x * x * (3 - 2 * x)))
     seen = []
     camera = AssumedCamera(np.radians(2.0), 0.003)
     result = track_film(known.film, known.bodies, camera=camera, u_time_s=1e-5, expected=seen.append)
@@ -107,7 +107,7 @@ def test_codec_term_covers_jpeg(tmp_path: Path, quality: int) -> None:
     """Random poses of a wooden bar as MJPEG: error over total uncertainty spreads by about one."""
     n, still = 170, 40
     rng = np.random.default_rng(5)
-    pose = poses(n, PIVOT, np.zeros(n))
+    pose = poses(n, np.zeros(n))
     walk = np.cumsum(rng.normal(0, [0.004, 0.25, 0.25], (n - still, 3)), axis=0)
     pose[still:, 0] += walk
     known = film_of(bar_scene("wood"), pose)
@@ -170,7 +170,7 @@ def test_rolling_shutter_term_is_the_error_it_makes(turning: float, sliding: flo
 
 
 def test_a_shutter_that_is_not_declared_is_said_so() -> None:
-    known = film_of(bar_scene("speckle"), poses(30, PIVOT, np.maximum(np.arange(30) - 14, 0) * 0.01))
+    known = film_of(bar_scene("speckle"), poses(30, np.maximum(np.arange(30) - 14, 0) * 0.01))
     for declared, said in ((None, "not declared"), (np.inf, "global shutter"), (1e6, "rolling shutter, 1e+06 rows/s")):
         result = track_film(known.film, known.bodies, n_still=12, rows_per_s=declared)
         assert said in result.budget.shutter
