@@ -6,10 +6,13 @@ import asyncio
 import http.client
 import json
 import shutil
+import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Coroutine, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -104,6 +107,51 @@ def awaited(task: Coroutine[Any, Any, Result]) -> Result:
     """What a coroutine returns, run in a thread of its own: in this one Playwright's loop may be running."""
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(asyncio.run, task).result()
+
+
+def heard(page: Page, path: str, count: int = 1, **headers: str) -> tuple[list[Any], str | None]:
+    """The first messages of a websocket of the page, None where it is closed, and why."""
+    from tornado.httpclient import HTTPRequest
+    from tornado.websocket import websocket_connect
+
+    here = page.address.rstrip("/")
+    request = HTTPRequest(here.replace("http", "ws") + path, headers={"Origin": here, **headers})
+
+    async def listen() -> tuple[list[Any], str | None]:
+        socket = await websocket_connect(request)
+        found = [await socket.read_message() for _ in range(count)]
+        if found[-1] is None:
+            socket.close()  # the client's half
+        else:
+            await socket.write_message("seen")  # who only looks keeps nothing going
+            await left(socket)
+        return found, socket.close_reason
+
+    return awaited(listen())
+
+
+async def left(socket: Any) -> None:
+    """Close a websocket and wait until it is closed."""
+    socket.close()
+    while await socket.read_message() is not None:
+        pass
+
+
+@contextmanager
+def own_process(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], Page]]:
+    """A page in a process of its own, which may be stopped or killed."""
+    line = [sys.executable, "-m", "pianorig", "bench", str(folder), "--no-show", "--json", *options]
+    server = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+    assert server.stdout is not None
+    try:
+        first = json.loads(server.stdout.readline())["address"]
+        address = first.split("?")[0]
+        yield server, Page(address, first, int(address.rsplit(":", 1)[1].strip("/")))
+    finally:
+        server.send_signal(signal.SIGCONT)
+        server.send_signal(signal.SIGINT)
+        server.wait(60)
+        server.stdout.close()
 
 
 @pytest.fixture

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,33 +22,39 @@ VIEWS = {
 }
 
 
+@contextmanager
+def shown(browser: Any, page: Page, view: str, **options: Any) -> Iterator[Any]:
+    """A tab of somebody who may write, with a view."""
+    name, _, value = str(page.cookie).partition("=")
+    with opened(browser, page, **options) as tab:
+        tab.context.add_cookies([{"name": name, "value": value, "url": page.address}])
+        tab.goto(f"{page.address}#{view}")
+        tab.reload()
+        tab.locator(VIEWS[view]).first.wait_for()
+        yield tab
+
+
+def check_by_axe(tab: Any, at_least: int) -> None:
+    """axe-core has looked at so many things and finds nothing."""
+    axe = pytest.importorskip("axe_playwright_python", reason="axe-playwright-python carries axe-core")
+    tab.evaluate(next(Path(axe.__file__).parent.rglob("axe.min.js")).read_text(encoding="utf-8"))
+    found = tab.evaluate("axe.run()")
+    worst = {one["id"]: [node["html"][:160] for node in one["nodes"]] for one in found["violations"]}
+    assert worst == {} and len(found["passes"]) > at_least
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("view", VIEWS)
 def test_axe_core_finds_nothing(browser: Any, filmed: Path, writing: Page, view: str, scheme: str) -> None:
-    axe = pytest.importorskip("axe_playwright_python", reason="axe-playwright-python carries axe-core")
-    script = next(Path(axe.__file__).parent.rglob("axe.min.js")).read_text(encoding="utf-8")
-    name, _, value = str(writing.cookie).partition("=")
-    with opened(browser, writing, color_scheme=scheme) as tab:
-        tab.context.add_cookies([{"name": name, "value": value, "url": writing.address}])
-        tab.goto(f"{writing.address}#{view}")
-        tab.reload()
-        tab.locator(VIEWS[view]).first.wait_for()
-        tab.evaluate(script)
-        found = tab.evaluate("axe.run()")
-    worst = {one["id"]: [node["html"][:160] for node in one["nodes"]] for one in found["violations"]}
-    assert worst == {} and len(found["passes"]) > 20
+    with shown(browser, writing, view, color_scheme=scheme) as tab:
+        check_by_axe(tab, 20)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("view", VIEWS)
 def test_every_view_fits_at_200_percent_and_on_a_phone(browser: Any, filmed: Path, writing: Page, view: str) -> None:
-    name, _, value = str(writing.cookie).partition("=")
-    with opened(browser, writing) as tab:
-        tab.context.add_cookies([{"name": name, "value": value, "url": writing.address}])
-        tab.goto(f"{writing.address}#{view}")
-        tab.reload()
-        tab.locator(VIEWS[view]).first.wait_for()
+    with shown(browser, writing, view) as tab:
         for width in (1280, 640, 400):  # 640: what is left of 1280 at 200 %
             tab.set_viewport_size({"width": width, "height": 900})
             tab.wait_for_timeout(300)
@@ -59,8 +67,6 @@ def test_every_view_fits_at_200_percent_and_on_a_phone(browser: Any, filmed: Pat
 
 @pytest.mark.slow
 def test_an_exported_animation_for_a_screen_reader(browser: Any, looking: Page, tmp_path: Path) -> None:
-    axe = pytest.importorskip("axe_playwright_python", reason="axe-playwright-python carries axe-core")
-    script = next(Path(axe.__file__).parent.rglob("axe.min.js")).read_text(encoding="utf-8")
     kept = tmp_path / "kept.html"
     kept.write_text(looking.ask("/api/action/hirschkorn2004/animation?blow=forte").json["text"], encoding="utf-8")
     for scheme in ("light", "dark"):
@@ -68,11 +74,8 @@ def test_an_exported_animation_for_a_screen_reader(browser: Any, looking: Page, 
         tab.goto(kept.as_uri())
         tab.locator("main[data-ready]").wait_for()
         tab.evaluate("window.benchPlayer.run(false)")
-        tab.evaluate(script)
-        found = tab.evaluate("axe.run()")
+        check_by_axe(tab, 10)
         tab.close()
-        worst = {one["id"]: [node["html"][:160] for node in one["nodes"]] for one in found["violations"]}
-        assert worst == {} and len(found["passes"]) > 10
 
 
 def test_the_way_by_keyboard(browser: Any, looking: Page) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from rig.session import Session
-from tests.pianorig.page.conftest import Page, awaited
+from tests.pianorig.page.conftest import Page, heard, own_process
 from tests.pianorig.page.recordings import recording
 from tests.pianorig.page.stories import opened, until
 
@@ -103,44 +103,14 @@ def test_the_zeros_set_aside_for_a_long_trial_are_not_read(folder: Path, monkeyp
         assert len(asked) == 3 and all(0 < size <= 2_000_000 for size in asked)
 
 
-def test_over_the_wire_for_this_page_only(folder: Path, looking: Page) -> None:
-    from tornado.httpclient import HTTPClientError, HTTPRequest
-    from tornado.websocket import websocket_connect
-
-    address = f"ws://127.0.0.1:{looking.port}/live/example_forte"
-    here = f"http://127.0.0.1:{looking.port}"
-
-    async def first_three() -> list[Any]:
-        socket = await websocket_connect(HTTPRequest(address, headers={"Origin": here}))
-        found = [await socket.read_message() for _ in range(3)]
-        socket.close()
-        assert await socket.read_message() is None  # closed
-        return found
-
-    async def refused(headers: dict[str, str]) -> int:
-        with pytest.raises(HTTPClientError) as caught:
-            await websocket_connect(HTTPRequest(address, headers=headers))
-        return int(caught.value.code)
-
-    async def gone() -> tuple[Any, str | None]:
-        socket = await websocket_connect(HTTPRequest(address.replace("example_forte", ".."), headers={"Origin": here}))
-        message, reason = await socket.read_message(), socket.close_reason
-        socket.close()  # the client's half
-        return message, reason
-
+def test_over_the_wire(folder: Path, looking: Page) -> None:
     with recording(folder / "example_forte") as made:
         made.append(300)
-        state, samples, lamps = awaited(first_three())
-        assert json.loads(state)["recording"] and len(rows(samples, 5)[1]) == 300
-        assert json.loads(lamps)["lamps"]["watchdog_s"] == 0.5
-        for headers in (
-            {"Origin": "http://evil.example"},
-            {"Origin": "null"},
-            {"Origin": here, "Host": "evil.example"},
-        ):
-            assert awaited(refused(headers)) == 403
-        message, reason = awaited(gone())
-        assert message is None and "no session" in str(reason)
+        (state, samples, lamps), _ = heard(looking, "/live/example_forte", 3)
+    assert json.loads(state)["recording"] and len(rows(samples, 5)[1]) == 300
+    assert json.loads(lamps)["lamps"]["watchdog_s"] == 0.5
+    (message,), reason = heard(looking, "/live/..")
+    assert message is None and "no session" in str(reason)
 
 
 def test_a_recording_rolls_by_pauses_and_is_found_again(browser: Any, folder: Path, looking: Page) -> None:
@@ -199,28 +169,19 @@ def test_no_sample_is_lost_with_the_page_open_stalled_or_killed(browser: Any, fo
     """The virtual bench plays the same trials from a seed, so every sample can be compared."""
     alone = recorded(folder, "alone")
     for name, how in (("open", None), ("stalled", signal.SIGSTOP), ("killed", signal.SIGKILL)):
-        line = [sys.executable, "-m", "pianorig", "bench", str(folder), "--no-show", "--json"]
-        server = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
-        assert server.stdout is not None
-        address = json.loads(server.stdout.readline())["address"]
-        tab = browser.new_page()
-        tab.goto(f"{address}#live?session=example_forte")
-        tab.locator("main[data-ready]").wait_for()
+        with own_process(folder) as (server, page):
+            tab = browser.new_page()
+            tab.goto(f"{page.address}#live?session=example_forte")
+            tab.locator("main[data-ready]").wait_for()
 
-        def during(tab: Any = tab, server: Any = server, name: str = name, how: Any = how) -> None:
-            tab.evaluate(f"location.hash = 'live?session={name}'")
-            until(tab, "Number(document.querySelector('.scope')?.dataset.samples) > 100")
-            if how is not None:
-                server.send_signal(how)
+            def during(tab: Any = tab, server: Any = server, name: str = name, how: Any = how) -> None:
+                tab.evaluate(f"location.hash = 'live?session={name}'")
+                until(tab, "Number(document.querySelector('.scope')?.dataset.samples) > 100")
+                if how is not None:
+                    server.send_signal(how)
 
-        try:
             found = recorded(folder, name, during)
-        finally:
-            server.send_signal(signal.SIGCONT)
-            server.send_signal(signal.SIGINT)
-            server.wait(30)
-            server.stdout.close()
-            tab.close()
+        tab.close()
         for ours, theirs in zip(alone, found, strict=True):
             for one, other in zip(ours, theirs, strict=True):
                 np.testing.assert_array_equal(one, other, err_msg=name)

@@ -76,11 +76,6 @@ def test_what_is_no_outline_is_refused_and_nothing_is_written(
     assert (filmed / "example_forte" / "bodies.toml").read_bytes() == before
 
 
-def test_looking_only_nothing_is_saved_or_tracked(filmed: Path, looking: Page) -> None:
-    for path, content in (("", {"bodies": [body()]}), ("/track", {}), ("/frame", {"frame": 1, "places": {}})):
-        assert looking.ask(HERE + path, "POST", content).status == 403
-
-
 def test_a_film_on_its_own_has_its_files_beside_it(filmed: Path, writing: Page) -> None:
     for ending in (".mraw", ".cihx"):
         shutil.copy(filmed / "example_forte" / f"trial_0001{ending}", filmed / f"foreign{ending}")
@@ -163,8 +158,3 @@ def test_what_is_no_mark_is_refused_and_nothing_is_written(filmed: Path, writing
     answer = writing.ask(f"{HERE}/marks", "POST", {"marks": marks})
     assert answer.status == 400 and words in answer.json["error"] and "\n" not in answer.json["error"]
     assert not (filmed / "example_forte" / "marks.toml").exists()
-
-
-def test_looking_only_no_mark_is_saved_or_followed(filmed: Path, looking: Page) -> None:
-    for path, content in (("/marks", {"marks": [POINT]}), ("/follow", {})):
-        assert looking.ask(HERE + path, "POST", content).status == 403

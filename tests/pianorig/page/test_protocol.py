@@ -11,7 +11,7 @@ from urllib.parse import quote
 import pytest
 
 from rig.session import Session
-from tests.pianorig.page.conftest import Page
+from tests.pianorig.page.conftest import Page, heard, serve
 
 ANNOTATIONS = "/api/sessions/example_forte/annotations"
 NOTE = {"trial": 2, "kind": "reject", "reason": "cable <b>touched</b>", "author": "ana"}
@@ -43,20 +43,65 @@ def test_every_answer_is_guarded(looking: Page) -> None:
     assert looking.ask("/api/sessions", method="PUT").status == 405
 
 
+def writes() -> list[tuple[str, str]]:
+    """Method and address of all that changes anything."""
+    from pianorig.page.answers import ADDRESSES, NAME, NUMBER
+
+    found = {
+        address.replace(NAME, "example_forte").replace(NUMBER, "1").replace("(pause|resume|abort)", "abort"): does
+        for address, does in ADDRESSES.items()
+    }
+    return [(method.upper(), address) for address, does in found.items() for method in does if method != "get"]
+
+
+def contents(folder: Path) -> list[tuple[Path, bytes]]:
+    return sorted((path, path.read_bytes()) for path in folder.rglob("*") if path.is_file())
+
+
 def test_without_control_the_page_only_looks(looking: Page, folder: Path) -> None:
-    before = sorted((path, path.read_bytes()) for path in folder.rglob("*") if path.is_file())
+    before, name = contents(folder), f"pianorig_bench_{looking.port}"
     assert looking.ask("/api/about").json["may_write"] is False
     assert looking.ask("/?token=None").status == 403
-    for cookie in (None, f"pianorig_bench_{looking.port}=", f"pianorig_bench_{looking.port}=guess"):
+    assert len(writes()) >= 12
+    for cookie in (None, f"{name}=", f"{name}=guess", f"{name}={'A' * 43}"):
         looking.cookie = cookie
-        answer = looking.ask(ANNOTATIONS, "POST", NOTE)
-        assert answer.status == 403 and "--control" in answer.json["error"]
-        assert looking.ask("/api/sessions/example_forte/validate", "POST", {}).status == 403
-        assert looking.ask("/api/jobs/1", "DELETE").status == 403
-        assert looking.ask("/api/comparisons", "POST", {"sessions": ["a", "b"]}).status == 403
+        for method, address in writes():
+            answer = looking.ask(address, method, {})
+            assert answer.status == 403 and "can only look" in answer.json["error"], address
+    assert "--control" in looking.ask(ANNOTATIONS, "POST", NOTE).json["error"]
     for path in ("/api/sessions", "/api/sessions/example_forte"):
         assert looking.ask(path).status == 200
-    assert sorted((path, path.read_bytes()) for path in folder.rglob("*") if path.is_file()) == before
+    assert looking.ask("/api/plan").json["state"] == {"phase": "idle"} and contents(folder) == before
+
+
+def test_other_sites_cannot_write_even_with_the_cookie(writing: Page, folder: Path) -> None:
+    before = contents(folder)
+    for headers in (
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Origin": None},
+        {"Host": "evil.example"},
+        {"Sec_Fetch_Site": "cross-site"},
+        {"Content_Type": "text/plain"},  # what a form of another site can send without being asked
+        {"Content_Type": "application/x-www-form-urlencoded"},
+        {"Content_Type": None},
+    ):
+        for method, address in writes():
+            if method == "POST" or "Content_Type" not in headers:
+                assert writing.ask(address, method, {}, **headers).status in (403, 415), (address, headers)
+    for path in ("pause", "resume", "abort", "answer"):
+        assert writing.ask(f"/api/plan/{path}").status == 405  # a link of another site cannot press a button
+    assert writing.ask(ANNOTATIONS, "POST", [1]).status == 400
+    assert writing.ask("/api/plan").json["state"] == {"phase": "idle"} and contents(folder) == before
+
+
+@pytest.mark.parametrize("path", ["/live/example_forte", "/plan"])
+def test_what_is_told_all_the_time_is_told_to_this_page_only(looking: Page, path: str) -> None:
+    for headers in ({"Origin": "http://evil.example"}, {"Origin": "null"}, {"Host": "evil.example"}):
+        with pytest.raises(Exception, match="HTTP 403"):
+            heard(looking, path, **headers)
+    ((first,), _) = heard(looking, path)
+    assert json.loads(first) == {"phase": "idle"} if path == "/plan" else not json.loads(first)["recording"]
 
 
 def test_the_token_is_worth_one_cookie(writing: Page) -> None:
@@ -69,8 +114,6 @@ def test_the_token_is_worth_one_cookie(writing: Page) -> None:
 
 
 def test_the_cookie_is_kept_from_scripts_and_other_sites(folder: Path, writing: Page) -> None:
-    from tests.pianorig.page.conftest import serve
-
     for page in serve(folder, control=True):
         given = page.take().headers["Set-Cookie"]
         assert "HttpOnly" in given and "SameSite=Strict" in given
@@ -111,21 +154,6 @@ def test_what_cannot_be_noted_is_refused_in_one_line(
 ) -> None:
     answer = writing.ask(ANNOTATIONS, "POST", {**NOTE, **change})
     assert answer.status == 400 and words in answer.json["error"] and "\n" not in answer.json["error"]
-    assert not (folder / "example_forte" / "annotations.jsonl").exists()
-
-
-def test_other_sites_cannot_write_even_with_the_cookie(writing: Page, folder: Path) -> None:
-    for headers in (
-        {"Origin": "http://evil.example"},
-        {"Origin": "null"},
-        {"Origin": None},
-        {"Host": "evil.example"},
-        {"Sec_Fetch_Site": "cross-site"},
-        {"Content_Type": "text/plain"},  # what a form of another site can send without being asked
-        {"Content_Type": None},
-    ):
-        assert writing.ask(ANNOTATIONS, "POST", NOTE, **headers).status in (403, 415), headers
-    assert writing.ask(ANNOTATIONS, "POST", [1]).status == 400
     assert not (folder / "example_forte" / "annotations.jsonl").exists()
 
 

@@ -201,10 +201,6 @@ def test_interrupted_by_the_user(
 def test_film_without_a_frame_rate(
     filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import cv2
-
-    from vision.film.open import open_film
-
     film, outlines, _ = filmed
     folder = tmp_path / "pictures"
     folder.mkdir()
