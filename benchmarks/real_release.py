@@ -1,10 +1,12 @@
 """What the identified set misses on the real piano, what takes it away, and what a change of digits does.
 
-    python -m benchmarks real_release [--parts falls candidates perturbed] [--svg FILE]
+    python -m benchmarks real_release [--parts falls,candidates,bound,perturbed] [--svg FILE]
 
 Falls: speed of the hammer as its sensor shows it, by place, in every fall of the training strokes. Candidates: scenes
 and further parameters on top of the identified set; from there up to four steps with slopes taken once, so what a
-candidate takes away is a lower bound. Training strokes alone. Why: docs/explanation/positions.md.
+candidate takes away is a lower bound. Bound: what is left when those of the candidates that add no effect are all
+fitted, by their priors, by priors three times as wide, and to one kind alone. Training strokes alone. Why:
+docs/explanation/positions.md.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from validation.identification.positions import (
     INDEPENDENT,
     LIMIT,
     Identified,
+    fit,
     misfit,
     read_identified,
 )
@@ -132,9 +135,7 @@ CANDIDATES: dict[str, tuple[SceneChoice, tuple[Free, ...]]] = {
     "key lifts": (SceneChoice(effects=("balance_rail",)), ()),
 }  # fmt: skip
 """Scene and further parameters with their priors."""
-CANDIDATES["all of these that add no effect"] = (
-    SceneChoice(), tuple(one for scene, more in CANDIDATES.values() if scene == SceneChoice() for one in more)
-)  # fmt: skip
+ALL = tuple(one for scene, more in CANDIDATES.values() if scene == SceneChoice() for one in more)
 
 
 def training() -> tuple[Identified, list[Stroke]]:
@@ -200,12 +201,13 @@ def descend(z: Array, strokes: Sequence[Stroke], predict: Predict, jacobian: Arr
     return z, 0.5 * float(r @ r)
 
 
-def release_rms(z: Array, strokes: Sequence[Stroke], predict: Predict) -> Array:
-    """RMS in the release of each stroke, % of the ruler."""
+def rms(z: Array, strokes: Sequence[Stroke], predict: Predict, phase: str = "") -> Array:
+    """RMS of each stroke, or of one phase of it, % of the ruler."""
     out = []
     for stroke in strokes:
         error = (predict(z, stroke, None) - stroke.hammer.value_m) / stroke.hammer.travel_m
-        out.append(100 * float(np.sqrt(np.mean(error[phases(stroke) == RELEASE] ** 2))))
+        at = phases(stroke) == phase if phase else np.full(error.size, True)
+        out.append(100 * float(np.sqrt(np.mean(error[at] ** 2))))
     return np.array(out)
 
 
@@ -217,7 +219,7 @@ def candidates(record: Identified, strokes: Sequence[Stroke]) -> None:
     there, start = descend(z, strokes, plain, own)
     print(
         f"{'as identified':50s} misfit {start:6.1f}; release, %",
-        release_rms(there, strokes, plain).round(1),
+        rms(there, strokes, plain, RELEASE).round(1),
         flush=True,
     )
     for name, (scene, more) in CANDIDATES.items():
@@ -230,7 +232,29 @@ def candidates(record: Identified, strokes: Sequence[Stroke]) -> None:
         there, cost = descend(begun, strokes, predict, jacobian)
         evidence = 2.0 * (start - cost) - k * np.log(len(strokes) * INDEPENDENT)
         said = f"{name:50s} misfit {cost:6.1f}, {k:2d} more, BIC better by {evidence:6.1f}; release, %"
-        print(said, release_rms(there, strokes, predict).round(1), flush=True)
+        print(said, rms(there, strokes, predict, RELEASE).round(1), flush=True)
+
+
+WIDER, BOUND_RUNS = 3.0, 16
+
+
+def bound(record: Identified, strokes: Sequence[Stroke]) -> None:
+    """Print what is missed where the set's parameters and `ALL` are fitted."""
+    predict = of_candidate(model.load_action(record.action), SceneChoice(), ALL)
+    begun = np.concatenate([np.array(record.z), np.zeros(len(ALL))])
+    print(f"{begun.size} parameters fitted; RMSE of each stroke, % of the ruler; in the release")
+    kinds = {one.condition: [s for s in strokes if s.condition == one.condition] for one in strokes}
+    for what, fitted, wider in (
+        ("as identified", (), 1.0), ("all strokes", strokes, 1.0), ("all strokes, priors wider", strokes, WIDER),
+        *((f"{kind} alone, priors wider", some, WIDER) for kind, some in kinds.items()),
+    ):  # fmt: skip
+
+        def freely(z: Array, stroke: Stroke, displacement_m: Array | None, wider: float = wider) -> Array:
+            return predict(wider * z, stroke, displacement_m)
+
+        z = fit(fitted, freely, begun / wider, runs=BOUND_RUNS).z if fitted else begun
+        of = fitted or strokes
+        print(f"{what:34s}", rms(z, of, freely).round(1), rms(z, of, freely, RELEASE).round(1), flush=True)
 
 
 SHARES = (1.0 + 1e-12, 0.9, 0.5)
@@ -295,6 +319,8 @@ def main(run: Run) -> None:
             print(f"{name:24s}", np.round(speeds, 1))
     if not run.parts or "candidates" in run.parts:
         candidates(record, strokes)
+    if not run.parts or "bound" in run.parts:
+        bound(record, strokes)
     if not run.parts or "perturbed" in run.parts:
         perturbed(record, strokes)
     if run.svg:
