@@ -472,6 +472,7 @@ def one(free_laws: int, n: int, options: Run) -> dict[str, Any]:
     """One fit as plain data."""
     rng = np.random.default_rng([options.seed, free_laws])
     start, clock, kinds = model.load_action(), Clock(), tuple(options.kinds)
+    start = model.load_scene(options.scene).on(start) if options.scene else start
     laws = acting_laws(kinds)
     names = list(rng.choice(laws, min(free_laws, len(laws)), replace=False))
     if free_laws > len(laws):
@@ -518,7 +519,7 @@ def identification_scaling(run: Run) -> bool:
     """How long an identification takes, by number of parameters and of trials, and where the time goes.
 
         python -m benchmarks identification_scaling [--free 3,6,12] [--trials 2,5,10] [--kinds forte] [--seed 1]
-                                                    [--profiles] [--results FILE]
+                                                    [--profiles] [--scene string] [--results FILE]
 
     Strokes as in `benchmarks.identification_coverage`: the specimen is the model with that many laws drawn, all else
     known, five trials in a session, sessions of the kinds in turn. Where more are to be free than there are laws that
@@ -532,7 +533,7 @@ def identification_scaling(run: Run) -> bool:
     heads = ("free", "trials", "fits", "steps", "fit", *PARTS, "rest", "intervals", "known", "off")
     whole = ("free", "trials", "fits", "steps", "known")
     table = Table(*(f"{head}:{'6d' if head in whole else '6.1f'}" for head in heads), "settled:s")
-    keys = [(n, k, run.kinds, run.seed, run.profiles) for n in run.free for k in run.trials]
+    keys = [(n, k, run.kinds, run.seed, run.profiles, run.scene) for n in run.free for k in run.trials]
     for _, row in run.cases(keys, lambda n, k, *_: one(n, k, run)):
         row["rest"] = row["fit"] - sum(row[part] for part in PARTS)
         table.row(*(row[head] for head in heads), "yes" if row["settled"] else "NO")

@@ -260,7 +260,7 @@ class PlacedRuns(ABC, Generic[Member]):
     errors: ClassVar[frozenset[str]]
     """Names of the errors of what drives, or reads."""
     tangents: ClassVar[Any]
-    """Derivatives (m, c, n) of one trial by an action, names, a member, the trial and pairs of members close to it."""
+    """Derivatives (m, c, n) of a trial by an action, names, a member, the trial, pairs close to it, its own drive."""
     by_runs: ClassVar[bool]
     """Whether runs tell what errors and what drives a trial do; else tangents do."""
 
@@ -338,14 +338,15 @@ class PlacedRuns(ABC, Generic[Member]):
         self, at: Array, own: Sequence[Own] | None, laws: Sequence[int], told: Sequence[int]
     ) -> list[Array]:
         """Derivatives (m, c, n) of every trial that tangents tell: by ``laws``, then by the rest ``told``."""
-        names = tuple(self.parameters[j].name for j in laws)
-        small = [np.full(self.own_count, ERROR_STEP) for _ in self.trials]
+        names, n = tuple(self.parameters[j].name for j in laws), at.shape[1]
         ends = [
-            [self.moved(at, own, j, sign * ERROR_STEP, [sign * s for s in small]) for sign in (1.0, -1.0)]
+            [self.cases(at + step * (np.arange(n) == j), own) for step in (ERROR_STEP, -ERROR_STEP)]
             for j in told[len(laws) :]
+            if j < n
         ]
+        drives = [j - n for j in told if j >= n]
         tasks = [
-            (self.action, names, case, trial, [(plus[k], minus[k]) for plus, minus in ends])
+            (self.action, names, case, trial, [(plus[k], minus[k]) for plus, minus in ends], drives)
             for k, (case, trial) in enumerate(zip(self.cases(at, own), self.trials, strict=True))
         ]
         return spread(self.executor, type(self).tangents, tasks)
@@ -435,40 +436,45 @@ def acting(action: model.Action, parameter: Parameter) -> bool:
 
 
 def tangents(
-    task: tuple[model.Action, tuple[str, ...], Case, ObservedTrial, Sequence[tuple[Case, Case]]],
+    task: tuple[model.Action, tuple[str, ...], Case, ObservedTrial, Sequence[tuple[Case, Case]], Sequence[int]],
 ) -> Array:
-    """Derivatives (m, c, n) of a trial's channels, per SI unit or per relative change, then between pairs of cases.
+    """Derivatives (m, c, n) of a trial's channels: by names, then between pairs of cases, then by its own drive.
 
-    A pair lies `ERROR_STEP` to both sides of the case, in the force or in what sensors read; its derivative is per
-    unit.
+    Per SI unit or per relative change; a pair lies `ERROR_STEP` to both sides of the case, in the force or in what
+    sensors read, and its derivative is per unit; of the trial's own drive some of `own_units` are told, by their place.
 
     Raises
     ------
     model.errors.ModelError
         The derivatives cannot be carried on.
     """
-    action, names, case, trial, pairs = task
-    width, late = 2.0 * ERROR_STEP, case.film_late_s
+    action, names, case, trial, pairs, drives = task
+    width, late, when = 2.0 * ERROR_STEP, case.film_late_s, trial.force_time_s
+    knots, unit = noise_knots(trial), own_units(trial)
+    of_force = [i for i in drives if i <= SEGMENTS]
     force = [(a.felt_n(trial) - b.felt_n(trial)) / width for a, b in pairs]
+    force += [
+        unit[i] * np.interp(when, knots, np.arange(SEGMENTS + 1) == i) if i else unit[0] + 0 * when for i in of_force
+    ]
     rest = [(a.preload_n(trial) - b.preload_n(trial)) / width for a, b in pairs]
+    rest += [0.0 if i else unit[0] for i in of_force]
     found = model.sensitivities(
         action.with_values(case.changed),
-        (trial.force_time_s, case.felt_n(trial)),
+        (when, case.felt_n(trial)),
         names,
         options=tangent_options(trial, case.preload_n(trial), trial.model_time_s(late)),
-        inputs=(np.column_stack(force), np.array(rest)) if pairs else None,
+        inputs=(np.column_stack(force), np.array(rest)) if force else None,
     )
     turn, speed = (found.angles_rad - found.rest_rad)[:, : len(BODIES)], found.speeds[:, : len(BODIES)]
     moves = np.moveaxis((found.d_angles - found.d_rest)[:, : len(BODIES)], -1, 0)
-    out = np.stack([trial.seen(d, late) for d in moves], axis=-1)
-    film = [c in FILM for c in trial.channels]
+    out = [trial.seen(d, late) for d in moves]
     for k, ends in enumerate(pairs, len(names)):
-        a, b = (replace(end, film_late_s=late).read(trial, turn) for end in ends)
-        out[:, :, k] += (a - b) / width
-        later = (ends[0].film_late_s - ends[1].film_late_s) / width
-        if later:
-            out[:, film, k] += later * trial.seen(speed, late)[:, film]
-    return out
+        a, b = (end.read(trial, turn) for end in ends)
+        out[k] += (a - b) / width
+    if len(of_force) < len(drives):  # the film's clock: its frames see the motion later
+        film = np.isin(trial.channels, FILM)
+        out.append(unit[1 + SEGMENTS] * film * trial.seen(speed, late))
+    return np.stack(out, axis=-1)
 
 
 def tangent_options(trial: ObservedTrial, preload_n: float, time_s: Array) -> model.SensitivityOptions:

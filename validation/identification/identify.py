@@ -24,7 +24,7 @@ from validation.identification.observations import CHANNEL_NAMES, with_errors_of
 from validation.identification.problem import Columns, Problem, at_start
 from validation.identification.result import FITTED, Details, Identification, joint_posterior
 from validation.identification.scatter import lacking
-from validation.identification.scores import score, score_events
+from validation.identification.scores import by_channel, score, score_events, why_it_rises
 from validation.identification.sources import IdentifyKeywords, IdentifyOptions, Sources, collect
 from validation.identification.unknowns import Unknowns, unknowns
 from validation.prediction.model_under_test import action_sha256
@@ -111,6 +111,9 @@ def identify(
         name: score_events(trials, {"before": start, "identified": found}, EVENT_TOLERANCE)
         for name, trials in sources.measured_held.items()
     }
+    fitted, risen = scores[FITTED], []
+    if fitted["before"] is not None and fitted["identified"] is not None:
+        risen = why_it_rises(fitted["before"], fitted["identified"], by_channel(sources.fitted, best.curves))
     width = np.sqrt(np.diag(covariance))
     sizes = best.marginal.sizes.scatter
     scatter = {p.name: float(sizes[j] * p.u) for j, p in enumerate(asked.asked) if problem.laws[j]}
@@ -122,7 +125,7 @@ def identify(
         correlation=covariance / np.outer(width, width),
         undetermined=tuple(undetermined),
         determined=tuple(determined),
-        warnings=(*_of_fit(best, fits, sources), *stuck, *said, *warnings_of(names, covariance)),
+        warnings=(*_of_fit(best, fits, sources), *risen, *stuck, *said, *warnings_of(names, covariance)),
         starts=tuple(f.alike for f in fits),
         scatter=scatter,
         scores=scores,

@@ -26,6 +26,7 @@ CORRECTIONS, CORRECTED = 3, (1.0, 0.3)  # of each trial's place, and shares of t
 BENT, SEEN = 0.1, 0.05  # of a posterior standard uncertainty, of the noise: a bend that is not followed
 TINY = 1e-9  # of the same: a step below it has no direction
 PROBED, FORK = 0.3, 2.0  # of a posterior standard uncertainty, of the sensor's noise: a bend that is a fork
+LEFT = 0.5  # of a trial's phases: least that a fork may leave
 FOLLOWED = 3.0  # cost of a trial, per datum: above it the model is not yet where the trial was
 LEARNT = 2  # times that sizes of noise are learnt
 WANTED = 1.0  # of a posterior standard uncertainty: a step that gains nothing, and is counted in the uncertainty
@@ -131,7 +132,8 @@ def _forks(problem: Problem, place: _Place, known: Mapping[int, int]) -> dict[in
     """Of each trial at a fork its first phase there, those known already among them.
 
     A step of `PROBED` standard uncertainties, to where values are wanted and back, bends its motion by more than `FORK`
-    times the sensor's noise: a body just meets a stop, or misses it. No linear model holds from there on.
+    times the sensor's noise: a body just meets a stop, or misses it. No linear model holds from there on. A trial of
+    which less than half were left is no such trial: the step is too long for the model, and the fit goes on by shorter.
     """
     marginal = place.marginal
     step = box_step(marginal, place.here, place.z, problem.box(), 0.0)
@@ -145,7 +147,8 @@ def _forks(problem: Problem, place: _Place, known: Mapping[int, int]) -> dict[in
             bent = (np.abs(old - new - sign * (b.moved @ step)) / np.sqrt(b.white)).reshape(-1, b.time_s.size)
             if np.any(bent > FORK):
                 phase = int(np.argmax(np.any(bent > FORK, axis=0)))
-                out[k] = min(phase, out.get(k, phase))
+                if phase >= LEFT * b.time_s.size:
+                    out[k] = min(phase, out.get(k, phase))
     return out
 
 

@@ -61,7 +61,9 @@ class Drive:
         return fit.motion(c)
 
 
-def driven_tangents(task: tuple[model.Action, tuple[str, ...], Drive, ObservedTrial, Sequence[object]]) -> Array:
+def driven_tangents(
+    task: tuple[model.Action, tuple[str, ...], Drive, ObservedTrial, *tuple[Sequence[object], ...]],
+) -> Array:
     """Derivatives (m, c, n) of a trial's channels, per SI unit or per relative change.
 
     Raises
@@ -69,7 +71,7 @@ def driven_tangents(task: tuple[model.Action, tuple[str, ...], Drive, ObservedTr
     model.errors.ModelError
         The derivatives cannot be carried on.
     """
-    action, names, drive, trial, _ = task
+    action, names, drive, trial, *_ = task
     options = tangent_options(trial, trial.preload_n, trial.model_time_s())
     found = model.motion_sensitivities(action.with_values(drive.changed), drive.motion(trial), names, options=options)
     order = [found.angle_names.index(body) for body in BODIES]

@@ -44,21 +44,48 @@ def score(
     out: dict[str, Any] = {}
     for name, action in actions.items():
         found = response_to(action, (), trials, tolerance).curves([np.zeros(0)])[0]
-        out[name] = None if found is None else _by_channel(trials, found)
+        out[name] = None if found is None else by_channel(trials, found)
     null = [_null(next(iter(actions.values())), t, tolerance) for t in trials]
     known = [(t, f) for t, f in zip(trials, null, strict=True) if f is not None]
-    out["null model"] = _by_channel([t for t, _ in known], [f for _, f in known]) if known else None
+    out["null model"] = by_channel([t for t, _ in known], [f for _, f in known]) if known else None
     measured = [t.change_rad for t in trials]
     if len(measured) > 1 and len({(m.shape, t.channels) for m, t in zip(measured, trials, strict=True)}) == 1:
         there = np.isfinite(measured).sum(axis=0)
         centre = np.nansum(measured, axis=0) / np.maximum(there, 1)
-        spread = _by_channel(trials, [centre] * len(trials))
+        spread = by_channel(trials, [centre] * len(trials))
         inflate = float(np.sqrt(len(measured) / (len(measured) - 1)))
         out["scatter of trials"] = {name: inflate * value for name, value in spread.items()}
     return out
 
 
-def _by_channel(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict[str, float]:
+RISES = 1.02  # an RMSE that is larger by less says nothing
+
+
+def why_it_rises(before: Mapping[str, float], found: Mapping[str, float], whole: Mapping[str, float]) -> list[str]:
+    """A line for each channel whose RMSE rises by the identified values, and why that may be.
+
+    Parameters
+    ----------
+    before, found : channel -> rad, of the values before and of those identified, which stand for all strokes
+    whole : the same with the errors of force and key's encoder that were found beside them, which do not
+    """
+    lines = []
+    for channel in (c for c in found if found[c] > RISES * before[c]):
+        from_, to, beside = (f"{1e3 * by[channel]:.2g}" for by in (before, found, whole))
+        why = "values and errors belong together"
+        if whole[channel] > RISES * before[channel]:
+            why = (
+                "the fit weighs each phase by what noise, scatter and the model's lack may do there, and gives up some "
+                "for others; look at the residuals before the values are used"
+            )
+        lines.append(
+            f"the {channel}'s RMSE rises from {from_} to {to} mrad by the identified values alone; with the errors of "
+            f"what drives the strokes, found beside them, it is {beside} mrad: {why}"
+        )
+    return lines
+
+
+def by_channel(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict[str, float]:
     """Root mean square difference by channel, of the trials that have it; what a film lost does not count."""
     out = {}
     for c, name in enumerate(CHANNEL_NAMES):

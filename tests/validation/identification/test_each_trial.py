@@ -91,9 +91,10 @@ def test_a_profile_and_a_sampler_see_each_trial_where_it_was() -> None:
     assert 0.2 < at - off < 50.0
 
 
-def test_what_a_trial_does_after_a_fork_is_left_out_and_the_rest_settles_on_the_truth() -> None:
+@pytest.mark.parametrize("first", [toy.M - 4, 2])
+def test_what_a_trial_does_after_a_late_fork_is_left_out_and_the_rest_settles_on_the_truth(first: int) -> None:
     class Forked(Bent):
-        """The second trial meets a stop late in the stroke, or misses it, by where a value just is."""
+        """The second trial meets a stop in the stroke, or misses it, by where a value just is."""
 
         def curves(
             self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None
@@ -102,12 +103,15 @@ def test_what_a_trial_does_after_a_fork_is_left_out_and_the_rest_settles_on_the_
             for i, (z, curves) in enumerate(zip(points, out, strict=True)):
                 laws = 0.0 if own is None else own[i][1].laws[0]
                 if curves is not None and z[0] + laws > met:
-                    curves[1] = curves[1] + 5e-3 * (np.arange(toy.M) >= toy.M - 4)[:, None]
+                    curves[1] = curves[1] + 5e-3 * (np.arange(toy.M) >= first)[:, None]
             return out
 
     problem, own = played(0)
     met = TRUTH[0] + own[1][0] - 0.02  # it passed by the stop that the model meets
     found = refine(replace(problem, response=Forked(problem.trials)), fit(problem))
-    assert set(found.forks) == {1} and found.forks[1] == toy.M - 4
+    assert found.forks == ({1: first} if first > toy.M / 2 else {})
+    if not found.forks:  # nearly all of a trial is not left out: the fit says that it has not settled
+        assert not found.converged
+        return
     assert found.converged
     assert np.all(np.abs(found.z - TRUTH) < 3.0 * np.sqrt(np.diag(found.covariance)))

@@ -17,7 +17,7 @@ from validation.identification.page import (
     residuals_table,
     together,
 )
-from validation.identification.scores import CEILING, NULL, EventScore
+from validation.identification.scores import CEILING, NULL, EventScore, why_it_rises
 
 
 def test_a_line_becomes_a_sentence_and_names_stay_as_they_are() -> None:
@@ -77,3 +77,14 @@ def test_the_page_shows_in_mrad_how_far_the_model_was_from_the_trials_before_and
     table = residuals_table(trials, before, after)
     assert table.head == ["session", "phase", "key", "whippen", "hammer"] and ", mrad: before → after" in table.caption
     assert table.rows == [["toy 0", phase, *["2.0 → 0.50"] * 3] for phase in ("until the hammer is up", "after")]
+
+
+def test_an_rmse_that_rises_is_said_with_what_it_is_beside_the_errors_found() -> None:
+    before, found = {"key": 1e-3, "hammer": 2e-3, "whippen": 1e-3}, {"key": 1.5e-3, "hammer": 1e-3, "whippen": 2e-3}
+    lines = why_it_rises(before, found, {"key": 4e-4, "hammer": 1e-3, "whippen": 1.9e-3})
+    assert len(lines) == 2  # of those that rise
+    assert (
+        lines[0].startswith("the key's RMSE rises from 1 to 1.5 mrad") and "it is 0.4 mrad: values and err" in lines[0]
+    )
+    assert "it is 1.9 mrad: the fit weighs each phase" in lines[1] and lines[1].startswith("the whippen's")
+    assert why_it_rises(before, before, before) == []
