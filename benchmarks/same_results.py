@@ -50,13 +50,11 @@ def pianorig(checkout: Checkout, *arguments: str | Path) -> None:
 
 
 def input_tables(folder: Path) -> dict[str, Path]:
-    """Write a forte force, a motor-arm torque and a key motion as CSV."""
-    time = np.round(np.arange(0, 2501) * 2e-4, 4)
-    knots = [0, 0.05, 0.07, 0.09, 0.11, 0.1125, 0.115, 0.118, 0.3, 0.39, 1]
-    force = np.round(np.interp(time, knots, [0, 0, 1.4, 4.9, 10, 27, 15, 10, 10, 0, 0]), 4)
-    paths = {"force": folder / "force.csv", "torque": folder / "torque.csv"}
-    pd.DataFrame({"time_s": time, "force_n": force}).to_csv(paths["force"], index=False)
-    pd.DataFrame({"time_s": time, "torque_nm": np.round(0.05 * force, 5)}).to_csv(paths["torque"], index=False)
+    """A forte's force, and a torque of the motor's arm, as CSV."""
+    paths = {"force": ROOT / "tests/model/data/forte_force.csv", "torque": folder / "torque.csv"}
+    table = pd.read_csv(paths["force"])
+    table = table.assign(torque_nm=(0.05 * table.pop("force_n")).round(5))
+    table.to_csv(paths["torque"], index=False)
     return paths
 
 

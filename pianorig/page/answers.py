@@ -342,8 +342,6 @@ def _plan(served: Served, asked: Asked) -> dict[str, Any]:
 
 
 def _play(served: Served, asked: Asked) -> dict[str, Any]:
-    if served.plan.running:
-        raise CommandInputError("a plan is being played; abort it, or wait for its end")
     if busy := served.jobs.running:
         raise CommandInputError(f"{busy} is running and could slow the recording; wait, or stop it")
     return {"state": served.plan.start(read_order(asked.content, served.catalogue, served.plan.bench))}

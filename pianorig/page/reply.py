@@ -136,16 +136,20 @@ class Reply(Guarded):
 
     async def delete(self, *names: str) -> None:
         """Stop something."""
-        if self.may_write:
+        if self.let_in():
             await self._answer("delete", names, {})
-        else:
-            self.refuse(403, "this page can only look")
 
     @property
     def may_write(self) -> bool:
         """Whether this browser was given the permission to write."""
         access = self.served.access
         return access.may_write(self.get_cookie(access.cookie_name))
+
+    def let_in(self) -> bool:
+        """Whether this browser may write; False after a refusal."""
+        if not self.may_write:
+            self.refuse(403, "this page can only look; start  pianorig bench --control  and use its address")
+        return self.may_write
 
     async def _answer(self, method: str, names: Sequence[str], content: dict[str, Any]) -> None:
         """Do some work in a thread and send what it returns; an error that a user can cause is one line."""
@@ -179,8 +183,7 @@ class Reply(Guarded):
 
     def body(self) -> dict[str, Any] | None:
         """The JSON object that was sent by who may write; None after a refusal."""
-        if not self.may_write:
-            self.refuse(403, "this page can only look; start  pianorig bench --control  and use its address")
+        if not self.let_in():
             return None
         if self.request.headers.get("Content-Type", "").split(";")[0] != "application/json":
             self.refuse(415, "allowed is application/json")
