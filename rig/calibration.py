@@ -64,23 +64,21 @@ def fit_line(reference: ArrayLike, reading: ArrayLike, where: str) -> LineFit:
     RigInputError
         With fewer than four readings at three different references, or a slope of zero.
     """
+    from scipy.stats import linregress  # start-up: half a second that only a calibration needs
+
     x, y = as_numbers(reference, where, 1), as_numbers(reading, where, 1)
     if x.size < 4 or np.unique(x).size < 3:
         raise RigInputError(f"{where}: {x.size} readings at {np.unique(x).size} values, allowed from 4 at 3 values")
-    centred = x - x.mean()
-    spread = float(centred @ centred)
-    slope = float(centred @ y) / spread
-    zero = float(y.mean() - slope * x.mean())
-    off = y - zero - slope * x
-    scatter = float(np.sqrt(off @ off / (x.size - 2)))
-    u_slope = scatter / np.sqrt(spread)
-    if slope == 0.0 or not np.isfinite(slope) or u_slope >= 0.2 * abs(slope):
+    line = linregress(x, y)
+    off = y - line.intercept - line.slope * x
+    if line.slope == 0.0 or not np.isfinite(line.slope) or line.stderr >= 0.2 * abs(line.slope):
         raise RigInputError(
-            f"{where}: the readings do not follow the values ({slope:.4g}, u {u_slope:.2g}); look at the wiring"
+            f"{where}: the readings do not follow the values ({line.slope:.4g}, u {line.stderr:.2g}); look at the "
+            "wiring"
         )
-    u_zero = scatter * np.sqrt(1.0 / x.size + x.mean() ** 2 / spread)
-    same = [np.ptp(y[x == value]) for value in np.unique(x)]
-    return LineFit(zero, slope, float(u_zero), float(u_slope), float(np.abs(off).max()), float(max(same)))
+    hysteresis = max(np.ptp(y[x == value]) for value in np.unique(x))
+    stated = (line.intercept, line.slope, line.intercept_stderr, line.stderr, np.abs(off).max(), hysteresis)
+    return LineFit(*map(float, stated))
 
 
 def changed(text: str, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:

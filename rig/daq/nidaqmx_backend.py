@@ -36,7 +36,7 @@ from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
 from rig.daq.discovery import FoundDevice, ServerClaim, driver_version, find_device, find_devices
 from rig.daq.faults import translated
-from rig.daq.safe_bench import SafeBench, Watchdog, worst
+from rig.daq.safe_bench import SafeBench, leave_running, make_watchdog, worst
 from rig.errors import HardwareFault, NotSupported, RigInputError
 
 PROBES = 5
@@ -229,7 +229,7 @@ class NidaqmxBackend(SafeBench, Backend):
                     tasks.prepare_command(self._tasks[tasks.MOTOR], config, command_v.size)
             if config.watchdog is not None:
                 with translated("configure", "watchdog"):
-                    self._watchdog = self._watchdog or Watchdog(self._channel, config)
+                    self._watchdog = self._watchdog or make_watchdog(self._channel, config)
                     self._watchdog.start()
                     self._reset_watchdog()
             if command_v is not None:
@@ -414,7 +414,7 @@ class NidaqmxBackend(SafeBench, Backend):
 
     def _expired(self) -> bool:
         with translated("read", "watchdog"):
-            return self._watchdog is not None and self._watchdog.expired
+            return self._watchdog is not None and bool(self._watchdog.expired)
 
     def close(self) -> None:
         """Stop safely and close the connection."""
@@ -423,7 +423,7 @@ class NidaqmxBackend(SafeBench, Backend):
         finally:
             self._clear()
             if self._watchdog is not None:
-                self._watchdog.leave_running()
+                leave_running(self._watchdog)
             self._watchdog = self._config = None
             if self._claim is not None:
                 self._claim.release()

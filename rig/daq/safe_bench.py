@@ -51,69 +51,39 @@ _LEFT_OPEN: list[WatchdogTask] = []
 """Timers left to expire, or that could not be closed; kept, as the client warns of one collected while it is open."""
 
 
-class Watchdog:
-    """A watchdog timer that can be started repeatedly; errors are those of ``nidaqmx``, translated by the caller."""
-
-    def __init__(self, channel: grpc.Channel | None, config: RigConfig) -> None:
-        timeout_s = config.watchdog.timeout_s if config.watchdog else 0.5
-        options = session_options(channel, WATCHDOG, NEW)
-        self._task: WatchdogTask | None = WatchdogTask(
-            config.device.name, WATCHDOG, timeout=timeout_s, grpc_options=options
-        )
-        try:
-            if config.device.product in ANALOG_REACH and config.device_of(config.motor.channel) is None:
-                self._task.cfg_watchdog_ao_expir_states(
-                    [AOExpirationState(config.motor.channel, 0.0, WatchdogAOExpirState.VOLTAGE)]
-                )
-            if config.drive_enable is not None and config.device_of(config.drive_enable.line) is None:
-                self._task.cfg_watchdog_do_expir_states([DOExpirationState(config.drive_enable.line, Level.LOW)])
-        except BaseException:
-            self.close()
-            raise
-
-    def start(self) -> None:
-        """Start the timer."""
-        self._open.start()
-
-    def stop(self) -> None:
-        """Stop the timer and unreserve it; it stays configured."""
-        self._open.stop()
-
-    def reset(self) -> None:
-        """Reset the timer; an expired one refuses."""
-        self._open.reset_timer()
-
-    @property
-    def expired(self) -> bool:
-        """Whether the time has run out; known only while the timer runs."""
-        return bool(self._open.expired)
-
-    def close(self) -> None:
-        """Stop the timer and clear it."""
-        task, self._task = self._open, None
-        with contextlib.suppress(nidaqmx.errors.Error):
-            task.stop()  # closing is what counts
-        try:
-            task.close()
-        except nidaqmx.errors.Error:
-            _keep_open(task)
-            raise
-
-    def leave_running(self) -> None:
-        """Forget the timer without stopping it: it expires, and makes the outputs safe that could not be written."""
-        _keep_open(self._open)
-        self._task = None
-
-    @property
-    def _open(self) -> WatchdogTask:
-        assert self._task is not None, "the watchdog has been closed"
-        return self._task
+def make_watchdog(channel: grpc.Channel | None, config: RigConfig) -> WatchdogTask:
+    """Make the watchdog timer of a rig, which can be started repeatedly; errors are those of ``nidaqmx``."""
+    timeout_s = config.watchdog.timeout_s if config.watchdog else 0.5
+    options = session_options(channel, WATCHDOG, NEW)
+    timer = WatchdogTask(config.device.name, WATCHDOG, timeout=timeout_s, grpc_options=options)
+    try:
+        if config.device.product in ANALOG_REACH and config.device_of(config.motor.channel) is None:
+            at_zero = AOExpirationState(config.motor.channel, 0.0, WatchdogAOExpirState.VOLTAGE)
+            timer.cfg_watchdog_ao_expir_states([at_zero])
+        if config.drive_enable is not None and config.device_of(config.drive_enable.line) is None:
+            timer.cfg_watchdog_do_expir_states([DOExpirationState(config.drive_enable.line, Level.LOW)])
+    except BaseException:
+        close_watchdog(timer)
+        raise
+    return timer
 
 
-def _keep_open(task: WatchdogTask) -> None:
+def close_watchdog(timer: WatchdogTask) -> None:
+    """Stop the timer and clear it."""
+    with contextlib.suppress(nidaqmx.errors.Error):
+        timer.stop()  # closing is what counts
+    try:
+        timer.close()
+    except nidaqmx.errors.Error:
+        leave_running(timer)
+        raise
+
+
+def leave_running(timer: WatchdogTask) -> None:
+    """Forget a timer without stopping it: it expires, and makes the outputs safe that could not be written."""
     if not _LEFT_OPEN:  # at the end of the program, too, this is on purpose
         atexit.register(warnings.simplefilter, "ignore", nidaqmx.errors.DaqResourceWarning)
-    _LEFT_OPEN.append(task)
+    _LEFT_OPEN.append(timer)
 
 
 def reset_device(channel: grpc.Channel | None, name: str) -> None:
@@ -227,24 +197,33 @@ def worst(failures: list[BaseException]) -> BaseException:
 
 
 class RememberedCalls(grpc.Channel):
-    """Another channel, whose callables are made when they are first asked for, and kept.
+    """A channel whose callables are made when they are first asked for, and kept.
 
     NI's client asks for all 451 of them anew with every task: over a socket that takes 15 ms of processor time, several
-    times a trial.
+    times a trial. It never asks to be told of changes of the connection.
 
     Parameters
     ----------
-    channel : grpc.Channel
-        The connection; closing this closes it.
+    make : callable
+        Makes a callable by its kind, e.g. ``unary_unary``, and what the client asks for it with.
+    close : callable
+        Closes the connection.
     """
 
-    def __init__(self, channel: grpc.Channel) -> None:
-        self._channel = channel
+    def __init__(self, make: Callable[..., Callable[..., Any]], close: Callable[[], object] = lambda: None) -> None:
+        self._make, self._close = make, close
         self._made: dict[tuple[str, str], Callable[..., Any]] = {}
+
+    @classmethod
+    def of(cls, channel: grpc.Channel | None) -> RememberedCalls | None:
+        """Return another channel with this memory; None for none."""
+        if channel is None or isinstance(channel, RememberedCalls):
+            return channel
+        return cls(lambda kind, *args, **kwargs: getattr(channel, kind)(*args, **kwargs), channel.close)
 
     def _once(self, kind: str, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
         if (kind, method) not in self._made:
-            self._made[kind, method] = getattr(self._channel, kind)(method, *args, **kwargs)
+            self._made[kind, method] = self._make(kind, method, *args, **kwargs)
         return self._made[kind, method]
 
     unary_unary = partialmethod(_once, "unary_unary")  # type: ignore[assignment]
@@ -253,16 +232,13 @@ class RememberedCalls(grpc.Channel):
     stream_stream = partialmethod(_once, "stream_stream")  # type: ignore[assignment]
 
     def subscribe(self, callback: Callable[..., Any], try_to_connect: bool | None = False) -> None:
-        """Let a function be told of changes of the connection."""
-        self._channel.subscribe(callback, try_to_connect)
+        """Do nothing: nobody asks."""
 
-    def unsubscribe(self, callback: Callable[..., Any]) -> None:
-        """Tell it no longer."""
-        self._channel.unsubscribe(callback)
+    unsubscribe = subscribe
 
     def close(self) -> None:
         """Close the connection."""
-        self._channel.close()
+        self._close()
 
     def __enter__(self) -> RememberedCalls:
         return self
@@ -281,11 +257,11 @@ class SafeBench:
     """
 
     def __init__(self, channel: grpc.Channel | None) -> None:
-        self._channel = None if channel is None else RememberedCalls(channel)
+        self._channel = RememberedCalls.of(channel)
         self._config: RigConfig | None = None
         self._tasks = TaskSet(self._new_task, self._end_left)
         self._outputs = SafeOutputs(self._new_task, self._end_left)
-        self._watchdog: Watchdog | None = None
+        self._watchdog: WatchdogTask | None = None
         self._timing: Timing | None = None
         """Timing of the tasks as made; None unless all of them exist."""
         self._live = False
@@ -345,7 +321,7 @@ class SafeBench:
     def _has_tripped(self) -> bool:
         assert self._watchdog is not None
         try:
-            return self._watchdog.expired
+            return bool(self._watchdog.expired)
         except (nidaqmx.errors.Error, grpc.RpcError):
             return False  # unknown: if the outputs are locked, writing them tells
 
@@ -370,7 +346,7 @@ class SafeBench:
     def _close_watchdog(self, *, always: bool = False) -> None:
         """Close the timer, unless it still has to make the outputs safe."""
         if self._watchdog is not None and (self._safe or always):
-            attempt(self._watchdog.close, [], "closing the watchdog")
+            attempt(partial(close_watchdog, self._watchdog), [], "closing the watchdog")
             self._watchdog = None
 
     def _outputs_safe(self, phase: str, failures: list[BaseException], *, tripped: bool = False) -> None:
@@ -416,4 +392,4 @@ class SafeBench:
         if self._watchdog is not None and self._now_s() - self._last_reset_s >= at_least_every_s:
             self._last_reset_s = self._now_s()  # before the call, which may take long: the device counts from its end
             self._reset_at_sample = self._next_sample
-            self._watchdog.reset()
+            self._watchdog.reset_timer()

@@ -19,7 +19,6 @@ import contextlib
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 import grpc
 import nidaqmx
@@ -35,7 +34,7 @@ from numpy.typing import NDArray
 from rig.backend import Block
 from rig.configuration.rig_file import CameraConfig, EncoderConfig, OppositeHeadConfig, RigConfig
 from rig.daq.faults import translated
-from rig.errors import HardwareFault, RigInputError
+from rig.errors import HardwareFault, RigInputError, refuse
 
 AUTO = SessionInitializationBehavior.AUTO
 NEW = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
@@ -51,12 +50,8 @@ def session_options(
     return None if channel is None else GrpcSessionOptions(channel, name, initialization_behavior=behavior)
 
 
-class NewTask(Protocol):
-    """Makes an empty task with the given name on the driver or server in use."""
-
-    def __call__(self, name: str) -> nidaqmx.Task:
-        """Make the task."""
-        ...
+NewTask = Callable[[str], nidaqmx.Task]
+"""Makes an empty task with the given name on the driver or server in use."""
 
 
 class TaskSet:
@@ -354,14 +349,18 @@ def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
     """Check the motor command once more before it is loaded, whatever was checked before."""
     if command_v.ndim != 1 or command_v.size < 2:
         raise RigInputError(f"motor command has shape {command_v.shape}, allowed one dimension and at least 2 samples")
-    if not np.all(np.isfinite(command_v)):
-        raise RigInputError(f"motor command is not finite at sample {int(np.argmin(np.isfinite(command_v)))}")
-    if command_v[0] != 0.0 or command_v[-1] != 0.0:
-        raise RigInputError(f"motor command starts at {command_v[0]:g} V and ends at {command_v[-1]:g} V, allowed 0 V")
+    finite, (first, last) = np.isfinite(command_v), command_v[[0, -1]]
     reach = min(config.motor.voltage_limit_v, config.motor.force_limit_n / config.motor.force_per_volt_n)
     worst = float(np.max(np.abs(command_v)))
-    if worst > reach * (1 + 1e-9):
-        raise RigInputError(f"motor command reaches {worst:g} V, allowed {reach:g} V on {config.motor.channel}")
+    refuse(
+        RigInputError,
+        (not finite.all(), f"motor command is not finite at sample {int(np.argmin(finite))}"),
+        (first != 0.0 or last != 0.0, f"motor command starts at {first:g} V and ends at {last:g} V, allowed 0 V"),
+        (
+            worst > reach * (1 + 1e-9),
+            f"motor command reaches {worst:g} V, allowed {reach:g} V on {config.motor.channel}",
+        ),
+    )
 
 
 def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: int, timeout_s: float) -> Block:

@@ -32,7 +32,7 @@ from rig.recording.trial_run import (
     LATE_S,
     PASSIVE,
     ClockWatch,
-    Cut,
+    Stroke,
     closed,
     new_session,
     reason_of,
@@ -86,19 +86,6 @@ class StrokeSettings:
     def from_text(cls, text: str) -> StrokeSettings:
         """Restore settings; raises TypeError, ValueError or KeyError for anything else."""
         return restored(cls, dict(json.loads(text)))
-
-
-@dataclass(frozen=True)
-class Stroke:
-    """A stroke: samples from ``first`` up to ``end``, ``trigger`` among them, and why it ended.
-
-    ``status`` is ``complete``, ``not at rest`` (longer than ``longest_s``) or ``interrupted``.
-    """
-
-    first: int
-    trigger: int
-    end: int
-    status: str
 
 
 class StrokeDetector:
@@ -399,7 +386,8 @@ class _Stream:
         failed = closed(journal.writer, status, reason)
         if failed is not None:
             raise failed
-        cut = Cut(stroke.first - journal.base, stroke.trigger - journal.base, stroke.end - journal.base)
+        base = journal.base
+        cut = Stroke(stroke.first - base, stroke.trigger - base, stroke.end - base, status)
         trial = seal_cut(self._session, journal.writer.path, cut, status, reason)
         journal.writer.remove()
         self._number += 1

@@ -27,9 +27,9 @@ from rig.configuration.profile import parse_profile
 from rig.configuration.rig_file import Rig, parse_rig
 from rig.errors import RigInputError
 from rig.recording.options import RecordingOptions, ResumeKeywords
-from rig.recording.passive import Stroke, StrokeDetector, StrokeSettings
+from rig.recording.passive import StrokeDetector, StrokeSettings
 from rig.recording.trial_plan import WARM_UP_REASON, Entry
-from rig.recording.trial_run import PASSIVE, Cut, record_entries, seal_cut, seal_journal
+from rig.recording.trial_run import PASSIVE, Stroke, record_entries, seal_cut, seal_journal
 from rig.safety.dry_run import dry_run
 from rig.safety.permission import require_permission
 from rig.session import annotation_file
@@ -174,7 +174,7 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
         made = seal_journal(session, file, journal, status, reason).read()
     else:
         wanted = stroke.end - stroke.first
-        made = seal_cut(session, file, Cut(stroke.first, stroke.trigger, stroke.end), status, reason).read()
+        made = seal_cut(session, file, stroke, status, reason).read()
     if made.n_valid != wanted:
         raise RigInputError(f"{file}: {wanted} samples, but {made.n_valid} were sealed; the journal is kept")
     if keep:

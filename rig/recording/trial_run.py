@@ -182,12 +182,16 @@ PASSIVE = "passive"
 
 
 @dataclass(frozen=True)
-class Cut:
-    """The samples of a journal that are a trial: from ``first`` up to ``end``, the stroke noticed at ``trigger``."""
+class Stroke:
+    """A stroke: samples from ``first`` up to ``end``, noticed at ``trigger``, and why it ended.
+
+    ``status`` is ``complete``, ``not at rest`` (longer than ``longest_s``) or ``interrupted``.
+    """
 
     first: int
     trigger: int
     end: int
+    status: str
 
 
 def seal_journal(session: Session, file: Path, scanned: Journal, status: str, reason: str) -> Trial:
@@ -217,7 +221,7 @@ NOTICED_LATE_S = 0.05
 """A stroke begins at most so long before it is noticed, by far: the force has to reach the trigger."""
 
 
-def seal_cut(session: Session, file: Path, cut: Cut, status: str, reason: str) -> Trial:
+def seal_cut(session: Session, file: Path, cut: Stroke, status: str, reason: str) -> Trial:
     """Seal a stroke that was cut out of a journal: its first sample is time zero, its start time is shifted along.
 
     Raises as :func:`seal_journal`.

@@ -40,7 +40,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, Protocol
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -626,12 +626,8 @@ class JournalWriter:
         self._synced = samples
 
 
-class OpenJournal(Protocol):
-    """Creates the journal of a trial: path, head, largest number of samples and of blocks."""
-
-    def __call__(self, path: Path, head: TrialHead, most_samples: int, most_blocks: int) -> JournalWriter:
-        """Create it."""
-        ...
+OpenJournal = Callable[[Path, TrialHead, int, int], JournalWriter]
+"""Creates the journal of a trial: path, head, largest number of samples and of blocks."""
 
 
 KEEP_S = 30.0

@@ -42,7 +42,7 @@ from rig.simulated.bench.sensors import SensorSet, load_sensors
 from rig.simulated.bench.wiring import Wiring, planted_wiring, usual_wiring
 from rig.simulated.device.state import DeviceState, FaultPlan, parse_faults
 from rig.simulated.product import PRODUCTS, Inventory
-from rig.simulated.rpc.service import InProcessChannel, Service
+from rig.simulated.rpc.service import Service, in_process_channel
 from rig.storage.atomic_write import sha256_of_file
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
@@ -60,7 +60,7 @@ class SimulatedBackend(NidaqmxBackend):
         self.device = device
         self.plant: Plant = device.bench.plant
         self.service = Service(device)
-        super().__init__(InProcessChannel(self.service), name="virtual bench")
+        super().__init__(in_process_channel(self.service), name="virtual bench")
         self._bench = description or {}
 
     def wait(self, duration_s: float) -> None:

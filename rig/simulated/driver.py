@@ -30,7 +30,7 @@ from rig.simulated.device.task import (
 from rig.simulated.device.watchdog import refuse_bad_timer, refuse_expired, start_watchdog
 from rig.simulated.product import Inventory, Kind, channel_names
 from rig.simulated.signals import latch_now, set_outputs
-from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice, Unsupported
+from rig.simulated.status import UNSUPPORTED, Code, DaqStatusError, NotImplementedByDevice, refuse_any
 from rig.simulated.timing import (
     await_something,
     await_trigger,
@@ -124,13 +124,13 @@ def open_log(task: SimulatedTask) -> None:
     logging, clock = task.logging, task.timing.clock
     if logging.mode == OFF:
         return
-    if task.type in ("AO", "DO", "CO"):
-        raise DaqStatusError(Code.LOGGING_NOT_SUPPORT_ON_OUTPUT_TASKS, f"Task: {task.name}")
-    if clock is None:
-        raise DaqStatusError(Code.LOGGING_MODE_NOT_SUPPORTED_NON_BUFFERED, f"Task: {task.name}")
-    if task.type == "DI" or task.measures in daqmx.PULSE_PAIRS:
-        raise DaqStatusError(Code.MEASUREMENT_TYPE_NOT_SUPPORTED_FOR_LOGGING, f"Task: {task.name}")
-    interval_s = 1 / clock.rate_hz if task.timing.own_clock else 0.0
+    detail, unlogged = f"Task: {task.name}", task.type == "DI" or task.measures in daqmx.PULSE_PAIRS
+    refuse_any(
+        (task.type in ("AO", "DO", "CO"), Code.LOGGING_NOT_SUPPORT_ON_OUTPUT_TASKS, detail),
+        (clock is None, Code.LOGGING_MODE_NOT_SUPPORTED_NON_BUFFERED, detail),
+        (unlogged, Code.MEASUREMENT_TYPE_NOT_SUPPORTED_FOR_LOGGING, detail),
+    )
+    interval_s = 1 / clock.rate_hz if clock is not None and task.timing.own_clock else 0.0
     names = [channel.name for channel in task.channels]
     task.log = TdmsLog(logging.path, logging.operation, logging.group or task.name, names, interval_s)
 
@@ -209,14 +209,17 @@ def configure_clock(device: DeviceState, task: SimulatedTask, clock: SampleClock
     if not rate_hz > 0 or clock.samples < 1:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Rate {rate_hz:g}, samples per channel {clock.samples}")
     terminal = device.inventory.terminal(source) if source and source != "OnboardClock" else ""
-    if task.type in ("CI", "CO") and not terminal:
-        raise DaqStatusError(Code.EXT_SAMP_CLK_SRC_NOT_SPECIFIED)
-    if task.type == "CO" and clock.mode != daqmx.CONTINUOUS:
-        raise NotImplementedByDevice("finite pulses on a sample clock")
     owner = device.inventory.of(task.channels[0].physical.name)
     static = any(channel.physical.kind == "static_line" for channel in task.channels)
-    if static or (task.type in ("DI", "DO") and not owner.product.clocked_lines):
-        raise Unsupported(f"Task: {task.name}: these lines are static")
+    refuse_any(
+        (task.type in ("CI", "CO") and not terminal, Code.EXT_SAMP_CLK_SRC_NOT_SPECIFIED, ""),
+        (task.type == "CO" and clock.mode != daqmx.CONTINUOUS, UNSUPPORTED, "not simulated: finite pulses on a clock"),
+        (
+            static or (task.type in ("DI", "DO") and not owner.product.clocked_lines),
+            UNSUPPORTED,
+            f"Task: {task.name}: these lines are static",
+        ),
+    )
     rate_hz = owner.coerced_rate(rate_hz, task.channels[0].physical.kind, len(task.channels))
     task.timing = Timing(replace(clock, rate_hz=rate_hz, source=terminal))
     if task.type == "CO":

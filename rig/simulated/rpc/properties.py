@@ -31,7 +31,7 @@ from rig.simulated.driver import configure_clock, find_task
 from rig.simulated.product import channel_names
 from rig.simulated.rpc.messages import Key, Properties, property_number
 from rig.simulated.signals import latch_now
-from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice, Unsupported
+from rig.simulated.status import UNSUPPORTED, Code, DaqStatusError, Unsupported, refuse_any
 from rig.simulated.timing import await_something
 
 IMPLICIT, CHANGE_DETECTION, SAMPLE_CLOCK, ON_DEMAND = 10451, 12504, 10388, 10390
@@ -568,16 +568,16 @@ SETTABLE: dict[Key, tuple[type, tuple[str, ...]]] = {
 
 def check_value(device: DeviceState, task: SimulatedTask, number: int, value: Any) -> None:
     """Refuse a value that the product does not have, or the virtual device."""
-    if number in (*CI_INPUT_TERMS, daqmx.DIG_EDGE_ARM_START_TRIG_SRC):
-        device.inventory.terminal(value)
-    if number == daqmx.CO_PULSE_TERM:
-        device.inventory.terminal(value, output=True)
-    if number == READ_OVERWRITE and value != DO_NOT_OVERWRITE:
-        raise Unsupported("only DO_NOT_OVERWRITE_UNREAD_SAMPLES is simulated")
-    if number == daqmx.ARM_START_TRIG_TYPE and value not in (daqmx.DIGITAL_EDGE, daqmx.NO_TRIGGER):
-        raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Arm start trigger type {value}")
-    if number == daqmx.START_TRIG_RETRIGGERABLE and (task.type not in CLOCKED or task.triggers.referenced):
-        raise NotImplementedByDevice(f"retriggering a {task.type} task")
+    if number in (*CI_INPUT_TERMS, daqmx.DIG_EDGE_ARM_START_TRIG_SRC, daqmx.CO_PULSE_TERM):
+        device.inventory.terminal(value, output=number == daqmx.CO_PULSE_TERM)
+    armed_by = number == daqmx.ARM_START_TRIG_TYPE and value not in (daqmx.DIGITAL_EDGE, daqmx.NO_TRIGGER)
+    retriggers = number == daqmx.START_TRIG_RETRIGGERABLE and (task.type not in CLOCKED or task.triggers.referenced)
+    overwrites = number == READ_OVERWRITE and value != DO_NOT_OVERWRITE
+    refuse_any(
+        (overwrites, UNSUPPORTED, "only DO_NOT_OVERWRITE_UNREAD_SAMPLES is simulated"),
+        (armed_by, Code.INVALID_ATTRIBUTE_VALUE, f"Arm start trigger type {value}"),
+        (retriggers, UNSUPPORTED, f"not simulated: retriggering a {task.type} task"),
+    )
 
 
 Getter = Callable[[DeviceState, SimulatedTask], Any]

@@ -16,7 +16,6 @@ event streams; calls the device does not have are answered with UNIMPLEMENTED.
 from __future__ import annotations
 
 import contextlib
-import functools
 import re
 import sys
 import threading
@@ -26,6 +25,7 @@ from typing import Any
 
 import grpc
 
+from rig.daq.safe_bench import RememberedCalls
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.device.watchdog import check_watchdogs, refuse_locked
@@ -396,49 +396,17 @@ def _as_rpc_errors() -> Iterator[None]:
         raise InProcessError(*rpc_status(error)) from None
 
 
-class InProcessChannel(grpc.Channel):
-    """Channel to a :class:`rig.simulated.rpc.service.Service` in the same process."""
+def in_process_channel(service: Service) -> RememberedCalls:
+    """Return a channel to a service in the same process; closing it leaves the device as it is, to be inspected."""
+    answers = {"unary_unary": "handle", "unary_stream": "stream"}
 
-    def __init__(self, service: Service) -> None:
-        self.service = service
-        self._call = functools.cache(self._made)  # the client requests all of them for each of its tasks
-
-    def unary_unary(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
-        """Return a callable for one call of the service."""
-        return self._call("handle", method)
-
-    def unary_stream(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
-        """Return a callable that registers an event and returns its stream."""
-        return self._call("stream", method)
-
-    def _made(self, kind: str, method: str) -> Callable[..., Any]:
+    def make(kind: str, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
         def call(request: Any, timeout: float | None = None, metadata: Any = None, **options: Any) -> Any:
+            if kind not in answers:  # NI's service has no streams of requests
+                raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {method}")
             with _as_rpc_errors():
-                return getattr(self.service, kind)(method.rsplit("/", 1)[-1], request)
+                return getattr(service, answers[kind])(method.rsplit("/", 1)[-1], request)
 
         return call
 
-    def stream_stream(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
-        """Return a callable that refuses: NI's service has no streams of requests."""
-
-        def call(*args: Any, **kwargs: Any) -> Any:
-            raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {method}")
-
-        return call
-
-    stream_unary = stream_stream
-
-    def subscribe(self, callback: Callable[..., Any], try_to_connect: bool | None = False) -> None:
-        """Do nothing: this channel is always connected."""
-
-    def unsubscribe(self, callback: Callable[..., Any]) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing; the device lives on, so that its state can be inspected."""
-
-    def __enter__(self) -> InProcessChannel:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
+    return RememberedCalls(make)

@@ -17,6 +17,7 @@ import pytest
 
 from rig.backend import open_backend
 from rig.configuration.rig_file import load_rig
+from rig.daq.safe_bench import leave_running
 from rig.errors import (
     DeviceNotFound,
     HardwareFault,
@@ -318,7 +319,7 @@ def test_what_a_killed_program_left_tripped_does_not_stop_the_next(name, make_ba
         service.handle("ClearTask", request_class("ClearTask")(task={"name": task}))
     dead._tasks._tasks.clear()
     dead._outputs._tasks._tasks.clear()
-    dead._watchdog.leave_running()
+    leave_running(dead._watchdog)
     dead.__init__(dead.device)  # the next program on the same device
     begin(dead, 100, config)
     dead.safe_stop()

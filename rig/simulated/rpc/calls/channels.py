@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from rig.simulated import daqmx
 from rig.simulated.device.scales import PER_CELSIUS, E, J, K, T, ThermocoupleScale, scale_of
 from rig.simulated.device.state import DeviceState
-from rig.simulated.device.task import SimulatedTask
+from rig.simulated.device.task import SimulatedTask, TaskType
 from rig.simulated.driver import add_channels, add_lines, start_task
+from rig.simulated.product import Kind
 from rig.simulated.rpc.calls.data import refuse_other_type
 from rig.simulated.rpc.messages import Fields, TaskHandler, enum
 from rig.simulated.signals import NEWTON_IN, pulse_train
-from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice, one_of
+from rig.simulated.status import UNSUPPORTED, Code, DaqStatusError, NotImplementedByDevice, one_of, refuse_any
 
 METERS, INCHES = 10219, 10379
 COUNT_UP, COUNT_DOWN = 10128, 10124
@@ -58,6 +59,14 @@ def _increasing(request: Any) -> None:
         raise DaqStatusError(Code.MIN_NOT_LESS_THAN_MAX, f"{request.min_val:g} to {request.max_val:g}")
 
 
+def _add(device: DeviceState, task: SimulatedTask, request: Any, type_: TaskType, **settings: Any) -> None:
+    """Add the channels that a request names, with these settings; ``kind`` is that of an input not of volts."""
+    counter = type_ in ("CI", "CO")
+    kind: Kind = "counter" if counter else "voltage_out" if type_ == "AO" else settings.pop("kind", "voltage_in")
+    physical = request.counter if counter else request.physical_channel
+    add_channels(device, task, type_, kind, physical, request.name_to_assign_to_channel, **settings)
+
+
 def _encoder(units: tuple[int, ...], per: str, initial: str, **settings: Any) -> TaskHandler:
     """Return the creator of a CI channel on a quadrature encoder of an angle or a length, from these fields.
 
@@ -72,11 +81,8 @@ def _encoder(units: tuple[int, ...], per: str, initial: str, **settings: Any) ->
             raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"{per}: {getattr(request, per):g}")
         one_of(phase, Z_PHASES, "Z index phase")
         index = {"zidx_enable": bool(request.zidx_enable), "zidx_val": float(request.zidx_val), "zidx_phase": phase}
-        add_channels(
-            device, task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
-            decoding_type=decoding, units=unit, **{per: getattr(request, per), initial: getattr(request, initial)},
-            **settings, **index, **scaling,
-        )  # fmt: skip
+        own = {per: getattr(request, per), initial: getattr(request, initial), **settings, **index, **scaling}
+        _add(device, task, request, "CI", decoding_type=decoding, units=unit, **own)
         if decoding == TWO_PULSES:
             task.unsimulated["decoding"] = "two pulses"
         _set_terminal(device, task, daqmx.CI_ENCODER_A_INPUT_TERM, "source")
@@ -97,14 +103,11 @@ def _set_terminal(
 
 def ci_count_edges(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CI counting edges on a terminal, up or down."""
-    one_of(enum(request, "edge"), (daqmx.RISING, daqmx.FALLING), "Edge")
-    one_of(enum(request, "count_direction"), (COUNT_UP, COUNT_DOWN), "Count direction")
-    step = 1 if enum(request, "count_direction") == COUNT_UP else -1
-    add_channels(
-        device, task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
-        measures=daqmx.EDGES, initial_count=int(request.initial_count), step=step, edge=enum(request, "edge"),
-        count_direction=enum(request, "count_direction"),
-    )  # fmt: skip
+    edge, direction = enum(request, "edge"), enum(request, "count_direction")
+    one_of(edge, (daqmx.RISING, daqmx.FALLING), "Edge")
+    one_of(direction, (COUNT_UP, COUNT_DOWN), "Count direction")
+    settings = {"initial_count": int(request.initial_count), "step": 1 if direction == COUNT_UP else -1}
+    _add(device, task, request, "CI", measures=daqmx.EDGES, edge=edge, count_direction=direction, **settings)
     _set_terminal(device, task, daqmx.CI_TERM[daqmx.EDGES], "source")
 
 
@@ -147,7 +150,7 @@ def _of_pulses(measures: str | int, *units: int, unsimulated: str = "") -> TaskH
             if method in TWO_COUNTERS:
                 settings["two_counters"], pin = True, "source"
         settings["type" if unsimulated else "measures"] = measures
-        add_channels(device, task, "CI", "counter", request.counter, request.name_to_assign_to_channel, **settings)
+        _add(device, task, request, "CI", **settings)
         if unsimulated:
             task.unsimulated["measurement"] = unsimulated
         else:
@@ -243,10 +246,7 @@ def _add_output(
     timebase = device.inventory.of(request.counter).product.counter_timebase_hz
     if not delay_s * timebase < 2**32:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Initial delay {delay_s:g} s")
-    add_channels(
-        device, task, "CO", "counter", request.counter, request.name_to_assign_to_channel,
-        output_type=output_type, idle_state=idle,
-    )  # fmt: skip
+    _add(device, task, request, "CO", output_type=output_type, idle_state=idle)
     if idle == daqmx.HIGH:
         task.unsimulated["idle state"] = "high"
     name = task.channels[-1].name
@@ -267,13 +267,11 @@ def _write(
     parts = np.concatenate((high, low))
     if not (np.isfinite(parts).all() and parts.min() >= 2 and parts.max() < 2**32):
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Pulses of {high_s[0]:g} s high, {low_s[0]:g} s low")
-    clocked = task.timing.clock is not None
-    if np.ptp(high + low) > 0 and not clocked:
-        raise NotImplementedByDevice("pulses of several frequencies in one buffer")
-    if high.size > 1 and task.pulses.count == 1:
-        raise DaqStatusError(
-            Code.WRITE_NUM_CHANS_MISMATCH, f"Task: {task.name} has no implicit timing for {high.size} pulses"
-        )
+    clocked, untimed = task.timing.clock is not None, f"Task: {task.name} has no implicit timing for {high.size} pulses"
+    refuse_any(
+        (np.ptp(high + low) > 0 and not clocked, UNSUPPORTED, "not simulated: pulses of several frequencies at once"),
+        (high.size > 1 and task.pulses.count == 1, Code.WRITE_NUM_CHANS_MISMATCH, untimed),
+    )
     if task.progress.live:
         now_s, train = device.bench.now_s, pulse_train(task)
         task.pulses.passed, task.pulses.next_s = train.passed_at(now_s), train.next_after(now_s)
@@ -344,12 +342,10 @@ def ai_thermocouple(device: DeviceState, task: SimulatedTask, request: Any) -> N
         raise DaqStatusError(Code.BUILT_IN_CJC_SRC_NOT_SUPPORTED, request.physical_channel)
     if source != CONSTANT or kind not in (J, K, T, E):
         raise NotImplementedByDevice(f"thermocouple of type {kind} with cold junction {source}")
+    junction = {"thermocouple_type": kind, "cjc_source": source, "cjc_val": request.cjc_val}
     scale = ThermocoupleScale(kind, request.cjc_val, units)
-    add_channels(
-        device, task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
-        min_val=-MOST_V, max_val=MOST_V, type=THERMOCOUPLE, scale=scale, units=units,
-        thermocouple_type=kind, cjc_source=source, cjc_val=request.cjc_val,
-    )  # fmt: skip
+    own = {"type": THERMOCOUPLE, "scale": scale, "units": units, **junction}
+    _add(device, task, request, "AI", min_val=-MOST_V, max_val=MOST_V, **own)
 
 
 INTERNAL_EXCITATION = 10200
@@ -358,6 +354,11 @@ VOLTS_OF_SENSOR = 10.0
 CHAN_FOR_ALL_LINES = 1
 DEFAULT, RSE, NRSE, DIFFERENTIAL = -1, 10083, 10078, 10106
 BRIDGE_CONFIGURATIONS = (10182, 10187, 10270)
+BRIDGE_VALUES = (
+    *("min_val", "max_val"),
+    *(f"{point}_{side}_val" for point in ("first", "second") for side in ("electrical", "physical")),
+)
+"""Fields of a bridge's request that are settings of its channel."""
 
 
 def force_bridge_two_point(device: DeviceState, task: SimulatedTask, request: Any) -> None:
@@ -382,12 +383,9 @@ def force_bridge_two_point(device: DeviceState, task: SimulatedTask, request: An
         if product.bridge_range_mv_per_v and abs(reading) > product.bridge_range_mv_per_v * (1 + 1e-9):
             raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Limit {limit:g} needs {reading:.4g} mV/V of the input")
     _increasing(request)
-    add_channels(
-        device, task, "AI", "bridge", request.physical_channel, request.name_to_assign_to_channel,
-        units=units, physical_units=physical, electrical_units=electrical, min_val=request.min_val,
-        max_val=request.max_val,
-        first_electrical_val=e0, second_electrical_val=e1, first_physical_val=p0, second_physical_val=p1,
-    )  # fmt: skip
+    in_units = {"units": units, "physical_units": physical, "electrical_units": electrical}
+    points = {name: getattr(request, name) for name in BRIDGE_VALUES}
+    _add(device, task, request, "AI", kind="bridge", **in_units, **points)
 
 
 def ai_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
@@ -399,10 +397,7 @@ def ai_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     if owner.product.ai_ranges_v:
         owner.voltage_range(low_v, high_v)
     before = len(task.channels)
-    add_channels(
-        device, task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
-        min_val=low_v, max_val=high_v, **scaling,
-    )  # fmt: skip
+    _add(device, task, request, "AI", min_val=low_v, max_val=high_v, **scaling)
     wanted = enum(request, "terminal_config") or DEFAULT
     one_of(wanted, (DEFAULT, RSE, NRSE, DIFFERENTIAL), "Terminal configuration")
     for channel in task.channels[before:]:
@@ -417,10 +412,7 @@ def ai_sensor(kind: int, what: str) -> TaskHandler:
 
     def create(device: DeviceState, task: SimulatedTask, request: Any) -> None:
         _increasing(request)
-        add_channels(
-            device, task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
-            min_val=-VOLTS_OF_SENSOR, max_val=VOLTS_OF_SENSOR, type=kind,
-        )  # fmt: skip
+        _add(device, task, request, "AI", min_val=-VOLTS_OF_SENSOR, max_val=VOLTS_OF_SENSOR, type=kind)
         task.unsimulated["measurement"] = what
 
     return create
@@ -434,10 +426,7 @@ def ao_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     reach = device.inventory.of(request.physical_channel).product.ao_range_v
     if not -reach <= low_v < high_v <= reach:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Output limits {low_v:g} to {high_v:g} V")
-    add_channels(
-        device, task, "AO", "voltage_out", request.physical_channel, request.name_to_assign_to_channel,
-        min_val=low_v, max_val=high_v, **scaling,
-    )  # fmt: skip
+    _add(device, task, request, "AO", min_val=low_v, max_val=high_v, **scaling)
 
 
 def digital_lines(type_: Literal["DI", "DO"]) -> TaskHandler:

@@ -28,7 +28,7 @@ from rig.simulated.device.watchdog import (
 from rig.simulated.driver import create_task, create_watchdog_task, reset_device
 from rig.simulated.product import DIGITAL_RATE_HZ, Inventory, Kind, PhysicalChannel, channel_names
 from rig.simulated.rpc.messages import DeviceHandler, Fields, Key, Properties, enum, open_session, property_number
-from rig.simulated.status import TEXTS, Code, DaqStatusError, Unsupported, one_of
+from rig.simulated.status import Code, DaqStatusError, Unsupported, one_of, text_of
 
 X_SERIES, CHASSIS, MODULE = 15858, 14658, 14659
 PCIE, TCPIP = 13612, 14828
@@ -187,9 +187,7 @@ DEVICE_CALLS: dict[str, DeviceHandler] = {
     "CreateTask": lambda device, request: open_session(
         device, request, lambda: create_task(device, request.session_name)
     ),
-    "GetErrorString": lambda device, request: {
-        "error_string": TEXTS.get(request.error_code, "Error code could not be found.")
-    },
+    "GetErrorString": lambda device, request: {"error_string": text_of(request.error_code)},
     "ResetDevice": _reset,
     "SelfTestDevice": lambda device, request: refuse_other_device(device, request.device_name),
     "SelfCal": _of_card,

@@ -35,6 +35,7 @@ from pianorig.cli import main
 from rig.backend import open_backend
 from rig.configuration.rig_file import load_rig
 from rig.daq.address import reset_server
+from rig.daq.safe_bench import leave_running
 from rig.errors import HardwareFault, InputError, ResourceBusy
 from rig.simulated.bench.bench_time import PacedClock
 from rig.simulated.rpc.messages import SERVICE, request_class
@@ -205,7 +206,7 @@ def test_reservations_are_taken_in_turn_and_a_reset_ends_them_and_all_tasks(chan
     assert waiting.result(5.0).is_reserved and held(second)
     task = services.NiDAQmxStub(channel).CreateTask(daq.CreateTaskRequest(session_name="kept")).task
     assert stub.ResetServer(sessions.ResetServerRequest()).is_server_reset and not held(second)
-    with pytest.raises(grpc.RpcError, match="invalid"):
+    with pytest.raises(grpc.RpcError, match="Invalid task"):
         services.NiDAQmxStub(channel).StartTask(daq.StartTaskRequest(task=task))
 
 
@@ -402,7 +403,7 @@ def left_by_a_dead_program(make_backend, config, begin, served) -> tuple[Any, An
     dead = open_backend(address, config)
     begin(dead)
     os.close(dead._claim._lock)
-    dead._watchdog.leave_running()
+    leave_running(dead._watchdog)
     dead._channel.close()
     return backend, server, address
 
