@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 
 from benchmarks.runner import Run, Table
 from tests.rig.fuzz.damage import survive
-from tests.rig.fuzz.test_recordings_survive import CASES as BINARY
-from tests.rig.fuzz.test_texts_survive import CASES as TEXTS
+from tests.rig.fuzz.test_damage_survives import BINARY, TEXTS
 from tests.vision.film.cine_file import write_cine
 
 # decoders report damage on standard error themselves; here every film is damaged

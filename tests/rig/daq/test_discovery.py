@@ -12,7 +12,6 @@ from rig.daq.address import discover
 from rig.daq.discovery import FoundDevice, propose_rig
 from rig.errors import HardwareFault, InputError
 from rig.simulated.backend import open_backend
-from rig.simulated.serve import serve
 from tests.command_line import run
 
 CHASSIS = FoundDevice(
@@ -30,19 +29,17 @@ CHASSIS = FoundDevice(
 
 
 @pytest.mark.parametrize("rig", ["virtual", "pcie6363"])
-def test_what_a_server_has_is_listed_without_a_rig_file(rig) -> None:
+def test_what_a_server_has_is_listed_without_a_rig_file(rig, served) -> None:
     backend = open_backend("sim://", load_rig(rig).config)
-    server, port = serve(backend.service)
-    try:
-        driver, devices = discover(f"ni-grpc://127.0.0.1:{port}")
-    finally:
-        server.stop(None).wait()
+    server, address = served(backend)
+    driver, devices = discover(address)
+    server.stop(None).wait()
     assert driver.count(".") == 2 and devices == backend.devices()
     (device,) = devices
     assert device.product == load_rig(rig).config.device.product and device.serial == "none (simulated)"
     assert [module.slot for module in device.modules] == ([1, 2, 3, 4] if rig == "virtual" else [])
     with pytest.raises(HardwareFault, match="does not answer"):
-        discover(f"ni-grpc://127.0.0.1:{port}")
+        discover(address)
     with pytest.raises(InputError, match="allowed are ni://local"):
         discover("usb://1")
 

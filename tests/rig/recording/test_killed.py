@@ -7,9 +7,6 @@ import os
 import queue
 import random
 import signal
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,45 +15,25 @@ import numpy as np
 import pytest
 
 from rig.configuration.profile import load_profile
-from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.session import Session
+from tests.rig.program import DEADLINE_S, Program
 
 HERE = Path(__file__).parents[1]
-DEADLINE_S = 60.0
 MOST_UNCOMMITTED = 500
 """Samples: 100 ms."""
 
 
-class Program:
-    """The program to be killed, and its lines as they come."""
-
-    def __init__(self) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-W", "error", str(HERE / "recording_to_kill.py")],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=HERE.parents[1],
-        )
-        self.lines: queue.Queue[str] = queue.Queue()
-        self.pump = threading.Thread(target=self._pump, daemon=True)
-        self.pump.start()
-
-    def _pump(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.lines.put(line)
-        self.lines.put("end\n")
+class Killed(Program):
+    """The program to be killed."""
 
     def record_and_kill(self, folder: Path, after_s: float, step: str = "") -> list[tuple[int, int, int]]:
         """Kill the recording ``after_s`` after its first block; return what it had acknowledged by then.
 
         With a step of recording_to_kill.STEPS it kills itself there.
         """
-        assert self.process.stdin is not None
-        self.process.stdin.write(f"{folder}\t{step}\n")
-        self.process.stdin.flush()
+        self.said.write(f"{folder}\t{step}\n")
+        self.said.flush()
         pid, seen, kill_at = 0, [], time.monotonic() + DEADLINE_S
         while True:
             left = kill_at - time.monotonic()
@@ -76,31 +53,18 @@ class Program:
                     kill_at = time.monotonic() + after_s
                 seen.append(tuple(map(int, words[1:])))
 
-    def close(self) -> None:
-        assert self.process.stdin is not None and self.process.stdout is not None
-        self.process.stdin.close()
-        self.process.wait(DEADLINE_S)
-        self.pump.join(DEADLINE_S)
-        self.process.stdout.close()
-
 
 @pytest.fixture
-def program() -> Iterator[Program]:
-    running = Program()
+def program() -> Iterator[Killed]:
+    running = Killed("-W", "error", str(HERE / "recording_to_kill.py"), cwd=HERE.parents[1])
     yield running
-    running.close()
+    running.end(None)
 
 
 @pytest.fixture
-def whole(tmp_path, make_backend, rig) -> Session:
+def whole(rig, record_steps) -> Session:
     """The same session when nobody kills it."""
-    return record_session(
-        tmp_path / "whole",
-        profile=load_profile(HERE / "step.toml"),
-        rig_config=rig,
-        backend=make_backend(rig.config, noise_n=0.02),
-        trials=3,
-    )
+    return record_steps(rig, "whole", profile=load_profile(HERE / "step.toml"), trials=3)
 
 
 def check(folder: Path, seen: list[tuple[int, int, int]], whole: Session) -> str:
@@ -125,7 +89,7 @@ def check(folder: Path, seen: list[tuple[int, int, int]], whole: Session) -> str
     return session.trials[-1].status if stored else "nothing was committed"
 
 
-def kill_often(program: Program, folder: Path, whole: Session, times: int, seed: int) -> list[str]:
+def kill_often(program: Killed, folder: Path, whole: Session, times: int, seed: int) -> list[str]:
     chance = random.Random(seed)
     statuses, late_ms = [], []
     for turn in range(times):

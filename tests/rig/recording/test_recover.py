@@ -9,7 +9,6 @@ import pytest
 
 from pianorig.cli import main
 from rig.errors import InputError
-from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.recording.trial_plan import parse_plan
 from rig.session import Session
@@ -155,15 +154,14 @@ def test_a_sealed_file_that_was_damaged_is_made_again_from_its_journal(cut_off, 
 
 
 def test_a_session_in_which_everything_went_wrong_is_recovered_at_once(
-    tmp_path, make_backend, rig, step_profile, undeleted_journal, recover
+    tmp_path, rig, step_profile, record_steps, undeleted_journal, recover
 ) -> None:
     plan = parse_plan(
         'schema = "piano-action-rig plan 1"\nname = "p"\nwarm_up = 2\n[[conditions]]\nname = "a"\n'
         'profile = "forte"\nrepeats = 3\n'
     )
     plan = replace(plan, entries=tuple(replace(entry, profile=step_profile) for entry in plan.entries))
-    folder, backend = tmp_path / "s", make_backend(rig.config, noise_n=0.02)
-    session = record_session(folder, plan=plan, rig_config=rig, backend=backend, open_journal=undeleted_journal)
+    folder, session = tmp_path / "s", record_steps(rig, plan=plan, open_journal=undeleted_journal)
     said = folder / "annotations.jsonl"
     said.write_text(said.read_text().splitlines(keepends=True)[0])  # killed within the second warm-up blow
     whole = [trial.read() for trial in session.trials]

@@ -9,7 +9,6 @@ import pytest
 
 from rig.configuration.toml_file import dump_toml
 from rig.errors import InputError, NotPermitted
-from rig.recording.recorder import record_session
 from rig.recording.recover import due_entries, resume_session, session_rig
 from rig.recording.trial_plan import WARM_UP_REASON, parse_plan
 from rig.session import Session
@@ -85,7 +84,9 @@ def test_a_bad_plan_is_one_line(make_plan, tmp_path, old: str, new: str, words: 
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_a_plan_is_played_in_order_with_rest_and_its_warm_up_rejected(tmp_path, make_backend, rig, make_plan) -> None:
+def test_a_plan_is_played_in_order_with_rest_and_its_warm_up_rejected(
+    make_backend, rig, make_plan, record_steps
+) -> None:
     backend, plan, asked = make_backend(rig.config), make_plan("listed", prompt="add 20 g"), []
     rests: list[float] = []
     backend.wait = rests.append
@@ -95,9 +96,7 @@ def test_a_plan_is_played_in_order_with_rest_and_its_warm_up_rejected(tmp_path, 
         asked.append(question)
         return ""
 
-    session = record_session(
-        tmp_path / "s", plan=plan, rig_config=rig, backend=backend, ask=ask, progress=lambda at: left.append(at.left_s)
-    )
+    session = record_steps(rig, plan=plan, backend=backend, ask=ask, progress=lambda at: left.append(at.left_s))
     session = Session.open(session.path)
     assert [t.read().condition for t in session.trials] == ["loud", "loud", "loud", "soft", "soft"]
     assert [t.read().plan_entry for t in session.trials] == [1, 2, 3, 4, 5]
@@ -114,19 +113,15 @@ def test_a_plan_is_played_in_order_with_rest_and_its_warm_up_rejected(tmp_path, 
     assert due_entries(session) == []
 
 
-def test_a_prompt_that_finds_nobody_moves_nothing(tmp_path, make_backend, rig, make_plan) -> None:
-    backend = make_backend(rig.config)
+def test_a_prompt_that_finds_nobody_moves_nothing(tmp_path, rig, make_plan, record_steps) -> None:
     with pytest.raises(NotPermitted, match="add 20 g"):
-        record_session(
-            tmp_path / "s", plan=make_plan("listed", prompt="add 20 g"), rig_config=rig, backend=backend,
-            ask=lambda question: None,
-        )  # fmt: skip
+        record_steps(rig, plan=make_plan("listed", prompt="add 20 g"), ask=lambda question: None)
     session = Session.open(tmp_path / "s")
     assert [t.read().condition for t in session.trials] == ["loud"] * 3  # what came before the prompt is kept
 
 
 def test_what_was_interrupted_or_rejected_is_played_again_under_new_numbers(
-    tmp_path, make_backend, rig, make_plan
+    tmp_path, make_backend, rig, make_plan, record_steps
 ) -> None:
     plan = make_plan("listed")
 
@@ -135,7 +130,7 @@ def test_what_was_interrupted_or_rejected_is_played_again_under_new_numbers(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        record_session(tmp_path / "s", plan=plan, rig_config=rig, backend=make_backend(rig.config), progress=stop)
+        record_steps(rig, plan=plan, progress=stop)
     session = Session.open(tmp_path / "s")
     assert [t.status for t in session.trials] == ["complete", "complete", "interrupted"]
     session.annotate(2, "reject", "somebody knocked", author="ana")
@@ -150,22 +145,19 @@ def test_what_was_interrupted_or_rejected_is_played_again_under_new_numbers(
         resume_session(session.path, backend)
 
 
-def test_a_plain_session_is_continued_to_its_number_of_trials(tmp_path, make_backend, rig, step_profile) -> None:
+def test_a_plain_session_is_continued_to_its_number_of_trials(tmp_path, make_backend, rig, record_steps) -> None:
     def stop(at) -> None:
         if at.trial == 2 and at.time_s > 0.1:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        record_session(
-            tmp_path / "s", profile=step_profile, trials=3, rig_config=rig, backend=make_backend(rig.config),
-            progress=stop,
-        )  # fmt: skip
+        record_steps(rig, trials=3, progress=stop)
     session = resume_session(tmp_path / "s", make_backend(rig.config))
     assert [t.status for t in session.trials] == ["complete", "interrupted", "complete", "complete"]
 
 
-def test_a_changed_copy_is_refused(tmp_path, make_backend, rig, make_plan) -> None:
-    session = record_session(tmp_path / "s", plan=make_plan("listed"), rig_config=rig, backend=make_backend(rig.config))
+def test_a_changed_copy_is_refused(make_backend, rig, make_plan, record_steps) -> None:
+    session = record_steps(rig, plan=make_plan("listed"))
     session.annotate(4, "reject", "noise")
     (session.path / "profile_soft.toml").write_text("name = 'x'")
     with pytest.raises(InputError, match=r"profile_soft\.toml: is not the file the session was begun with"):

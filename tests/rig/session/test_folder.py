@@ -14,38 +14,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rig.errors import InputError
-from rig.session import CameraInfo, EncoderInfo, ForceInfo, Session, SessionInfo, TrialData
+from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo, RoomInfo
+from tests.rig.session.test_trial_file import trial
 
 INFO = SessionInfo(simulated=True, rig=FileInfo(name="virtual"), profile=FileInfo(name="forte"))
-
-
-def add_trial(session: Session, number: int) -> None:
-    k = np.arange(10 * number)
-    session.add_trial(
-        TrialData(
-            number=number,
-            status="complete",
-            started_utc="",
-            simulated=True,
-            sample_rate_hz=5000.0,
-            time_s=k / 5000,
-            force_n=1.0 * k,
-            force_raw=1.0 * k,
-            motor_command_v=0.0 * k,
-            encoder_count=np.zeros((k.size, 1), dtype=np.int64),
-            encoders=(EncoderInfo("key", 4096),),
-            force_info=ForceInfo("", "", (0, 1), (0, 1)),
-            camera=CameraInfo(2000.0, 0.0, 1e-4, 3, 0.0),
-        )
-    )
 
 
 @pytest.fixture
 def session(tmp_path) -> Session:
     made = Session.create(tmp_path / "s", INFO, {"rig.toml": "a = 1\n"})
-    add_trial(made, 1)
-    add_trial(made, 2)
+    for number in (1, 2):
+        made.add_trial(trial(10 * number, number=number))
     return made
 
 
@@ -112,9 +92,9 @@ def test_a_rejected_trial_is_kept_with_its_reason_and_can_be_accepted_again(sess
 
 
 def test_annotations_need_a_reason_a_known_kind_and_a_trial(session) -> None:
-    for trial, kind, reason in [(1, "reject", " "), (1, "delete", "x"), (9, "reject", "x"), (0, "reject", "x")]:
+    for number, kind, reason in [(1, "reject", " "), (1, "delete", "x"), (9, "reject", "x"), (0, "reject", "x")]:
         with pytest.raises(InputError):
-            session.annotate(trial, kind, reason)
+            session.annotate(number, kind, reason)
     assert session.annotations == ()
 
 
@@ -133,10 +113,11 @@ def test_tables_for_notebooks_say_what_the_files_hold(session) -> None:
     session.annotate(2, "reject", "the key stuck")
     summary = session.summary()
     assert list(summary.trial) == [1, 2] and list(summary.rejected) == ["", "the key stuck"]
-    assert list(summary.duration_s) == [0.002, 0.004] and list(summary.peak_force_n) == [9.0, 19.0]
+    assert list(summary.duration_s) == [0.002, 0.004] and list(summary.peak_force_n) == [4.5, 9.5]
     table = session.trial(2).read().to_table()
-    assert list(table.columns) == ["time_s", "force_n", "force_raw", "motor_command_v", "key_count", "key_rad"]
-    assert table.force_n[3] == 3.0 and len(table) == 20
+    bodies = [f"{body}_{what}" for body in ("key", "whippen", "hammer") for what in ("count", "rad")]
+    assert list(table.columns) == ["time_s", "force_n", "force_raw", "motor_command_v", *bodies]
+    assert table.force_n[3] == 1.5 and len(table) == 20
 
 
 def test_films_are_found_beside_the_trial(session) -> None:

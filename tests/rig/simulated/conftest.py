@@ -2,13 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import queue
-import signal
-import subprocess
-import sys
-import threading
-import time
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,46 +15,11 @@ from nidaqmx.errors import DaqError
 from rig.configuration.rig_file import load_rig
 from rig.selftest import SelftestFinding, SelftestRecord
 from rig.simulated.timing import advance
+from tests.rig.program import Program
 
-DEADLINE_S = 60.0
 
-
-class Program:
-    """A command of this tool in another process, and its lines as they come."""
-
-    def __init__(self, *arguments: str) -> None:
-        code = "from pianorig.cli import main; main()"
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", code, *arguments],
-            stdout=subprocess.PIPE,
-            text=True,
-            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
-        )
-        self._lines: queue.Queue[str] = queue.Queue()
-        self._pump = threading.Thread(target=self._take, daemon=True)
-        self._pump.start()
-
-    def _take(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self._lines.put(line)
-
-    def wait_for(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        """Return the first JSON line that is wanted."""
-        end = time.monotonic() + DEADLINE_S
-        while True:
-            found = json.loads(self._lines.get(timeout=max(end - time.monotonic(), 0.0)))
-            if wanted(found):
-                return found
-
-    def end(self, number: int = signal.SIGTERM) -> int:
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        code = self.process.wait(DEADLINE_S)
-        self._pump.join(DEADLINE_S)
-        assert self.process.stdout is not None
-        self.process.stdout.close()
-        return code
+def _mode(samples: int | None) -> dict[str, Any]:
+    return {"sample_mode": ni.AcquisitionType.CONTINUOUS} if samples is None else {"samps_per_chan": samples}
 
 
 class Bench:
@@ -75,6 +33,22 @@ class Bench:
         task = nidaqmx.Task(name, grpc_options=nidaqmx.GrpcSessionOptions(self._channel, name))
         self._tasks.append(task)
         return task
+
+    def inputs(
+        self, channels: str, samples: int | None = None, rate_hz: float = 1000.0, name: str = ""
+    ) -> nidaqmx.Task:
+        """Voltage inputs with a sample clock: so many samples, or without end."""
+        task = self.task(name)
+        task.ai_channels.add_ai_voltage_chan(channels)
+        task.timing.cfg_samp_clk_timing(rate_hz, **_mode(samples))
+        return task
+
+    def pulses(self, freq: float, counter: str = "Dev1/ctr0", count: int | None = None, **more: float) -> nidaqmx.Task:
+        """A train out of a counter, /Dev1/PFI12 that of the first: so many pulses, or without end."""
+        train = self.task()
+        train.co_channels.add_co_pulse_chan_freq(counter, freq=freq, **more)
+        train.timing.cfg_implicit_timing(**_mode(count))
+        return train
 
     def advance(self, edges: int) -> None:
         """Let edges of the bench pass."""
@@ -162,7 +136,8 @@ def start() -> Iterator[Callable[..., Program]]:
     running = []
 
     def begin(*arguments: str | Path) -> Program:
-        running.append(Program(*map(str, arguments)))
+        code = "from pianorig.cli import main; main()"
+        running.append(Program("-c", code, *map(str, arguments)))
         return running[-1]
 
     yield begin

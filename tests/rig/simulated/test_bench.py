@@ -431,21 +431,6 @@ def test_a_specimen_on_joints_that_give_shows_it_to_the_encoder() -> None:
     assert max(block.force_n.max() for block in blocks) > 5.0
 
 
-@pytest.mark.parametrize(
-    ("url", "words"),
-    [
-        ("sim://?effects=rail", "effects: found 'rail', allowed balance_rail, shank, motor_arm"),
-        ("sim://?effect=shank", "with the options bench, seed, clock, fault, scene, effects"),
-        ("sim://?scene=strung", "scene 'strung': not found; did you mean string?"),
-        ("sim://?scene=finger", "found finger and motor_arm, allowed one of them on the key"),
-        ("sim://?scene=key-whippen", "scene: found one without hammer, jack, repetition, allowed one with all bodies"),
-    ],
-)
-def test_bad_addresses_are_refused(url: str, words: str) -> None:
-    with pytest.raises((InputError, model.InputError), match=words.replace("?", r"\?")):
-        open_backend(url, load_rig("virtual").config)
-
-
 @pytest.mark.slow  # compiles scenes of its own
 def test_bench_tables_switch_effects_on_with_their_values(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"

@@ -7,17 +7,6 @@ import pytest
 from nidaqmx import constants as ni
 from nidaqmx.types import CtrFreq, CtrTime
 
-CONTINUOUS = ni.AcquisitionType.CONTINUOUS
-
-
-def train(card, freq: float = 800.0, duty: float = 0.25):
-    """Pulses out of /Dev1/PFI12, where counter 1 is told to measure."""
-    task = card.task()
-    task.co_channels.add_co_pulse_chan_freq("Dev1/ctr0", freq=freq, duty_cycle=duty)
-    task.timing.cfg_implicit_timing(sample_mode=CONTINUOUS)
-    return task
-
-
 MEASURED = {
     "freq": (800.0, "ci_freq_term", {}),
     "period": (1 / 800.0, "ci_period_term", {}),
@@ -34,8 +23,7 @@ def test_a_counter_measures_the_pulses_on_its_terminal(what, card) -> None:
     channel = getattr(counter.ci_channels, f"add_ci_{what.split()[0]}_chan")("Dev1/ctr1", **more)
     assert getattr(channel, terminal) == "/Dev1/PFI4"  # gate of counter 1
     setattr(channel, terminal, "/Dev1/PFI12")
-    output = train(card)
-    output.start()
+    card.pulses(800.0, duty_cycle=0.25).start()
     assert counter.read() == pytest.approx(value, rel=1e-12)
     counter.timing.cfg_implicit_timing(samps_per_chan=20)
     assert counter.read(20) == pytest.approx([value] * 20, rel=1e-12)
@@ -51,7 +39,7 @@ def test_pairs_of_a_pulse_by_frequency_time_and_ticks(card) -> None:
     ]
     for channel, term in zip(channels, ("freq", "time", "ticks"), strict=True):
         setattr(channel, f"ci_pulse_{term}_term", "/Dev1/Ctr0InternalOutput")
-    train(card).start()
+    card.pulses(800.0, duty_cycle=0.25).start()
     by_frequency, by_time, by_ticks = (counter.read() for counter in counters)
     assert (by_frequency.freq, by_frequency.duty_cycle) == pytest.approx((800.0, 0.25), rel=1e-12)
     assert (by_time.high_time, by_time.low_time) == pytest.approx((0.25 / 800, 0.75 / 800), rel=1e-12)
@@ -59,9 +47,7 @@ def test_pairs_of_a_pulse_by_frequency_time_and_ticks(card) -> None:
 
 
 def test_written_pulses_follow_each_other_and_none_is_lost_at_a_change(card) -> None:
-    output, counter, edges = card.task(), card.task(), card.task()
-    output.co_channels.add_co_pulse_chan_freq("Dev1/ctr0", freq=1000.0)
-    output.timing.cfg_implicit_timing(sample_mode=CONTINUOUS)
+    output, counter, edges = card.pulses(1000.0), card.task(), card.task()
     output.write([CtrFreq(1000.0, 0.2), CtrFreq(1000.0, 0.3), CtrFreq(1000.0, 0.4)], auto_start=False)
     channel = counter.ci_channels.add_ci_pulse_width_chan("Dev1/ctr1")
     channel.ci_pulse_width_term = "/Dev1/PFI12"

@@ -245,9 +245,7 @@ def test_limits_increase_and_terminal_configurations_exist(cdaq, card, bridge, r
 
 
 def test_one_converter_serves_one_task_at_a_time(card, refused) -> None:
-    clocked, on_demand = card.task(), card.task()
-    clocked.ai_channels.add_ai_voltage_chan("Dev1/ai2")
-    clocked.timing.cfg_samp_clk_timing(1000.0, sample_mode=ni.AcquisitionType.CONTINUOUS)
+    clocked, on_demand = card.inputs("Dev1/ai2"), card.task()
     on_demand.ai_channels.add_ai_voltage_chan("Dev1/ai3")
     assert on_demand.read() == 0.0
     clocked.start()

@@ -62,9 +62,7 @@ def test_a_continuous_output_repeats_its_buffer_and_one_without_regeneration_run
 
 
 def test_input_and_output_with_clocks_of_their_own_start_on_one_trigger(card) -> None:
-    inputs, outputs = card.task(), card.task()
-    inputs.ai_channels.add_ai_voltage_chan("Dev1/ai1")  # wired to ao0
-    inputs.timing.cfg_samp_clk_timing(10_000.0, sample_mode=FINITE, samps_per_chan=1000)
+    inputs, outputs = card.inputs("Dev1/ai1", 1000, 10_000.0), card.task()  # wired to ao0
     outputs.ao_channels.add_ao_voltage_chan("Dev1/ao0")
     outputs.timing.cfg_samp_clk_timing(1000.0, sample_mode=FINITE, samps_per_chan=50)
     outputs.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/ai/StartTrigger")
@@ -80,12 +78,10 @@ def test_input_and_output_with_clocks_of_their_own_start_on_one_trigger(card) ->
 
 
 def test_two_clocks_without_a_trigger_run_side_by_side(card) -> None:
-    first, second = card.task(), card.task()
+    first, second = card.task(), card.inputs("Dev1/ai2", 50, 250.0)
     first.ao_channels.add_ao_voltage_chan("Dev1/ao1")
     first.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS)
     first.write([1.0, 2.0], auto_start=True)
-    second.ai_channels.add_ai_voltage_chan("Dev1/ai2")
-    second.timing.cfg_samp_clk_timing(250.0, samps_per_chan=50)
     assert second.read(50) == [0.0] * 50
     assert card.device.bench.edge == pytest.approx(197, abs=1)  # 49 intervals of 4 ms, and one edge
     first.stop()
@@ -101,9 +97,7 @@ def test_a_single_pulse_ends_and_a_train_is_counted_and_its_frequency_measured(c
     pulse.wait_until_done(timeout=10.0)
     assert card.device.bench.edge / card.device.bench.rate_hz == pytest.approx(2.0, abs=1e-3)
     pulse.stop()
-    train, count, frequency = card.task(), card.task(), card.task()
-    train.co_channels.add_co_pulse_chan_freq("Dev1/ctr0", freq=100.0, initial_delay=0.005)
-    train.timing.cfg_implicit_timing(sample_mode=CONTINUOUS)
+    train, count, frequency = card.pulses(100.0, initial_delay=0.005), card.task(), card.task()
     channel = count.ci_channels.add_ci_count_edges_chan("Dev1/ctr1", initial_count=7)
     channel.ci_count_edges_term = "/Dev1/PFI12"
     train.start()
@@ -119,9 +113,7 @@ def test_a_single_pulse_ends_and_a_train_is_counted_and_its_frequency_measured(c
 
 
 def test_a_finite_train_has_the_pulses_it_was_asked_for(card) -> None:
-    train, count = card.task(), card.task()
-    train.co_channels.add_co_pulse_chan_freq("Dev1/ctr3", freq=1000.0)
-    train.timing.cfg_implicit_timing(samps_per_chan=25)
+    train, count = card.pulses(1000.0, "Dev1/ctr3", 25), card.task()
     channel = count.ci_channels.add_ci_count_edges_chan("Dev1/ctr1")
     channel.ci_count_edges_term = "/Dev1/PFI15"
     count.start()
@@ -131,9 +123,7 @@ def test_a_finite_train_has_the_pulses_it_was_asked_for(card) -> None:
 
 
 def test_an_encoder_is_read_on_the_clock_of_the_analog_input(card) -> None:
-    inputs, angle = card.task(), card.task()
-    inputs.ai_channels.add_ai_voltage_chan("Dev1/ai2")
-    inputs.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS)
+    inputs, angle = card.inputs("Dev1/ai2"), card.task()
     angle.ci_channels.add_ci_ang_encoder_chan(
         "Dev1/ctr0", decoding_type=ni.EncoderType.X_4, units=ni.AngleUnits.RADIANS, pulses_per_rev=81920
     )
@@ -148,9 +138,7 @@ def test_an_encoder_is_read_on_the_clock_of_the_analog_input(card) -> None:
 
 def test_a_trigger_that_never_comes_times_out(card) -> None:
     for trigger in ("start", "reference"):
-        task = card.task()
-        task.ai_channels.add_ai_voltage_chan("Dev1/ai2")
-        task.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=100)
+        task = card.inputs("Dev1/ai2", 100)
         if trigger == "start":
             task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI0")
         else:
@@ -163,9 +151,7 @@ def test_a_trigger_that_never_comes_times_out(card) -> None:
 
 
 def test_an_exported_clock_drives_another_task(card, refused) -> None:
-    inputs, lines = card.task(), card.task()
-    inputs.ai_channels.add_ai_voltage_chan("Dev1/ai2")
-    inputs.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=40)
+    inputs, lines = card.inputs("Dev1/ai2", 40), card.task()
     inputs.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, "/Dev1/PFI4")
     lines.di_channels.add_di_chan("Dev1/port0/line0")
     lines.timing.cfg_samp_clk_timing(1000.0, source="/Dev1/PFI4", samps_per_chan=40)
@@ -176,9 +162,7 @@ def test_an_exported_clock_drives_another_task(card, refused) -> None:
 
 
 def test_the_sum_of_the_rates_and_the_number_of_outputs_limit_the_rate(card, refused) -> None:
-    several, outputs = card.task(), card.task()
-    several.ai_channels.add_ai_voltage_chan("Dev1/ai0:3")
-    several.timing.cfg_samp_clk_timing(250_000.0)
+    several, outputs = card.inputs("Dev1/ai0:3", 1000, 250_000.0), card.task()
     with refused(-200332):
         several.timing.cfg_samp_clk_timing(250_001.0)
     outputs.ao_channels.add_ao_voltage_chan("Dev1/ao0:1")
@@ -189,9 +173,7 @@ def test_the_sum_of_the_rates_and_the_number_of_outputs_limit_the_rate(card, ref
 
 
 def test_a_client_that_reads_what_is_there_gets_what_has_come(card) -> None:
-    task = card.task()
-    task.ai_channels.add_ai_voltage_chan("Dev1/ai2")
-    task.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS)
+    task = card.inputs("Dev1/ai2")
     task.start()
     got, reads = 0, 0
     while got < 100:
