@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from rig.arrays import as_numbers
 from rig.backend import Backend, Block
 from rig.configuration.rig_file import BODIES, EncoderConfig, Rig, RigConfig, parse_rig
+from rig.configuration.toml_file import toml_value
 from rig.errors import RigInputError
 from rig.selftest import SelftestBackend
 
@@ -105,17 +106,9 @@ def changed(text: str, table: str, values: Mapping[str, Value], *, named: str | 
         if named is not None and not re.search(rf'(?m)^\s*name\s*=\s*"{re.escape(named)}"', body):
             continue
         for key, value in values.items():
-            body = _set(body, key, _written(value))
+            body = _set(body, key, toml_value(value))
         return text[: head.end()] + body + text[end:]
     raise RigInputError(f"rig file: has no table [{table}]" + (f" named {named}" if named else ""))
-
-
-def _written(value: Value) -> str:
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, tuple):
-        return "[" + ", ".join(repr(float(one)) for one in value) + "]"
-    return repr(value)
 
 
 def _set(body: str, key: str, value: str) -> str:
@@ -162,9 +155,8 @@ class Calibration:
     """One calibration: what was found, by name; the rig file that follows from it."""
 
     kind: str
-    created_utc: datetime
-    found: Found = field(default_factory=dict)
-    rig_text: str = ""
+    found: Found
+    rig_text: str
 
 
 def read_mean(backend: Backend, config: RigConfig) -> float:
@@ -302,10 +294,10 @@ def null(rig: Rig, backend: Backend, ask: Ask) -> Calibration:
 
 
 def _done(kind: str, found: Found, rig: Rig, values: dict[str, Value]) -> Calibration:
-    now = datetime.now(UTC)
-    text = changed(rig.text, "force", values | {"calibration": f"{values['calibration']}, {now:%Y-%m-%d}"})
+    dated = f"{values['calibration']}, {datetime.now(UTC):%Y-%m-%d}"
+    text = changed(rig.text, "force", values | {"calibration": dated})
     parse_rig(text, f"{rig.source} as calibrated")  # it must be a rig file still
-    return Calibration(kind, now, found, text)
+    return Calibration(kind, found, text)
 
 
 HELD_S = 0.8

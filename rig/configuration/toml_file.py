@@ -135,7 +135,7 @@ def _dump_table(table: Mapping[str, Any], path: tuple[str, ...], lines: list[str
     scalars = {key: value for key, value in table.items() if key not in nested and value is not None}
     if path and (scalars or not nested):
         lines.append("\n[" + ".".join(_bare(part) for part in path) + "]")
-    lines += [f"{_bare(key)} = {_value(value)}" for key, value in scalars.items()]
+    lines += [f"{_bare(key)} = {toml_value(value)}" for key, value in scalars.items()]
     for key, value in nested.items():
         _dump_table(value, (*path, key), lines)
 
@@ -149,7 +149,8 @@ def _string(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _value(value: object) -> str:
+def toml_value(value: object) -> str:
+    """Return the text of one value."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
@@ -159,7 +160,7 @@ def _value(value: object) -> str:
     if isinstance(value, str):
         return _string(value)
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_bare(k)} = {_value(v)}" for k, v in value.items() if v is not None) + "}"
+        return "{" + ", ".join(f"{_bare(k)} = {toml_value(v)}" for k, v in value.items() if v is not None) + "}"
     if isinstance(value, Sequence):
-        return "[" + ", ".join(_value(item) for item in value) + "]"
+        return "[" + ", ".join(toml_value(item) for item in value) + "]"
     raise TypeError(f"no TOML form for {type(value).__name__}")

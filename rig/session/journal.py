@@ -39,6 +39,7 @@ import zlib
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -284,8 +285,8 @@ class Record(NamedTuple):
 class Journal:
     """The undamaged beginning of a journal.
 
-    ``head`` is None when not even that is complete; ``n_samples`` were found before the first damage, ``blocks`` holds
-    them unless the file was only scanned; ``ending`` is (status, reason) when the recorder wrote its closing record;
+    ``head`` is None when not even that is complete; ``n_samples`` were found before the first damage;
+    ``ending`` is (status, reason) when the recorder wrote its closing record;
     ``left_over`` counts bytes after the last complete record that are not zero, e.g. of a torn record, and
     ``records_behind`` is True when later records follow the damage; ``n_bytes`` and ``n_records`` are what was read;
     ``only_begun`` is True when the recorder was stopped before its first block was whole: no sample can be behind.
@@ -293,7 +294,6 @@ class Journal:
 
     head: TrialHead | None
     n_samples: int
-    blocks: tuple[Block, ...]
     ending: tuple[str, str] | None
     left_over: int
     records_behind: bool
@@ -343,15 +343,10 @@ def records(stream: BinaryIO, first_sequence: int = 0) -> Iterator[Record]:
         expected += 1
 
 
-def parse(data: bytes) -> Journal:
-    """Read a journal's bytes up to the first damage; never raises."""
-    return _read(io.BytesIO(data), keep=True)
-
-
-def _read(stream: BinaryIO, *, keep: bool) -> Journal:
+def scan(stream: BinaryIO) -> Journal:
+    """Check a journal up to the first damage, one block in memory; never raises for what it holds."""
     head_json: bytes | None = None
     head: TrialHead | None = None
-    blocks: list[Block] = []
     ending: tuple[str, str] | None = None
     at = count = samples = 0
     for record in records(stream):
@@ -361,10 +356,7 @@ def _read(stream: BinaryIO, *, keep: bool) -> Journal:
             elif record.kind == COMMAND and record.sequence == 1 and head_json is not None:
                 head = TrialHead.from_plain(json.loads(head_json), np.frombuffer(record.payload, dtype="<f8"))
             elif record.kind == BLOCK and head is not None and ending is None and record.first_sample == samples:
-                block = block_of(record, head)
-                if keep:
-                    blocks.append(block)
-                samples += record.n
+                samples += block_of(record, head).force_n.size
             elif record.kind == END and head is not None and record.first_sample == samples:
                 plain = json.loads(record.payload)
                 ending = (str(plain["status"]), str(plain["reason"]))
@@ -377,7 +369,7 @@ def _read(stream: BinaryIO, *, keep: bool) -> Journal:
     left_over, behind = _remains(stream)
     stream.seek(at)
     only_begun = not samples and not behind and _begins_a_record(stream.read(OVERHEAD), count)
-    return Journal(head, samples, tuple(blocks), ending, left_over, behind, at, count, only_begun)
+    return Journal(head, samples, ending, left_over, behind, at, count, only_begun)
 
 
 def _begins_a_record(data: bytes, sequence: int) -> bool:
@@ -400,27 +392,23 @@ def _remains(stream: BinaryIO) -> tuple[int, bool]:
     return last, behind
 
 
-def read_journal(path: Path) -> Journal:
-    """Read a journal file; raises RigInputError only when the file itself cannot be read."""
-    with refused(path, "read"), path.open("rb") as stream:
-        return _read(stream, keep=True)
-
-
 def scan_journal(path: Path) -> Journal:
-    """Check a journal file without keeping its blocks; raises as :func:`read_journal`."""
+    """Check a journal file; raises RigInputError only when the file itself cannot be read."""
     with refused(path, "read"), path.open("rb") as stream:
-        return _read(stream, keep=False)
+        return scan(stream)
 
 
 def stored_blocks(path: Path, scanned: Journal) -> Iterator[Block]:
-    """Yield the blocks of a journal that was scanned, one at a time; raises as :func:`read_journal`."""
-    assert scanned.head is not None
+    """Yield the blocks of a journal that was scanned, one at a time; raises as :func:`scan_journal`."""
     with refused(path, "read"), path.open("rb") as stream:
-        for record in records(stream):
-            if record.sequence >= scanned.n_records:
-                return
-            if record.kind == BLOCK:
-                yield block_of(record, scanned.head)
+        yield from blocks_of(stream, scanned)
+
+
+def blocks_of(stream: BinaryIO, scanned: Journal) -> Iterator[Block]:
+    """Yield the blocks of a stream that was scanned, from its beginning."""
+    for record in islice(records(stream), scanned.n_records):
+        if record.kind == BLOCK and scanned.head is not None:
+            yield block_of(record, scanned.head)
 
 
 def block_of(record: Record, head: TrialHead) -> Block:
@@ -660,9 +648,9 @@ class JournalFollower:
         except OSError:
             return False
         if self.head is None:
-            journal = parse(data)
+            journal = scan(io.BytesIO(data))
             if journal.head is not None:
-                self.head, self.blocks = journal.head, list(journal.blocks)
+                self.head, self.blocks = journal.head, list(blocks_of(io.BytesIO(data), journal))
                 self._n_bytes, self._n_records = journal.n_bytes, journal.n_records
                 self._drop_old(self.head)
             return True

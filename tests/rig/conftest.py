@@ -20,7 +20,7 @@ from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
 from rig.recording.recorder import record_session
 from rig.session import Session
 from rig.session.journal import END, JournalWriter, encode, records
-from rig.simulated.backend import SimulatedBackend, build_device
+from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
 from rig.simulated.bench.plant_protocol import PlantBlock
 from rig.simulated.bench.sensors import EncoderSensor, ForceSensor, SensorSet
 
@@ -67,6 +67,18 @@ def sensors(*, noise_n: float = 0.0, seed: int = 7, **force: Any) -> SensorSet:
         EncoderSensor(counts_per_revolution=163840, sign=-1),
     )
     return SensorSet(cell, scales, seed)
+
+
+@pytest.fixture
+def bench_with(tmp_path) -> Callable[[str], str]:
+    """Write a bench file with what its ``[wiring]`` plants; returns the address of such a bench."""
+
+    def write(wiring: str) -> str:
+        bench = tmp_path / "bench.toml"
+        bench.write_text(f"{DEFAULT_BENCH.read_text('utf-8')}\n[wiring]\n{wiring}\n", encoding="utf-8")
+        return f"sim://?bench={bench.as_posix()}"
+
+    return write
 
 
 @pytest.fixture

@@ -213,24 +213,16 @@ def test_the_command_writes_a_dated_record_and_fails_when_a_check_does(long_bloc
     assert {f["check"] for f in printed["findings"] if not f["passed"]} >= {"key encoder", "preload"}
 
 
-def test_wiring_planted_in_the_bench_file_is_found(long_blocks, tmp_path) -> None:
-    from rig.simulated.backend import DEFAULT_BENCH
-
-    bench = tmp_path / "bench.toml"
-    planted = (
-        '\n[wiring]\ndrive_enable = "bridged"\nkey = ["Mod3/PFI2", "Mod3/PFI3"]\nwhippen = ["Mod3/PFI1", "Mod3/PFI0"]\n'
-    )
-    bench.write_text(DEFAULT_BENCH.read_text() + planted)
-    _, record = check_bench(
-        f"sim://?hand=yes&bench={bench}", long_blocks("virtual"), tmp_path, ask=lambda question: None
-    )
+def test_wiring_planted_in_the_bench_file_is_found(long_blocks, tmp_path, bench_with) -> None:
+    planted = 'drive_enable = "bridged"\nkey = ["Mod3/PFI2", "Mod3/PFI3"]\nwhippen = ["Mod3/PFI1", "Mod3/PFI0"]'
+    address = bench_with(planted) + "&hand=yes"
+    _, record = check_bench(address, long_blocks("virtual"), tmp_path, ask=lambda question: None)
     found = failed(record)
     assert {"key encoder", "whippen encoder", "drive disabled"} <= set(found)
     assert "swapped with the whippen" in found["key encoder"] and "bridged" in found["drive disabled"]
     for bad in ("motor = 3", 'jack = ["PFI1", "PFI2"]', 'key = ["PFI1"]'):
-        bench.write_text(DEFAULT_BENCH.read_text() + f"\n[wiring]\n{bad}\n")
         with pytest.raises(InputError, match="wiring.*allowed are force"):
-            check_bench(f"sim://?bench={bench}", "virtual", tmp_path, ask=lambda question: None)
+            check_bench(bench_with(bad), "virtual", tmp_path, ask=lambda question: None)
 
 
 def test_hardware_is_not_pushed_before_somebody_confirms(rig, make_backend, tmp_path, monkeypatch) -> None:

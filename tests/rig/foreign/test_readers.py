@@ -22,38 +22,35 @@ FORCE = np.array([0.0, 0.25, -1.5, 3e-3, 12.5])
 ANGLE = np.array([7.0, 8.0, 9.5, 11.0, -3.0])
 
 
+LVM = """LabVIEW Measurement
+Writer_Version\t2
+Separator\t{name}
+Decimal_Separator\t{decimal}
+X_Columns\t{columns}
+***End_of_Header***
+
+Channels\t2
+Samples\t{samples}{gap}\t{samples}
+Y_Unit_Label\tNewtons{gap}\tdeg
+X0\t0{gap}\t0
+Delta_X\t{step}{gap}\t{step}
+***End_of_Header***
+X_Value\tForce{second}\tKey\tComment
+"""
+
+
 def lvm(columns: str = "One", separator: str = "\t", decimal: str = ".", samples: str = "5", rows: int = 5) -> str:
+    """A segment; with a time for each channel, what its header says of the second stands over the second time."""
     name = {"\t": "Tab", ",": "Comma"}[separator]
-
-    def field(tag: str, *cells: str) -> str:
-        """A field of the segment: each cell in the column of its channel."""
-        gap = [""] if columns == "Multi" else []
-        return separator.join((tag, cells[0], *gap, *cells[1:]))
-
-    head = [
-        "LabVIEW Measurement",
-        *(
-            separator.join(pair)
-            for pair in (("Writer_Version", "2"), ("Separator", name), ("Decimal_Separator", decimal))
-        ),
-        separator.join(("X_Columns", columns)),
-        "***End_of_Header***",
-        "",
-        separator.join(("Channels", "2")),
-        field("Samples", samples, samples),
-        field("Y_Unit_Label", "Newtons", "deg"),
-        field("X0", "0", "0"),
-        field("Delta_X", "0.0002".replace(".", decimal), "0.0002".replace(".", decimal)),
-        "***End_of_Header***",
-    ]
-    names = {"One": ["X_Value", "Force", "Key"], "No": ["X_Value", "Force", "Key"]}.get(
-        columns, ["X_Value", "Force", "X_Value", "Key"]
-    )
-    body = []
+    gap, second = ("\t", "\tX_Value") if columns == "Multi" else ("", "")
+    text = LVM.format(
+        name=name, decimal=decimal, columns=columns, samples=samples, gap=gap, second=second,
+        step="0.0002".replace(".", decimal),
+    )  # fmt: skip
     for t, f, a in list(zip(TIME, FORCE, ANGLE, strict=True))[:rows]:
         cells = {"One": [t, f, a], "No": ["", f, a], "Multi": [t, f, t, a]}[columns]
-        body.append(separator.join(c if c == "" else f"{c:.6f}".replace(".", decimal) for c in cells))
-    return "\r\n".join([*head, separator.join([*names, "Comment"]), *body]) + "\r\n"
+        text += "\t".join(c if c == "" else f"{c:.6f}".replace(".", decimal) for c in cells) + "\n"
+    return text.replace("\t", separator).replace("\n", "\r\n")
 
 
 @pytest.mark.parametrize("columns", ["One", "No", "Multi"])

@@ -5,6 +5,7 @@ A checksum guards sealed trials and journals; a TDMS file has none and is read a
 
 from __future__ import annotations
 
+import io
 import json
 import tomllib
 from dataclasses import replace
@@ -20,8 +21,7 @@ from rig.configuration.rig_file import load_rig
 from rig.foreign.reading import read_channels
 from rig.session import Session
 from rig.session.info import ChannelInfo
-from rig.session.journal import BLOCK, COMMAND, HEAD, TrialHead, block_payload, encode
-from rig.session.journal import parse as parse_journal
+from rig.session.journal import BLOCK, COMMAND, HEAD, Journal, TrialHead, block_payload, blocks_of, encode, scan
 from tests.rig.foreign import tdms_bytes
 from tests.rig.fuzz.damage import Case, same_values
 
@@ -125,6 +125,12 @@ def trial_case(folder: Path) -> Case:
     return whole, read, right
 
 
+def journal_in(data: bytes) -> tuple[Journal, list[Block]]:
+    """What a journal of these bytes holds, and its blocks."""
+    found = scan(io.BytesIO(data))
+    return found, list(blocks_of(io.BytesIO(data), found))
+
+
 def journal_case(folder: Path) -> Case:
     """A journal is never refused, only read as far as it is whole."""
     config = load_rig("virtual").config
@@ -142,10 +148,10 @@ def journal_case(folder: Path) -> Case:
         whole += encode(BLOCK, k + 2, block.first_sample, 5, block_payload(block))
 
     def right(data: bytes, found: Any) -> None:
-        for got, wanted in zip(found.blocks, blocks, strict=False):
+        for got, wanted in zip(found[1], blocks, strict=False):
             np.testing.assert_array_equal(got.force_n, wanted.force_n)
             np.testing.assert_array_equal(got.encoder_count, wanted.encoder_count)
             np.testing.assert_array_equal(got.channel_values, wanted.channel_values)
-        assert len(found.blocks) <= len(blocks)
+        assert len(found[1]) <= len(blocks)
 
-    return whole, parse_journal, right
+    return whole, journal_in, right

@@ -5,7 +5,6 @@ Rest: still encoders and force back, for a whole window.
 
 from __future__ import annotations
 
-import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.backend import Backend, Block, Capabilities, Timing
+from rig.backend import Block
 from rig.configuration.profile import parse_profile
-from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
+from rig.configuration.rig_file import Rig, load_rig, parse_rig
 from rig.recording.options import Progress
 from rig.recording.recorder import record_session
 from rig.recording.trial_run import RestDetector
@@ -23,9 +22,8 @@ from rig.session import Session
 from rig.session.journal import SessionFollower
 from rig.session.trial_file import read_trial, write_trial, write_trial_parts
 from tests.rig.lab_channels import READBACK
+from tests.rig.recording.played_back import RATE, EachMinute, Growth, PlayedBack, peak_mb
 from tests.rig.session.test_trial_file import trial
-
-RATE = 5000.0
 
 
 def samples(first: int, n: int) -> Block:
@@ -34,37 +32,6 @@ def samples(first: int, n: int) -> Block:
     force_n = 0.05 + 1e-3 * (k % 7)
     count = np.zeros((n, 3), dtype=np.int64) + (k // 50_000)[:, None]
     return Block(first, force_n, force_n / 50, count, None, np.column_stack([np.sin(k * (1 + c)) for c in range(4)]))
-
-
-class EightChannels(Backend):
-    """A bench whose samples cost nothing."""
-
-    def __init__(self) -> None:
-        self.next = 0
-
-    @property
-    def capabilities(self) -> Capabilities:
-        return Capabilities("test", True, {})
-
-    def configure(self, config: RigConfig, command_v: np.ndarray) -> Timing:
-        self.next = 0
-        return Timing(RATE, 0.0)
-
-    def arm(self, *, enable_drive: bool = True) -> None:
-        pass
-
-    def start(self) -> None:
-        pass
-
-    def read_block(self, n_samples: int, timeout_s: float) -> Block:
-        self.next += n_samples
-        return samples(self.next - n_samples, n_samples)
-
-    def safe_stop(self) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
 
 
 @pytest.fixture
@@ -79,7 +46,9 @@ def record_held(folder: Path, rig: Rig, duration_s: float, progress: Callable[[P
         f'name = "held"\npoints = [{{time_s=0,force_n=0}},{{time_s=0.1,force_n=1}},'
         f"{{time_s={duration_s - 0.1},force_n=1}},{{time_s={duration_s},force_n=0}}]"
     )
-    return record_session(folder, profile=profile, rig_config=rig, backend=EightChannels(), trials=1, progress=progress)
+    return record_session(
+        folder, profile=profile, rig_config=rig, backend=PlayedBack(samples), trials=1, progress=progress
+    )
 
 
 def checked(session: Session, duration_s: float) -> None:
@@ -92,33 +61,18 @@ def checked(session: Session, duration_s: float) -> None:
 
 
 def test_memory_does_not_grow_during_a_trial_nor_when_it_is_sealed(tmp_path, long_rig) -> None:
-    began: list[int] = []
-
-    def progress(at: Progress) -> None:
-        if at.time_s > 2.0 and not began:
-            tracemalloc.reset_peak()
-            began.append(tracemalloc.get_traced_memory()[0])
-
-    tracemalloc.start()
-    session = record_held(tmp_path / "s", long_rig, 35.0, progress)
-    growth_mb = (tracemalloc.get_traced_memory()[1] - began[0]) / 1e6
-    tracemalloc.stop()
+    with Growth(after_s=2.0) as growth:
+        session = record_held(tmp_path / "s", long_rig, 35.0, growth)
     samples_mb = 35 * RATE * 8 * 10 / 1e6  # force, its reading, time, three counts, four voltages
-    assert growth_mb < 4.0 < samples_mb / 3  # the part that is being sealed
+    assert growth.mb < 4.0 < samples_mb / 3  # the part that is being sealed
     checked(session, 35.0)
 
 
 @pytest.mark.slow
 def test_ten_minutes_of_eight_channels_stay_flat(tmp_path, long_rig) -> None:
-    resource = pytest.importorskip("resource")
-    peaks_mb: list[float] = []
-
-    def progress(at: Progress) -> None:
-        if at.time_s > 60.0 * (1 + len(peaks_mb)):
-            peaks_mb.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
-
-    session = record_held(tmp_path / "s", long_rig, 600.0, progress)
-    sealed_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    peaks_mb = EachMinute()
+    session = record_held(tmp_path / "s", long_rig, 600.0, peaks_mb)
+    sealed_mb = peak_mb()
     print(f"peak memory after each minute, MB: {[round(peak, 1) for peak in peaks_mb]}; sealed: {sealed_mb:.1f}")
     assert len(peaks_mb) == 10 and sealed_mb - peaks_mb[0] < 10.0
     checked(session, 600.0)

@@ -6,7 +6,6 @@ Strokes in a stream: each is found once, whole, with quiet before it; what is no
 from __future__ import annotations
 
 import shutil
-import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.backend import Backend, Block, Capabilities, Timing
+from rig.backend import Block, Timing
 from rig.configuration.rig_file import RigConfig, load_rig
 from rig.errors import HardwareFault, InputError
 from rig.recording.passive import Stroke, StrokeDetector, StrokeSettings, record_passive
@@ -25,45 +24,27 @@ from rig.session import Session
 from rig.session.journal import SessionFollower
 from rig.simulated.backend import open_backend
 from tests.command_line import run
+from tests.rig.recording.played_back import RATE, EachMinute, Growth, PlayedBack
 
 EVERY_S = 4.0
 
 
-class Player(Backend):
+class Player(PlayedBack):
     """A bench at which somebody plays the same stroke every four seconds."""
 
-    def __init__(self, period: tuple[np.ndarray, np.ndarray] | None = None) -> None:
-        force, count = period or played(EVERY_S, [(2.0, 0.2, 15.0)])
-        self.force, self.count, self.next = force, count, 0
-        self.calls: list[str] = []
+    hardware = True
 
-    @property
-    def capabilities(self) -> Capabilities:
-        return Capabilities("test", True, {"serial_number": "01AB"}, hardware=True)
+    def __init__(self, period: tuple[np.ndarray, np.ndarray] | None = None) -> None:
+        self.force, self.count = period or played(EVERY_S, [(2.0, 0.2, 15.0)])
+        super().__init__(self.block)
 
     def configure(self, config: RigConfig, command_v: np.ndarray | None) -> Timing:
         assert command_v is None and config.camera is None
-        return Timing(RATE, 0.0)
-
-    def arm(self, *, enable_drive: bool = True) -> None:
-        self.calls.append(f"arm {enable_drive}")
-
-    def start(self) -> None:
-        self.next = 0
+        return super().configure(config, command_v)
 
     def block(self, first: int, n: int) -> Block:
         k = np.arange(first, first + n) % self.force.size
         return Block(first, self.force[k], self.force[k] / 50, self.count[k])
-
-    def read_block(self, n_samples: int, timeout_s: float) -> Block:
-        self.next += n_samples
-        return self.block(self.next - n_samples, n_samples)
-
-    def safe_stop(self) -> None:
-        self.calls.append("safe")
-
-    def close(self) -> None:
-        pass
 
 
 def test_each_stroke_becomes_a_trial_with_the_streams_own_samples(tmp_path) -> None:
@@ -88,37 +69,23 @@ def test_each_stroke_becomes_a_trial_with_the_streams_own_samples(tmp_path) -> N
 
 
 def test_neither_memory_nor_disk_grow_while_somebody_plays_or_nobody_does(tmp_path) -> None:
-    rig = load_rig("virtual")
     sizes: list[int] = []
-    began: list[int] = []
 
     def progress(at: Any) -> None:
-        if at.time_s > 20.0 and not began:
-            tracemalloc.reset_peak()
-            began.append(tracemalloc.get_traced_memory()[0])
+        growth(at)
         if round(at.time_s * 50) % 500 == 0:
             sizes.append(sum(f.stat().st_size for f in (tmp_path / "quiet").glob("*.journal")))
 
-    quiet = played(EVERY_S, [])
-    tracemalloc.start()
-    player = Player(quiet)
-    session = record_passive(tmp_path / "quiet", backend=player, rig_config=rig, duration_s=120.0, progress=progress)
-    growth_mb = (tracemalloc.get_traced_memory()[1] - began[0]) / 1e6
-    tracemalloc.stop()
-    assert growth_mb < 1.5 < 120 * RATE * 5 * 8 / 1e6 / 10
+    player = Player(played(EVERY_S, []))
+    with Growth(after_s=20.0) as growth:
+        session = record_passive(tmp_path / "quiet", backend=player, duration_s=120.0, progress=progress)
+    assert growth.mb < 1.5 < 120 * RATE * 5 * 8 / 1e6 / 10
     assert max(sizes) - min(sizes) < 2e6 and not session.path.exists()  # nobody played: nothing is left
 
 
 @pytest.mark.slow
 def test_an_hour_of_playing_stays_flat(tmp_path) -> None:
-    resource = pytest.importorskip("resource")
-    peaks: list[float] = []
-
-    def progress(at: Any) -> None:
-        if at.time_s > 60.0 * (1 + len(peaks)):
-            peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
-
-    session = record_passive(tmp_path / "s", backend=Player(), duration_s=3600.0, progress=progress)
+    session = record_passive(tmp_path / "s", backend=Player(), duration_s=3600.0, progress=(peaks := EachMinute()))
     print(f"{len(session.trials)} strokes in an hour; peak memory {peaks[0]:.1f} to {peaks[-1]:.1f} MB")
     assert len(session.trials) == 900 and {t.status for t in session.trials} == {"complete"}
     assert peaks[-1] - peaks[0] < 10.0
@@ -233,7 +200,6 @@ def test_bad_settings_are_refused(edited_rig: Callable[..., Any]) -> None:
         edited_rig(("[recording]", "[passive]\npre_s = 0.1\n[recording]"))
 
 
-RATE = 5000.0
 SETTINGS = StrokeSettings.of(load_rig("virtual").config, RATE)
 
 

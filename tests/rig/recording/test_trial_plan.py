@@ -13,6 +13,7 @@ from rig.recording.recover import due_entries, resume_session, session_rig
 from rig.recording.trial_plan import WARM_UP_REASON, parse_plan
 from rig.session import Session
 from rig.session.info import ActionInfo
+from tests.rig.recording.test_recorder import stop_at
 
 PLAN = """
 schema = "piano-action-rig plan 1"
@@ -123,14 +124,8 @@ def test_a_prompt_that_finds_nobody_moves_nothing(tmp_path, rig, make_plan, reco
 def test_what_was_interrupted_or_rejected_is_played_again_under_new_numbers(
     tmp_path, make_backend, rig, make_plan, record_steps
 ) -> None:
-    plan = make_plan("listed")
-
-    def stop(at) -> None:
-        if at.trial == 3 and at.time_s > 0.3:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        record_steps(rig, plan=plan, progress=stop)
+        record_steps(rig, plan=make_plan("listed"), progress=stop_at(3, 0.3, KeyboardInterrupt()))
     session = Session.open(tmp_path / "s")
     assert [t.status for t in session.trials] == ["complete", "complete", "interrupted"]
     session.annotate(2, "reject", "somebody knocked", author="ana")
@@ -146,12 +141,8 @@ def test_what_was_interrupted_or_rejected_is_played_again_under_new_numbers(
 
 
 def test_a_plain_session_is_continued_to_its_number_of_trials(tmp_path, make_backend, rig, record_steps) -> None:
-    def stop(at) -> None:
-        if at.trial == 2 and at.time_s > 0.1:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        record_steps(rig, trials=3, progress=stop)
+        record_steps(rig, trials=3, progress=stop_at(2, 0.1, KeyboardInterrupt()))
     session = resume_session(tmp_path / "s", make_backend(rig.config))
     assert [t.status for t in session.trials] == ["complete", "interrupted", "complete", "complete"]
 

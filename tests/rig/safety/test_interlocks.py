@@ -17,7 +17,7 @@ from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.safety.interlocks import Interlocks, LimitUse, LimitWatch
 from rig.session import Session, TrialData
-from rig.session.journal import read_journal
+from rig.session.journal import scan_journal, stored_blocks
 from rig.simulated.device.state import FaultPlan, parse_faults
 
 PUSHING_S = 0.39
@@ -76,13 +76,14 @@ def test_when_not_even_the_trial_can_be_sealed_the_fault_is_told_and_its_journal
         context.setattr("rig.session.folder.write_trial_parts", full)
         call(f"overwrite@1/{PUSHING_S}")
     assert_safe(backend)
-    journal = read_journal(folder / "trial_0001.journal")
+    journal = scan_journal(file := folder / "trial_0001.journal")
+    force_n = [block.force_n for block in stored_blocks(file, journal)]
     assert journal.ending is not None and journal.ending[0] == "fault"
     (entry,) = recover_session(folder)
     assert entry.status == "fault"
     data = Session.open(folder).trial(1).read()
     assert data.n_valid == journal.n_samples and "overwritten" in data.reason
-    np.testing.assert_array_equal(data.force_n, np.concatenate([block.force_n for block in journal.blocks]))
+    np.testing.assert_array_equal(data.force_n, np.concatenate(force_n))
 
 
 def test_an_encoder_that_moves_before_the_blow_or_a_force_out_of_range_keeps_the_motor_still(

@@ -22,7 +22,7 @@ from rig.recording.recover import recover_session
 from rig.safety.permission import Permission
 from rig.selftest import read_record
 from rig.session import Session
-from rig.session.journal import read_journal
+from rig.session.journal import scan_journal
 
 STEP = Path(__file__).parents[1] / "step.toml"
 MOST_UNCOMMITTED = 500
@@ -67,7 +67,7 @@ def test_a_recording_asked_to_end_makes_the_outputs_safe_itself_and_seals_the_tr
 ) -> None:
     bench, recorder, folder = recording()
     began = bench.wait_for(live)
-    committed = read_journal(folder / "trial_0001.journal").n_samples
+    committed = scan_journal(folder / "trial_0001.journal").n_samples
     assert recorder.end(number) == 130
     after = bench.wait_for(safe)
     assert after["watchdog"] == "quiet" and after["time_s"] - began["time_s"] <= stated_s[number.name]
@@ -80,7 +80,7 @@ def test_a_recording_asked_to_end_makes_the_outputs_safe_itself_and_seals_the_tr
 def test_when_the_recording_is_killed_the_watchdog_makes_the_outputs_safe(recording, recover, stated_s) -> None:
     bench, recorder, folder = recording()
     began = bench.wait_for(live)
-    committed = read_journal(folder / "trial_0001.journal").n_samples
+    committed = scan_journal(folder / "trial_0001.journal").n_samples
     recorder.end(signal.SIGKILL)
     after = bench.wait_for(safe)
     assert after["watchdog"] == "tripped" and after["time_s"] - began["time_s"] <= stated_s["kill -9"]
