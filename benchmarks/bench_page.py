@@ -11,17 +11,12 @@ and a Chromium. Figures depend on what else the machine does; the load is printe
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -30,18 +25,17 @@ import numpy as np
 import psutil
 from playwright.sync_api import sync_playwright
 
-from benchmarks.runner import ROOT, Run
+from benchmarks.runner import Run
 from rig.backend import Block
 from rig.session import Session
 from rig.session.info import ChannelInfo
 from rig.session.journal import JournalWriter, TrialHead
+from tests.pianorig.page.conftest import CHROMIUM, EXAMPLE, own_process
 from vision.film.mraw import write_mraw
 
-EXAMPLE = ROOT / "sessions" / "example_forte"
 FURTHER, BLOCK, RATE_HZ = 4, 100, 5000.0  # force, three encoders and four more; samples
 FRAMES, HEIGHT, WIDTH = 1780, 304, 400
 MINUTE_S = 60.0
-CHROMIUM = next((path for name in ("chromium", "google-chrome") if (path := shutil.which(name))), None)
 WATCH = """() => { window.seen = []; const scope = () => document.querySelector('.scope'); let before = '';
   const look = () => { const s = scope(); if (s && s.dataset.drawn !== before) { before = s.dataset.drawn;
     window.seen.push([Number(s.dataset.drawn), Number(s.dataset.last)]); } requestAnimationFrame(look); }; look(); }"""
@@ -89,20 +83,6 @@ class Writer(threading.Thread):
             self.longest_s = max(self.longest_s, time.perf_counter() - before)
         self.journal.close("interrupted", "end of the benchmark")
         self.lost = self.blocks * BLOCK - self.journal.committed_samples
-
-
-@contextmanager
-def page(folder: Path) -> Iterator[tuple[str, psutil.Process]]:
-    """The page in a process of its own: its address and its process."""
-    line = [sys.executable, "-m", "pianorig", "bench", str(folder), "--no-show", "--json"]
-    process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    try:
-        yield json.loads(process.stdout.readline())["address"], psutil.Process(process.pid)
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(30)
-        process.stdout.close()
 
 
 def processor_s(process: psutil.Process) -> float:
@@ -194,7 +174,8 @@ def main(run: Run) -> bool:
         session = Session.open(Path(work) / "mine")
         random = np.random.default_rng(1).integers(0, 200, (16, HEIGHT, WIDTH), dtype=np.uint8)
         write_mraw(session.path / "trial_0001.mraw", (random[k % 16] for k in range(FRAMES)), 2000.0, exposure_s=1e-4)
-        with page(Path(work)) as (address, server), sync_playwright() as driver:
+        with own_process(Path(work)) as (process, page), sync_playwright() as driver:
+            address, server = page.address, psutil.Process(process.pid)
             browser = driver.chromium.launch(
                 executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu", "--enable-precise-memory-info"]
             )

@@ -37,6 +37,7 @@ import vision.frame_fit.frame_fit as frame_fit
 import vision.tracking.track_film as tracking
 from benchmarks.runner import Run, Table, in_turns, least
 from rig.simulated import CameraSettings, FilmTruth, film_bodies, film_trial
+from tests.vision.known_films import smooth_step
 from vision.angles import ccw_to_picture, picture_to_ccw
 from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
@@ -56,12 +57,6 @@ MDEG = np.radians(1e-3)
 
 
 REST = np.array([0.0251, 0.3198, 0.3523])  # whippen, jack, repetition lever
-
-
-def smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Step from 0 to 1 as x goes from 0 to 1, with zero speed and acceleration at both ends."""
-    x = np.clip(x, 0.0, 1.0)
-    return x**3 * (10 - 15 * x + 6 * x * x)
 
 
 def blow(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
