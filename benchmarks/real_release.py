@@ -1,11 +1,12 @@
 """What the identified set misses on the real piano, what takes it away, and what a change of digits does.
 
-    python -m benchmarks real_release [--parts falls,candidates,bound,perturbed] [--svg FILE]
+    python -m benchmarks real_release [--parts falls,candidates,bound,perturbed,refit] [--svg FILE]
 
 Falls: speed of the hammer as its sensor shows it, by place, in every fall of the training strokes. Candidates: scenes
 and further parameters on top of the identified set; from there up to four steps with slopes taken once, so what a
 candidate takes away is a lower bound. Bound: what is left when those of the candidates that add no effect are all
-fitted, by their priors, by priors three times as wide, and to one kind alone. Training strokes alone. Why:
+fitted, by their priors, by priors three times as wide, and to one kind alone. Refit (asked for alone, a quarter of an
+hour): the whole fit with the integrator's tolerance changed by its last digit. Fitted are training strokes alone. Why:
 docs/explanation/positions.md.
 """
 
@@ -33,6 +34,7 @@ from validation.identification.positions import (
     LIMIT,
     Identified,
     fit,
+    identify_session,
     misfit,
     read_identified,
 )
@@ -281,6 +283,24 @@ def perturbed(record: Identified, strokes: Sequence[Stroke]) -> None:
         )
 
 
+def refit(record: Identified, strokes: Sequence[Stroke]) -> None:
+    """Print how far the predictions of a whole fit move when the integrator's tolerance changes by its last digit."""
+    session, asked = Session.open(SHIPPED), predicting.TOLERANCE_RAD
+    predicting.TOLERANCE_RAD = SHARES[0] * asked
+    again = identify_session(session, [stroke.number for stroke in strokes], record.action)
+    predicting.TOLERANCE_RAD = asked
+    predict = predicting.of_model(model.load_action(record.action))
+    print(
+        f"misfit {record.misfit['after']:.1f}, {again.misfit['after']:.1f}; RMSE of each stroke, % of the ruler; apart"
+    )
+    for trial in session.trials:
+        stroke = measure_stroke(trial.read())
+        a, b = (one.mixture.predict(predict, stroke) / stroke.hammer.travel_m for one in (record, again))
+        shown = stroke.hammer.value_m / stroke.hammer.travel_m
+        off = [100 * float(np.sqrt(np.mean(x**2))) for x in (a - shown, b - shown, a - b)]
+        print(f"trial {stroke.number} {stroke.condition:10s}", *(f"{x:6.2f}" for x in off), flush=True)
+
+
 def draw(record: Identified, strokes: Sequence[Stroke], path: Path) -> None:
     """Write the repeated strokes by the regulated and the identified set, the falls by place, the sensor's curve."""
     predict, stroke = predicting.of_model(model.load_action(record.action)), strokes[-1]
@@ -323,5 +343,7 @@ def main(run: Run) -> None:
         bound(record, strokes)
     if not run.parts or "perturbed" in run.parts:
         perturbed(record, strokes)
+    if "refit" in run.parts:
+        refit(record, strokes)
     if run.svg:
         draw(record, strokes, Path(run.svg))
