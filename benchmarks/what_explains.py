@@ -11,10 +11,11 @@ force gain drifts, to 4 % in the last one; ``one:4`` has 4 % in its fourth, ``st
 reads the force of the fourth 0.8 ms late, ``law:40`` has 40 % more friction in the key's joint from the fourth on, and
 ``clean`` nothing. ``with:shank:0.3`` is a session of a specimen that has an effect which the model lacks, 0.3 of what
 its file states (`responses.SIZES`); ``with:contact12.stulov`` has felt that remembers, ``with:giving`` joints that all
-give: the added effect is what must be named. ``drift:4+1`` and ``drift:4+bench`` have both. Prints a line per session
-and a table: ``named`` a set of nothing but what was planted is among those named (of what was changed some has next to
-no effect), ``alone`` it is the only one, ``wrong`` sets are named and none is right, ``none`` no cause that was tried
-explains it, ``nothing`` nothing need be sought. Of a session with a fault this is said of what its trials differ by.
+give: the added effect is what must be named. ``drift:4+1``, ``drift:4+bench`` and ``drift:4+with:shank:0.3`` have both.
+Prints a line per session, the smallest size of each effect from which on it is named, and a table: ``named`` a set of
+nothing but what was planted is among those named (of what was changed some has next to no effect), ``alone`` it is the
+only one, ``wrong`` sets are named and none is right, ``none`` no cause that was tried explains it, ``nothing`` nothing
+need be sought. Of a session with a fault this is said of what its trials differ by.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from itertools import product
 from pathlib import Path
@@ -135,15 +137,15 @@ def judged(found: Explained, factors: dict[str, float], fault: str = "") -> str:
 
 def case(kind: str, n: str, seed: int) -> dict[str, Any]:
     """One session as plain data."""
-    fault, _, changes = n.partition("+") if n[0].isalpha() and n != "bench" else ("", "", n)
-    name, _, size = fault.partition(":")
-    changes, scene = changes or "0", None
+    parts = n.split("+")
+    name, _, size = parts.pop(0).partition(":") if parts[0].partition(":")[0] in (*FAULTS, "clean") else ("", "", "")
+    effects = [part.removeprefix("with:") for part in parts if part.startswith("with:")]
+    changes, scene = "".join(part for part in parts if not part.startswith("with:")) or "0", None
     rng = np.random.default_rng([seed, 0 if changes == "bench" else int(changes)])
     factors = bench_factors() if changes == "bench" else drawn(model.load_action(), int(changes), rng)
     specimen = "bench" if changes == "bench" else "printed"
-    if name == "with":
-        effect, _, much = size.partition(":")
-        action, name, size = model.load_action(), "", ""
+    for effect, _, much in (part.partition(":") for part in effects):
+        action = model.load_action()
         (added,) = (source for source in addable(action) if source.name.startswith(ADDED + effect))
         factors[added.name], scene = float(much or 1.0), added.scene(action, float(much or 1.0))
     found, took = explained(kind, seed, specimen, factors, name, float(size or 0.0), scene)
@@ -154,17 +156,41 @@ def case(kind: str, n: str, seed: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def detectable(verdicts: Mapping[tuple[str, str], Sequence[str]]) -> None:
+    """Print the smallest size of each effect from which on it was named, in each kind of stroke."""
+    sizes: dict[str, dict[str, list[tuple[float, bool]]]] = {}
+    for (kind, n), found in verdicts.items():
+        if n.startswith("with:") and "+" not in n:
+            effect, _, much = n.removeprefix("with:").partition(":")
+            tried = sizes.setdefault(effect, {}).setdefault(kind, [])
+            tried.append((float(much or 1.0), {"alone", "named"}.issuperset(found)))
+    if not sizes:
+        return
+    kinds = list(dict.fromkeys(kind for kind, _ in verdicts))
+    shown = Table("named from:<20s", *(f"{kind}:>10s" for kind in kinds))
+    for effect, of in sizes.items():
+        cells = []
+        for kind in kinds:
+            missed = max((size for size, named in of.get(kind, []) if not named), default=0.0)
+            above = [size for size, named in of.get(kind, []) if named and size > missed]
+            cells.append(f"{min(above):g}" if above else f"> {missed:g}" if missed else "")
+        shown.row(effect, *cells)
+
+
 def main(run: Run) -> bool:
     """Run the study; whether 95 % of sessions may name nothing wrong."""
     table: Counter[tuple[str, str]] = Counter()
+    verdicts: dict[tuple[str, str], list[str]] = {}
     seconds = []
     keys = [(kind, n, run.seed + i) for i, kind, n in product(range(run.sessions), run.strokes, run.changes)]
     for (kind, n, seed), row in run.cases(keys, case):
         planted = ", ".join(f"{k} × {v:.2f}" for k, v in row["factors"].items())
         print(f"{kind} {n} {seed}: {row['verdict']}: {planted or '–'} | {row['said']}", flush=True)
         table[n, row["verdict"]] += 1
+        verdicts.setdefault((kind, n), []).append(row["verdict"])
         seconds.append(row["seconds"])
-    shown = Table("changed:>14s", *(f"{verdict}:8d" for verdict in VERDICTS))
+    detectable(verdicts)
+    shown = Table("changed:>24s", *(f"{verdict}:8d" for verdict in VERDICTS))
     for n in run.changes:
         shown.row(n, *(table[n, verdict] for verdict in VERDICTS))
     print(f"processor time of a session: median {np.median(seconds):.1f} s, most {np.max(seconds):.1f} s")

@@ -182,8 +182,9 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     if chosen.suspect:
         chosen.say("which causes explain the difference")
         effects = chosen.suspect != "parts"
-        explained = explain_difference(tested, of_one_kind(predicted.trials, findings, but=ODD), effects)
-        if ODD in (f.kind for f in findings.faults) and not explained.findings:
+        odd = ODD in (f.kind for f in findings.faults)  # such trials are left out unless what they differ by is found
+        explained = explain_difference(tested, of_one_kind(predicted.trials, findings, but=ODD), effects, between=odd)
+        if odd and not explained.findings:
             explained = explain_difference(tested, of_one_kind(predicted.trials, findings), effects)
         findings = replace(findings, faults=(*unexplained(findings, explained), *explained.findings))
     changes = [asdict(change) for change in explained.changes]

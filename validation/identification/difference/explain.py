@@ -53,6 +53,7 @@ MOST_APART = 2  # changes that some trials have
 MOST_NAMED = 6
 MOST_TRIALS = 12
 ENOUGH = 0.05  # of the squared difference between trials: a set that leaves less needs no further change
+MOST_LEFT = 0.5  # of the squared mean difference: a set that leaves more must be as sure as what some trials differ by
 SMALLEST_CHANGE = 0.5  # of how far off a value may be: 2.5 % of the force, 15 % of a law; less is scatter of the blows
 SMALLEST_DIFFERENCE = 4e-3  # of the range of a channel, root mean square: below, nothing is looked for
 FAR = 3.0  # times the margin: a fourth change that promises so much is not looked at more closely
@@ -143,7 +144,9 @@ class Explained:
     findings: tuple[SessionFinding, ...] = ()
 
 
-def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial], effects: bool = True) -> Explained:
+def explain_difference(
+    tested: ModelUnderTest, sound: Sequence[MeasuredTrial], effects: bool = True, between: bool = False
+) -> Explained:
     """Sets of causes that explain what trials and model, and the trials among themselves, differ by.
 
     Parameters
@@ -154,6 +157,8 @@ def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial], e
         Without faults, of one kind of stroke.
     effects : bool
         Whether effects that the model lacks are tried; each compiles a scene of its own once.
+    between : bool
+        Whether what all trials share is only asked for where something is found that they differ by.
 
     Returns
     -------
@@ -165,15 +170,17 @@ def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial], e
         trials = observe("validate", 0, _chosen(sound))
     except ValidationInputError:  # no span in common
         return Explained()
-    return explain_observed(tested, trials, effects)
+    return explain_observed(tested, trials, effects, between)
 
 
-def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: bool = True) -> Explained:
+def explain_observed(
+    tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: bool = True, between: bool = False
+) -> Explained:
     """`explain_difference` for trials of one kind as they are compared, at the same times, each driven by its force."""
     stated = {path: q.u for path, q in model.quantities_of(tested.action).items()}
     effects = effects and tested.own_model  # a stand-in knows no scenes
-    inputs = tested.identity, trials, stated, dict(tested.action.identification.get(TABLE, {})), effects
-    found = tested.store.value("compatible changes", inputs, lambda: asdict(_explain(tested, trials, effects)))
+    inputs = tested.identity, trials, stated, dict(tested.action.identification.get(TABLE, {})), (effects, between)
+    found = tested.store.value("compatible changes", inputs, lambda: asdict(_explain(tested, trials, effects, between)))
     names = [f.name for f in fields(CompatibleChange)]
     changes = tuple(CompatibleChange(**{name: row[name] for name in names}) for row in found["changes"])
     findings = tuple(SessionFinding(**row) for row in found["findings"])
@@ -187,7 +194,7 @@ def _chosen(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
     return [first, *chosen_trials(others, most=MOST_TRIALS - 1)]
 
 
-def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: bool) -> Explained:
+def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: bool, between: bool) -> Explained:
     listed = [s for s in sources(tested.action, trials[0]) if effects or not s.added]
     responses = Responses(tested, trials, listed)
     each = responses.base
@@ -198,7 +205,7 @@ def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: b
     def around(start: Followed, at: Followed, before: Search | None, asked: int) -> Search:
         return linearised(tested, responses, (start, at), before, asked)
 
-    return decide(around, nothing, [t.number for t in trials])
+    return decide(around, nothing, [t.number for t in trials], between)
 
 
 def _small(trials: Sequence[ObservedTrial], each: Array) -> bool:
@@ -232,7 +239,10 @@ def linearised(
     (start, at), listed, trials = points, responses.listed, responses.trials
     wanted = [j for j, s in enumerate(listed) if not s.added]  # these: `Search.with_effects`
     if before is not None:
-        wanted = [] if before.around is at else before.noise
+        wanted = [] if before.around.members == at.members else before.noise
+    if wanted and at.members:
+        exact = responses.exact(at.point)
+        at = at if exact is None else replace(at, each=exact)
     columns = np.zeros((at.each.shape[1], len(listed))) if before is None else before.columns.copy()
     found = responses.columns([(at.point, 0, j) for j in wanted], len(wanted) * [at.each])
     for j, column in zip(wanted, found, strict=True):
@@ -267,7 +277,7 @@ class Answer:
 Around = Callable[[Followed, Followed, Search | None, int], Search]
 
 
-def decide(around: Around, nothing: Followed, numbers: Sequence[int]) -> Explained:
+def decide(around: Around, nothing: Followed, numbers: Sequence[int], between: bool = False) -> Explained:
     """Which sets are named.
 
     Parameters
@@ -278,6 +288,7 @@ def decide(around: Around, nothing: Followed, numbers: Sequence[int]) -> Explain
     nothing : Followed
         The model as it is.
     numbers : of the trials
+    between : whether what all share is only asked for where they are found to differ
     """
     where = trials_in_words(sorted(numbers))
     told = Answer((), around(nothing, nothing, None, BETWEEN), nothing=True)
@@ -285,6 +296,8 @@ def decide(around: Around, nothing: Followed, numbers: Sequence[int]) -> Explain
         told = _answer(around, told.search, MOST_APART)
     apart = [row for n, (one, odds) in enumerate(told.near, 1) for row in _rows(told.search, n, one, odds)]
     found = findings_of(apart, where, told.search.tried)
+    if between and not found:
+        return Explained()
     granted = told.near[0][0] if told.near else nothing
     shared = _answer(around, around(granted, granted, told.search, MEAN), MOST_LAWS)
     rows = [
@@ -306,10 +319,11 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
     """The sets that explain what is asked, up to so many changes."""
     margin, start, asked = math.log(ODDS), search.start, search.asked
     least = SURE if asked == BETWEEN else margin
-    sets = {0: [start]}
+    sets: dict[int, list[Followed]] = {0: [start]}
     best, lacks, scores = _weighed(search, sets)
     for size in range(1, most + 1):
-        if search.promised(best) < (LOOK if asked == BETWEEN and not best.members else margin):
+        first = size == 1 and (asked == BETWEEN or search.fits(start))
+        if search.promised(best) < (LOOK if first else margin):
             break
         found = _large(search, search.of_size(size, best))
         if not found:
@@ -318,25 +332,30 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
         best, lacks, scores = _weighed(search, sets)
         if size == 1 and asked == MEAN:
             search = search.with_effects()
-            sets[1] += search.effects()
+            sets[1] += search.effects(sets[1])
             best, lacks, scores = _weighed(search, sets)
         if len(search.own(best.members)) > 1:  # found together with what it does not need
             sets[size - 1] = _one_each([*sets[size - 1], *search.subsets(best)], search)
             best, lacks, scores = _weighed(search, sets)
-        if asked == BETWEEN and search.left(best) < ENOUGH:
-            break
+        enough = asked == BETWEEN and search.left(best) < ENOUGH
         if size == most and search.promised(best) > FAR * margin:
             break
         if search.own(best.members):  # what is known, and the sizes of the changes, look otherwise from there
             search = around(start, best, search, asked)
+            sets = search.again(sets)
             best, lacks, scores = _weighed(search, sets)
+        if enough:
+            break
     top = max(max(score) for score in scores.values())
-    if search.promised(best) >= margin and (asked == MEAN or len(search.own(best.members)) == most):
-        lacks = math.inf  # more would be named
+    if search.promised(best) >= margin and len(search.own(best.members)) == most:
+        lacks = math.inf  # more would be named; of fewer, what is promised beyond them has been run
+    if asked == MEAN and 0.0 < top - max(scores[0]) < SURE and search.left(best) > MOST_LEFT:
+        lacks = math.inf  # of a small difference it explains the lesser part
     if search.own(best.members) and not (search.fits(best) or (asked == BETWEEN and search.left(best) < ENOUGH)):
         lacks = math.inf  # the best of bad ones
-    if lacks > top + margin:
+    if lacks > top + margin or best.rough > SURE:
         return Answer((), search)
+    margin = max(margin, best.rough)  # a fork of the motion is near: no set is better by what runs scatter by there
     size = next(n for n, score in sorted(scores.items()) if max(score) >= top - (margin if n else least))
     if size == 0:
         return Answer((), search, nothing=True)

@@ -355,21 +355,31 @@ class Responses:
         self.tested, self.trials, self.listed = tested, tuple(trials), tuple(listed)
         self.candidates = candidates(listed, [t.number for t in trials])
         self.measured = np.array([rows(t.change_rad) for t in self.trials])
+        self._near: Array | None = None
 
     @cached_property
     def base(self) -> Array | None:
         """Differences (trials, 3 m) of the model as it is; None where one of the trials cannot be run."""
-        found = self._turns([(_Place(), t) for t in range(len(self.trials))])
+        return self.exact(Point())
+
+    def exact(self, point: Point) -> Array | None:
+        """Differences (trials, 3 m) with every trial run; those of points to come are found from there."""
+        places = [self._place(point, t) for t in range(len(self.trials))]
+        found = self._turns([(place, t) for t, place in enumerate(places)])
         known = [turn for turn in found if turn is not None]
-        return self.measured - np.array(known) if len(known) == len(found) else None
+        if len(known) < len(found):
+            return None
+        self._near = self.measured - np.array(known)
+        return self._near
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
         """Differences (trials, 3 m) at each point; None where a trial cannot be run there.
 
-        Where all trials have the same, two are run, and the others move as these do on the average.
+        Where all trials have the same, two are run, and the others move from where all were run last (`exact`) as
+        these do on the average.
         """
-        base = self.base
-        if base is None:
+        base, near = self.base, self._near
+        if base is None or near is None:
             return [None] * len(points)
         alike = [self._alike(point) for point in points]
         asked = [(place, t) for groups in alike for place, group in groups.items() for t in self._run_of(groups, group)]
@@ -384,7 +394,8 @@ class Responses:
                     each = None
                 elif turns and each is not None:
                     each[run] = self.measured[run] - np.array(turns)
-                    each[group[len(run) :]] += (each[run] - base[run]).mean(axis=0)
+                    others = group[len(run) :]
+                    each[others] = near[others] + (each[run] - near[run]).mean(axis=0)
             out.append(each)
         return out
 
@@ -448,7 +459,7 @@ class Responses:
 
     def _turns(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
         """Turns since rest (3 m,) of each run, as the encoders would read them."""
-        rests: dict[tuple[_Place, float], tuple[model.Action, model.RestState] | None] = {}
+        rests: dict[Any, tuple[model.Action, model.RestState] | None] = {}
         runs = [self._run(place, self.trials[t], rests) for place, t in asked]
 
         def turn(i: int, solution: model.Solution) -> Array:
@@ -470,7 +481,7 @@ class Responses:
         self,
         place: _Place,
         trial: ObservedTrial,
-        rests: dict[tuple[_Place, float], tuple[model.Action, model.RestState] | None],
+        rests: dict[Any, tuple[model.Action, model.RestState] | None],
     ) -> Run | None:
         changed: dict[str, float] = {}
         added: list[tuple[Source, float]] = []
@@ -483,9 +494,9 @@ class Responses:
             if source.name in error:
                 error[source.name] = source.at(error[source.name], z)
         gain, level = error[FORCE_GAIN], error[FORCE_LEVEL] - place.offset_n
-        key = place, trial.preload_n
+        key = tuple(changed.items()), tuple(added), trial.preload_n - level
         if key not in rests:
-            rests[key] = self._at_rest(changed, added, trial.preload_n - level)
+            rests[key] = self._at_rest(changed, added, key[-1])
         found = rests[key]
         if found is None:
             return None

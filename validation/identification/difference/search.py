@@ -3,12 +3,13 @@
 Sets of one, then two, then three changes. Of each size the best of the linear model, at the action's values and around
 the best set found so far, are followed by runs of the model itself (Gauss–Newton) to where they are most probable, and
 weighed there. The next size is looked at only where the linear model promises more than a factor of `ODDS` by it.
+Where the best set is another one, noise and derivatives are found anew around it, and the sets near it run anew.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -41,7 +42,6 @@ class _Theta:
     def __init__(self, alone: Array, shared: Array, wander: Array, own: float, trials: int) -> None:
         self._one, self._shared, self._wander, self._trials = alone + own**2 * wander, shared, wander, trials
         self._roots: dict[int, Array] = {}
-        self._inverses: dict[int, Array] = {}
 
     def root(self, part: int) -> Array:
         """Lower triangular root of a covariance."""
@@ -55,9 +55,7 @@ class _Theta:
 
     def inverse(self, part: int) -> Array:
         """Inverse of a covariance."""
-        if part not in self._inverses:
-            self._inverses[part] = np.asarray(cho_solve((self.root(part), True), np.eye(len(self._one))))
-        return self._inverses[part]
+        return np.asarray(cho_solve((self.root(part), True), np.eye(len(self._one))))
 
     def half_log(self, part: int) -> float:
         """Half the logarithm of a determinant."""
@@ -97,6 +95,7 @@ class Evidence:
         self._thetas = [_Theta(alone, shared, wander, own, len(each)) for wander in wanders for own in OWN]
         self.contrasts, self._weights = len(apart), [_log_density(theta, apart) for theta in self._thetas]
         self.likeliest = self._thetas[0]
+        self._stacked: dict[int, tuple[Array, Array]] = {}
         self.settle()
 
     def settle(self, gain: Callable[[], float] = lambda: 0.0) -> None:
@@ -128,23 +127,34 @@ class Evidence:
     def _sizes(lacking: bool, asked: int) -> Sequence[int]:
         return (BETWEEN,) if asked == BETWEEN else range(1, 1 + len(LACKS)) if lacking else (0,)
 
-    def _marginals(self, linear: Array, columns: Array, z: Array | None, sizes: Sequence[int]) -> list[float]:
+    def _marginals(self, linear: Array, columns: Array, z: Array | None, sizes: Sequence[int]) -> Array:
+        """Log densities of a set, sizes of what lacks after one another, each (noise,) for every size of the noise."""
+        grams = self._grams(linear, columns, sizes)
+        return np.concatenate([_marginal(gram, z) - half_log - math.log(len(sizes)) for gram, half_log in grams])
+
+    def _grams(self, linear: Array, columns: Array, sizes: Sequence[int]) -> list[tuple[Array, Array]]:
+        """Products (noise, 1 + k, 1 + k) of differences and columns in units of the noise; half the logs of its
+        determinants (noise,): for each size of what lacks."""
+        both = np.concatenate([linear[..., None], columns], axis=-1)
+        apart = np.moveaxis(both[1:], 0, 1)  # (3 m, contrasts, 1 + k)
+        inverses, half_logs = self._noise(BETWEEN)
+        turned = (inverses @ apart.reshape(len(apart), -1)).reshape(len(inverses), -1, both.shape[-1])
+        between = apart.reshape(-1, both.shape[-1]).T @ turned, self.contrasts * half_logs
         out = []
-        for theta in range(len(self._thetas)):
-            for size in sizes:
-                gram, half_log = self._gram(theta, size, linear, columns)
-                out.append(_marginal(gram, z) - half_log - math.log(len(sizes)))
+        for size in sizes:
+            gram, half_log = between
+            if size != BETWEEN:
+                inverses, half_logs = self._noise(size)
+                gram, half_log = gram + both[0].T @ (inverses @ both[0]), half_log + half_logs
+            out.append((gram, half_log))
         return out
 
-    def _gram(self, theta: int, size: int, linear: Array, columns: Array) -> tuple[Array, float]:
-        """Products (1 + k, 1 + k) of differences and columns in units of the noise; half the log of its determinant."""
-        noise, both = self._thetas[theta], np.concatenate([linear[..., None], columns], axis=-1)
-        gram = np.einsum("tik,til->kl", both[1:], noise.inverse(BETWEEN) @ both[1:])
-        half_log = self.contrasts * noise.half_log(BETWEEN)
-        if size != BETWEEN:
-            gram = gram + both[0].T @ noise.inverse(size) @ both[0]
-            half_log += noise.half_log(size)
-        return gram, half_log
+    def _noise(self, part: int) -> tuple[Array, Array]:
+        """Inverses (noise, 3 m, 3 m) of a covariance for every size of the noise; half the logs of determinants."""
+        if part not in self._stacked:
+            inverses = np.array([theta.inverse(part) for theta in self._thetas])
+            self._stacked[part] = inverses, np.array([theta.half_log(part) for theta in self._thetas])
+        return self._stacked[part]
 
     def objective(self, difference: Array, z: Array, asked: int = MEAN) -> float:
         """Twice the negative log posterior of a set's amounts, at the likeliest size of the noise, but for a constant.
@@ -178,18 +188,15 @@ class Evidence:
 
     def amounts(self, linear: Array, columns: Array, z: Array, asked: int = MEAN) -> tuple[Array, Array]:
         """Most probable amounts (k,) of a set, and their covariance (k, k), every size of the noise weighed."""
-        means, spreads = [], []
         sizes = self._sizes(False, asked)
-        for theta in range(len(self._thetas)):
-            gram, _ = self._gram(theta, sizes[0], linear, columns)
-            spread = np.linalg.inv(np.eye(columns.shape[-1]) + gram[1:, 1:])
-            means.append(spread @ gram[1:, 0])
-            spreads.append(spread)
-        parts = np.array(self._marginals(linear, columns, z, sizes))
+        ((gram, _),) = self._grams(linear, columns, sizes)
+        spreads = np.linalg.inv(np.eye(columns.shape[-1]) + gram[:, 1:, 1:])
+        means = (spreads @ gram[:, 1:, :1])[:, :, 0]
+        parts = self._marginals(linear, columns, z, sizes)
         share = np.exp(parts - logsumexp(parts))
-        mean = np.einsum("t,ti->i", share, np.array(means))
-        off = np.array(means) - mean
-        return mean, np.einsum("t,tij->ij", share, np.array(spreads)) + np.einsum("t,ti,tj->ij", share, off, off)
+        off = means - share @ means
+        covariance = np.einsum("t,tij->ij", share, spreads) + np.einsum("t,ti,tj->ij", share, off, off)
+        return np.asarray(share @ means), covariance
 
 
 def contrasts(each: Array) -> Array:
@@ -217,33 +224,38 @@ def _log_density(theta: _Theta, rows: Array) -> float:
     return float(-0.5 * np.sum(w * w)) - len(rows) * theta.half_log(BETWEEN)
 
 
-def _marginal(gram: Array, z: Array | None) -> float:
-    """Log density of a difference, the first column, when the others have standard normal amounts, but for a constant.
+def _marginal(gram: Array, z: Array | None) -> Array:
+    """Log densities (noise,) of a difference, the first column, when the others have standard normal amounts, but for
+    a constant.
 
-    ``gram`` holds their products in units of the noise. What the linear model gains between the amounts that were run
-    and its own best ones counts to `UNTAKEN` only; wholly where none are given.
+    ``gram`` (noise, 1 + k, 1 + k) holds their products in units of the noise. What the linear model gains between the
+    amounts that were run and its own best ones counts to `UNTAKEN` only; wholly where none are given.
     """
-    out = -0.5 * float(gram[0, 0])
-    if len(gram) > 1:
-        inner, b = np.eye(len(gram) - 1) + gram[1:, 1:], gram[1:, 0]
-        best = np.linalg.solve(inner, b)
-        untaken = 0.0 if z is None else 0.5 * float((best - z) @ inner @ (best - z))
-        out += 0.5 * float(b @ best) - 0.5 * float(np.linalg.slogdet(inner)[1]) - max(untaken - UNTAKEN, 0.0)
-    return out
+    out = -0.5 * gram[:, 0, 0]
+    if gram.shape[1] > 1:
+        inner, b = np.eye(gram.shape[1] - 1) + gram[:, 1:, 1:], gram[:, 1:, 0]
+        best = np.linalg.solve(inner, b[..., None])[..., 0]
+        short = best if z is None else best - z
+        untaken = 0.0 if z is None else 0.5 * np.einsum("si,sij,sj->s", short, inner, short)
+        out += 0.5 * np.sum(b * best, axis=1) - 0.5 * np.linalg.slogdet(inner)[1]
+        out -= np.maximum(untaken - UNTAKEN, 0.0)
+    return np.asarray(out)
 
 
 UNTAKEN = 1.0
 LEAST_SHOWN = 1.5  # standard uncertainties that a value wrong by `Candidate.wrong` makes: with less it gains no odds
-LEAST_NOISE = 0.3  # of the same, that what is known of a value makes where its derivative is found again
+LEAST_NOISE = 0.5  # of the same, that what is known of a value makes where its derivative is found again
 FOLLOWED = 6  # sets from each ranking
 ALIKE = 2
 BRANCHES = 12  # candidates that larger sets are made of
 ROUNDS, MORE_ROUNDS = 4, 8  # what some trials differ by bends more
+HOPELESS, FAR_BEHIND = 100.0, 0.25  # log odds, and share of what the best explains, that a set may be behind it
 CLEAR = 2.0  # of a u: a change that is told from none
 PAIRED = 60  # candidates, the best alone, whose pairs are looked at
 CLOSE = 0.1  # of a posterior u: a step below it is the last
 TOO_MUCH = 4.0  # standard deviations of the sum of squares
 FURTHEST, FURTHEST_ADDED = 3.0, 10.0  # of how far off a value may be; of an effect as stated
+LEAST_TOLD = 2.0 * LEAST_ADDED  # of an effect: with less it is its being there, not its size, that is seen
 DAMPING = ".normal.D"
 FELTS = 4  # that may remember
 SHORTER = 0.3  # of a step that did not lower the objective
@@ -259,12 +271,14 @@ class Followed:
     z : (k,) amounts
     each : (trials, 3 m) differences there
     columns : (3 m, k) derivatives of the predicted curve with respect to each member's source there
+    rough : log odds that the linear model was off by at the last step that was run from there
     """
 
     members: tuple[int, ...]
     z: Array
     each: Array
     columns: Array
+    rough: float = 0.0
 
     @cached_property
     def turned(self) -> Array:
@@ -307,6 +321,7 @@ class Search:
         self.responses, self.evidence, self.asked = responses, evidence, asked
         self.start, self.around = points
         self._told: dict[int, Array] = {}
+        self._known: dict[tuple[int, bool], tuple[Followed, float]] = {}
         self.columns, self.force = derivatives
         listed = responses.listed
         mean, between = evidence.products(self.columns, 0, MEAN)
@@ -340,10 +355,12 @@ class Search:
         columns[:, late] = np.column_stack(found)
         return Search(self.responses, self.evidence, (self.start, at), (columns, self.force), self.asked)
 
-    def effects(self) -> list[Followed]:
-        """Every effect by itself, followed."""
+    def effects(self, found: Sequence[Followed]) -> list[Followed]:
+        """Every effect by itself that may come near the best of the sets found, followed."""
         ours = np.array(self.named, dtype=int)[self._added(self.named)]
-        return self._follow([self._started((*self.start.members, int(j)), self.start) for j in ours])
+        started = [self._started((*self.start.members, int(j)), self.start) for j in ours]
+        needed = self._needed(found)
+        return self._follow([one for one in started if self._step(one)[1] < needed])
 
     def of_size(self, size: int, best: Followed) -> list[Followed]:
         """The likeliest sets of a size, followed; ``best`` is the best set found so far."""
@@ -357,6 +374,18 @@ class Search:
             for members in ranked[:FOLLOWED] if self.asked == MEAN and size > 1 else self._unlike(ranked):
                 wanted.setdefault(members, self._started(members, start))
         return self._follow(list(wanted.values()))
+
+    def again(self, sets: Mapping[int, Sequence[Followed]]) -> dict[int, list[Followed]]:
+        """Sets by size, those near the best run anew and followed on: around another set they lie elsewhere."""
+        ranked = sorted((s for size, found in sets.items() if size for s in found), key=self.log_evidence, reverse=True)
+        near = [s for s in ranked[:FOLLOWED] if self.log_evidence(s) > self.log_evidence(ranked[0]) - HOPELESS]
+        moved = {size: [s for s in found if all(s is not one for one in near)] for size, found in sets.items()}
+        runs = self.responses.differences([one.point for one in near])
+        for one in self._follow(
+            [replace(s, each=each) for s, each in zip(near, runs, strict=True) if each is not None]
+        ):
+            moved[len(self.own(one.members))].append(one)
+        return moved
 
     def _tell(self) -> None:
         """Find derivatives of faults of the session anew, each in a trial that would have it.
@@ -489,8 +518,11 @@ class Search:
 
     def log_evidence(self, one: Followed, lacking: bool = False) -> float:
         """Log evidence of a set, chosen among so many; whether the model may lack something beside it."""
-        linear, columns = self.linear(one)
-        return self.evidence.log_evidence(linear, columns, one.z, lacking, self.asked) - self.chosen(one.members)
+        key = id(one), lacking
+        if key not in self._known:  # with the set, so that no other has its id
+            found = self.evidence.log_evidence(*self.linear(one), one.z, lacking, self.asked)
+            self._known[key] = one, found - self.chosen(one.members)
+        return self._known[key][1]
 
     @property
     def tried(self) -> str:
@@ -582,22 +614,33 @@ class Search:
         return Followed(members, z, start.each, columns)
 
     def _follow(self, started: Sequence[Followed]) -> list[Followed]:
-        """All sets, each where it is most probable; all go round together, so that their runs are done side by side."""
+        """All sets, each where it is most probable; all go round together, so that their runs are done side by side.
+
+        What all share: a set that does not come near the best, nor promises to after its first step, goes no further.
+        """
         at, listed, likeliest = list(started), self.responses.candidates, self.evidence.likeliest
         going = {i: 1.0 for i in range(len(at))}
-        for _ in range(ROUNDS if self.asked == MEAN else MORE_ROUNDS):
+        for round_ in range(ROUNDS if self.asked == MEAN else MORE_ROUNDS):
             proposed: dict[int, Array] = {}
+            hoped: dict[int, float] = {}
+            needed = self._needed(at) if round_ and self.asked == MEAN else math.inf
             for i, short in going.items():
                 self._settle_beside(at[i])
-                step = self._step(at[i])
-                if step is not None:
+                step, promised = self._step(at[i])
+                if step is not None and promised < needed:
                     proposed[i] = at[i].z + short * step
+                    hoped[i] = promised + (1.0 - short) ** 2 * (
+                        self.evidence.objective(at[i].turned, at[i].z, self.asked) - promised
+                    )
             points = [replace(at[i], z=z).point for i, z in proposed.items()]
             tried, going, accepted = going, {}, []
             for (i, z), each in zip(proposed.items(), self.responses.differences(points), strict=True):
                 self._settle_beside(at[i])
                 here = self.evidence.objective(at[i].turned, at[i].z, self.asked)
-                if each is None or self.evidence.objective(turned(each), z, self.asked) >= here:
+                there = math.inf if each is None else self.evidence.objective(turned(each), z, self.asked)
+                if each is not None:
+                    at[i] = replace(at[i], rough=0.5 * abs(there - hoped[i]))
+                if each is None or there >= here:
                     going[i] = SHORTER * tried[i]
                     continue
                 at[i] = replace(at[i], z=z, each=each)
@@ -611,7 +654,7 @@ class Search:
             if not going:
                 break
         self.evidence.likeliest = likeliest
-        return [one for one in at if not np.any(self._added(one.members) & (one.z <= LEAST_ADDED))]
+        return [one for one in at if not np.any(self._added(one.members) & (one.z < LEAST_TOLD))]
 
     def _added(self, members: Sequence[int]) -> NDArray[np.bool_]:
         """Which members are effects that the model does not have."""
@@ -622,8 +665,14 @@ class Search:
         if self.asked == BETWEEN:
             self.evidence.settle_beside(*self.linear(one))
 
-    def _step(self, one: Followed) -> Array | None:
-        """Gauss–Newton step of a set; None where it is small."""
+    def _needed(self, at: Sequence[Followed]) -> float:
+        """The objective that a set must promise to be followed on, beside the best of these."""
+        nothing, *others = (self.evidence.objective(s.turned, s.z) for s in (self.start, *at))
+        best = min(others, default=nothing)
+        return best + max(2.0 * HOPELESS, FAR_BEHIND * (nothing - best))
+
+    def _step(self, one: Followed) -> tuple[Array | None, float]:
+        """Gauss–Newton step of a set, None where it is small; the objective that it promises."""
         linear, columns = self.linear(one)
         x, w = (self.evidence.whiten(part, asked=self.asked) for part in (columns, linear))
         precision = np.eye(x.shape[1]) + x.T @ x
@@ -632,4 +681,5 @@ class Search:
         z = np.clip(np.linalg.solve(precision, x.T @ w), least, most)
         step = z - one.z
         width = np.sqrt(np.diag(np.linalg.inv(precision)))
-        return None if np.all(np.abs(step) < CLOSE * width) else step
+        promised = float(np.sum((w - x @ z) ** 2) + z @ z)
+        return None if np.all(np.abs(step) < CLOSE * width) else step, promised

@@ -83,6 +83,7 @@ def said(
     trials: int = TRIALS,
     apart: dict[int, Sequence[float]] | None = None,
     listed: tuple[Source, ...] = LISTED,
+    between: bool = False,
 ) -> Explained:
     """What is said of trials with such a truth, and what each trial has apart."""
     rng = np.random.default_rng(seed)
@@ -105,7 +106,7 @@ def said(
         evidence = Evidence(block, np.zeros(SHAPES), 1e-3 * np.eye(SHAPES), at.each)
         return Search(responses, evidence, (start, at), (columns, nil), asked)  # type: ignore[arg-type]
 
-    return decide(around, nothing, range(1, trials + 1))
+    return decide(around, nothing, range(1, trials + 1), between)
 
 
 def named(found: Explained) -> set[frozenset[str]]:
@@ -181,6 +182,21 @@ def test_there_is_no_less_than_none_of_an_effect_and_it_is_not_tried_for_nothing
         assert (EFFECT.name in sentence) == bool(truth)
 
 
+def test_an_effect_that_cannot_come_near_what_was_found_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    followed: list[tuple[int, ...]] = []
+    follow = Search._follow
+
+    def told(self: Search, started: Sequence[Followed]) -> list[Followed]:
+        followed.extend(one.members for one in started)
+        return follow(self, started)
+
+    monkeypatch.setattr(Search, "_follow", told)
+    for truth, tried in (({3: 1.2}, False), ({4: 0.5}, True)):
+        followed.clear()
+        said(truth, listed=WITH_EFFECT)
+        assert ((4,) in followed) == tried
+
+
 EVENLY = [-0.4 * k for k in range(6)]  # 5 % of a gain is one: 2 % per trial
 
 
@@ -219,6 +235,12 @@ def test_a_drift_and_a_change_of_the_model_are_both_named() -> None:
     assert [f.kind for f in found.findings] == ["force gain"]
     assert [(row.cause, row.profile) for row in found.changes] == [(FORCE_GAIN, TREND), ("law 3", ALL)]
     assert found.changes[1].change == pytest.approx(np.exp(0.3 * 1.2), rel=0.02)
+
+
+def test_what_all_share_is_asked_for_only_beside_a_finding_where_that_is_wanted() -> None:
+    assert said({3: 1.2}, trials=6, listed=GAIN, between=True) == Explained()
+    both = said({3: 1.2}, trials=6, apart={0: EVENLY}, listed=GAIN, between=True)
+    assert len(both.changes) == 2 and both == said({3: 1.2}, trials=6, apart={0: EVENLY}, listed=GAIN)
 
 
 def test_what_trials_scatter_by_is_no_finding() -> None:
