@@ -10,7 +10,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 DEADLINE_S = 60.0
@@ -20,14 +19,14 @@ END = "end\n"
 class Program:
     """The program and its lines as they come, ``end`` behind the last."""
 
-    def __init__(self, *arguments: str, cwd: Path | None = None) -> None:
+    def __init__(self, *arguments: str, **more: Any) -> None:
         self.process = subprocess.Popen(
             [sys.executable, *arguments],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            cwd=cwd,
             creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+            **more,
         )
         assert self.process.stdin is not None and self.process.stdout is not None
         self.said, self._heard = self.process.stdin, self.process.stdout

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rig.configuration.rig_file import load_rig
-from rig.daq import NidaqmxBackend, nidaqmx_backend, open_backend
+from rig.daq import NidaqmxBackend, open_backend
 from rig.errors import DeviceNotFound, HardwareFault, InputError, NotSupported, ReadTimeout, SamplesLost
 from rig.simulated.signals import pulse_train
 from rig.simulated.status import NotImplementedByDevice
@@ -51,13 +51,6 @@ def test_each_channel_reads_its_own_sensor_with_the_delay_of_its_module(name, ma
     assert count.dtype == np.int64
     assert np.max(np.abs(count - felt[:, None] * RAD_PER_VOLT * per_rad)) < 1.0
     assert timing.frame_rate_hz == 2000.0 and timing.first_pulse_s == pytest.approx(1e-3)
-
-
-@pytest.fixture
-def on_any_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Calls over a socket take no time, also where the machine has other work."""
-    measure = nidaqmx_backend.measure
-    monkeypatch.setattr(nidaqmx_backend, "measure", lambda call, now_s: measure(call, lambda: 0.0))
 
 
 @pytest.mark.usefixtures("on_any_machine")

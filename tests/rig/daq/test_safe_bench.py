@@ -279,6 +279,7 @@ def test_nothing_but_resets_lies_between_the_watchdogs_start_and_its_first_reset
     assert not [call for call in started if call.startswith(slow)]
 
 
+@pytest.mark.usefixtures("on_any_machine")
 def test_the_watchdog_is_reset_by_the_devices_time_too(make_backend, config, begin, served) -> None:
     """A served bench on a virtual clock runs faster than ours: resets by the wall clock alone would come too late."""
     far = make_backend(config)

@@ -22,12 +22,17 @@ from tests.rig.fuzz.damage import Case, same_values, text
 from vision.camera.model import load_calibration
 
 
+def _says(of: str = "") -> Any:
+    """Right is what the text says, in the attribute of this name or in what was found itself."""
+    return lambda data, found: same_values(tomllib.loads(data.decode()), getattr(found, of) if of else found)
+
+
+def _of(model: Any) -> Any:
+    return lambda data: check(model, parse_toml(text(data), "a.toml"), "a.toml")
+
+
 def rig_case(folder: Path) -> Case:
-    return load_rig("virtual").text.encode(), lambda data: parse_rig(text(data)), _rig_is_right
-
-
-def _rig_is_right(data: bytes, found: Any) -> None:
-    same_values(tomllib.loads(data.decode()), found.config)
+    return load_rig("virtual").text.encode(), lambda data: parse_rig(text(data)), _says("config")
 
 
 def profile_case(folder: Path) -> Case:
@@ -58,10 +63,7 @@ def plan_case(folder: Path) -> Case:
 
 
 def mapping_case(folder: Path) -> Case:
-    def right(data: bytes, found: Any) -> None:
-        same_values(tomllib.loads(data.decode()), found.config)
-
-    return MAPPING.encode(), lambda data: parse_mapping(text(data)), right
+    return MAPPING.encode(), lambda data: parse_mapping(text(data)), _says("config")
 
 
 def film_case(folder: Path) -> Case:
@@ -72,15 +74,7 @@ def film_case(folder: Path) -> Case:
             "attached_utc": "2026-11-21T10:00:00+00:00", "author": "eva",
         }
     )  # fmt: skip
-
-    def read(data: bytes) -> Any:
-        return check(FilmRecord, parse_toml(text(data), "a.film.toml"), "a.film.toml")
-
-    return whole.encode(), read, _settings_are_right
-
-
-def _settings_are_right(data: bytes, found: Any) -> None:
-    same_values(tomllib.loads(data.decode()), found)
+    return whole.encode(), _of(FilmRecord), _says()
 
 
 def selftest_case(folder: Path) -> Case:
@@ -98,10 +92,7 @@ def selftest_case(folder: Path) -> Case:
         assert [f.passed for f in found.findings] == [f["passed"] for f in plain["findings"]]
         assert (found.rig_sha256, found.unloaded_n) == (plain["rig_sha256"], plain.get("unloaded_n"))
 
-    def read(data: bytes) -> Any:
-        return check(SelftestRecord, parse_toml(text(data), "a.toml"), "a.toml")
-
-    return whole.encode(), read, right
+    return whole.encode(), _of(SelftestRecord), right
 
 
 def _vision(load: Any, path: Path) -> Any:

@@ -168,7 +168,7 @@ class Disk:
     def __init__(self, path: Path) -> None:
         self.free = threading.Event()
         self.free.set()
-        self.error: OSError | None = None
+        self.error: Exception | None = None
         self.most = 10**9
         self.now_s = 0.0
         self.syncs = 0
@@ -218,26 +218,24 @@ def test_a_disk_that_hangs_longer_than_the_limit_is_a_fault(disk, tmp_path) -> N
     assert scan_journal(tmp_path / "j").n_samples == 10  # even the last one, once the disk came back
 
 
-def test_a_full_disk_is_a_fault_that_says_what_is_safe(disk, tmp_path) -> None:
+@pytest.mark.parametrize(
+    ("error", "kind", "words"),
+    [
+        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), RecordingFault, "No space left.*5 samples are safe"),
+        (ZeroDivisionError("oops"), ZeroDivisionError, "oops"),
+    ],
+)
+def test_a_full_disk_is_a_fault_and_an_error_of_the_writer_itself_is_raised_as_it_is(
+    error, kind, words, disk, tmp_path
+) -> None:
     writer = disk.writer
     writer.append(blocks()[0])
-    disk.error = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    with pytest.raises(RecordingFault, match="No space left on device.*5 samples are safe") as fault:
+    disk.error = error
+    with pytest.raises(kind, match=words) as raised:
         writer.append(blocks()[1])
-    assert fault.value.exit_code == 3 and "\n" not in str(fault.value)
-    with pytest.raises(RecordingFault):
+    assert "\n" not in str(raised.value) and getattr(raised.value, "exit_code", 3) == 3
+    with pytest.raises(kind):
         writer.close("fault", "full")
-    assert scan_journal(tmp_path / "j").n_samples == 5
-
-
-def test_an_error_in_the_writer_itself_is_raised_as_what_it_is(disk, tmp_path) -> None:
-    writer = disk.writer
-    writer.append(blocks()[0])
-    disk.error = ZeroDivisionError("oops")  # type: ignore[assignment]
-    with pytest.raises(ZeroDivisionError, match="oops"):
-        writer.append(blocks()[1])
-    with pytest.raises(ZeroDivisionError):
-        writer.close("defect", "crash")
     assert scan_journal(tmp_path / "j").n_samples == 5
 
 

@@ -135,9 +135,9 @@ def start() -> Iterator[Callable[..., Program]]:
     """Start a command in another process; it is ended with the test."""
     running = []
 
-    def begin(*arguments: str | Path) -> Program:
+    def begin(*arguments: str | Path, **more: Any) -> Program:
         code = "from pianorig.cli import main; main()"
-        running.append(Program("-c", code, *map(str, arguments)))
+        running.append(Program("-c", code, *map(str, arguments), **more))
         return running[-1]
 
     yield begin

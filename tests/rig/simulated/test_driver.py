@@ -30,7 +30,7 @@ def force_task(bridge) -> Any:
     return make
 
 
-def test_a_slave_started_after_the_master_has_missed_its_trigger(cdaq, encoder, force_task) -> None:
+def test_a_slave_started_after_the_master_has_missed_its_trigger(cdaq, encoder, force_task, refused) -> None:
     force, counts = force_task(cdaq), cdaq.task()
     encoder(counts)
     counts.timing.cfg_samp_clk_timing(5000, source="/cDAQ1/ai/SampleClock", sample_mode=ni.AcquisitionType.CONTINUOUS)
@@ -39,9 +39,8 @@ def test_a_slave_started_after_the_master_has_missed_its_trigger(cdaq, encoder, 
     force.start()
     counts.start()
     force.read(100)
-    with pytest.raises(DaqReadError) as late:
+    with refused(-200284):
         counts.read(100, timeout=0.5)
-    assert late.value.error_code == -200284
 
 
 def test_a_read_that_times_out_hands_over_what_came_and_can_go_on(cdaq, force_task) -> None:
@@ -56,15 +55,14 @@ def test_a_read_that_times_out_hands_over_what_came_and_can_go_on(cdaq, force_ta
     assert force.in_stream.curr_read_pos == 150
 
 
-def test_a_finite_acquisition_ends_and_is_read_to_its_end(cdaq, force_task) -> None:
+def test_a_finite_acquisition_ends_and_is_read_to_its_end(cdaq, force_task, refused) -> None:
     force = force_task(cdaq, 250, ni.AcquisitionType.FINITE)
     force.start()
     assert not force.is_task_done()
     assert len(force.read(ni_all := nidaqmx.constants.READ_ALL_AVAILABLE)) == 250 and ni_all == -1
     assert force.is_task_done()
-    with pytest.raises(DaqReadError) as past:
+    with refused(-200278):
         force.read(1, timeout=0.1)
-    assert past.value.error_code == -200278
 
 
 def test_asking_whether_a_task_is_done_lets_time_pass(cdaq, force_task) -> None:
@@ -103,13 +101,12 @@ def test_an_output_can_run_on_its_own_clock_and_hold_its_last_value(cdaq) -> Non
     assert cdaq.device.bench.plant.truth().size == 100
 
 
-def test_a_clock_that_nothing_drives_never_ticks(cdaq, bridge) -> None:
+def test_a_clock_that_nothing_drives_never_ticks(cdaq, bridge, refused) -> None:
     task = cdaq.task()
     bridge(task)
     task.timing.cfg_samp_clk_timing(5000, source="/cDAQ1Mod3/PFI0", sample_mode=ni.AcquisitionType.CONTINUOUS)
-    with pytest.raises(DaqReadError) as never:
+    with refused(-200284):
         task.read(1, timeout=0.5)
-    assert never.value.error_code == -200284
 
 
 def test_an_input_without_a_clock_reads_what_is_there_now(cdaq, bridge, encoder) -> None:

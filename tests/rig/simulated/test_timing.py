@@ -149,18 +149,6 @@ def test_a_crossing_counts_only_after_the_signal_has_been_beyond_the_hysteresis(
     np.testing.assert_allclose(task.read(5), 0.5, atol=1e-3)
 
 
-def test_a_reference_trigger_on_a_level_keeps_what_came_before_it(card: Any) -> None:
-    task = inputs(card, 100)
-    task.triggers.reference_trigger.cfg_anlg_edge_ref_trig("Dev1/ai1", 30, ni.Slope.RISING, 0.5)
-    saw(card).start()
-    task.start()
-    with pytest.raises(DaqReadError, match="-200284"):
-        task.read(100, timeout=0.3)
-    read = np.array(task.read(ni.READ_ALL_AVAILABLE))
-    assert read.size == 100 and task.is_task_done()
-    np.testing.assert_allclose(read, 0.5 + 1e-3 * np.arange(-30, 70), atol=1.2e-3)
-
-
 def test_without_a_signal_no_trigger_comes(card: Any) -> None:
     task = inputs(card, 10)
     task.triggers.start_trigger.cfg_anlg_edge_start_trig("APFI0", ni.Slope.RISING, 0.3)
@@ -254,17 +242,22 @@ def test_a_pulse_on_a_terminal_starts_an_acquisition(card) -> None:
     np.testing.assert_allclose(read, 0.200 + 1e-3 * np.arange(-1, 9), atol=2e-4)
 
 
-def test_a_reference_trigger_keeps_what_came_before_it(card) -> None:
+@pytest.mark.parametrize(("on", "first_v", "within_v"), [("a level", 0.470, 1.2e-3), ("a pulse", 0.469, 2e-4)])
+def test_a_reference_trigger_keeps_what_came_before_it(card, on: str, first_v: float, within_v: float) -> None:
     task = inputs(card, 100)
-    task.triggers.reference_trigger.cfg_dig_edge_ref_trig("/Dev1/PFI12", pretrigger_samples=30)
+    reference = task.triggers.reference_trigger
+    if on == "a level":
+        reference.cfg_anlg_edge_ref_trig("Dev1/ai1", 30, ni.Slope.RISING, 0.5)
+    else:
+        reference.cfg_dig_edge_ref_trig("/Dev1/PFI12", pretrigger_samples=30)
     saw(card, 5000).start()
     task.start()
     card.pulses(1.0, initial_delay=0.5).start()
     with pytest.raises(DaqReadError, match="-200284"):
         task.read(100, timeout=0.3)
     read = np.array(task.read(ni.READ_ALL_AVAILABLE))
-    assert task.is_task_done() and task.in_stream.avail_samp_per_chan == 0
-    np.testing.assert_allclose(read, 0.500 + 1e-3 * np.arange(-31, 69), atol=2e-4)
+    assert read.size == 100 and task.is_task_done() and task.in_stream.avail_samp_per_chan == 0
+    np.testing.assert_allclose(read, first_v + 1e-3 * np.arange(100), atol=within_v)
 
 
 def test_a_retriggered_acquisition_comes_with_every_pulse(card) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -24,9 +23,7 @@ import numpy as np
 import pytest
 import session_pb2 as sessions
 from nidaqmx import GrpcSessionOptions
-from nidaqmx._stubs import nidaqmx_pb2 as daq
 from nidaqmx._stubs import nidaqmx_pb2 as messages
-from nidaqmx._stubs import nidaqmx_pb2_grpc as services
 from nidaqmx._stubs import nidaqmx_pb2_grpc as stubs
 from nidaqmx.constants import AcquisitionType
 from session_pb2_grpc import SessionUtilitiesStub
@@ -38,7 +35,6 @@ from rig.daq.address import reset_server
 from rig.daq.safe_bench import leave_running
 from rig.errors import HardwareFault, InputError, ResourceBusy
 from rig.simulated.bench.bench_time import PacedClock
-from rig.simulated.rpc.messages import SERVICE, request_class
 from rig.simulated.serve import MOST_BYTES, WORKERS, ServeOptions, SessionUtilities, Tls, serve
 from rig.simulated.status import SessionRefused
 from tests.command_line import run
@@ -204,10 +200,10 @@ def test_reservations_are_taken_in_turn_and_a_reset_ends_them_and_all_tasks(chan
     assert not stub.Unreserve(sessions.UnreserveRequest(**second)).is_unreserved
     assert stub.Unreserve(sessions.UnreserveRequest(**first)).is_unreserved
     assert waiting.result(5.0).is_reserved and held(second)
-    task = services.NiDAQmxStub(channel).CreateTask(daq.CreateTaskRequest(session_name="kept")).task
+    task = stubs.NiDAQmxStub(channel).CreateTask(messages.CreateTaskRequest(session_name="kept")).task
     assert stub.ResetServer(sessions.ResetServerRequest()).is_server_reset and not held(second)
     with pytest.raises(grpc.RpcError, match="Invalid task"):
-        services.NiDAQmxStub(channel).StartTask(daq.StartTaskRequest(task=task))
+        stubs.NiDAQmxStub(channel).StartTask(messages.StartTaskRequest(task=task))
 
 
 def test_a_call_that_nobody_waits_for_any_more_takes_nothing() -> None:
@@ -256,19 +252,12 @@ def test_many_event_streams_leave_the_server_to_all_clients(paced_server, client
     _, address = paced_server
     assert clients * 32 > WORKERS
     channels, streams = [channel_to(address) for _ in range(clients)], []
-    register = request_class("RegisterDoneEvent")
     for number, channel in enumerate(channels):
-        call = channel.unary_stream(
-            f"/{SERVICE}/RegisterDoneEvent",
-            request_serializer=register.SerializeToString,
-            response_deserializer=lambda raw: raw,
-        )
+        register = stubs.NiDAQmxStub(channel).RegisterDoneEvent
         for k in range(32):
             made = task(channel, f"t{number}_{k}")
             made.do_channels.add_do_chan(f"Dev1/port0/line{k}")
-            request = register()
-            request.task.name = made.name
-            streams.append(call(request))
+            streams.append(register(messages.RegisterDoneEventRequest(task={"name": made.name})))
             streams[-1].initial_metadata()  # registered
     began = time.monotonic()
     acquired = task(channel_to(address), "another")
@@ -313,22 +302,17 @@ def test_a_call_of_a_client_that_died_ends(paced_server) -> None:
     made = task(channel, "endless")
     made.ai_channels.add_ai_voltage_chan("Dev1/ai0")
     made.timing.cfg_samp_clk_timing(1000.0, source="/Dev1/PFI3", sample_mode=AcquisitionType.CONTINUOUS)
-    kind = request_class("ReadAnalogF64")
-    request = kind(num_samps_per_chan=1, timeout=-1.0, array_size_in_samps=1)
-    request.task.name = "endless"
-    call = channel.unary_unary(
-        f"/{SERVICE}/ReadAnalogF64", request_serializer=kind.SerializeToString, response_deserializer=lambda raw: raw
+    request = messages.ReadAnalogF64Request(
+        task={"name": "endless"}, num_samps_per_chan=1, timeout=-1.0, array_size_in_samps=1
     )
-    waiting = call.future(request)
+    waiting = stubs.NiDAQmxStub(channel).ReadAnalogF64.future(request)
     time.sleep(0.3)
     channel.close()  # as its death does
     assert waiting.cancelled() or waiting.done()
-    other = channel_to(address)
     begun = time.monotonic()
     while backend.service.waiting:
         assert time.monotonic() - begun < 5
         time.sleep(0.02)
-    other.close()
 
 
 def test_an_address_on_the_network_must_be_allowed(capsys) -> None:
@@ -345,29 +329,10 @@ def test_an_address_on_the_network_must_be_allowed(capsys) -> None:
     assert end.value.code == 2 and "--tls CERT KEY" in capsys.readouterr().err
 
 
-def test_an_address_on_the_network_warns(serve_lines) -> None:
-    assert "open to the network; anybody" in serve_lines("--host", "0.0.0.0", "--allow-network")
-
-
-@pytest.fixture
-def serve_lines():
-    """Start the command, and return its first line on standard error."""
-    started = []
-
-    def start(*arguments: str) -> str:
-        code = "from pianorig.cli import main; main()"
-        process = subprocess.Popen(
-            [sys.executable, "-c", code, "serve-sim", "--port", "0", *arguments],
-            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        started.append(process)
-        return process.stderr.readline()
-
-    yield start
-    for process in started:
-        process.terminate()
-        process.wait(60)
-        process.stderr.close()
+def test_an_address_on_the_network_warns(start) -> None:
+    program = start("serve-sim", "--port", "0", "--host", "0.0.0.0", "--allow-network", stderr=subprocess.PIPE)
+    with program.process.stderr as told:
+        assert "open to the network; anybody" in told.readline()
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl to make certificates")
@@ -396,7 +361,7 @@ def test_tls_of_the_server_and_of_both(make_backend, tmp_path: Path, config) -> 
 
 
 @pytest.fixture
-def left_by_a_dead_program(make_backend, config, begin, served) -> tuple[Any, Any, str]:
+def left_by_a_dead_program(make_backend, config, begin, served, on_any_machine) -> tuple[Any, Any, str]:
     """A bench on which a blow began whose program was killed, lock gone, sessions left: (backend, server, address)."""
     backend = make_backend(config)
     server, address = served(backend)
