@@ -155,8 +155,6 @@ PROBE, PROBED_RAD = 0.01, 1e-5  # prior standard uncertainties, and angle: the s
 MISSED = 0.2  # of the change: derivatives that miss it by more are not used
 STEP = 0.015  # of a prior standard uncertainty: half a percent of a friction; after an impact larger steps bend
 SMALL_STEP = 0.02  # of what is known well; strokes of several kinds tell the force's level to a hundredth of its prior
-OWN_N = 0.01  # of a trial's own force, and by how much a film's clock is moved, where differences tell its columns
-LATE_S = 1e-4
 ERROR_STEP = 1e-3  # standard uncertainties: a difference of tables of forces, no run
 
 
@@ -263,6 +261,8 @@ class PlacedRuns(ABC, Generic[Member]):
     """Derivatives (m, c, n) of a trial by an action, names, a member, the trial, pairs close to it, its own drive."""
     by_runs: ClassVar[bool]
     """Whether runs tell what errors and what drives a trial do; else tangents do."""
+    drive_steps: ClassVar[Array]
+    """Steps of differences, of what a trial has of its own drive but its film's clock, in standard deviations."""
 
     def __init__(
         self,
@@ -277,16 +277,14 @@ class PlacedRuns(ABC, Generic[Member]):
         self.parameters = tuple(parameters)
         self.trials: tuple[ObservedTrial, ...] = tuple(trials)
         self.tolerance, self.executor = TOLERANCE if tolerance is None else tolerance, executor
+        filmed = any(t.film_time_s is not None for t in trials)
+        self.own_steps = np.append(self.drive_steps, np.ones(int(filmed)))
         self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
         self._known: dict[tuple[float, ...], _Known] = {}
 
     @abstractmethod
     def cases(self, at: Array, own: Sequence[Own] | None) -> list[Member]:
         """The member of each trial where it is, (trials, n)."""
-
-    @abstractmethod
-    def own_steps(self, trial: ObservedTrial) -> Array:
-        """Steps (k,) of differences, of what a trial has of its own drive, in standard deviations."""
 
     @abstractmethod
     def run(self, members: Sequence[Sequence[Member]]) -> list[list[Array] | None]:
@@ -310,7 +308,7 @@ class PlacedRuns(ABC, Generic[Member]):
     ) -> list[Array]:
         """Derivatives, see `Response`; differences of runs where tangents do not hold."""
         at, n = self.places(z, own), len(self.parameters)
-        columns = [*which, *(range(n, n + self.own_count) if driven else ())]
+        columns = [*which, *(range(n, n + self.own_steps.size) if driven else ())]
         laws = [j for j in columns if j in self.acting]
         rest = [j for j in columns if j >= n or self.parameters[j].name in self.errors]
         told = laws if self.by_runs else [*laws, *rest]
@@ -351,24 +349,13 @@ class PlacedRuns(ABC, Generic[Member]):
         ]
         return spread(self.executor, type(self).tangents, tasks)
 
-    @property
-    def own_count(self) -> int:
-        """How many numbers trials have of their own drive."""
-        return len(self.own_steps(self.trials[0])) if self.trials else 0
-
-    def moved(
-        self, at: Array, own: Sequence[Own] | None, j: int, step: float, own_steps: Sequence[Array]
-    ) -> list[Member]:
-        """The member of each trial where one number has moved: a parameter by a step, what it has of its own by its."""
-        i = j - at.shape[1]
-        if i < 0:
-            return self.cases(at + step * (np.arange(at.shape[1]) == j), own)
-        return self.cases(at, self.drives(own, [steps * (np.arange(steps.size) == i) for steps in own_steps]))
-
-    def drives(self, own: Sequence[Own] | None, more: Sequence[Array]) -> list[Own]:
-        """What each trial has of its own, with so much more of its own drive (k,)."""
-        each = [Own(np.empty(0), np.empty(0)) for _ in self.trials] if own is None else own
-        return [replace(o, drive=(o.drive if o.drive.size else 0.0) + m) for o, m in zip(each, more, strict=True)]
+    def moved(self, at: Array, own: Sequence[Own] | None, step: Array) -> list[Member]:
+        """The member of each trial a step (trials, n + k) further, in parameters and in its own drive."""
+        further, drive = np.split(np.broadcast_to(step, (len(self.trials), step.shape[-1])), [at.shape[1]], axis=1)
+        if drive.any():
+            each = [Own(np.empty(0), np.empty(0)) for _ in self.trials] if own is None else own
+            own = [replace(o, drive=(o.drive if o.drive.size else 0.0) + d) for o, d in zip(each, drive, strict=True)]
+        return self.cases(at + further, own)
 
     def differences(
         self, at: Array, own: Sequence[Own] | None, columns: Sequence[int], asked: Sequence[int]
@@ -383,21 +370,19 @@ class PlacedRuns(ABC, Generic[Member]):
         out = [np.zeros((*t.change_rad.shape, len(columns))) for t in self.trials]
         if not asked:
             return out
-        fine, n = copy(self), at.shape[1]
+        fine = copy(self)
         fine.tolerance = FINER * self.tolerance
-        own_steps = [self.own_steps(t) for t in self.trials]
-        steps = [0.0 if j >= n else STEP if self.parameters[j].factor else SMALL_STEP for j in asked]
-        members = [self.moved(at, own, j, step, own_steps) for j, step in zip(asked, steps, strict=True)]
+        steps = np.append([STEP if p.factor else SMALL_STEP for p in self.parameters], self.own_steps)
+        members = [self.moved(at, own, steps * (np.arange(steps.size) == j)) for j in asked]
         base, *ends = fine.run([self.cases(at, own), *members])
         if base is None:
             raise ModelError("identification: the model cannot run where the fit stands; start from other values")
-        for j, step, curves in zip(asked, steps, ends, strict=True):
+        for j, curves in zip(asked, ends, strict=True):
             if curves is None:
-                what = self.parameters[j].name if j < n else "what drives a trial"
+                what = self.parameters[j].name if j < at.shape[1] else "what drives a trial"
                 raise ModelError(f"identification: the model cannot run with a small change of {what}; --fix it")
-            for k, (derivative, curve, here) in enumerate(zip(out, curves, base, strict=True)):
-                width = step if j < n else own_steps[k][j - n]
-                derivative[:, :, columns.index(j)] = (curve - here) / width
+            for derivative, curve, here in zip(out, curves, base, strict=True):
+                derivative[:, :, columns.index(j)] = (curve - here) / steps[j]
         return out
 
     def _wrong(self, at: Array, own: Sequence[Own] | None, columns: list[int], jacobian: Sequence[Array]) -> list[int]:
@@ -405,15 +390,12 @@ class PlacedRuns(ABC, Generic[Member]):
 
         A tangent that steps over a layer in which friction turns round may grow without bound; a difference shows it.
         """
-        n = at.shape[1]
-        step = np.zeros(n + self.own_count)
+        step = np.zeros(at.shape[1] + self.own_steps.size)
         step[columns] = PROBE * np.where(np.arange(len(columns)) % 2, 1.0, -1.0)
         said = [derivative @ step[columns] for derivative in jacobian]
         # many columns at once bend a stroke: what moves it further than this is no small step
         share = [min(1.0, PROBED_RAD / max(float(np.sqrt(np.mean(d**2))), 1e-300)) for d in said]
-        each = self.drives(own, [x * step[n:] for x in share]) if np.any(step[n:]) else own
-        there = self.cases(at + np.outer(share, step[:n]), each)
-        here, moved = self.run([self.cases(at, own), there])
+        here, moved = self.run([self.cases(at, own), self.moved(at, own, np.outer(share, step))])
         if here is None or moved is None:
             return list(range(len(self.trials)))
         missed = []
@@ -508,13 +490,18 @@ class ForceRuns(PlacedRuns[Case]):
     errors = frozenset((FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, KEY_SCALE, KEY_ZERO))
     tangents = staticmethod(tangents)
     by_runs = False
+    drive_steps = np.ones(
+        1 + SEGMENTS
+    )  # of a force's offset, of noise at each knot but the first, which is the preload
 
     def cases(self, at: Array, own: Sequence[Own] | None) -> list[Case]:
         """The member of each trial where it is."""
+        places = {place.tobytes(): place for place in at}
+        made = {key: self.case(place) for key, place in places.items()}
+        here = [made[place.tobytes()] for place in at]
         if own is None:
-            return len(self.trials) * [self.case(at[0])]
-        every = zip(at, self.trials, own, strict=True)
-        return [self.case(place).with_noise(trial, o.drive) for place, trial, o in every]
+            return here
+        return [case.with_noise(trial, o.drive) for case, trial, o in zip(here, self.trials, own, strict=True)]
 
     def case(self, z: Array) -> Case:
         """The member at z, of all parameters."""
@@ -528,13 +515,6 @@ class ForceRuns(PlacedRuns[Case]):
             bench.get(name, 0.0) for name in (FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, KEY_SCALE, KEY_ZERO)
         )
         return Case(changed, gain, level, delay, scale, zero)
-
-    def own_steps(self, trial: ObservedTrial) -> Array:
-        """Of its force's offset and of noise at each knot but the first, which is the preload; of its film's clock."""
-        filmed = any(t.film_time_s is not None for t in self.trials)
-        step = np.array([OWN_N] * (1 + SEGMENTS) + [LATE_S] * filmed)
-        unit = own_units(trial)[: step.size]
-        return np.divide(step, unit, out=np.ones_like(step), where=unit > 0.0)
 
     def run(self, members: Sequence[Sequence[Case]]) -> list[list[Array] | None]:
         """Curves of every trial in each of several cases of all trials; None where one of them cannot run.

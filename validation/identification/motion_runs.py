@@ -16,7 +16,6 @@ from model.motion_driven.spline_fit import DEGREE
 from validation.conventions import BODIES, Array
 from validation.identification.blocks import MOVED_RAD
 from validation.identification.force_runs import (
-    LATE_S,
     ForceRuns,
     Own,
     PlacedRuns,
@@ -104,6 +103,7 @@ class MotionRuns(PlacedRuns[Drive]):
     errors = frozenset((KEY_SCALE, KEY_ZERO))
     tangents = staticmethod(driven_tangents)
     by_runs = True
+    drive_steps = np.full(DRAWS, np.sqrt(DRAWS))  # one whole motion each
 
     def drive(self, z: Array) -> Drive:
         """What the runs at z, of all parameters, do."""
@@ -118,18 +118,13 @@ class MotionRuns(PlacedRuns[Drive]):
     def cases(self, at: Array, own: Sequence[Own] | None) -> list[Drive]:
         """What the run of each trial does where it is."""
         if own is None:
-            return len(self.trials) * [self.drive(at[0])]
+            return [self.drive(place) for place in at]
         out = []
         for place, trial, o in zip(at, self.trials, own, strict=True):
             draws = tuple((i, float(w) / np.sqrt(DRAWS)) for i, w in enumerate(o.drive[:DRAWS]) if w)
             late = float(o.drive[DRAWS]) * trial.u_film_time_s if o.drive.size > DRAWS else 0.0
             out.append(replace(self.drive(place), draws=draws, film_late_s=late))
         return out
-
-    def own_steps(self, trial: ObservedTrial) -> Array:
-        """Of weights of whole motions, by one draw; of its film's clock."""
-        filmed = any(t.film_time_s is not None for t in self.trials)
-        return np.array([np.sqrt(DRAWS)] * DRAWS + [LATE_S / (trial.u_film_time_s or LATE_S)] * filmed)
 
     def run(self, members: Sequence[Sequence[Drive]]) -> list[list[Array] | None]:
         """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
