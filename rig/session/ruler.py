@@ -19,6 +19,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.optimize import isotonic_regression
 
 from rig.errors import RigInputError
 from rig.session.info import RulerInfo
@@ -130,12 +131,9 @@ def _stretched(share: Array, by: float) -> Array:
 def _smoother(axis: Array, stiffness: float) -> Array:
     """Matrix (p, p) of the natural cubic smoothing spline, ends kept (Green and Silverman 1994, Section 2.3)."""
     n, step = axis.size, np.diff(axis)
-    second, inner = np.zeros((n, n - 2)), np.zeros((n - 2, n - 2))
-    for j in range(n - 2):
-        second[j : j + 3, j] = 1.0 / step[j], -1.0 / step[j] - 1.0 / step[j + 1], 1.0 / step[j + 1]
-        inner[j, j] = (step[j] + step[j + 1]) / 3.0
-        if j + 1 < n - 2:
-            inner[j, j + 1] = inner[j + 1, j] = step[j + 1] / 6.0
+    second = np.diff(np.diff(np.eye(n)) / step)
+    beside = np.diag(step[1:-1] / 6.0, 1)
+    inner = np.diag((step[:-1] + step[1:]) / 3.0) + beside + beside.T
     weight = np.ones(n)
     weight[[0, -1]] = KEPT
     rough = second @ np.linalg.solve(inner, second.T)
@@ -298,12 +296,8 @@ def ruler_curve(ruler: RulerInfo, where: str = "ruler") -> RulerCurve:
 
 def _pooled(reading: Array, displacement: Array) -> tuple[Array, Array]:
     """Points with rising readings: neighbours that do not rise are put at their common mean."""
-    groups: list[list[int]] = []
-    for i in range(reading.size):
-        groups.append([i])
-        while len(groups) > 1 and reading[groups[-1]].mean() <= reading[groups[-2]].mean():
-            groups[-2:] = [groups[-2] + groups[-1]]
-    return np.array([reading[g].mean() for g in groups]), np.array([displacement[g].mean() for g in groups])
+    rising, group = np.unique(isotonic_regression(reading).x, return_inverse=True)
+    return rising, np.bincount(group, displacement) / np.bincount(group)
 
 
 def position_of(name: str, ruler: RulerInfo, time_s: Array, reading: Array, u_noise: float) -> Position:

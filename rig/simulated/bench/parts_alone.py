@@ -212,14 +212,9 @@ def felt_plant(bench: ActionPlant, contact: str, config: RigConfig) -> FeltPlant
 
 
 def _compression(law: FeltLaw, force_n: float) -> float:
-    """Compression under a constant force, m."""
-    low, high = 0.0, 1e-6
-    while law.force_n(high, 0.0) < force_n and high < 1.0:
-        high *= 2.0
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if law.force_n(middle, 0.0) < force_n else (low, middle)
-    return 0.5 * (low + high)
+    """Compression under a constant force, m: where the cubic reaches it first."""
+    x = np.roots([law.a, law.b, law.c, -force_n])
+    return float(x.real[(np.abs(x.imag) <= 1e-9 * np.abs(x)) & (x.real >= 0.0)].min())
 
 
 HELD_S, MOVED_S = 1.2, 0.3
