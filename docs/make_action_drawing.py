@@ -2,7 +2,7 @@
 
 Run after changing the geometry of an action:  python docs/make_action_drawing.py
 Geometry is that of ``hirschkorn2004-regulated`` at static rest, from the model itself; colours are those of the moving
-side view (`model.inside.animation`).
+side view.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from matplotlib.patches import FancyArrowPatch
 from numpy.typing import NDArray
 
 import model
-from model.inside.animation import COLORS
+from model.inside.labels import BODY_COLORS
 from model.inside.side_view import GROUND, side_view
 from model.simulation.loads_and_losses import Inside
 
+COLORS = {**BODY_COLORS, GROUND: "#555555"}
 PICTURE = Path(__file__).parent / "images" / "action.svg"
 ACTION = "hirschkorn2004-regulated"
 # name of each body: where it stands, and the place of the body it points at, mm

@@ -1,7 +1,7 @@
 """Inside view of a motion: forces, sliding, losses and accelerations at each contact, joint and body.
 
 `state_observer` evaluates single states, `observe_motion` a whole run (NumPy and the model's kernels only); ``figure``
-and ``animation`` draw the result. The record itself, `Inside`, travels in a `Solution`.
+draws the result. The record itself, `Inside`, travels in a `Solution`.
 """
 
 import lazy_loader as _lazy

@@ -1,6 +1,4 @@
-from . import animation as animation
 from . import figure as figure
-from .animation import write_animation as write_animation
 from .figure import draw_sheet as draw_sheet
 from .observe_motion import Inside as Inside
 from .observe_motion import Lift as Lift

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.errors import InputError
 from model.files.figure_sheet import new_sheet
 from model.files.time_table import two_columns
-from model.inside.labels import BODY_COLORS, close_up, contact_label, input_label
+from model.inside.labels import BODY_COLORS, contact_label, input_label
 from model.observables import hammer_height_m, key_dip_m
 from model.parameters.action import BODIES, STRING, Action
 from model.parameters.effects import RAIL
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 NORMAL, FRICTION, FELT, TENSE = "#0072B2", "#C04A00", "#7A9E3B", "#D62728"
+BEFORE_S, AFTER_S = 0.012, 0.018  # of the close-up, around the strike
 WORTH_A_LABEL = 0.1  # of the largest, in the close-up; weaker ones would only cover each other
 
 
@@ -62,7 +63,7 @@ def draw_sheet(action: Action, solution: Solution, force_n: ArrayLike, path: str
         halves = figure.add_gridspec(1, 2, width_ratios=[8.2, 3.4])
         grid = halves[0].subgridspec(count + 5, 2, width_ratios=[5, 3.2])
         right = halves[1].subgridspec(3, 1, height_ratios=[count + len(inside.bodies), 8, 6])
-        near = close_up(inside)
+        near = _close_up(inside)
         top = [figure.add_subplot(grid[:3, k]) for k in (0, 1)]
         for axes, ends in zip(top, (None, near), strict=True):
             _draw_motion(axes, action, solution, force_n, ends, legend=ends is None)
@@ -80,6 +81,14 @@ def draw_sheet(action: Action, solution: Solution, force_n: ArrayLike, path: str
         _draw_losses(figure.add_subplot(right[0]), action, inside)
         _draw_sliding(figure.add_subplot(right[1]), action, inside)
         _draw_speeds(figure.add_subplot(right[2]), inside)
+
+
+def _close_up(inside: Inside) -> tuple[float, float]:
+    """Interval (s) around the largest force on the string, else of any contact."""
+    k = inside.contacts.index(STRING) if STRING in inside.contacts else None
+    force = inside.normal_n[:, k] if k is not None and inside.normal_n[:, k].any() else inside.normal_n.sum(axis=1)
+    middle = float(inside.time_s[int(np.argmax(force))]) if len(inside.contacts) else float(inside.time_s[0])
+    return max(float(inside.time_s[0]), middle - BEFORE_S), min(float(inside.time_s[-1]), middle + AFTER_S)
 
 
 def _draw_motion(

@@ -1,11 +1,9 @@
-"""Words and time intervals that the sheet and the animation of an inside view share."""
+"""Words and colours that the sheet of an inside view, the player and the report share."""
 
 from __future__ import annotations
 
-import numpy as np
-
 from model.kernels import layout as L
-from model.parameters.action import STRING, Action
+from model.parameters.action import Action
 from model.simulation.loads_and_losses import Inside
 
 BODY_COLORS = {
@@ -13,15 +11,6 @@ BODY_COLORS = {
     "shank": "#A8528A", "motor": "#333333",
 }  # fmt: skip
 """One colour for each body in every picture; `vision.output.colours` has the same."""
-BEFORE_S, AFTER_S = 0.012, 0.018  # of the close-up, around the strike
-
-
-def close_up(inside: Inside) -> tuple[float, float]:
-    """Interval (s) around the largest force on the string, else of any contact."""
-    k = inside.contacts.index(STRING) if STRING in inside.contacts else None
-    force = inside.normal_n[:, k] if k is not None and inside.normal_n[:, k].any() else inside.normal_n.sum(axis=1)
-    middle = float(inside.time_s[int(np.argmax(force))]) if len(inside.contacts) else float(inside.time_s[0])
-    return max(float(inside.time_s[0]), middle - BEFORE_S), min(float(inside.time_s[-1]), middle + AFTER_S)
 
 
 def input_label(inside: Inside | None) -> tuple[str, str]:

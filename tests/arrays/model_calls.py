@@ -26,7 +26,6 @@ ANY_SHAPE = (
     *("model.Scene.check_whole", "model.screening.Spread.at"),
 )
 HEAVY = {
-    "model.inside.write_animation": ("model.inside.animation._svg",),
     "model.inside.draw_sheet": ("model.inside.figure._draw_motion",),
     "model.string.compare_with_bar": ("model.string.instead_of_the_bar.strike",) * 2,
     f"{TOUCH}.feel": (f"{TOUCH}.feel.weigh", f"{TOUCH}.feel.hammer_speeds"),
@@ -195,9 +194,6 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "model.screening.Spread.at": lambda: {"self": spreads()[0], "share": np.array([0.0, 1.0])},
     "model.screening.Variants.sha256": lambda: {"self": variants(), "values": members()},
     "model.screening.Variants.marks": lambda: {"self": variants(), "values": members()},
-    "model.inside.write_animation": lambda: {
-        "action": action(), "solution": blow(), "force_n": ROWS, "path": Out("blow.svg"),
-    },
     "model.inside.draw_sheet": lambda: {
         "action": action(), "solution": blow(), "force_n": ROWS, "path": Out("blow.svg"),
     },

@@ -54,15 +54,7 @@ def test_the_list_imports_no_command_and_help_of_a_command_nothing_heavy() -> No
 def test_simulate_imports_only_what_it_needs(short_force: Path, tmp_path: Path) -> None:
     loaded = modules_after(("simulate", "--force", short_force, "--out", tmp_path / "o.csv"))
     assert "numba" in loaded
-    assert not loaded & {
-        "pandas",
-        "matplotlib",
-        "cv2",
-        "nidaqmx",
-        "h5py",
-        "model.inside.figure",
-        "model.inside.animation",
-    }
+    assert not loaded & {"pandas", "matplotlib", "cv2", "nidaqmx", "h5py", "model.inside.figure"}
     ours = loaded - modules_of_numba()
     assert not ours & {"scipy.integrate", "scipy.optimize", "scipy.sparse", "scipy.special", "scipy.stats"}
 

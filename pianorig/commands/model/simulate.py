@@ -67,7 +67,7 @@ def command(
     ] = None,
     animation: Annotated[
         Path | None,
-        typer.Option("--animation", help="Draw the action moving, contacts lit by their force: .html or .svg."),
+        typer.Option("--animation", help="Draw the action moving, contacts lit by their force: .html."),
     ] = None,
     scene: Annotated[
         str | None,
@@ -91,7 +91,7 @@ def command(
     """
     check_writable(out, ".csv", ".h5")
     check_writable(figure, *FIGURE_ENDINGS)
-    check_writable(animation, ".html", ".svg")
+    check_writable(animation, ".html")
     chosen = load_changed(action, set_, scale, scene)
     choice = model.choice_of(chosen, scene)
     named = scene or ", ".join(choice.effects) or "whole"
@@ -159,7 +159,13 @@ def command(
             moved = model.simulate(
                 chosen, times, values, output_time_s=fine, inside=True, tolerance=tolerance, scene=scene, method=method
             )
-            _draw(chosen, moved, driving.at(fine), figure, animation)
+            if figure is not None:
+                model.inside.draw_sheet(chosen, moved, driving.at(fine), figure)
+            if animation is not None:
+                # start-up: the player's data need more of validation and vision than a run without animation
+                from pianorig.player.animation import write_blow_animation
+
+                write_blow_animation(chosen, moved, driving.at(fine), animation)
     facts: dict[str, object] = {
         "out": out,
         "rows": len(solution.time_s),
@@ -303,18 +309,3 @@ def _inside_lines(seen: model.inside.Inside, words: dict[str, str]) -> list[str]
         for gone in seen.key_lifts()
     ]
     return [*lines, f"joints, friction mJ: {joints}", *(lifts or ["key stays on its balance rail"])]
-
-
-def _draw(
-    action: model.Action, solution: model.Solution, force_n: Any, figure: Path | None, animation: Path | None
-) -> None:
-    """A blow's sheet (needs matplotlib) and its animation."""
-    if figure is not None:
-        model.inside.draw_sheet(action, solution, force_n, figure)
-    if animation is not None and animation.suffix == ".html":
-        # start-up: the player's data need more of validation and vision than a run without animation
-        from pianorig.player.animation import write_blow_animation
-
-        write_blow_animation(action, solution, force_n, animation)
-    elif animation is not None:
-        model.inside.write_animation(action, solution, force_n, animation)
