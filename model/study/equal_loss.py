@@ -23,13 +23,12 @@ from model.force_driven import output_times, simulate
 from model.parameters.action import BACK_CHECK, CONTACTS, KEY_FRONT, STRING, USUAL, Action
 from model.scene.build import build_scene
 from model.simulation.solution import Solution
-from model.study.effects import TOLERANCE, Blow, Effect, effect_of, touch_and_blow, varied_by_u
+from model.study.effects import NUMBERS, TOLERANCE, Blow, Effect, effect_of, touch_and_blow, varied_by_u
 
 Array = NDArray[np.float64]
 
 RATE_HZ = 100_000.0  # a memory of 50 us is to be followed
-SHARE = {"stulov": "stulov.epsilon", "hysteresis": "hysteresis.beta"}
-SECOND = {"stulov": "stulov.tau", "hysteresis": "hysteresis.eta"}
+SHARE, SECOND = ({law: numbers[k] for law, numbers in NUMBERS.items()} for k in (0, 1))
 SHARES = {"stulov": np.linspace(0.02, 0.98, 49), "hysteresis": np.linspace(0.0125, 1.0, 80)}
 ROUNDS, CLOSE = 12, 0.005  # fits, each along the press of the blow before; share of peak and loss that ends them
 FELTS: Mapping[str, tuple[str, ...]] = {

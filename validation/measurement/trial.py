@@ -295,7 +295,8 @@ def _u_column(table: pd.DataFrame, name: str) -> str:
     return total if total in table else f"{name}_relative_u_rad"
 
 
-def trials_in_words(numbers: Iterable[int]) -> str:
-    """Numbers of trials as a sentence names them: ``trial 3``, ``trials 3, 5``."""
+def trials_in_words(numbers: Iterable[object], most: int | None = None) -> str:
+    """Numbers of trials as a sentence names them: ``trial 3``, ``trials 3, 5``; of more than ``most`` how many more."""
     named = [str(number) for number in numbers]
-    return f"trial{'' if len(named) == 1 else 's'} {', '.join(named)}"
+    more = f" and {len(named) - most} more" if most is not None and len(named) > most else ""
+    return f"trial{'' if len(named) == 1 else 's'} {', '.join(named[:most])}{more}"

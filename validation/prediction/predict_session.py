@@ -22,7 +22,7 @@ from validation.cache.content_hash import result_key
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import PredictionError, ValidationInputError
 from validation.measurement.measure_session import MeasuredSession
-from validation.measurement.trial import MeasuredTrial
+from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.model_under_test import ModelUnderTest
 
 STEP = "prediction"
@@ -252,9 +252,5 @@ def _reasons(refused: dict[int, str]) -> str:
     numbers: dict[str, list[int]] = {}
     for number, reason in refused.items():
         numbers.setdefault(reason, []).append(number)
-    lines = []
-    for reason, found in numbers.items():
-        named = ", ".join(map(str, found[:MOST_NAMED]))
-        more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
-        lines.append(f"trial{'s' if found[1:] else ''} {named}{more}: {reason}")
+    lines = (f"{trials_in_words(found, MOST_NAMED)}: {reason}" for reason, found in numbers.items())
     return "; ".join(lines) or "it has no trials"

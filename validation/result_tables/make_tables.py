@@ -52,36 +52,16 @@ def lift_table(lifts: Mapping[int, Sequence[KeyLift]]) -> pd.DataFrame:
 
 def uncertainty_table(measurements: Sequence[MeasuredTrial], film: dict[int, pd.DataFrame]) -> pd.DataFrame:
     """Stated standard uncertainty of one sample of every channel; for film the median over frames."""
-    rows: list[dict[str, object]] = []
+    rows: list[tuple[object, ...]] = []
     for m in measurements:
-        for i, name in enumerate(ENCODER_CHANNELS):
-            quantisation = float(m.resolution_rad[i] / np.sqrt(12))
-            rows.append(
-                {
-                    "trial": m.number,
-                    "channel": name,
-                    "source": "encoder",
-                    "quantisation_rad": quantisation,
-                    "u_rad": float(m.u_rad[i]),
-                    "scale_relative_u": float(m.scale_relative_u[i]),
-                }
-            )
-        if m.number in film:
-            for name in FILM_CHANNELS:
-                u = film[m.number][f"{name}_u_rad"].to_numpy()
-                u = u[np.isfinite(u)]
-                median = float(np.median(u)) if u.size else float("nan")
-                rows.append(
-                    {
-                        "trial": m.number,
-                        "channel": name,
-                        "source": "film",
-                        "quantisation_rad": np.nan,
-                        "u_rad": median,
-                        "scale_relative_u": np.nan,
-                    }
-                )
-    return pd.DataFrame(rows)
+        steps = m.resolution_rad / np.sqrt(12)
+        for name, *values in zip(ENCODER_CHANNELS, steps, m.u_rad, m.scale_relative_u, strict=True):
+            rows.append((m.number, name, "encoder", *map(float, values)))
+        for name in FILM_CHANNELS if m.number in film else ():
+            u = film[m.number][f"{name}_u_rad"].to_numpy()
+            u = u[np.isfinite(u)]
+            rows.append((m.number, name, "film", np.nan, float(np.median(u)) if u.size else np.nan, np.nan))
+    return pd.DataFrame(rows, columns=["trial", "channel", "source", "quantisation_rad", "u_rad", "scale_relative_u"])
 
 
 def trial_table(predicted: PredictedSession) -> pd.DataFrame:

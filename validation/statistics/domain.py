@@ -23,6 +23,7 @@ import pandas as pd
 
 from validation.conventions import Array
 from validation.events.strikes import RELEASE, key_phases, strikes
+from validation.measurement.trial import trials_in_words
 
 STEP_S = 1e-3
 """Between the samples that are looked at."""
@@ -181,16 +182,13 @@ def domain_lines(action: str, places: pd.DataFrame, known: bool) -> list[str]:
             f"{row.trial} ({row.why_outside}{f'; distance {row.distance:.1f}' if np.isfinite(row.distance) else ''})"
             for row in outside.itertuples()
         ]
-        more = f" and {len(parts) - MOST_NAMED} more" if len(parts) > MOST_NAMED else ""
         lines.append(
-            f"Domain: trial{'s' if len(parts) > 1 else ''} {', '.join(parts[:MOST_NAMED])}{more}: outside of what was "
-            "fitted, where nothing says how well the model does."
+            f"Domain: {trials_in_words(parts, MOST_NAMED)}: outside of what was fitted, where nothing says how well "
+            "the model does."
         )
     if len(inside):
-        named = ", ".join(map(str, inside["trial"].iloc[:MOST_NAMED]))
-        more = f" and {len(inside) - MOST_NAMED} more" if len(inside) > MOST_NAMED else ""
         lines.append(
-            f"Domain: trial{'s' if len(inside) > 1 else ''} {named}{more}: inside of what was fitted (distance at most "
+            f"Domain: {trials_in_words(inside['trial'], MOST_NAMED)}: inside of what was fitted (distance at most "
             f"{inside['distance'].max():.1f}, 1 is the limit)."
         )
     return lines

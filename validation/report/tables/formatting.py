@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -76,6 +77,11 @@ class PageTable:
     rows: list[list[str]]
     notes: list[str] = field(default_factory=list)
     source: str = ""
+
+
+def cells(rows: Iterable[Any], columns: Mapping[str, Callable[[Any], str]]) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows of a table: what stands below a head is what its function says of each row."""
+    return list(columns), [[say(row) for say in columns.values()] for row in rows]
 
 
 def number(value: object, digits: int = 3) -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
 from validation.curves.signs import SIGN, TITLE
 from validation.events.definitions import EVENTS
-from validation.report.tables.formatting import DASH, PageTable, degrees, number, with_u
+from validation.report.tables.formatting import DASH, PageTable, cells, degrees, number, with_u
 from validation.report.view import SessionView
 from validation.result import NOT_JUDGED, ValidationResult
 from validation.result_tables.channels import PHASES
@@ -59,21 +59,21 @@ def _cells(result: ValidationResult, channels: list[str], column: str) -> list[s
 
 def evidence_table(side: SideBySide) -> PageTable:
     """The evidence for each model of a session against its first, and what a blow costs."""
-    rows = [
-        [
-            f"{e.session}: {e.model}",
-            e.reading,
-            with_u(e.log_bayes_factor, e.u_log_bayes_factor) if e.model != e.against else DASH,
-            with_u(e.log_evidence, e.u_log_evidence),
-            number(e.p, 2),
-            str(round(e.right_hand_sides)) if math.isfinite(e.right_hand_sides) else DASH,
-            number(e.cost_ratio, 3),
-            number(1e3 * e.seconds, 3),
-        ]
-        for e in side.evidence.itertuples()
-    ]
-    head = ["session: model", "evidence", "ln Bayes factor", "ln evidence", "p of the test"]
-    head += ["right-hand sides", "times the first", "ms a blow"]
+    shown = cells(
+        side.evidence.itertuples(),
+        {
+            "session: model": lambda e: f"{e.session}: {e.model}",
+            "evidence": lambda e: e.reading,
+            "ln Bayes factor": lambda e: (
+                with_u(e.log_bayes_factor, e.u_log_bayes_factor) if e.model != e.against else DASH
+            ),
+            "ln evidence": lambda e: with_u(e.log_evidence, e.u_log_evidence),
+            "p of the test": lambda e: number(e.p, 2),
+            "right-hand sides": lambda e: str(round(e.right_hand_sides)) if math.isfinite(e.right_hand_sides) else DASH,
+            "times the first": lambda e: number(e.cost_ratio, 3),
+            "ms a blow": lambda e: number(1e3 * e.seconds, 3),
+        },
+    )
     notes = [
         "Evidence (marginal likelihood): density that a model gives to the trials’ mean angles, its parameters, the "
         "force and the sensors drawn from what is declared of them; so what is uncertain in a richer model counts "
@@ -81,7 +81,7 @@ def evidence_table(side: SideBySide) -> PageTable:
         "draws, graded after Kass and Raftery (1995) by its end nearest to 0. p: of the verdict’s test. Right-hand "
         "sides: mean of a blow; ms: processor time of one, with the run that estimates its error."
     ]
-    return PageTable("evidence", "Evidence for each model, and what it costs", head, rows, notes, "evidence")
+    return PageTable("evidence", "Evidence for each model, and what it costs", *shown, notes, "evidence")
 
 
 def pair_tables(side: SideBySide) -> tuple[PageTable, PageTable]:
@@ -94,37 +94,27 @@ def pair_tables(side: SideBySide) -> tuple[PageTable, PageTable]:
 
 
 def _pairs(pairs: pd.DataFrame, key: str, caption: str) -> PageTable:
-    rows = []
-    for p in pairs.itertuples():
-        angle = p.unit == "rad"
-        k = math.degrees(1.0) if angle else 1.0
-        n = p.n_trials
-        rows.append(
-            [
-                f"{p.session}: {p.channel}",
-                SCORES[p.score].title + (" (°)" if angle else ""),
-                p.claim,
-                f"{p.second} − {p.first}",
-                with_u(k * p.difference, k * p.u_difference),
-                f"{number(k * p.low, 3)} to {number(k * p.high, 3)}" if n > 1 else DASH,
-                f"{p.first_closer} : {p.second_closer} of {n}",
-                number(p.p, 3) if n > 1 else DASH,
-                number(p.p_least, 3) if n > 1 else DASH,
-                number(p.p_joint, 3) if n > 1 else DASH,
-            ]
-        )
-    head = [
-        "session: channel",
-        "score",
-        "what can be said",
-        "difference",
-        "mean ± u",
-        "95 % interval",
-        "closer: first : second",
-        "p",
-        "least p",
-        "p, all channels",
-    ]
+    def k(p: Any) -> float:
+        return math.degrees(1.0) if p.unit == "rad" else 1.0
+
+    def of_several(p: Any, text: str) -> str:
+        return text if p.n_trials > 1 else DASH
+
+    shown = cells(
+        pairs.itertuples(),
+        {
+            "session: channel": lambda p: f"{p.session}: {p.channel}",
+            "score": lambda p: SCORES[p.score].title + (" (°)" if p.unit == "rad" else ""),
+            "what can be said": lambda p: p.claim,
+            "difference": lambda p: f"{p.second} − {p.first}",
+            "mean ± u": lambda p: with_u(k(p) * p.difference, k(p) * p.u_difference),
+            "95 % interval": lambda p: of_several(p, f"{number(k(p) * p.low, 3)} to {number(k(p) * p.high, 3)}"),
+            "closer: first : second": lambda p: f"{p.first_closer} : {p.second_closer} of {p.n_trials}",
+            "p": lambda p: of_several(p, number(p.p, 3)),
+            "least p": lambda p: of_several(p, number(p.p_least, 3)),
+            "p, all channels": lambda p: of_several(p, number(p.p_joint, 3)),
+        },
+    )
     notes = [
         "Every trial is predicted by both models; the difference of their scores is taken trial by trial, so that the "
         "scatter of the blows cancels. u: standard uncertainty of the mean; interval by Student’s t, "
@@ -132,7 +122,7 @@ def _pairs(pairs: pd.DataFrame, key: str, caption: str) -> PageTable:
         "test, two-sided; least p: the smallest that so many trials allow (five: 0.0625); all channels: signs flipped "
         "in all channels together. Closer to these trials does not mean right."
     ]
-    return PageTable(key, caption, head, rows, notes, "model_pairs")
+    return PageTable(key, caption, *shown, notes, "model_pairs")
 
 
 def event_table(view: SessionView) -> PageTable:
