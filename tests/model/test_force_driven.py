@@ -10,6 +10,7 @@ import pytest
 import model
 from model.force_driven import ForceDrivenRun
 from model.integrators.methods import METHODS
+from model.simulation.statics import solve_rest
 from tests.model.conftest import read_table
 
 BLOWS = ("forte", "piano", "noisy")
@@ -76,19 +77,34 @@ def test_forces_at_output_times_follow_from_the_state(action: model.Action) -> N
             assert solution.contact_friction_n[k, c] == pytest.approx(friction, abs=1e-9)
 
 
-def test_resumed_run_is_the_same_to_the_last_bit(action: model.Action) -> None:
+LAWS = {"contact02": "stulov", "contact07": "hysteresis", "contact12": "hysteresis"}
+
+
+@pytest.mark.parametrize(
+    ("scene", "laws"),
+    [
+        ("whole", {}),
+        ("whole", LAWS),
+        ("string", {}),
+        pytest.param("giving-hammer", {}, marks=pytest.mark.slow),
+        pytest.param("motor-drive", {}, marks=pytest.mark.slow),
+    ],
+    ids=["plain", "felt", "string", "joint", "motor"],
+)
+def test_a_run_goes_on_from_a_saved_state_to_the_last_bit(scene: str, laws: dict[str, str]) -> None:
+    action, choice = model.load_action("hirschkorn2004-regulated").with_laws(laws), model.load_scene(scene)
     time, force, _ = reference("forte")
-    scene = model.build_scene(action)
-    start = model.State(0.0, model.rest_state(action).angle_rad, np.zeros(5))
-    through = model.Simulation(scene, start.copy())
-    through.advance(0.11, time, force)
+    given = force / 12.0 if scene == "motor-drive" else force  # V for a newton at the tip: 100 mm, 1.2 N m/V
+    built = model.build_scene(choice.on(action), choice)
+    through = model.Simulation(built, model.State(0.0, solve_rest(built), np.zeros(built.size)))
+    through.advance(0.112, time, given)  # the hammer is on the string
     saved = through.state.copy()
-    through.advance(0.3, time, force)
-    again = model.Simulation(scene, saved)
-    again.advance(0.3, time, force)
-    np.testing.assert_array_equal(again.state.angle_rad, through.state.angle_rad)
-    np.testing.assert_array_equal(again.state.speed_rad_per_s, through.state.speed_rad_per_s)
-    assert again.state.step_s == through.state.step_s
+    assert scene == "giving-hammer" or not saved.memory.size or np.ptp(saved.memory) > 0.1
+    through.advance(0.3, time, given)
+    again = model.Simulation(built, saved)
+    again.advance(0.3, time, given)
+    for name in ("angle_rad", "speed_rad_per_s", "memory", "step_s"):
+        np.testing.assert_array_equal(getattr(again.state, name), getattr(through.state, name))
 
 
 @pytest.mark.parametrize("past", [5e-10, 9e-10, -5e-10])
@@ -140,12 +156,9 @@ def test_action_at_rest_stays_at_rest(action: model.Action) -> None:
     assert solution.counters["time_at_rest"] == 1.0
 
 
-def test_rest_after_a_blow_costs_nothing_and_a_creeping_hammer_is_not_at_rest(action: model.Action) -> None:
+def test_an_action_comes_to_rest_after_a_blow_and_a_creeping_hammer_is_not_at_rest(action: model.Action) -> None:
     time, force, _ = reference("forte")
-    alone = model.simulate(action, time, force, output_time_s=[0.6])
     longer = model.simulate(action, np.append(time, 61.0), np.append(force, 0.0), output_time_s=[0.6, 60.0, 61.0])
-    work = longer.counters["n_rhs"] / alone.counters["n_rhs"]
-    assert work < 1.1  # the action still swings at 0.6 s; 60 s more of it would otherwise be some 1200 steps
     assert longer.counters["time_at_rest"] > 59.0
     settled = model.rest_state(action).angle_rad
     np.testing.assert_allclose(longer.angle_rad[-1], longer.angle_rad[-2], atol=1e-12)
@@ -267,6 +280,8 @@ def test_energy_audit_without_any_loss(action: model.Action) -> None:
 def test_a_misspelt_keyword_is_refused(action: model.Action) -> None:
     with pytest.raises(TypeError, match="unexpected keyword argument 'tolerence'"):
         model.simulate(action, [0.0, 1.0], [0.0, 0.0], tolerence=1e-4)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="toleranse"):
+        model.simulate_motion(action, [0.0], [0.0], toleranse=1e-6)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match="unexpected keyword argument 'outputs'"):
         model.simulate_many(action, [([0.0, 1.0], [0.0, 0.0])], outputs=[1.0])  # type: ignore[call-arg]
 

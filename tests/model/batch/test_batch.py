@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-import pickle
 import threading
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
-from dataclasses import fields, replace
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from model.derived import load as scenes
 from model.derived.observe import rows_of
 from model.integrators.rosenbrock import integrate
 from model.simulation.options import ForceDrivenOptions
+from tests.model.batch.members import Elsewhere, Loses, content, contents
 
 OUT = np.linspace(0.0, 0.14, 29)
 SETS = {"printed": {}, "heavy": {"hammer.mass": 0.0115}, "loose": {"contact04.friction": 0.0}}
@@ -38,34 +38,6 @@ def many(action: model.Action, **options: Any) -> list[batch.Member]:
     return model.simulate_many(action, TRIALS, SETS, **options)
 
 
-class Backwards(Executor):
-    """Runs in the caller, last job first, once it holds as many as will come."""
-
-    def __init__(self, after: int) -> None:
-        self.held: list[tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]] = []
-        self.after = after
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Any:
-        future: Future[Any] = Future()
-        self.held.append((future, fn, args))
-        if len(self.held) == self.after:
-            for waiting, function, values in reversed(self.held):
-                # as after a journey: new objects, read-only arrays
-                (job,), hashes = pickle.loads(pickle.dumps(values))
-                job.run.scene.vector.setflags(write=False)
-                waiting.set_result(function([job], hashes))
-        return future
-
-
-def assert_same(a: model.Solution, b: model.Solution) -> None:
-    for item in fields(model.Solution):
-        x, y = getattr(a, item.name), getattr(b, item.name)
-        if isinstance(x, np.ndarray):
-            np.testing.assert_array_equal(x, y)
-        else:
-            assert x == y
-
-
 def test_members_are_single_runs_to_the_last_bit(action: model.Action) -> None:
     seen: list[tuple[int, int]] = []
     members = many(action, contact_forces=True, energy=True, workers=3, progress=lambda *x: seen.append(x))
@@ -76,15 +48,15 @@ def test_members_are_single_runs_to_the_last_bit(action: model.Action) -> None:
             tolerance=1e-4, output_time_s=OUT, contact_forces=True, energy=True,
         )  # fmt: skip
         assert m.solution is not None and m.error is None
-        assert_same(m.solution, single)
+        assert content(m.solution) == content(single)
     assert seen == [(k, 9) for k in range(1, 10)]
 
 
 def test_order_of_work_and_pickling_change_nothing(action: model.Action) -> None:
-    for a, b in zip(many(action), many(action, executor=Backwards(9)), strict=True):
-        assert (a.sha256, a.trial, a.parameters) == (b.sha256, b.trial, b.parameters)
-        assert a.solution is not None and b.solution is not None
-        assert_same(a.solution, b.solution)
+    here, elsewhere = many(action), many(action, executor=Elsewhere(9))
+    for a, b in zip(here, elsewhere, strict=True):
+        assert (a.sha256, a.trial, a.parameters, a.error) == (b.sha256, b.trial, b.parameters, None)
+    assert contents(here) == contents(elsewhere)
 
 
 @pytest.mark.slow  # compiles scenes of its own
@@ -95,7 +67,7 @@ def test_scene_with_everything_it_says_reaches_the_members(action: model.Action)
     single = model.simulate(action, *blow(3.0), tolerance=1e-4, output_time_s=OUT, scene=choice)
     assert member.solution is not None and single.contact_normal_n is not None
     assert len(single.bodies) > 5
-    assert_same(member.solution, single)
+    assert content(member.solution) == content(single)
 
 
 def test_rows_without_names_are_numbered(action: model.Action) -> None:
@@ -116,15 +88,7 @@ def test_failures_are_members(action: model.Action) -> None:
 
 
 def test_lost_worker_is_the_error_of_its_member(action: model.Action) -> None:
-    class Loses(ThreadPoolExecutor):
-        def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Any:
-            if args[0][0].trial == "loud":
-                future: Future[Any] = Future()
-                future.set_exception(MemoryError("worker lost"))
-                return future
-            return super().submit(fn, *args, **kwargs)
-
-    with Loses(1) as pool:
+    with Loses(lambda job: job.trial == "loud") as pool:
         members = many(action, executor=pool)
     assert [m.trial for m in members if isinstance(m.error, MemoryError)] == ["loud"] * 3
     assert sum(m.solution is not None for m in members) == 6
@@ -185,9 +149,7 @@ def test_interrupted_batch_goes_on_where_it_stopped(action: model.Action, tmp_pa
     members = many(action, store=tmp_path)
     assert sum(m.reused for m in members) == len(finished)
     assert not list(tmp_path.glob(".*"))  # no half-written file is left
-    for a, b in zip(members, many(action), strict=True):
-        assert a.solution is not None and b.solution is not None
-        assert_same(a.solution, b.solution)
+    assert contents(members) == contents(many(action))
 
 
 def test_damaged_or_foreign_files_are_done_again(action: model.Action, tmp_path: Path) -> None:
@@ -201,9 +163,7 @@ def test_damaged_or_foreign_files_are_done_again(action: model.Action, tmp_path:
     files[3].write_bytes(files[4].read_bytes())  # another member under this name
     again = many(action, store=tmp_path, energy=True, contact_forces=True)
     assert sum(m.reused for m in again) == 5
-    for a, b in zip(first, again, strict=True):
-        assert a.solution is not None and b.solution is not None
-        assert_same(a.solution, b.solution)
+    assert contents(first) == contents(again)
     assert all(m.reused for m in many(action, store=tmp_path, energy=True, contact_forces=True))
 
 
@@ -231,8 +191,7 @@ def test_a_stored_file_whose_content_was_changed_is_done_again(
     assert model.simulate_many(action, [blow(3.0)], **options)[0].reused
     np.savez(path, **change(held))
     (again,) = model.simulate_many(action, [blow(3.0)], **options)
-    assert not again.reused and first.solution is not None and again.solution is not None
-    assert_same(first.solution, again.solution)
+    assert not again.reused and again.solution is not None and contents([first]) == contents([again])
     assert again.solution.error_rad is not None and again.solution.error_rad > 0.0
 
 
@@ -298,7 +257,6 @@ def test_dask_cluster_of_two_workers(action: model.Action) -> None:
         distributed.Client(cluster) as client,
     ):
         members = many(action, executor=client.get_executor())
-    for a, b in zip(members, many(action), strict=True):
-        assert a.sha256 == b.sha256 and a.error is None
-        assert a.solution is not None and b.solution is not None
-        assert_same(a.solution, b.solution)
+    here = many(action)
+    assert [(m.sha256, None) for m in here] == [(m.sha256, m.error) for m in members]
+    assert contents(here) == contents(members)

@@ -6,10 +6,8 @@ failures: ``python -m pytest -m slow tests/model/batch``.
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Sequence
-from concurrent.futures import Executor, Future
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +19,7 @@ from model import batch
 from model.batch import lanes
 from model.batch.job import Job, make_jobs
 from model.simulation.options import ForceDrivenOptions
+from tests.model.batch.members import Elsewhere, Loses, contents
 
 TIMES = np.array([0.0, 0.02, 0.06, 0.14, 0.16, 0.2])
 OUT = np.linspace(0.0, 0.2, 41)
@@ -52,29 +51,18 @@ def together(jobs: Sequence[Job]) -> list[batch.Member]:
     return lanes.run_together(jobs, ["" for _ in jobs])
 
 
-def content(member: batch.Member) -> list[Any]:
-    """All of a solution as bytes and numbers, or the text of its error."""
-    if member.solution is None:
-        return [type(member.error).__name__, str(member.error)]
-    values = {item.name: getattr(member.solution, item.name) for item in fields(model.Solution)}
-    for name, parts in (("string", ("rows",)), ("give", ("way_m", "speed_m_per_s", "force_n"))):
-        values |= {f"{name} {part}": getattr(values[name], part, None) for part in parts}
-        del values[name]
-    return [v.tobytes() if isinstance(v, np.ndarray) else v for v in values.values()]
-
-
 def test_a_member_is_the_same_to_the_last_bit_whatever_its_neighbours_lane_and_width(
     action: model.Action, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     jobs = jobs_of(action, blows(7), SETS, contact_forces=True)
-    whole = [content(m) for m in together(jobs)]
+    whole = contents(together(jobs))
     rng = np.random.default_rng(1)
     for size in (1, 2, 5, 13, 21):
         some = [int(i) for i in rng.permutation(len(jobs))[:size]]
-        assert [content(m) for m in together([jobs[i] for i in some])] == [whole[i] for i in some]
+        assert contents(together([jobs[i] for i in some])) == [whole[i] for i in some]
     for seed in range(20):  # time and again the same ones
         some = [int(i) for i in np.random.default_rng(seed).integers(0, len(jobs), 9)]
-        assert [content(m) for m in together([jobs[i] for i in some])] == [whole[i] for i in some]
+        assert contents(together([jobs[i] for i in some])) == [whole[i] for i in some]
 
 
 def scalar_and_error(job: Job) -> tuple[np.ndarray, float]:
@@ -108,7 +96,7 @@ def test_members_agree_with_single_runs(action: model.Action, tolerance: float, 
 
 def test_a_failing_member_reports_its_own_error_and_disturbs_no_neighbour(action: model.Action) -> None:
     jobs = jobs_of(action, blows(11))
-    good = [content(m) for m in together(jobs)]
+    good = contents(together(jobs))
     inside = replace(jobs[3], start_rad=np.array([-0.9]))  # deep in the felt
     wild = replace(jobs[5], start_rad=np.array([np.nan]))
     assert jobs[7].run is not None
@@ -120,7 +108,7 @@ def test_a_failing_member_reports_its_own_error_and_disturbs_no_neighbour(action
             alone = batch.run_job(planted[i], "")
             assert type(member.error) is type(alone.error) and str(member.error) == str(alone.error)
         else:
-            assert content(member) == good[i]
+            assert contents([member]) == [good[i]]
     assert all(members[i].error is not None for i in (5, 7))
 
 
@@ -173,28 +161,8 @@ def test_members_of_two_methods_never_share_a_unit(action: model.Action) -> None
     parts = lanes.units(mixed, range(6), 1)
     assert sorted(sorted(part) for part in parts) == [[0, 2, 4], [1, 3, 5]]
     members = batch.run_jobs(mixed, workers=1)
-    by_method = {0: together(mixed[::2]), 1: together(mixed[1::2])}
-    assert [content(m) for m in members] == [content(by_method[i % 2][i // 2]) for i in range(6)]
-
-
-class ElsewhereBackwards(Executor):
-    """Another process in miniature: work is pickled, arrays come back read-only, the last unit is done first."""
-
-    def __init__(self, after: int) -> None:
-        self.held: list[Any] = []
-        self.after = after
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Any:
-        future: Future[Any] = Future()
-        self.held.append((future, fn, args))
-        if len(self.held) == self.after:
-            for waiting, function, values in reversed(self.held):
-                jobs, hashes = pickle.loads(pickle.dumps(values))
-                for job in jobs:
-                    job.run.scene.vector.setflags(write=False)
-                    job.run.force_n.setflags(write=False)
-                waiting.set_result(pickle.loads(pickle.dumps(function(jobs, hashes))))
-        return future
+    assert contents(members[::2]) == contents(together(mixed[::2]))
+    assert contents(members[1::2]) == contents(together(mixed[1::2]))
 
 
 def test_executor_and_store_change_no_bit_and_lanes_have_files_of_their_own(
@@ -208,24 +176,18 @@ def test_executor_and_store_change_no_bit_and_lanes_have_files_of_their_own(
         action, trials, lanes=True, store=tmp_path, workers=2, progress=lambda done, _: seen.append(done), **options
     )
     assert seen == list(range(1, 11)) and [m.trial for m in first] == list(trials)
-    elsewhere = model.simulate_many(action, trials, lanes=True, executor=ElsewhereBackwards(4), workers=4, **options)
+    elsewhere = model.simulate_many(action, trials, lanes=True, executor=Elsewhere(4), workers=4, **options)
     again = model.simulate_many(action, trials, lanes=True, store=tmp_path, **options)
     alone = model.simulate_many(action, trials, lanes=False, store=tmp_path, **options)
     assert all(m.reused for m in again) and not any(m.reused for m in alone)
-    for a, b, c, d in zip(first, elsewhere, again, alone, strict=True):
-        assert content(a) == content(b) == content(c)
+    assert contents(first) == contents(elsewhere) == contents(again)
+    for a, b, d in zip(first, elsewhere, alone, strict=True):
         assert a.sha256 == b.sha256 != d.sha256
 
 
 def test_a_lost_worker_is_the_error_of_every_member_of_its_unit(action: model.Action) -> None:
-    class Lost(Executor):
-        def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Any:
-            future: Future[Any] = Future()
-            future.set_exception(MemoryError("worker lost"))
-            return future
-
     jobs = jobs_of(action, blows(5))
-    members = batch.run_jobs(jobs, executor=Lost(), workers=1)
+    members = batch.run_jobs(jobs, executor=Loses(lambda _: True), workers=1)
     assert len(members) == 5 and all(isinstance(m.error, MemoryError) for m in members)
 
 
@@ -239,7 +201,7 @@ def test_members_agree_with_single_runs_in_every_scene(name: str, action: model.
     for tolerance in (1e-3, 1e-5):
         jobs = jobs_of(action, trials, sets, scene=name, tolerance=tolerance)
         members = together(jobs)
-        assert [content(m) for m in together(jobs[::-1])][::-1] == [content(m) for m in members]
+        assert contents(together(jobs[::-1]))[::-1] == contents(members)
         distances = []
         for job, member in zip(jobs, members, strict=True):
             angles, error = scalar_and_error(job)
@@ -254,13 +216,13 @@ def test_members_agree_with_single_runs_in_every_scene(name: str, action: model.
 @pytest.mark.slow
 def test_a_thousand_batches_with_planted_failures(action: model.Action) -> None:
     jobs = jobs_of(action, blows(24, seed=9), SETS, tolerance=1e-4)
-    good = [content(m) for m in together(jobs)]
+    good = contents(together(jobs))
     rng = np.random.default_rng(2)
     for _ in range(1000):
         some = [int(i) for i in rng.permutation(len(jobs))[: rng.integers(1, 20)]]
         planted = {i: replace(jobs[i], start_rad=np.array([rng.choice([np.nan, -0.9, 40.0])])) for i in some[::4]}
         for i, member in zip(some, together([planted.get(i, jobs[i]) for i in some]), strict=True):
             if i in planted:
-                assert content(member) == content(together([planted[i]])[0])
+                assert contents([member]) == contents(together([planted[i]]))
             else:
-                assert content(member) == good[i]
+                assert contents([member]) == [good[i]]

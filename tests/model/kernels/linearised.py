@@ -10,25 +10,84 @@ from model.derived.load import kernels_of
 from model.kernels import workspace as W
 from model.scene.build import Scene
 from model.simulation.run import Simulation
+from tests.model.conftest import random_states
+
+
+def placed(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """A workspace at a state, where that of joints that give follows the coordinates."""
+    n, g, w = scene.size, len(scene.pins), np.zeros(W.WITH_MEMORY)
+    w[W.Q : W.Q + n], w[W.V : W.V + n] = q[:n], v[:n]
+    w[W.Z : W.Z + g], w[W.Z + g : W.Z + 2 * g] = q[n:], v[n:]
+    return w
 
 
 class Evaluation:
-    """Accelerations ``a``, mass matrix, forces ``f`` = M a, K, D and df/du of a scene without joints that give."""
+    """Accelerations ``a``, mass matrix, forces ``f`` = M a, K, D, df/du, how many contacts touch."""
 
     def __init__(self, scene: Scene, q: np.ndarray, v: np.ndarray, u: float, vector: np.ndarray | None = None) -> None:
-        n, w = scene.size, np.zeros(W.SIZE)
-        w[W.Q : W.Q + n], w[W.V : W.V + n] = q, v
-        p = scene.vector if vector is None else vector
-        self.touching = kernels_of(scene.tables).linearise(w, p, u)
-        self.mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
-        for i, up in enumerate(scene.tables.parent):
-            if up >= 0:
-                self.mass[i, up] = self.mass[up, i] = w[W.M_UP + i]
-        self.stiff, self.damp = (
-            w[start : start + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n].copy() for start in (W.STIFF, W.DAMP)
-        )
-        self.a, self.f_u = w[W.ACC : W.ACC + n].copy(), w[W.F_U : W.F_U + n].copy()
+        k, w = len(q), placed(scene, q, v)
+        self.w = w
+        self.touching = kernels_of(scene.tables).linearise(w, scene.vector if vector is None else vector, u)
+        if scene.pins:
+            lower, self.stiff, self.damp = (
+                w[at : at + W.WIDE**2].reshape(W.WIDE, W.WIDE)[:k, :k] for at in (W.P_MASS, W.P_STIFF, W.P_DAMP)
+            )
+            self.mass = np.tril(lower) + np.tril(lower, -1).T
+            self.a, self.f_u = w[W.P_ACC : W.P_ACC + k], w[W.P_INPUT : W.P_INPUT + k]
+        else:
+            self.mass = np.diag(w[W.M_DIAG : W.M_DIAG + k])
+            for i, up in enumerate(scene.tables.parent[:k]):
+                if up >= 0:
+                    self.mass[i, up] = self.mass[up, i] = w[W.M_UP + i]
+            self.stiff, self.damp = (
+                w[at : at + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:k, :k] for at in (W.STIFF, W.DAMP)
+            )
+            self.a, self.f_u = w[W.ACC : W.ACC + k], w[W.F_U : W.F_U + k]
         self.f = self.mass @ self.a
+
+
+def states(count: int, scene: Scene, seed: int) -> list[tuple[np.ndarray, np.ndarray, float]]:
+    """Random states of the five bodies, with what presses off the key or deep in it, lifts between compressed felt and
+    2 mm, the shank bent by 10 mrad and joints giving by tenths of a millimetre; the input as large as its kind is."""
+    random = np.random.default_rng(seed)
+    spread = {
+        "motor": lambda: (random.uniform(-0.02, 0.02), 0.3 * random.normal()),
+        "winding": lambda: (random.normal(), 3.0 * random.normal()),
+        "finger": lambda: (random.uniform(-0.02, 0.05), 3.0 * random.normal()),
+        "key_lift": lambda: (
+            random.choice([random.uniform(-4e-4, 5e-6), random.uniform(5e-6, 2e-3)]),
+            random.normal() * 10.0 ** random.uniform(-4.0, -0.5),
+        ),
+        "shank": lambda: (random.uniform(-0.01, 0.01), random.normal() * 10.0 ** random.uniform(-3.0, 1.0)),
+    }
+    out = []
+    for q, v, u in random_states(count, seed):
+        more = [spread[name]() for name in scene.bodies[5:]]
+        more += [(3e-4 * random.normal(), random.normal() * 10.0 ** random.uniform(-3.0, -0.5)) for _ in scene.pins]
+        at, speeds = np.array(more).reshape(-1, 2).T
+        out.append((np.append(q, at), np.append(v, speeds), 0.01 * u if "motor" in scene.bodies else u))
+    return out
+
+
+def off_differences(scene: Scene, where: Iterable[tuple[np.ndarray, np.ndarray, float]]) -> tuple[float, float]:
+    """Largest part by which K and D are off central differences, and the part of the columns that had any; df/du is
+    asserted."""
+    h, worst, compared = 1e-7, 0.0, []
+    for q, v, u in where:
+        at = Evaluation(scene, q, v, u)
+        for j, e in enumerate(h * np.eye(len(q))):
+            up, down = Evaluation(scene, q + e, v, u), Evaluation(scene, q - e, v, u)
+            compared.append(up.touching == down.touching)
+            if not compared[-1]:
+                continue  # a contact opens inside the difference: no derivative there
+            # K = df/dq - (dM/dq) a
+            stiff = (up.f - down.f - (up.mass - down.mass) @ at.a) / (2 * h)
+            worst = max(worst, np.abs(stiff - at.stiff[:, j]).max() / (1e-3 + np.abs(at.stiff).max()))
+            damp = (Evaluation(scene, q, v + e, u).f - Evaluation(scene, q, v - e, u).f) / (2 * h)
+            worst = max(worst, np.abs(damp - at.damp[:, j]).max() / (1e-3 + np.abs(at.damp).max()))
+        f_u = (Evaluation(scene, q, v, u + 1e-3).f - Evaluation(scene, q, v, u - 1e-3).f) / 2e-3
+        np.testing.assert_allclose(f_u, at.f_u, atol=1e-5)
+    return worst, float(np.mean(compared))
 
 
 def stages_off(

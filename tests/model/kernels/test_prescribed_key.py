@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import model
-from model.derived.load import kernels_of
 from model.kernels import workspace as W
 from model.motion_driven.prescribed_key import key_load
 from model.scene.build import build_scene
@@ -15,6 +14,7 @@ from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
 from tests.model.compiler.machine import operations, text_of, touched
 from tests.model.conftest import random_states
+from tests.model.kernels.linearised import Evaluation
 from tests.model.verification.reference_equations import Twin
 
 ORDER = [1, 2, 3, 4, 0]  # key last
@@ -26,26 +26,6 @@ def taylor(q: float, v: float, a: float, jerk: float = 0.0) -> KeyMotion:
     moved = np.poly1d(c)(np.poly1d([1.0, -1.0])).coef
     moved = np.concatenate([np.zeros(6 - len(moved)), moved])
     return KeyMotion(np.array([-1.0, 0.0, 1.0]), np.array([moved, c]))
-
-
-def evaluate(scene: model.Scene, q: np.ndarray, v: np.ndarray, t: float = 0.0) -> np.ndarray:
-    """Workspace after ``linearise``; free coordinates (4,)."""
-    w = np.zeros(W.SIZE)
-    w[W.Q : W.Q + 4], w[W.V : W.V + 4] = q, v
-    kernels_of(scene.tables).linearise(w, scene.vector, t)
-    return w
-
-
-def square(w: np.ndarray, start: int) -> np.ndarray:
-    return w[start : start + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)
-
-
-def mass_of(scene: model.Scene, w: np.ndarray) -> np.ndarray:
-    mass = np.diag(w[W.M_DIAG : W.M_DIAG + 4])
-    for i, up in enumerate(scene.tables.parent[:4]):
-        if up >= 0:
-            mass[i, up] = mass[up, i] = w[W.M_UP + i]
-    return mass
 
 
 def test_motion_is_the_polynomial_and_its_derivatives() -> None:
@@ -73,7 +53,7 @@ def test_accelerations_force_and_rail_equal_the_twin(action: model.Action, twin:
     for count, (q, v, u) in enumerate(random_states(200, seed=5)):
         a = 20.0 * (u - 30.0)
         scene = build_scene(action, key_motion=taylor(q[0], v[0], a))
-        w = evaluate(scene, q[1:], v[1:])
+        w = Evaluation(scene, q[1:], v[1:], 0.0).w
         others, force = twin.held_key(q, v, a)
         np.testing.assert_allclose(w[W.ACC : W.ACC + 4], others, rtol=1e-10, atol=1e-12 * np.max(np.abs(others)))
         np.testing.assert_array_equal(w[[W.Q + 4, W.V + 4, W.ACC + 4]], [q[0], v[0], a])
@@ -102,20 +82,16 @@ def test_derivatives_by_state_and_time(action: model.Action) -> None:
     for q, v, u in random_states(150, seed=6):
         a, jerk = 20.0 * (u - 30.0), 1e4 * (u - 20.0)
         scene = build_scene(action, key_motion=taylor(q[0], v[0], a, jerk))
-        w = evaluate(scene, q[1:], v[1:])
-        full = np.zeros(W.SIZE)
-        full[W.Q : W.Q + 5], full[W.V : W.V + 5] = q, v
-        kernels_of(whole.tables).linearise(full, whole.vector, 0.0)
+        at, full = Evaluation(scene, q[1:], v[1:], 0.0), Evaluation(whole, q, v, 0.0)
         # (dM/dq) a in K holds the accelerations: the key's, which couples to nothing by inertia, is the same to K
-        for start in (W.STIFF, W.DAMP):
-            theirs = square(full, start)[1:5, 1:5]
-            np.testing.assert_allclose(square(w, start)[:4, :4], theirs, rtol=1e-9, atol=1e-9 * np.abs(theirs).max())
+        for ours, theirs in ((at.stiff, full.stiff[1:, 1:]), (at.damp, full.damp[1:, 1:])):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9 * np.abs(theirs).max())
         # curvature spoils a wide difference, rounding a narrow one: the best of three counts
-        found, errors = w[W.F_U : W.F_U + 4], []
+        errors = []
         for h in (1e-6, 1e-7, 1e-8):
-            near = [evaluate(scene, q[1:], v[1:], t) for t in (-h, h)]
-            rate = mass_of(scene, w) @ (near[1][W.ACC : W.ACC + 4] - near[0][W.ACC : W.ACC + 4]) / (2.0 * h)
-            errors.append(np.abs(found - rate).max() / max(1.0, np.abs(found).max()))
+            before, after = (Evaluation(scene, q[1:], v[1:], t).a for t in (-h, h))
+            rate = at.mass @ (after - before) / (2.0 * h)
+            errors.append(np.abs(at.f_u - rate).max() / max(1.0, np.abs(at.f_u).max()))
         worst.append(min(errors))
     assert len(worst) == 150 and np.quantile(worst, 0.9) < 3e-5 and max(worst) < 1e-3, sorted(worst)[-5:]
 

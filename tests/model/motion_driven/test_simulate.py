@@ -137,8 +137,3 @@ def test_interval_covers_in_seeded_trials_of_several_profiles(action: model.Acti
             error = driven.force_n - blow(name)[1]
             covered.append(np.mean(np.abs(error) < driven.coverage_factor * driven.u_force_n))
     assert 0.93 < np.mean(covered) < 0.97, np.reshape(covered, (3, 20)).mean(axis=1)
-
-
-def test_a_misspelt_keyword_is_refused(action: model.Action) -> None:
-    with pytest.raises(TypeError, match="toleranse"):
-        model.simulate_motion(action, [0.0], [0.0], toleranse=1e-6)  # type: ignore[call-arg]

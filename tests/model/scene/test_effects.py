@@ -9,11 +9,10 @@ import pytest
 from scipy.linalg import eig
 
 import model
-from model.derived.load import kernels_of
 from model.inside import Observer
-from model.kernels import workspace as W
 from model.scene.effect_terms import bending, parts_of_hammer, sink_m
 from tests.model.conftest import read_table
+from tests.model.kernels.linearised import Evaluation
 from tests.model.verification.energy_audit import audit
 
 BOTH = model.SceneChoice(effects=("balance_rail", "shank"))
@@ -23,20 +22,6 @@ LIFT, SHANK = 5, 6
 @pytest.fixture(scope="module")
 def forte() -> np.ndarray:
     return read_table("forte_force.csv")
-
-
-def linearised(scene: model.Scene, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M, K and D of a scene at rest."""
-    n = scene.size
-    w = np.zeros(W.SIZE)
-    w[W.Q : W.Q + n] = q
-    kernels_of(scene.tables).linearise(w, scene.vector, 0.0)
-    mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
-    for i, up in enumerate(scene.tables.parent):
-        if up >= 0:
-            mass[i, up] = mass[up, i] = w[W.M_UP + i]
-    stiff, damp = (w[at : at + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n] for at in (W.STIFF, W.DAMP))
-    return mass, stiff, damp
 
 
 @pytest.mark.parametrize(("frequency", "ratio"), [(250.0, 0.03), (60.0, 0.1)])
@@ -49,7 +34,8 @@ def test_a_flying_hammer_swings_at_the_given_frequency_and_damping(
     scene = model.build_scene(given, BOTH)
     q = scene.start.copy()
     q[4] -= 0.1  # off jack, repetition lever and rest rail, under the string
-    mass, stiff, damp = (x[np.ix_([4, SHANK], [4, SHANK])] for x in linearised(scene, q))
+    at = Evaluation(scene, q, np.zeros(scene.size), 0.0)
+    mass, stiff, damp = (x[np.ix_([4, SHANK], [4, SHANK])] for x in (at.mass, at.stiff, at.damp))
     companion = np.block([[np.zeros((2, 2)), np.eye(2)], [stiff, damp]])
     values = eig(companion, np.block([[np.eye(2), np.zeros((2, 2))], [np.zeros((2, 2)), mass]]), right=False)
     swing = values[np.argmax(values.imag)]

@@ -14,6 +14,8 @@ from model.screening.sobol import members
 from model.sensitivity import Parameter
 
 A, B = 7.0, 0.1
+ONE, TWO, BOTH = 0.5 * (1.0 + B * np.pi**4 / 5.0) ** 2, A**2 / 8.0, B**2 * np.pi**8 * (1.0 / 18.0 - 1.0 / 50.0)
+FIRST, TOTAL = np.array([[ONE, TWO, 0.0], [ONE + BOTH, TWO, BOTH]]) / (ONE + TWO + BOTH)
 
 
 class Uniform(Spread):
@@ -40,20 +42,15 @@ def found() -> model.screening.Sobol:
 
 
 def test_ishigami_has_its_known_indices(found: model.screening.Sobol) -> None:
-    one, two = 0.5 * (1.0 + B * np.pi**4 / 5.0) ** 2, A**2 / 8.0
-    both = B**2 * np.pi**8 * (1.0 / 18.0 - 1.0 / 50.0)
-    variance = one + two + both
-    np.testing.assert_allclose(found.first[0], np.array([one, two, 0.0]) / variance, atol=0.02)
-    np.testing.assert_allclose(found.total[0], np.array([one + both, two, both]) / variance, atol=0.02)
-    assert found.deviation[0] == pytest.approx(np.sqrt(variance), rel=0.02)
+    np.testing.assert_allclose(found.first[0], FIRST, atol=0.02)
+    np.testing.assert_allclose(found.total[0], TOTAL, atol=0.02)
+    assert found.deviation[0] == pytest.approx(np.sqrt(ONE + TWO + BOTH), rel=0.02)
     assert np.all(found.first_low[0] <= found.first[0]) and np.all(found.first[0] <= found.first_high[0])
     assert np.all(found.total_high[0] - found.total_low[0] < 0.2)
 
 
 def test_intervals_cover_the_truth_about_as_often_as_they_say() -> None:
-    one, two = 0.5 * (1.0 + B * np.pi**4 / 5.0) ** 2, A**2 / 8.0
-    both = B**2 * np.pi**8 * (1.0 / 18.0 - 1.0 / 50.0)
-    truth = np.array([one, two, 0.0, one + both, two, both]) / (one + two + both)
+    truth = np.concatenate([FIRST, TOTAL])
     inside = []
     for seed in range(30):
         study = sobol(evenly(3, -np.pi, np.pi), lambda x: ishigami(x)[:, :1], ("y",), n=128, seed=seed)

@@ -245,22 +245,6 @@ def test_estimated_error_is_near_the_error(action: model.Action, forte: Blow, fo
     assert 0.3 * error < rough.estimated_error < 3.0 * error
 
 
-@pytest.mark.slow  # python -m pytest -m slow tests/model/sensitivity
-def test_a_scene_with_effects(action: model.Action, forte: Blow) -> None:
-    short = cut(forte, 0.118)
-    options = model.SensitivityOptions(scene="flexible-shank", events=False)
-    found = model.sensitivities(action, short, ["shank.frequency_hz"], options=options)
-    assert found.angle_names[-1] == "shank"
-    ends = [
-        model.simulate(
-            action.with_values({"shank.frequency_hz": action["shank.frequency_hz"] + h}),
-            *short, tolerance=1e-11, method="rodas5p", scene="flexible-shank",
-        ).angle_rad
-        for h in (5e-3, -5e-3)
-    ]  # fmt: skip
-    assert relative_error(found.d_angles[:, :, 0], (ends[0] - ends[1]) / 1e-2) < 1e-5
-
-
 def test_a_contact_on_the_verge_at_rest_does_not_make_steps_small() -> None:
     regulated = model.load_action("hirschkorn2004-regulated")
     options = model.SensitivityOptions(events=False, allow_idle=True)

@@ -1,4 +1,4 @@
-"""Felt laws with memory inside the moving action: derivatives, order, energy, rules of rest, resumption and reset."""
+"""Felt laws with memory inside the moving action: derivatives, order, energy, rules of rest and reset."""
 
 from __future__ import annotations
 
@@ -156,21 +156,6 @@ def test_felt_at_rest_presses_as_its_slow_curve_says(mixed: model.Action) -> Non
     held = np.array([20.0, 20.0])
     moved, _ = run.advance(0.2, np.array([0.0, 1.0]), held, output_time_s=np.array([0.1, 0.2]))
     assert np.max(np.abs(moved - rest.angle_rad)) < 1e-9  # and stays there
-
-
-def test_a_run_goes_on_from_a_saved_state_to_the_last_bit(mixed: model.Action) -> None:
-    times, force = model.force_table("forte")
-    scene = model.build_scene(mixed)
-    run = Simulation(scene, State(0.0, model.rest_state(mixed).angle_rad, np.zeros(scene.size)))
-    run.advance(0.1125, times, force)  # the hammer is on the string
-    saved = run.state.copy()
-    assert np.ptp(saved.memory) > 0.1
-    ends = []
-    for state in (run.state, saved):
-        again = Simulation(scene, state)
-        again.advance(0.3, times, force)
-        ends.append(np.concatenate([again.state.angle_rad, again.state.speed_rad_per_s, again.state.memory]))
-    assert np.array_equal(*ends)
 
 
 def test_felt_that_parted_starts_anew(blow: tuple[Simulation, np.ndarray, np.ndarray]) -> None:

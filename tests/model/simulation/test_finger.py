@@ -1,4 +1,4 @@
-"""A finger on the key, driven by the motion of its hand: both limits, energy, errors of the request, the spike.
+"""A finger on the key, driven by the motion of its hand: both limits, the spike.
 
 Compiles two structures: ``python -m pytest -m slow tests/model/simulation/test_finger.py``.
 """
@@ -14,15 +14,6 @@ pytestmark = pytest.mark.slow
 
 ACTION = model.load_action("hirschkorn2004-regulated")
 FORTE = model.force_table("forte")
-
-
-def hand(depth_m: float, duration_s: float = 0.08) -> tuple[np.ndarray, np.ndarray]:
-    """Way of a hand that sinks smoothly, holds and comes back."""
-    t = np.linspace(0.0, 1.0, 25)
-    down = depth_m * (3.0 * t**2 - 2.0 * t**3)
-    return np.concatenate([[0.0], 0.05 + duration_s * t, [0.4, 0.45, 0.7]]), np.concatenate(
-        [[0.0], down, [depth_m, 0, 0]]
-    )
 
 
 def test_a_soft_finger_hands_a_force_on() -> None:
@@ -64,23 +55,6 @@ def test_a_rigid_finger_hands_its_motion_on() -> None:
     expected = np.interp(at, driven.time_s, driven.force_n)
     wrong = np.abs(np.convolve(force - expected, average, "same"))[inside].max()
     assert wrong < 0.05 * expected.max()
-
-
-@pytest.mark.parametrize("depth_m", [0.015, 0.03, 0.06])
-def test_energy_closes_and_errors_stay_within_ten_times_the_request(depth_m: float) -> None:
-    times, way = hand(depth_m)
-    at = np.linspace(0.0, 0.7, 701)
-    runs = {
-        tolerance: model.simulate(
-            ACTION, times, way, scene="finger", tolerance=tolerance, energy=True, output_time_s=at
-        )
-        for tolerance in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-11)
-    }
-    finest = runs.pop(1e-11)
-    for tolerance, found in runs.items():
-        assert np.abs(found.angle_rad - finest.angle_rad).max() < 10.0 * tolerance
-    audit = runs[1e-9].energy
-    assert audit is not None and abs(audit.residual) < 1e-6 * audit.work_in and audit.lost_in_drive > 0.0
 
 
 def test_what_gives_way_softens_the_spike_at_key_bottom() -> None:

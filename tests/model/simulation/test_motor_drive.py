@@ -1,4 +1,4 @@
-"""A motor driven by volts: closed forms, energy, errors of the request, limits, the Jacobian; compiles two structures.
+"""A motor driven by volts: closed forms, energy, errors of the request, limits; compiles two structures.
 
 ``python -m pytest -m slow tests/model/simulation/test_motor_drive.py``
 """
@@ -13,7 +13,6 @@ from scipy.linalg import expm
 
 import model
 from model.scene.build import build_scene
-from tests.model.kernels.test_effects import generated
 
 pytestmark = pytest.mark.slow
 
@@ -82,12 +81,38 @@ def test_the_limit_keeps_the_order_of_the_method() -> None:
     assert errors[0] > 12.0 * errors[1] > 144.0 * errors[2] > 0.0, errors
 
 
-@pytest.mark.parametrize("choice", [TORQUE, VOLTAGE], ids=["torque", "voltage"])
+def hand(depth_m: float, duration_s: float = 0.08) -> tuple[np.ndarray, np.ndarray]:
+    """Way of a hand that sinks smoothly, holds and comes back."""
+    t = np.linspace(0.0, 1.0, 25)
+    down = depth_m * (3.0 * t**2 - 2.0 * t**3)
+    return np.concatenate([[0.0], 0.05 + duration_s * t, [0.4, 0.45, 0.7]]), np.concatenate(
+        [[0.0], down, [depth_m, 0, 0]]
+    )
+
+
 @pytest.mark.parametrize("limited", [False, True])
+@pytest.mark.parametrize("choice", [TORQUE, VOLTAGE], ids=["torque", "voltage"])
 def test_energy_closes_and_errors_stay_within_ten_times_the_request(choice: model.SceneChoice, limited: bool) -> None:
     action = ACTION.with_effects(LIMITED) if limited else ACTION
+    finest, lost = closes_and_keeps(action, choice, FORTE[0], PER_VOLT * FORTE[1])
+    current = finest.speed_rad_per_s[:, 6]
+    heat = action["motor_drive.resistance"] * current**2
+    assert lost == pytest.approx(np.sum(0.5 * (heat[1:] + heat[:-1]) * np.diff(finest.time_s)), rel=2e-3)
+    assert not limited or np.abs(current).max() > 1.3
+
+
+@pytest.mark.parametrize("depth_m", [0.015, 0.03, 0.06])
+def test_so_they_do_with_a_finger(depth_m: float) -> None:
+    _, lost = closes_and_keeps(ACTION, model.SCENES["finger"], *hand(depth_m), output_time_s=np.linspace(0.0, 0.7, 701))
+    assert lost > 0.0
+
+
+def closes_and_keeps(
+    action: model.Action, choice: model.SceneChoice, times: np.ndarray, values: np.ndarray, **options: np.ndarray
+) -> tuple[model.Solution, float]:
+    """The finest run and what the drive of another lost."""
     runs = {
-        tolerance: model.simulate(action, FORTE[0], PER_VOLT * FORTE[1], scene=choice, tolerance=tolerance, energy=True)
+        tolerance: model.simulate(action, times, values, scene=choice, tolerance=tolerance, energy=True, **options)
         for tolerance in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-11)
     }
     finest = runs.pop(1e-11)
@@ -96,10 +121,7 @@ def test_energy_closes_and_errors_stay_within_ten_times_the_request(choice: mode
         assert error < 10.0 * tolerance, (tolerance, error)
     audit = runs[1e-9].energy
     assert audit is not None and abs(audit.residual) < 1e-6 * audit.work_in
-    current = finest.speed_rad_per_s[:, 6]
-    heat = action["motor_drive.resistance"] * current**2
-    assert audit.lost_in_drive == pytest.approx(np.sum(0.5 * (heat[1:] + heat[:-1]) * np.diff(finest.time_s)), rel=2e-3)
-    assert not limited or np.abs(current).max() > 1.3
+    return finest, audit.lost_in_drive
 
 
 def test_a_firm_current_loop_is_a_torque() -> None:
@@ -112,38 +134,3 @@ def test_a_firm_current_loop_is_a_torque() -> None:
         apart.append(np.abs(drive.angle_rad[:, :6] - torque.angle_rad).max())
     assert apart[1] < 2e-5
     assert apart[0] / apart[1] == pytest.approx(10.0, rel=0.2)
-
-
-def test_saved_and_resumed_to_the_last_bit() -> None:
-    scene = build_scene(ACTION, TORQUE)
-    rest = model.rest_state(ACTION, scene=scene).angle_rad
-    first, volts = (
-        (model.Simulation(scene, model.State(0.0, rest, np.zeros(7)), 1e-6) for _ in range(2)),
-        PER_VOLT * FORTE[1],
-    )
-    whole, parts = first
-    whole.advance(0.06, FORTE[0], volts)
-    whole.advance(0.12, FORTE[0], volts)
-    parts.advance(0.06, FORTE[0], volts)
-    again = model.Simulation(scene, parts.state.copy(), 1e-6)
-    again.advance(0.12, FORTE[0], volts)
-    np.testing.assert_array_equal(again.state.angle_rad, whole.state.angle_rad)
-    np.testing.assert_array_equal(again.state.speed_rad_per_s, whole.state.speed_rad_per_s)
-
-
-@pytest.mark.parametrize("choice", [TORQUE, model.SCENES["finger"]], ids=["motor-drive", "finger"])
-def test_jacobian_equals_central_differences(choice: model.SceneChoice) -> None:
-    scene = build_scene(ACTION.with_effects(LIMITED), choice)
-    random, h = np.random.default_rng(2), 1e-7
-    for _ in range(30):
-        q = np.append(scene.start[:5], random.uniform(0.0, 0.02, size=scene.size - 5))
-        v, u = random.normal(size=scene.size), 10.0 * random.normal()
-        at = generated(scene, q, v, u)
-        for j, e in enumerate(h * np.eye(scene.size)):
-            plus, minus = generated(scene, q, v + e, u), generated(scene, q, v - e, u)
-            if plus["n"] == minus["n"]:
-                np.testing.assert_allclose(
-                    (plus["f"] - minus["f"]) / (2 * h), at["D"][:, j], atol=2e-5 * np.abs(at["D"]).max()
-                )
-        f_u = (generated(scene, q, v, u + 1e-4)["f"] - generated(scene, q, v, u - 1e-4)["f"]) / 2e-4
-        np.testing.assert_allclose(f_u, at["f_u"], atol=1e-5)

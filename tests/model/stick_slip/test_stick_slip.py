@@ -16,15 +16,13 @@ from model.simulation.run import Simulation, State
 from model.stick_slip import compare, simulate
 
 ACTION = model.load_action()
+FREE = {f"{b}.joint_friction.A": 0.0 for b in model.BODIES} | {f"contact{i:02d}.friction": 0.0 for i in (1, 4, 7, 10)}
 
 
 @pytest.mark.slow
 def test_joint_friction_holds_then_slides_as_coulomb_says() -> None:
     """A stiff joint alone stops an action whose every other friction is off."""
-    free = {f"{b}.joint_friction.A": 0.0 for b in model.BODIES} | {
-        f"contact{i:02d}.friction": 0.0 for i in (1, 4, 7, 10)
-    }
-    stiff = ACTION.with_values(free | {"key.joint_friction.A": 0.5})  # 0.5 N m at 0.23 m: more than 2 N
+    stiff = ACTION.with_values(FREE | {"key.joint_friction.A": 0.5})  # 0.5 N m at 0.23 m: more than 2 N
     t = np.arange(0.0, 0.1, 2e-4)
     held = simulate(stiff, t, np.full(len(t), 1.0), 1e-5)
     key = held.solution.bodies.index("key")
@@ -97,10 +95,7 @@ def test_smoothed_law_goes_to_the_limit() -> None:
 
 def test_without_friction_the_march_is_the_smooth_motion() -> None:
     """No friction at all: only Moreau's scheme itself is left, of second order in the step."""
-    free = {f"{b}.joint_friction.A": 0.0 for b in model.BODIES} | {
-        f"contact{i:02d}.friction": 0.0 for i in (1, 4, 7, 10)
-    }
-    action = ACTION.with_values(free)
+    action = ACTION.with_values(FREE)
     t, f = force_table("forte")
     cut = t <= 0.13
     exact = model.simulate(action, t[cut], f[cut], tolerance=1e-9)
@@ -148,14 +143,11 @@ def test_the_command_of_a_drive_is_refused_before_anything_is_computed() -> None
 @pytest.mark.slow  # compiles its own structures
 def test_without_friction_felt_and_string_follow_as_in_the_smooth_motion() -> None:
     """Memories and modes beside the march: of second order in the step, as without them."""
-    free = {f"{b}.joint_friction.A": 0.0 for b in model.BODIES} | {
-        f"contact{i:02d}.friction": 0.0 for i in (1, 4, 7, 10)
-    }
     string = model.load_scene("string").on(ACTION).with_effects({"string.modes": 12.0})
     t, f = force_table("forte")
     cut = t <= 0.12
     for action in (ACTION.with_laws({"contact12": "hysteresis"}), string, model.load_scene("giving-hammer").on(ACTION)):
-        still = action.with_values(free)
+        still = action.with_values(FREE)
         exact = model.simulate(still, t[cut], f[cut], tolerance=1e-9)
         errors = [
             float(np.max(np.abs(simulate(still, t[cut], f[cut], h).solution.angle_rad - exact.angle_rad)))
