@@ -11,13 +11,12 @@ import pandas as pd
 import pytest
 
 import model
-from tests.validation.prediction.test_trial_prediction import Counting
+from rig.session import Session
+from tests.validation.prediction.test_trial_prediction import SIMPLE, Counting
 from validation import compare_session
 from validation.cache import result_store
 from validation.errors import ValidationInputError
 from validation.measurement.geometry import geometry_of
-
-SIMPLE = {"rivals": (), "budget": False, "suspect": False}
 
 
 class Heavy(Counting):
@@ -94,8 +93,6 @@ def test_unchanged_touched_or_renamed_nothing_is_done_again(bench, predict):
 
 
 def test_a_rejected_trial_leaves_the_others_known_and_comes_back_known(bench):
-    from rig.session import Session
-
     folder, action = bench
     Session.open(folder).annotate(2, "reject", "string broke")
     assert again(folder, action) == all_of(2, filmed=0)
@@ -104,16 +101,12 @@ def test_a_rejected_trial_leaves_the_others_known_and_comes_back_known(bench):
 
 
 def test_without_the_trial_that_rests_last_the_window_is_another_and_all_is_scored_again(bench):
-    from rig.session import Session
-
     folder, action = bench
     Session.open(folder).annotate(3, "reject", "string broke")
     assert again(folder, action) == all_of(2) | {"curve scores": "0 of 8"}
 
 
 def test_a_further_trial_is_the_only_one_scored(bench, make):
-    from rig.session import Session
-
     folder, action = bench
     first = Session.open(folder).trials[0].read()
     count = first.encoder_count.copy()
@@ -129,8 +122,6 @@ def test_a_further_trial_is_the_only_one_scored(bench, make):
 
 def altered(folder, change):
     """The same session with one trial recorded otherwise, sealed again."""
-    from rig.session import Session
-
     old = Session.open(folder)
     data = [trial.read() for trial in old.trials]
     new = Session.create(folder.with_name("altered"), old.info)
@@ -176,15 +167,12 @@ def test_a_new_calibration_of_an_encoder_is_seen(bench):
     folder, action = bench
 
     def change(trial):
-        encoders = (replace(trial.encoders[0], u_scale_relative=1e-3), *trial.encoders[1:])
-        return replace(trial, encoders=encoders)
+        return replace(trial, encoders=(replace(trial.encoders[0], u_scale_relative=1e-3), *trial.encoders[1:]))
 
     assert again(altered(folder, change), action) == all_of(3) | {"events": "5 of 6"}
 
 
 def test_another_track_of_a_film_scores_the_film_again(bench):
-    from rig.session import Session
-
     folder, action = bench
     session = Session.open(folder)
     table, _ = session.read_derived("angles", 2)
@@ -242,8 +230,6 @@ def test_budget_and_compatible_changes_are_done_once(bench, predict):
 
 @pytest.mark.slow
 def test_a_further_trial_is_the_only_one_that_is_drawn_if_any_is(bench, predict):
-    from rig.session import Session
-
     folder, action = bench
     first = Session.open(folder).trials[0].read()
     options = SIMPLE | {"budget": True}

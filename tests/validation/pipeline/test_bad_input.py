@@ -7,10 +7,11 @@ import pytest
 
 from rig.session import Session
 from rig.session.trial_file import Content
+from tests.validation.prediction.test_trial_prediction import SIMPLE
 from validation import compare_session
 from validation.errors import InputError
 
-QUICK = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False}
+QUICK = {"keep_predictions": False, **SIMPLE}
 
 
 @pytest.fixture(scope="module")

@@ -11,12 +11,13 @@ import pandas as pd
 import pytest
 
 from rig.session import Session
+from tests.validation.prediction.test_trial_prediction import SIMPLE
 from validation import InputError, compare_sessions, validate_sessions
 from validation.pipeline.compare_sessions import distinct, distinct_models, same_recordings
 from validation.report.tables.formatting import degrees
 from validation.report.view import compared_anchor, condition_of, measured_anchor
 
-QUICK = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False}
+QUICK = {"keep_predictions": False, **SIMPLE}
 
 
 @pytest.fixture(scope="module")

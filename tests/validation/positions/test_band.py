@@ -41,11 +41,13 @@ def test_phases_follow_the_key(stroke) -> None:
     assert TIME_S[np.argmax(at == 1)] == pytest.approx(0.402, abs=0.003)
 
 
-def test_each_repetition_is_a_strike(stroke) -> None:
+def test_each_repetition_is_a_strike_with_its_events(stroke) -> None:
     key = PRESS_M.copy()
     again = (TIME_S > 0.84) & (TIME_S < 1.1)
     key[again] = 0.002 + 0.007 * np.sin(np.pi * (TIME_S[again] - 0.84) / 0.26) ** 2
-    at = phases(with_key(stroke, key))
+    shown = with_key(stroke, key)
+    at, found = phases(shown), find(shown, 0.9 * key)
+    assert len(found) == 2 and found[0]["impact_s"] < 0.5 < 0.9 < found[1]["impact_s"]
     assert int(np.sum(np.diff((at == 1).astype(int)) == 1)) == 2
 
 
@@ -159,12 +161,3 @@ def test_events_of_a_hammer(stroke) -> None:
     assert found["check_m"] == pytest.approx(0.005, abs=1e-5)
     assert np.isnan(found["let_off_m"])
     assert 0.01 < found["release_s"] < 0.05
-
-
-def test_every_repetition_has_its_events(stroke) -> None:
-    key = PRESS_M.copy()
-    again = (TIME_S > 0.84) & (TIME_S < 1.1)
-    key[again] = 0.002 + 0.007 * np.sin(np.pi * (TIME_S[again] - 0.84) / 0.26) ** 2
-    shown = with_key(stroke, key)
-    found = find(shown, 0.9 * key)
-    assert len(found) == 2 and found[0]["impact_s"] < 0.5 < 0.9 < found[1]["impact_s"]

@@ -12,6 +12,8 @@ from validation.cache.result_store import MOST_VERSIONS
 from validation.prediction.model_under_test import action_sha256
 from validation.prediction.predict_session import PredictedAngles
 
+SIMPLE = {"rivals": (), "budget": False, "suspect": False}
+
 
 class Counting:
     """Stands for ``model.simulate`` and remembers its calls; module and name as those of a user's own model."""
@@ -43,7 +45,7 @@ def small(make, tmp_path):
 def test_each_trial_is_driven_by_its_own_corrected_force_from_rest(small, make):
     session, truth = small
     predict = Counting()
-    result = compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
+    result = compare_session(session, truth.action, predict=predict, **SIMPLE)
     assert len(predict.calls) == 2
     for call, number in zip(predict.calls, (1, 2), strict=True):
         true = np.interp(call.time_s, truth.time_s, truth.force_n[number])
@@ -62,8 +64,8 @@ def test_each_trial_is_driven_by_its_own_corrected_force_from_rest(small, make):
 def test_an_unchanged_trial_is_not_simulated_again(small):
     session, truth = small
     predict = Counting()
-    first = compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
-    again = compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
+    first = compare_session(session, truth.action, predict=predict, **SIMPLE)
+    again = compare_session(session, truth.action, predict=predict, **SIMPLE)
     assert len(predict.calls) == 2
     assert not first.trials["reused"].any()
     assert again.trials["reused"].all()
@@ -74,22 +76,13 @@ def test_an_unchanged_trial_is_not_simulated_again(small):
 def test_what_a_prediction_depends_on_makes_it_anew(small):
     session, truth = small
     predict = Counting()
-    compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
-    compare_session(session, truth.action, predict=predict, tolerance=1e-6, rivals=(), budget=False, suspect=False)
+    compare_session(session, truth.action, predict=predict, **SIMPLE)
+    compare_session(session, truth.action, predict=predict, tolerance=1e-6, **SIMPLE)
     assert len(predict.calls) == 4
-    compare_session(
-        session,
-        truth.action.with_values({"hammer.mass": 0.0118}),
-        predict=predict,
-        tolerance=1e-6,
-        rivals=(),
-        budget=False,
-        suspect=False,
-    )
+    changed = truth.action.with_values({"hammer.mass": 0.0118})
+    compare_session(session, changed, predict=predict, tolerance=1e-6, **SIMPLE)
     assert len(predict.calls) == 6
-    compare_session(
-        session, truth.action, predict=predict, keep_predictions=False, rivals=(), budget=False, suspect=False
-    )
+    compare_session(session, truth.action, predict=predict, keep_predictions=False, **SIMPLE)
     assert len(predict.calls) == 8
 
 
@@ -98,7 +91,7 @@ def test_models_side_by_side_do_not_drive_each_other_out_and_old_ones_go(small):
     session, truth = small
     predict = Counting()
     actions = [truth.action.with_values({"hammer.mass": 0.0118 + 1e-5 * i}) for i in range(MOST_VERSIONS + 1)]
-    options = {"predict": predict, "rivals": (), "budget": False, "suspect": False}
+    options = {"predict": predict, **SIMPLE}
     for action in actions[:2]:
         compare_session(session, action, **options)
     assert len(predict.calls) == 4
@@ -114,10 +107,10 @@ def test_models_side_by_side_do_not_drive_each_other_out_and_old_ones_go(small):
 def test_a_damaged_prediction_is_made_again(small):
     session, truth = small
     predict = Counting()
-    compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
+    compare_session(session, truth.action, predict=predict, **SIMPLE)
     stored = next((session.path / "derived").glob("prediction_*"))
     (stored / "trial_0001.h5").write_bytes(b"not a file")
-    result = compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
+    result = compare_session(session, truth.action, predict=predict, **SIMPLE)
     assert len(predict.calls) == 3
     assert list(result.trials["reused"]) == [False, True]
 
@@ -126,7 +119,7 @@ def test_a_prediction_that_cannot_be_kept_is_said_and_used(small):
     session, truth = small
     (session.path / "derived").rename(session.path / "elsewhere")
     (session.path / "derived").write_text("a file where a folder is needed")
-    result = compare_session(session, truth.action, predict=Counting(), rivals=(), budget=False, suspect=False)
+    result = compare_session(session, truth.action, predict=Counting(), **SIMPLE)
     assert any("2 predictions not kept" in text for text in result.warnings)
     assert np.isfinite(result.channels.set_index("channel").loc["key", "rmse_rad"])
 
@@ -134,7 +127,7 @@ def test_a_prediction_that_cannot_be_kept_is_said_and_used(small):
 def test_a_prediction_of_the_wrong_shape_is_refused(small):
     session, truth = small
     with pytest.raises(PredictionError, match=r"prediction has shape \(\d+, 3\), expected \(\d+, 5\)"):
-        compare_session(session, truth.action, predict=Counting(shape=3), rivals=(), budget=False, suspect=False)
+        compare_session(session, truth.action, predict=Counting(shape=3), **SIMPLE)
 
 
 def test_predicted_angles_between_samples_follow_angles_and_speeds():
@@ -211,9 +204,7 @@ def test_a_trial_the_model_cannot_predict_is_named_and_the_rest_is_compared(smal
             raise IntegrationError("simulation stopped at t = 0.4 s")
         return good(action, time_s, force_n, **options)
 
-    result = compare_session(
-        session, truth.action, predict=predict, rivals=(), budget=False, suspect=False, keep_predictions=False
-    )
+    result = compare_session(session, truth.action, predict=predict, keep_predictions=False, **SIMPLE)
     assert list(result.traces) == [2]
     assert "not predicted: simulation stopped at t = 0.4 s" in result.trials.set_index("trial").loc[1, "reason"]
 
