@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +18,8 @@ from model.errors import InputError
 from model.felt.fit import LawFit, fit_law, root_mean_square, shares
 from model.felt.laws import LAWS
 from model.felt.pressing import Pressing
+from model.sign_flips import LEVEL, sign_flip_p
 
-LEVEL = 0.05
-MOST_EXACT = 14  # presses: beyond, so many random flips as that many would give
 ALIKE = 1.05  # ratio of misfits below which a law is as good in practice, whatever the test finds
 
 Array = NDArray[np.float64]
@@ -79,18 +77,6 @@ def _enough(pairs: int) -> int:
     while pairs * 2.0 ** (1 - n) > LEVEL:
         n += 1
     return n
-
-
-def sign_flip_p(difference: Array) -> float:
-    """Two-sided p-value of the mean of differences (m,) under changes of sign; exact up to 14 of them."""
-    m = len(difference)
-    if m <= MOST_EXACT:
-        flips = np.array(list(product((1.0, -1.0), repeat=m)))
-    else:
-        flips = np.random.default_rng(0).choice((1.0, -1.0), (2**MOST_EXACT, m))
-        flips[0] = 1.0
-    means = np.abs(flips @ difference)
-    return float(np.mean(means >= abs(difference.sum()) * (1.0 - 1e-12)))
 
 
 def _holm(p: dict[str, float]) -> dict[str, float]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters.action import Action
-from model.sensitivity.parameter_names import Directions, Parameter, shifted
+from model.sensitivity.parameter_names import Directions, Parameter, read_as, shifted
 
 Array = NDArray[np.float64]
 # rad and rad/s that a difference may move a coordinate: felt is pressed in by more
@@ -54,16 +54,7 @@ class _Read(Action):
 
 def paths_read(action: Action, quantity: Callable[[Action], object]) -> set[str]:
     """Paths of the values that a function of an action asks for."""
-    noting = _Read(
-        action.name,
-        action.description,
-        action.quantities,
-        action.structure,
-        action.origin,
-        {},
-        action.effects,
-        action.scene,
-    )
+    noting = read_as(_Read, action)
     noting.__dict__["read"] = set()
     quantity(noting)
     return set(noting.__dict__["read"])

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,12 +168,20 @@ class Directions:
         return replace(self, parameters=(*self.parameters, *more), slope=slope, inputs=(table, rest))
 
 
+T = TypeVar("T", bound=Action)
+
+
 class _Changed(Action):
     """An action with other values, unchecked: a difference may step over the edge of what is allowed."""
 
     def __getitem__(self, path: str) -> float:
         value: float | None = self.__dict__["shifted"].get(path)
         return super().__getitem__(path) if value is None else value
+
+
+def read_as(kind: type[T], action: Action) -> T:
+    """The same action, read in another way."""
+    return kind(**{f.name: getattr(action, f.name) for f in fields(Action)} | {"changed": {}})
 
 
 def _values(action: Action) -> dict[str, float]:
@@ -196,16 +204,7 @@ def changed_by(action: Action, parameters: Sequence[Parameter], by: Iterable[flo
     for parameter, change in zip(parameters, by, strict=True):
         for path, weight in parameter.paths.items():
             values[path] += float(change) * weight
-    out = _Changed(
-        action.name,
-        action.description,
-        action.quantities,
-        action.structure,
-        action.origin,
-        {},
-        action.effects,
-        action.scene,
-    )
+    out = read_as(_Changed, action)
     object.__setattr__(out, "shifted", values)
     return out
 

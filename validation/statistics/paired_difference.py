@@ -222,8 +222,7 @@ def simultaneous_test(found: Array, draws: Array, floor: Array) -> SimultaneousT
     u = np.sqrt(total / n_draws + floor**2)
     scale = _steadied(u, known)
     others = _steadied(np.sqrt((total - square) / (n_draws - 1) + floor**2), known)
-    reach = np.sort((np.sqrt(square) / np.where(others > 0, others, np.inf)).max(axis=(1, 2)))
-    rank = int(np.ceil((1 - LEVEL) * (n_draws + 1) - 1e-9))
+    reach = (np.sqrt(square) / np.where(others > 0, others, np.inf)).max(axis=(1, 2))
     there = known & (scale > 0)
     ratio = np.where(there, np.abs(np.where(known, mean, 0.0)) / np.where(there, scale, 1.0), -np.inf)
     reached = ratio.max(axis=0)
@@ -232,7 +231,7 @@ def simultaneous_test(found: Array, draws: Array, floor: Array) -> SimultaneousT
         difference=np.where(known, mean, np.nan),
         u=np.where(known, u, np.nan),
         scale=np.where(known, scale, np.nan),
-        factor=float(reach[min(rank, n_draws) - 1]),
+        factor=_seldom_exceeded(reach),
         reached=np.where(np.isfinite(reached), reached, np.nan),
         largest_at=np.asarray(ratio.argmax(axis=0), dtype=np.int64),
         p=float((1 + (reach >= found_reach).sum()) / (n_draws + 1)),
@@ -305,9 +304,14 @@ def _more_scatter(found: Array, draws: Array, usable: NDArray[np.bool_], mean: A
     there = usual > 0
     if not there.any():
         return bool((own > 0).any())
-    rank = int(np.ceil((1 - LEVEL) * (len(draws) + 1) - 1e-9))
-    reach = np.sort((theirs[:, there] / usual[there]).max(axis=1))
-    return bool((own[there] / usual[there]).max() > reach[min(rank, len(reach)) - 1])
+    reach = _seldom_exceeded((theirs[:, there] / usual[there]).max(axis=1))
+    return bool((own[there] / usual[there]).max() > reach)
+
+
+def _seldom_exceeded(draws: Array) -> float:
+    """What one more draw exceeds in 5 % of cases."""
+    rank = int(np.ceil((1 - LEVEL) * (draws.size + 1) - 1e-9))
+    return float(np.sort(draws)[min(rank, draws.size) - 1])
 
 
 POINTWISE = 2.0  # standard uncertainties
@@ -357,7 +361,7 @@ class Judgement:
         t, time = self.test, self.draws.time_s
         size, u, scale = np.abs(t.difference[:, i]), t.u[:, i], t.scale[:, i]
         known = np.isfinite(size)
-        right = np.sort(np.sqrt(np.nanmean(self.draws.draws[..., i] ** 2, axis=(1, 2))))
+        right = np.sqrt(np.nanmean(self.draws.draws[..., i] ** 2, axis=(1, 2)))
         row = {
             "mean_difference_rad": float(np.sqrt(np.mean(size[known] ** 2))),
             "u_difference_rad": float(np.sqrt(np.mean(u[known] ** 2))),
@@ -368,7 +372,7 @@ class Judgement:
             "resolved_share": float(np.mean(size[known] > t.factor * scale[known])),
             "resolved_pointwise_share": float(np.mean(size[known] > POINTWISE * u[known])),
             "rmse_right_rad": float(np.median(right)),
-            "rmse_right_95_rad": float(right[min(int(np.ceil((1 - LEVEL) * (right.size + 1) - 1e-9)), right.size) - 1]),
+            "rmse_right_95_rad": _seldom_exceeded(right),
             "judgement": SHOWN if t.reached[i] > t.factor else NOT_SHOWN,
         }
         mean, u_base, unit = (np.interp(base_s, time[known], v[known]) for v in (t.difference[:, i], u, scale))

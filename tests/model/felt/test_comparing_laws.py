@@ -25,7 +25,6 @@ from model.felt import (
     fit_law,
     read_pressing,
 )
-from model.felt.compare import sign_flip_p
 from model.felt.pressing import as_pressing
 
 
@@ -127,13 +126,6 @@ def test_no_law_is_ruled_out_where_all_say_the_same() -> None:
 def test_too_few_presses_rule_nothing_out() -> None:
     found = compare_laws(presses(FELTS["hysteresis"])[:4])
     assert "4 presses cannot tell" in found.verdict and "at least 7" in found.verdict
-
-
-def test_sign_flips() -> None:
-    assert sign_flip_p(np.ones(6)) == pytest.approx(2.0 / 2**6)
-    assert sign_flip_p(np.array([1.0, -1.0])) == 1.0
-    rng = np.random.default_rng(2)
-    assert sign_flip_p(rng.normal(3.0, 1.0, 30)) < 1e-3
 
 
 def test_the_noise_of_a_press_is_that_of_its_force() -> None:

@@ -49,10 +49,13 @@ def test_the_page_has_no_outside_address_and_runs_its_own_script_only(page, writ
     assert '<html lang="en">' in page
 
 
-def test_every_id_is_unique_and_every_reference_has_one(page):
+@pytest.mark.parametrize("report", ["written", "side_written"])
+def test_every_id_is_unique_and_every_reference_has_one(report, request):
+    page = request.getfixturevalue(report).files["report.html"].read_text(encoding="utf-8")
     ids = re.findall(r'\bid="([^"]+)"', page)
     assert len(ids) == len(set(ids))
     references = set(re.findall(r'href="#([^"]+)"', page)) | set(re.findall(r"url\(#([^)]+)\)", page))
+    references |= {i for group in re.findall(r'aria-labelledby="([^"]+)"', page) for i in group.split()}
     assert references <= set(ids)
 
 

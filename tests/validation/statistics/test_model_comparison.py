@@ -9,8 +9,9 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from model.sign_flips import joint_sign_flip, sign_flip_p
 from validation.events.session_events import Window
-from validation.statistics.model_comparison import evidence_table, joint_sign_flip, paired_models, sign_flip_p
+from validation.statistics.model_comparison import evidence_table, paired_models
 
 
 def result(name, rmse_rad, *, session="forte", window=(0.0, 1.0), n=1000, tolerance_rad=1e-5, common=0.0):
