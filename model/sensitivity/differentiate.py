@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import as_numbers
 from model.errors import InputError
 from model.files.force_table import check_force_table
 from model.force_driven import check_output_times
@@ -145,12 +146,8 @@ def _differentiate(
 
 def _checked(inputs: Blow, rows: int) -> tuple[Array, Array]:
     """Changes (k, m) of an input of so many rows, and (m,) at rest."""
-    table, rest = (np.asarray(given, dtype=float) for given in inputs)
-    if (
-        table.ndim != 2
-        or table.shape != (rows, *rest.shape)
-        or not (np.isfinite(table).all() and np.isfinite(rest).all())
-    ):
+    table, rest = (as_numbers(given, "inputs", ndim) for given, ndim in zip(inputs, (2, 1), strict=True))
+    if table.shape != (rows, *rest.shape) or not (np.isfinite(table).all() and np.isfinite(rest).all()):
         raise InputError(
             f"inputs: found changes of shape {table.shape}, {rest.shape} at rest, allowed ({rows}, m) and (m,), finite"
         )

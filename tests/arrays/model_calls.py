@@ -133,6 +133,7 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     },
     "model.sensitivities": lambda: {
         "action": action(), "blow": (TIME, FORCE), "parameters": ["key.mass"],
+        "inputs": (np.array([[1.0], [2.0]]), np.array([0.0])),
         "options": model.SensitivityOptions(events=False, output_time_s=OUTPUTS),
     },
     "model.slow_press": lambda: {
