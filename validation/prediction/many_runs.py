@@ -2,7 +2,9 @@
 
 Conventions: runs share nothing but the model; results come in the order of the runs, None for one that cannot be
 carried out. Lanes are asked for outright, however few the runs are: a run's numbers must not depend on what else has
-to be computed, or a result that is kept would differ from one that is made again.
+to be computed, or a result that is kept would differ from one that is made again. Runs of another scene than the
+model's are kept in answers to questions that always ask the same; a scene's lanes take longer to compile than twenty
+runs, so few run one by one.
 """
 
 from __future__ import annotations
@@ -120,7 +122,7 @@ def run_many(
 
 def _solutions(tested: ModelUnderTest, runs: Sequence[Run], pool: Executor) -> list[model.Solution | None]:
     if tested.own_model:
-        members = run_jobs(choose([_job(run) for run in runs], lanes=True), executor=pool, workers=WORKERS)
+        members = run_jobs(_chosen(tested.action, runs), executor=pool, workers=WORKERS)
         defects = [m.error for m in members if m.error is not None and not isinstance(m.error, ModelError)]
         if defects:
             raise defects[0]
@@ -134,6 +136,16 @@ def _solutions(tested: ModelUnderTest, runs: Sequence[Run], pool: Executor) -> l
             return None
 
     return list(pool.map(one, runs))
+
+
+def _chosen(action: model.Action, runs: Sequence[Run]) -> list[Job]:
+    """Jobs of the runs, in lanes; of another scene than the action's only where they are many."""
+    jobs, own = [_job(run) for run in runs], model.choice_of(action)
+    mine = [model.choice_of(run.action) == own for run in runs]
+    return [
+        always if is_mine else many
+        for is_mine, always, many in zip(mine, choose(jobs, lanes=True), choose(jobs, lanes=None), strict=True)
+    ]
 
 
 def _job(run: Run) -> Job:
