@@ -46,14 +46,13 @@ from validation.prediction.posterior import TABLE
 ODDS = 20.0
 LOOK = 20.0  # log odds that the linear model promises, from which on is looked for what some trials differ by
 SURE = 100.0
-"""Log odds from which on some trials are said to differ: a finding blames a session, and near a fork of the motion what
-blows scatter by bends more than the noise of the odds knows."""
+"""Log odds from which on a cause is named: near a fork of the motion what blows scatter by bends more than the noise of
+the odds knows, and effects too small to be told leave as much."""
 MOST_LAWS = 3
 MOST_APART = 2  # changes that some trials have
 MOST_NAMED = 6
 MOST_TRIALS = 12
 ENOUGH = 0.05  # of the squared difference between trials: a set that leaves less needs no further change
-MOST_LEFT = 0.5  # of the squared mean difference: a set that leaves more must be as sure as what some trials differ by
 SMALLEST_CHANGE = 0.5  # of how far off a value may be: 2.5 % of the force, 15 % of a law; less is scatter of the blows
 SMALLEST_DIFFERENCE = 4e-3  # of the range of a channel, root mean square: below, nothing is looked for
 FAR = 3.0  # times the margin: a fourth change that promises so much is not looked at more closely
@@ -318,7 +317,6 @@ def decide(around: Around, nothing: Followed, numbers: Sequence[int], between: b
 def _answer(around: Around, search: Search, most: int) -> Answer:
     """The sets that explain what is asked, up to so many changes."""
     margin, start, asked = math.log(ODDS), search.start, search.asked
-    least = SURE if asked == BETWEEN else margin
     sets: dict[int, list[Followed]] = {0: [start]}
     best, lacks, scores = _weighed(search, sets)
     for size in range(1, most + 1):
@@ -342,23 +340,21 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
             break
         if search.own(best.members):  # what is known, and the sizes of the changes, look otherwise from there
             search = around(start, best, search, asked)
-            sets = search.again(sets)
+            sets = {n: _large(search, moved) if n else moved for n, moved in search.again(sets).items()}
             best, lacks, scores = _weighed(search, sets)
         if enough:
             break
-    top = max(max(score) for score in scores.values())
+    top = max(max(score) for score in scores.values() if score)
     if search.promised(best) >= margin and len(search.own(best.members)) == most:
         lacks = math.inf  # more would be named; of fewer, what is promised beyond them has been run
-    if asked == MEAN and 0.0 < top - max(scores[0]) < SURE and search.left(best) > MOST_LEFT:
-        lacks = math.inf  # of a small difference it explains the lesser part
     if search.own(best.members) and not (search.fits(best) or (asked == BETWEEN and search.left(best) < ENOUGH)):
         lacks = math.inf  # the best of bad ones
     if lacks > top + margin or best.rough > SURE:
         return Answer((), search)
     margin = max(margin, best.rough)  # a fork of the motion is near: no set is better by what runs scatter by there
-    size = next(n for n, score in sorted(scores.items()) if max(score) >= top - (margin if n else least))
+    size = next(n for n, score in sorted(scores.items()) if score and max(score) >= top - (margin if n else SURE))
     if size == 0:
-        return Answer((), search, nothing=True)
+        return Answer((), search, nothing=asked == BETWEEN or top == max(scores[0]) or search.fits(start))
     best_of = max(scores[size])
     near = [s for score, s in zip(scores[size], sets[size], strict=True) if score >= best_of - margin]
     if size < most:  # a larger set that holds none of these is no less compatible for being larger
@@ -383,8 +379,11 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
 
 
 def _large(search: Search, found: Sequence[Followed]) -> list[Followed]:
-    """Sets of which every change is more than the blows scatter by, where some trials may have one."""
-    return [s for s in found if search.asked == MEAN or np.all(np.abs(s.z) > SMALLEST_CHANGE)]
+    """Sets of which every change, as run and as told, is more than blows scatter by, where some trials may have one."""
+    if search.asked == MEAN:
+        return list(found)
+    told = [search.evidence.amounts(*search.linear(s), s.z, search.asked)[0] for s in found]
+    return [s for s, z in zip(found, told, strict=True) if np.all(np.minimum(np.abs(s.z), np.abs(z)) > SMALLEST_CHANGE)]
 
 
 def _one_each(found: Sequence[Followed], search: Search) -> list[Followed]:
