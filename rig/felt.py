@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.arrays import as_numbers
+from rig.atomic_write import refused, write_text
 from rig.backend import Backend
 from rig.calibration import changed
 from rig.configuration.profile import MotorCommand, Profile, motor_command, parse_profile
@@ -46,7 +47,6 @@ from rig.safety.permission import require_permission
 from rig.session.folder import Session, Trial
 from rig.session.info import FileInfo, PlanInfo
 from rig.session.trial_data import TrialData
-from rig.storage.atomic_write import refused, write_text
 
 BINS = 160
 """Points of a phase at most: means over equal times."""

@@ -28,11 +28,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, Field
 
+from rig.atomic_write import refused, write_text
 from rig.backend import Backend, Block, Expiry, Timing
 from rig.configuration import toml_file
 from rig.configuration.rig_file import BODIES, Number, Rig, RigConfig, SelftestConfig, Table, Text
 from rig.errors import HardwareFault, NotPermitted, RigInputError
-from rig.storage.atomic_write import refused, write_text
 
 SCHEMA: Literal["piano-action-rig selftest 1"] = "piano-action-rig selftest 1"
 

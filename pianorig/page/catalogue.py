@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from pianorig.errors import CommandInputError
-from pianorig.workflows.film.session_film import STEP
+from pianorig.workflows.session_film import STEP
 from rig.errors import RigError
 from rig.session import Session, Trial
 from rig.session.folder import FILM_SUFFIXES

@@ -20,11 +20,11 @@ from pianorig.errors import CommandInputError
 from pianorig.page.catalogue import Catalogue, UnknownName, open_session, readable_trial
 from pianorig.page.review import outlined_film
 from pianorig.player.moving_action import pack
-from pianorig.workflows.film.session_film import BODIES_NAME, STEP, SessionFilm
-from pianorig.workflows.film.track import retrack
+from pianorig.workflows.session_film import BODIES_NAME, STEP, SessionFilm
+from pianorig.workflows.track import retrack
+from rig.atomic_write import write_text
 from rig.configuration.toml_file import dump_toml
 from rig.session import Session, Trial
-from rig.storage.atomic_write import write_text
 from vision.output.overlay import what_is_wrong, worst_of
 from vision.results.flags import FAILURE
 

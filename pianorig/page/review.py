@@ -21,10 +21,10 @@ import vision
 from model.errors import ModelError
 from model.inside.seen_motion import see_motion
 from pianorig.player.moving_action import drawing_times, measured_poses, moving_action, pack
-from pianorig.workflows.film.session_film import BODIES_NAME, STEP, SessionFilm
+from pianorig.workflows.session_film import BODIES_NAME, STEP, SessionFilm
+from rig.atomic_write import sha256_of_file
 from rig.errors import RigError
 from rig.session import Session, Trial, TrialData
-from rig.storage.atomic_write import sha256_of_file
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.curves.signs import SIGN, TITLE, degrees
 from validation.errors import ValidationError

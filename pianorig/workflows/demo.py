@@ -24,9 +24,9 @@ import validation
 import vision
 from pianorig.console.failures import Interrupted, how_stopped
 from pianorig.console.progress import bar, recording_line, say, working
-from pianorig.workflows.bench.record import interrupts_told, record
-from pianorig.workflows.film.session_film import SessionFilm
-from pianorig.workflows.film.track import track_film_file
+from pianorig.workflows.recording import interrupts_told, record
+from pianorig.workflows.session_film import SessionFilm
+from pianorig.workflows.track import track_film_file
 from rig import Session
 from rig.simulated import FilmTruth
 

@@ -15,9 +15,9 @@ import model
 import vision
 from pianorig.console.column_file import check_writable, make_folder
 from pianorig.errors import CommandInputError
+from rig.atomic_write import write_text
 from rig.configuration.rig_file import FOLDER as RIGS
 from rig.simulated import ActionGeometry, CameraSettings, film_bodies, film_trial
-from rig.storage.atomic_write import write_text
 
 Table = dict[str, NDArray[np.float64]]
 ENCODER_COUNTS = {"key": 327680, "whippen": 327680, "hammer": 163840}

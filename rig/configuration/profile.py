@@ -18,10 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from rig.arrays import ArrayRecord, as_numbers
+from rig.atomic_write import sha256_of_bytes
 from rig.configuration import toml_file
 from rig.configuration.rig_file import Number, RigConfig, Table, Text
 from rig.errors import RigInputError, refuse
-from rig.storage.atomic_write import sha256_of_bytes
 
 FOLDER = Path(__file__).parents[1] / "profiles"
 MAX_DURATION_S = 900.0

@@ -18,9 +18,9 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from rig.atomic_write import sha256_of_bytes
 from rig.configuration import toml_file
 from rig.errors import refuse
-from rig.storage.atomic_write import sha256_of_bytes
 
 BODIES = ("key", "whippen", "hammer")
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]

@@ -17,8 +17,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from rig.atomic_write import refused
 from rig.errors import RigInputError
-from rig.storage.atomic_write import refused
 
 Model = TypeVar("Model", bound=BaseModel)
 

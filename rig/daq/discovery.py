@@ -36,7 +36,7 @@ from rig.daq.faults import translated
 from rig.daq.safe_bench import WATCHDOG
 from rig.daq.tasks import session_options
 from rig.errors import ResourceBusy, RigInputError
-from rig.storage.platform_calls import lock, open_raw
+from rig.platform_calls import lock, open_raw
 
 T = TypeVar("T")
 

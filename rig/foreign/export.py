@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.atomic_write import replace_when_complete, write_text
 from rig.errors import RigInputError
 from rig.session.trial_data import TrialData
-from rig.storage.atomic_write import replace_when_complete, write_text
 
 
 @dataclass(frozen=True, eq=False)

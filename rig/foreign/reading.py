@@ -50,6 +50,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.atomic_write import refused
 from rig.errors import RigInputError
 from rig.foreign.channel_table import (
     JITTER,
@@ -64,7 +65,6 @@ from rig.foreign.channel_table import (
     shown,
 )
 from rig.session.trial_file import SCHEMA, read_trial
-from rig.storage.atomic_write import refused
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),

@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.atomic_write import sha256_of_bytes, sha256_of_file
 from rig.errors import RigInputError
 from rig.foreign.channel_table import SECONDS, ChannelTable, even_interval, known
 from rig.foreign.mapping import EncoderMapping, ImportMapping, MappingFile, PositionMapping, check_unit
@@ -31,7 +32,6 @@ from rig.session.annotation_file import utc_now
 from rig.session.info import NO_FORCE, ChannelInfo, EncoderInfo, FileInfo, ForceInfo, PlanInfo, RulerInfo, of_same_name
 from rig.session.ruler import position_of
 from rig.session.trial_data import TrialData
-from rig.storage.atomic_write import sha256_of_bytes, sha256_of_file
 
 Array = NDArray[np.float64]
 

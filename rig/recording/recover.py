@@ -21,6 +21,8 @@ from typing import Unpack
 
 import numpy as np
 
+from rig import platform_calls
+from rig.atomic_write import refused, replace_when_complete, sha256_of_bytes
 from rig.backend import Backend, check_contract
 from rig.configuration import toml_file
 from rig.configuration.profile import parse_profile
@@ -37,8 +39,6 @@ from rig.session.folder import INFO_NAME, Session
 from rig.session.info import FileInfo
 from rig.session.journal import Journal, scan_journal, stored_blocks
 from rig.session.trial_data import TrialData
-from rig.storage import platform_calls
-from rig.storage.atomic_write import refused, replace_when_complete, sha256_of_bytes
 
 
 @dataclass(frozen=True)

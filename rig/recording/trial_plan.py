@@ -15,6 +15,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from rig.atomic_write import sha256_of_bytes
 from rig.configuration import toml_file
 from rig.configuration.profile import Profile, built_in_profiles, load_profile
 from rig.configuration.rig_file import Number, Table, Text
@@ -23,7 +24,6 @@ from rig.session import annotation_file
 from rig.session.folder import Session
 from rig.session.info import ActionInfo, FileInfo, PlanCondition, PlanInfo, RoomInfo
 from rig.session.trial_data import TrialData
-from rig.storage.atomic_write import sha256_of_bytes
 
 MAX_TRIALS = 9999
 WARM_UP_REASON = "warm-up blow of the plan"

@@ -1,7 +1,7 @@
 """Ctrl-C and SIGTERM: turned into an exception, and deferred while the bench is made safe or a trial is sealed.
 
 Only the main thread receives signals; elsewhere the blocks run as they are. A deferred interrupt is delivered when the
-block ends. What is done then: `rig.recording.trial_run.run_trial`; what is told: `pianorig/workflows/bench/record.py`.
+block ends. What is done then: `rig.recording.trial_run.run_trial`; what is told: `pianorig/workflows/recording.py`.
 A program that is killed outright runs none of this; watchdog and journal are for that.
 """
 
@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from types import FrameType
 from typing import Any
 
-from rig.storage import platform_calls
+from rig import platform_calls
 
 
 class Terminated(KeyboardInterrupt):

@@ -14,9 +14,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, get_args
 
+from rig import platform_calls
+from rig.atomic_write import refused
 from rig.errors import RigInputError, refuse
-from rig.storage import platform_calls
-from rig.storage.atomic_write import refused
 
 FILE_NAME = "annotations.jsonl"
 Kind = Literal["reject", "accept", "note"]

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 
+from rig.atomic_write import write_text
 from rig.configuration import toml_file
 from rig.configuration.rig_file import Table
 from rig.errors import RigInputError
 from rig.session.folder import Trial
-from rig.storage.atomic_write import write_text
 
 SCHEMA: Literal["piano-action-rig film 1"] = "piano-action-rig film 1"
 

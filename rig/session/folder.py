@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from rig.atomic_write import refused, write_text
 from rig.configuration import toml_file
 from rig.errors import RigInputError
 from rig.session import annotation_file
 from rig.session.info import SessionInfo
 from rig.session.trial_data import TrialData
 from rig.session.trial_file import open_sealed, read_status, read_trial, write_sealed, write_trial, write_trial_parts
-from rig.storage.atomic_write import refused, write_text
 
 if TYPE_CHECKING:
     import pandas as pd

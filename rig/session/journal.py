@@ -46,7 +46,9 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig import platform_calls
 from rig.arrays import ArrayRecord
+from rig.atomic_write import refused
 from rig.backend import Block, Timing
 from rig.configuration.profile import MotorCommand
 from rig.configuration.rig_file import CameraConfig, RigConfig
@@ -55,8 +57,6 @@ from rig.session.annotation_file import utc_now
 from rig.session.folder import Session
 from rig.session.info import ChannelInfo, EncoderInfo, ForceInfo, restored
 from rig.session.trial_data import CameraInfo, TrialData
-from rig.storage import platform_calls
-from rig.storage.atomic_write import refused
 
 
 @dataclass(frozen=True)

@@ -33,10 +33,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.atomic_write import refused, replace_when_complete
 from rig.errors import RigInputError, refuse
 from rig.session.info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
 from rig.session.trial_data import CameraInfo, TrialData
-from rig.storage.atomic_write import refused, replace_when_complete
 
 MARK = b"\npiano-action-rig sha256 "
 _TAIL = len(MARK) + 64 + 1

@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
+from rig.atomic_write import sha256_of_file
 from rig.backend import Capabilities, Opener
 from rig.configuration.rig_file import RigConfig
 from rig.daq import NidaqmxBackend
@@ -43,7 +44,6 @@ from rig.simulated.bench.wiring import Wiring, planted_wiring, usual_wiring
 from rig.simulated.device.state import DeviceState, FaultPlan, parse_faults
 from rig.simulated.product import PRODUCTS, Inventory
 from rig.simulated.rpc.service import Service, in_process_channel
-from rig.storage.atomic_write import sha256_of_file
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
 OPTIONS = ("bench", "seed", "clock", "fault", "scene", "effects", "felt", "swing", "pad", "pose", "hand", "delay_ms")

@@ -10,7 +10,7 @@ import pytest
 import rig
 from pianorig import workflows
 from pianorig.console.failures import Interrupted
-from pianorig.workflows.bench.record import interrupts_told
+from pianorig.workflows.recording import interrupts_told
 from rig.safety.interrupts import Terminated
 from rig.simulated import SimulatedBackend
 from tests.command_line import run
@@ -68,7 +68,7 @@ def test_an_interrupt_before_the_first_block_claims_no_trial(tmp_path: Path, mon
     def stop(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pianorig.workflows.bench.record.predictor", stop)
+    monkeypatch.setattr("pianorig.workflows.recording.predictor", stop)
     assert record(tmp_path / "s") == "stopped by Ctrl-C; nothing was recorded and no session was made"
     older = tmp_path / "older"
     older.mkdir()

@@ -16,6 +16,7 @@ from typing import NoReturn
 sys.path.insert(0, str(Path(__file__).parent))
 from conftest import AlgebraicPlant, sensors
 
+from rig import platform_calls
 from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import load_rig, parse_rig
 from rig.daq import tasks
@@ -25,7 +26,6 @@ from rig.session.journal import JournalWriter
 from rig.session.trial_file import Content
 from rig.simulated.backend import SimulatedBackend, build_device
 from rig.simulated.bench.bench_time import PacedClock
-from rig.storage import platform_calls
 
 TRIALS = 3
 SPEED = 5.0

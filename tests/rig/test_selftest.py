@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pianorig.cli import main
-from pianorig.workflows.bench.selftest import check_bench
+from pianorig.workflows.selftest import check_bench
 from rig.configuration.rig_file import load_rig
 from rig.errors import InputError, NotPermitted
 from rig.selftest import fit_edge, push_response, push_train, read_record, run_selftest, without_hum
@@ -230,7 +230,7 @@ def test_hardware_is_not_pushed_before_somebody_confirms(rig, make_backend, tmp_
 
     backend = make_backend(rig.config)
     monkeypatch.setattr(type(backend), "capabilities", Capabilities("card", False, {}, hardware=True))
-    monkeypatch.setattr("pianorig.workflows.bench.selftest.open_backend", lambda url, config: backend)
+    monkeypatch.setattr("pianorig.workflows.selftest.open_backend", lambda url, config: backend)
     with pytest.raises(NotPermitted):
         check_bench("ni://local", "virtual", tmp_path, ask=lambda question: None)
     assert backend.service.trace == [] and list(tmp_path.iterdir()) == []

@@ -13,12 +13,12 @@ from types import SimpleNamespace
 
 import pytest
 
+from rig import platform_calls
+from rig.atomic_write import replace_when_complete, sha256_of_file, write_text
 from rig.errors import InputError
 from rig.recording.recover import recover_session
 from rig.session import Session
 from rig.session.journal import JournalWriter
-from rig.storage import platform_calls
-from rig.storage.atomic_write import replace_when_complete, sha256_of_file, write_text
 
 
 def test_an_exception_while_writing_leaves_the_old_file_and_nothing_else(tmp_path) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 import model
 import validation
-from pianorig.workflows.bench import record as bench_record
+from pianorig.workflows import recording as bench_record
 from pianorig.workflows.demo import Demo, run_demo
 from rig.simulated import FilmTruth, film_trial
 from rig.simulated.bench.plant import PlantTruth, load_plant

@@ -12,8 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rig.atomic_write import write_text
 from rig.errors import RigInputError
-from rig.storage.atomic_write import write_text
 from validation.cache.content_hash import code_sha256, file_sha256, result_key
 from validation.errors import ValidationInputError
 

@@ -19,9 +19,9 @@ from typing import Any
 
 import pandas as pd
 
+from rig.atomic_write import write_text
 from rig.errors import RigInputError
 from rig.session import Session
-from rig.storage.atomic_write import write_text
 from validation.cache.content_hash import code_sha256, result_key
 
 PLACE = ("derived", "scores", "kept.txt")

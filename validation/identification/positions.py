@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 import model
+from rig.atomic_write import write_text
 from rig.session import Session
-from rig.storage.atomic_write import write_text
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.events.strikes import RELEASE, SLOW_M_PER_S, find, phases

@@ -25,13 +25,13 @@ import model
 import rig
 import vision
 from pianorig.errors import CommandInputError
-from pianorig.workflows.bench.record import action_geometry
 from pianorig.workflows.dataset.describe import descriptions
+from pianorig.workflows.recording import action_geometry
+from rig.atomic_write import write_text
 from rig.configuration.profile import Profile
 from rig.simulated import ActionPlant, CameraSettings, build_device, film_bodies, film_trial, load_plant
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend
 from rig.simulated.bench.sensors import load_sensors
-from rig.storage.atomic_write import write_text
 from validation.dataset.files import INDEX, SCHEMA, DataTrial, salted_sha256, truth_text, write_netcdf
 from vision.film.open import open_film
 

@@ -30,9 +30,9 @@ from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.device.watchdog import check_watchdogs, refuse_locked
 from rig.simulated.driver import find_task
-from rig.simulated.rpc.calls.channels import CHANNEL_CALLS
-from rig.simulated.rpc.calls.data import DATA_CALLS
-from rig.simulated.rpc.calls.device import (
+from rig.simulated.rpc.channels import CHANNEL_CALLS
+from rig.simulated.rpc.data import DATA_CALLS
+from rig.simulated.rpc.device import (
     DEVICE_CALLS,
     DEVICE_PROPERTIES,
     SCALE_CALLS,
@@ -40,7 +40,6 @@ from rig.simulated.rpc.calls.device import (
     WATCHDOG_CALLS,
     WATCHDOG_PROPERTIES,
 )
-from rig.simulated.rpc.calls.task import TASK_CALLS, TIMING_CALLS, settle_logging
 from rig.simulated.rpc.messages import (
     CALLS,
     REFUSALS,
@@ -57,6 +56,7 @@ from rig.simulated.rpc.messages import (
     rpc_status,
 )
 from rig.simulated.rpc.properties import TASK_PROPERTIES, settle_triggers
+from rig.simulated.rpc.task import TASK_CALLS, TIMING_CALLS, settle_logging
 from rig.simulated.status import (
     EVENT_REGISTERED,
     Code,

@@ -7,7 +7,7 @@ import pytest
 
 import model
 from model.study import effects_at_equal_loss, equal_loss, felt_law_effects, string_effects
-from pianorig.commands.model.study import effect_lines, effect_rows
+from pianorig.commands.study import effect_lines, effect_rows
 
 BLOW = model.force_table("forte")
 

@@ -18,7 +18,7 @@ if sys.platform == "win32":
 from pianorig.console import progress
 from pianorig.console.output import print_json
 from pianorig.console.progress import ONCE
-from pianorig.workflows.bench.watch import curve
+from pianorig.workflows.live_view import curve
 from rig import Progress
 from tests.terminal_screen import OnTerminal, Screen
 

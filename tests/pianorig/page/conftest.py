@@ -22,8 +22,8 @@ import pandas as pd
 import pytest
 
 import vision
+from rig.atomic_write import sha256_of_file
 from rig.session import Session
-from rig.storage.atomic_write import sha256_of_file
 from vision.film.mraw import write_mraw
 from vision.results.flags import FAILURE
 

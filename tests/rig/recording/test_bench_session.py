@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import rig
-from pianorig.workflows.bench.record import rehearse
+from pianorig.workflows.recording import rehearse
 from rig.backend import open_backend
 from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import load_rig, parse_rig

@@ -26,6 +26,7 @@ from hypothesis import strategies as st
 from benchmarks.acquisition import Timed
 from rig.backend import Block
 from rig.errors import HardwareFault, InputError, RecordingFault
+from rig.platform_calls import remove
 from rig.recording.recorder import record_session
 from rig.session import Session
 from rig.session.info import EncoderInfo, ForceInfo
@@ -45,7 +46,6 @@ from rig.session.journal import (
     scan_journal,
 )
 from rig.simulated.bench.bench_time import PacedClock
-from rig.storage.platform_calls import remove
 from tests.rig.fuzz.stored_cases import journal_in
 
 
@@ -263,7 +263,7 @@ def test_no_room_for_the_trial_is_found_before_anything_moves(tmp_path, monkeypa
     def full(*arguments: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("rig.storage.platform_calls.reserve", full)
+    monkeypatch.setattr("rig.platform_calls.reserve", full)
     with pytest.raises(InputError, match="no room for a trial of .* MB"):
         JournalWriter(tmp_path / "j", head(), 10**6, 10**4)
     assert list(tmp_path.iterdir()) == []
@@ -338,7 +338,7 @@ TRIALS = 2
 # loaded before the recording begins, then waiting for its folder
 WATCH = """
 import pathlib, sys, time
-import pianorig.workflows.bench.watch, rig.session.journal
+import pianorig.workflows.live_view, rig.session.journal
 from pianorig.cli import main
 print("{}", flush=True)
 while not (pathlib.Path(sys.argv[2]) / "session.toml").exists():

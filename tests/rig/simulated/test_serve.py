@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pianorig.cli import main
-from pianorig.workflows.model.predict_blow import predictor
+from pianorig.workflows.predict_blow import predictor
 from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import load_rig
 from rig.errors import NotPermitted

@@ -1,0 +1,142 @@
+"""``pianorig calibrate-drive``: a bench's motor, amplifier and arm from a log of command, force and motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import model
+from model.parameters.effects import effect_defaults
+from pianorig.console.column_file import check_writable
+from pianorig.console.options import DEFAULT_ACTION, Action, AsJson
+from pianorig.console.output import tell
+from pianorig.console.overrides import read_measured
+from pianorig.errors import CommandInputError
+from rig.atomic_write import write_text
+
+SUM = "resistance_and_loop_gain"
+
+
+def command(
+    log: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="LOG",
+            help="CSV with time_s,command_v,force_n,arm_rad, and current_a where it was recorded; equal intervals.",
+        ),
+    ] = None,
+    mode: Annotated[
+        str, typer.Option("--mode", help="What the command asks the amplifier for: torque or voltage.")
+    ] = "torque",
+    length: Annotated[str, typer.Option("--length", help="Lever of the arm's tip, m.")] = "0.100+-0.0003",
+    known: Annotated[
+        list[str] | None,
+        typer.Option("--known", help="Of the data sheet, e.g. current_gain=2.0+-0.02; may be repeated."),
+    ] = None,
+    u_force: Annotated[
+        float, typer.Option("--u-force", help="Relative standard uncertainty of the force's scale.")
+    ] = 5e-3,
+    u_current: Annotated[float, typer.Option("--u-current", help="The same of the current's scale.")] = 5e-3,
+    u_delay: Annotated[
+        float, typer.Option("--u-delay", help="Standard uncertainty of the time from command to force, s.")
+    ] = 1e-5,
+    rehearse: Annotated[
+        str | None,
+        typer.Option(
+            "--rehearse", help="Instead of a log: what a log of this scene's drive would tell, e.g. motor-drive."
+        ),
+    ] = None,
+    current: Annotated[bool, typer.Option(help="Whether a rehearsed log holds the current.")] = True,
+    action: Action = DEFAULT_ACTION,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Scene with the drive as found, .toml; of a rehearsal the log, .csv."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Identify the motor's drive from a log of the bench.
+
+    Resistance, inductance, torque constant, gains, limits and the arm's inertia, each with its standard uncertainty;
+    numbers that the log does not determine are named, with what would settle them.
+
+    Example:  pianorig calibrate-drive --rehearse motor-drive
+    """
+    if (log is None) == (rehearse is None):
+        raise CommandInputError("calibrate-drive: found neither a log nor --rehearse, or both; give one of them")
+    check_writable(out, ".csv" if log is None else ".toml")
+    options = _options(mode, length, known or [], (u_force, u_current, u_delay))
+    if log is None:
+        assert rehearse is not None
+        found, lines = _rehearse(action, rehearse, options, current, out)
+    else:
+        found = model.drive.identify_drive(model.drive.read_drive_log(log), options)
+        lines = found.lines()
+        if out is not None:
+            write_text(out, scene_text(found, options.length_m))
+    written = [] if out is None else [f"{out}: {'the drive as found, for --scene' if log is not None else 'the log'}"]
+    items = (*found.drive, *found.combinations, *found.arm)
+    facts = {
+        "mode": found.mode,
+        "determined": {e.name: {"value": e.value, "u": e.u, "unit": e.unit} for e in items if e.determined},
+        "not_determined": {e.name: e.why for e in items if not e.determined},
+        "rms_nm": found.rms_nm,
+    }
+    tell(as_json, facts, [*lines, *written])
+
+
+def _options(mode: str, length: str, known: list[str], u: tuple[float, float, float]) -> model.drive.DriveOptions:
+    """What is known beside a log; ``u`` of force, current and delay."""
+    values = {}
+    for text in known:
+        name, sign, value = text.partition("=")
+        found, u_found = read_measured(value, f"--known {name}") if sign else (0.0, None)
+        if u_found is None:
+            raise CommandInputError(f"--known {text!r}: allowed NAME=VALUE+-U, as in current_gain=2.0+-0.02")
+        values[name] = (found, u_found)
+    length_m, u_length = read_measured(length, "--length")
+    return model.drive.DriveOptions(mode, length_m, u_length or 0.0, *u, known=values)
+
+
+def _rehearse(
+    action: str, scene: str, options: model.drive.DriveOptions, current: bool, out: Path | None
+) -> tuple[model.drive.DriveIdentified, list[str]]:
+    """What a log of a known drive tells, and the same beside the truth as lines; the log in ``out``."""
+    chosen, choice = model.load_action(action), model.load_scene(scene)
+    log = model.drive.simulated_log(chosen, choice, model.drive.identification_command(chosen, choice), current=current)
+    if out is not None:
+        model.drive.write_drive_log(out, log)
+    truth = choice.on(chosen)
+    mode = "voltage" if truth["motor_drive.voltage_gain"] != 0.0 else "torque"
+    found = model.drive.identify_drive(log, replace(options, mode=mode))
+    lines = [f"a rehearsal: the log of {scene}, simulated with noise; true values in brackets", "drive:"]
+    true = {name: truth[f"motor_drive.{name}"] for name in ("resistance", "loop_gain")}
+    true |= {e.name: truth[f"motor_drive.{e.name}"] for e in found.drive if e.name != SUM}
+    true[SUM] = true["resistance"] + true["loop_gain"]
+    lines += [f"{_line(e)}  [{true[e.name]:.4g}]" for e in found.drive]
+    return found, [*lines, *(_line(e) for e in (*found.combinations, *found.arm))]
+
+
+def scene_text(found: model.drive.DriveIdentified, length_m: float) -> str:
+    """A scene file with what was determined; the rest keeps the values of `model/parameters/effects.toml`."""
+    arm, drive = ["[motor_arm]", f"length = {length_m!r}"], ["[motor_drive]"]
+    for name in ("inertia", "joint_friction", "spring_stiffness"):
+        e = found[name]
+        if e.determined and e.value > e.u:
+            arm.append(f"{name} = {e.value!r}  # u {e.u:.2g} {e.unit}")
+    for e in (e for e in found.drive if e.name != SUM):
+        drive.append(f"{e.name} = {e.value!r}  # u {e.u:.2g} {e.unit}" if e.determined else f"# {e.name}: {e.why}")
+    if found.mode == "voltage":
+        drive += ["current_gain = 0.0", "loop_gain = 0.0"]
+    elif found[SUM].determined and not found["loop_gain"].determined:
+        assumed = effect_defaults()["motor_drive.resistance"].value
+        drive += [f"resistance = {assumed!r}  # assumed; of both together the log says {found[SUM].value:.4g} V/A"]
+        drive += [f"loop_gain = {found[SUM].value - assumed!r}"]
+    return "\n".join(["# by pianorig calibrate-drive", *arm, "", *drive]) + "\n"
+
+
+def _line(e: model.drive.Estimate) -> str:
+    words = f"{e.value:.4g}  u {e.u:.2g} {e.unit}" if e.determined else f"not determined: {e.why}"
+    return f"  {e.name:24s} {words}"

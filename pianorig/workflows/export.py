@@ -1,0 +1,66 @@
+"""Trials of a session as files of other programs, and their force as ``simulate`` and ``study`` take it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pianorig.console.column_file import make_folder, write_columns
+from pianorig.errors import CommandInputError
+from pianorig.workflows.force_input import read_driving_force
+from rig import Session, Trial
+from rig.foreign.export import FORMATS, export_trial
+
+FORCE = "force"
+FORMS = (*FORMATS, FORCE)
+
+
+def export_session(path: Path, form: str, *, trials: list[int] | None = None, out: Path | None = None) -> list[Path]:
+    """Write the trials of a session, or of one file, in one form; return the files.
+
+    Parameters
+    ----------
+    path : session folder, or one ``trial_NNNN.h5``
+    form : ``csv``, ``mat``, ``tdms``, ``parquet``, or ``force``: the force with offset, mains hum and group delay taken
+        off, as ``validate`` corrects it, as a CSV table of ``time_s,force_n``
+    trials : their numbers; by default all, rejected ones included
+    out : folder to write to, made where it is missing; by default ``export`` inside the session
+
+    Raises
+    ------
+    CommandInputError : another form, or a force that cannot be corrected
+    rig.RigInputError : no such trial, a file that exists or cannot be written, or a missing package
+    """
+    if form not in FORMS:
+        raise CommandInputError(f"--to {form}: allowed {', '.join(FORMS)}")
+    chosen = _chosen(path, trials)
+    folder = out if out is not None else chosen[0].path.parent / "export"
+    make_folder(folder, parents=True)
+    files: list[Path] = []
+    for trial in chosen:
+        if form == FORCE:
+            files.append(
+                _write_force(trial, folder / (f"force_{trial.number:04d}.csv" if len(chosen) > 1 else "force.csv"))
+            )
+        else:
+            files += export_trial(trial.read(), folder / f"{trial.path.stem}.{form}")
+    return files
+
+
+def _chosen(path: Path, numbers: list[int] | None) -> list[Trial]:
+    if path.suffix == ".h5":
+        found = [trial for trial in Session.open(path.parent).trials if trial.path.name == path.name]
+        if not found or numbers:
+            raise CommandInputError(
+                f"{path}: {'--trial goes with a session folder' if found else 'is no trial of a session'}"
+            )
+        return found
+    session = Session.open(path)
+    return list(session.trials) if not numbers else [session.trial(number) for number in sorted(set(numbers))]
+
+
+def _write_force(trial: Trial, file: Path) -> Path:
+    if file.exists():
+        raise CommandInputError(f"{file}: exists already; delete it, or choose another --out")
+    force = read_driving_force(trial.path)
+    write_columns(file, {"time_s": force.time_s, "force_n": force.force_n})
+    return file

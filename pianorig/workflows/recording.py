@@ -1,0 +1,306 @@
+"""Recording on a bench: the permission to move it, its dry run, a session, what Ctrl-C did to it, going on later.
+
+On the virtual bench trials are filmed, as a real camera would have saved the film beside the trial: the plant's true
+angles are rendered into frames that follow the frame pulses of the trial's counter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+
+import vision
+from pianorig.console.failures import Interrupted, how_stopped
+from pianorig.console.options import SELFTESTS
+from pianorig.errors import CommandInputError
+from pianorig.workflows.predict_blow import predictor
+from pianorig.workflows.session_film import BODIES_NAME
+from rig import (
+    Backend,
+    Permission,
+    Profile,
+    Progress,
+    Rig,
+    RigInputError,
+    RoomInfo,
+    Session,
+    Trial,
+    dry_run,
+    load_plan,
+    load_profile,
+    load_rig,
+    motor_command,
+    open_backend,
+    permit,
+    plain_plan,
+    resume_session,
+    session_rig,
+)
+from rig import record as record_session
+from rig import record_passive as record_passive
+from rig.configuration.toml_file import check
+from rig.daq.task_plan import recording_plan
+from rig.recording.options import RecordingKeywords, RecordingOptions
+from rig.recording.trial_run import PASSIVE
+from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, PlantTruth, film_bodies, film_trial
+
+
+@dataclass(frozen=True)
+class BenchAccess:
+    """A bench and the permission to move it.
+
+    Attributes
+    ----------
+    rig : built-in rig or path of a rig file
+    backend : address, ``sim://``, ``ni://local`` or ``ni-grpc://host:port``
+    yes : take the place of a typed confirmation, where the rig file permits
+    ask : shows a question and returns what was typed; None when nobody can be asked
+    selftests : record of a self-test, or the folder of them
+    """
+
+    rig: str | Path = "virtual"
+    backend: str = "sim://"
+    yes: bool = False
+    ask: Callable[[str], str | None] | None = None
+    selftests: Path = SELFTESTS
+
+    def permission(self, rig_file: Rig, bench: Backend) -> Permission | None:
+        """Permission to move the hardware behind ``bench``; None where nothing real moves.
+
+        Raises
+        ------
+        rig.errors.NotPermitted : hardware without self-test or confirmation; nothing has moved
+        """
+        if not bench.capabilities.hardware:
+            return None
+        return permit(rig_file, self.backend, self.selftests, yes=self.yes, ask=self.ask)
+
+
+@contextmanager
+def interrupts_told(folder: Path, *, resumed: bool = False) -> Iterator[None]:
+    """Turn Ctrl-C during a recording into ``folder`` into a message that says what it did.
+
+    Raises
+    ------
+    Interrupted : in place of KeyboardInterrupt
+    """
+    others = folder.is_dir() and any(folder.iterdir()) and not resumed  # the recorder would have refused it
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        outputs = "; ".join(getattr(interrupt, "__notes__", ()))  # added by rig.recording.trial_run
+        left = "nothing was recorded" if others else _left(folder)
+        told = [how_stopped(interrupt), *([outputs] if outputs else []), left]
+        raise Interrupted("; ".join(told)) from interrupt
+
+
+def _left(folder: Path) -> str:
+    """What the recording left in its folder."""
+    if not folder.is_dir():
+        return "nothing was recorded and no session was made"
+    try:
+        session = Session.open(folder, require_trials=False)
+        trials, journals = session.trials, session.journals
+        states = [trial.status for trial in trials]
+    except RigInputError as problem:
+        return f"session at {folder} cannot be read ({problem})"
+    if journals:
+        return f"trial {max(journals)} is in its journal, seal it with  pianorig recover {folder}; session at {folder}"
+    if not trials:
+        return f"no trial was recorded; session at {folder}"
+    last, planned = trials[-1].number, session.info.plan.trials
+    unplanned = session.info.profile.name == PASSIVE or session.info.kind == "felt"
+    lacking = 0 if unplanned else planned - states.count("complete")
+    more = f", {lacking} of {planned} trials to go: pianorig record --resume {folder}" if lacking > 0 else ""
+    return f"trial {last} sealed as {states[-1]}; session at {folder}{more}"
+
+
+STILL_BEFORE_S = 0.03  # still frames before the blow: reference picture and zero of the angles
+
+
+def action_geometry(truth: PlantTruth) -> ActionGeometry:
+    """Pivots and rest angles of the specimen's filmed bodies, as the camera sees them before the blow."""
+
+    def pivot(body: str) -> tuple[float, float]:
+        return truth.action[f"{body}.pivot.x"], truth.action[f"{body}.pivot.y"]
+
+    whippen, jack, repetition = (float(angle) for angle in truth.film_angles_at(truth.time_s[:1])[0])
+    return ActionGeometry(pivot("whippen"), pivot("jack"), pivot("repetition"), (whippen, jack, repetition))
+
+
+def film_virtual_trial(
+    session: Session, trial: Trial, truth: PlantTruth, progress: Callable[[int, int], None] | None = None
+) -> FilmTruth:
+    """Render the film of one recorded trial from the plant's truth and put it beside the trial.
+
+    Frames start `STILL_BEFORE_S` before the blow; the trial's number is the seed of the camera's noise.
+
+    Raises
+    ------
+    CommandInputError : the trial has no frame clock
+    """
+    data = trial.read()
+    camera = data.camera
+    if camera is None:
+        raise CommandInputError(f"{trial.path}: has no frame clock; add a [camera] to the rig file to film")
+    settings = replace(CameraSettings(), frame_rate_hz=camera.frame_rate_hz, exposure_s=camera.exposure_s)
+    times = camera.frame_time_s
+    filmed = (times >= data.blow_start_s - STILL_BEFORE_S) & (times <= data.time_s[-1] - camera.exposure_s)
+    geometry = action_geometry(truth)
+    film = film_trial(
+        trial.path.with_suffix(".mraw"),
+        times[filmed],
+        truth.film_angles_at,
+        geometry,
+        settings,
+        seed=trial.number,
+        progress=progress,
+        start_frame=int(np.argmax(filmed)),
+    )
+    outlines = session.path / BODIES_NAME
+    if not outlines.exists():
+        vision.save_bodies(outlines, film_bodies(geometry, settings))
+    return film
+
+
+def rehearse(profile: str, rig: str, backend: str) -> dict[str, Any]:
+    """Predict the blow, reserve every task on the bench, release them again; return what was found.
+
+    Raises
+    ------
+    rig.errors.InputError : profile, rig file or prediction outside the limits
+    rig.errors.HardwareFault : the device refuses a channel, route, rate or counter
+    """
+    rig_file, chosen = load_rig(rig), load_profile(profile)
+    command = motor_command(chosen, rig_file.config)
+    predicted = dry_run(chosen, rig_file.config, predictor(rig_file))
+    with closing(open_backend(backend, rig_file.config)) as bench:
+        timing = bench.configure(rig_file.config, command.volts)
+        tasks = recording_plan(rig_file.config, timing, command.volts.size)
+        name = bench.capabilities.name
+    return {
+        "backend": name,
+        "rig": rig_file.config.name,
+        "prediction": predicted,
+        "tasks": [asdict(row) for row in tasks],
+    }
+
+
+def rehearsal_lines(found: dict[str, Any]) -> list[str]:
+    """What `rehearse` found, as lines of text."""
+    lines = [f"{found['backend']}, rig {found['rig']}: every task was reserved and released, nothing has moved"]
+    for row in found["tasks"]:
+        lines.append(f"{row['task']:<16} {row['channel']:<24} {row['purpose']}")
+        details = [("clock", row["clock"]), ("trigger", row["trigger"]), *(("route", route) for route in row["routes"])]
+        lines += [f"{'':<16}   {label:<7} {text}" for label, text in details]
+    return [*lines, "predicted:", *(f"  {key:<28} {value}" for key, value in found["prediction"].items())]
+
+
+def room_conditions(temperature_c: float | None, humidity_percent: float | None) -> RoomInfo | None:
+    """The room as ``session.toml`` describes it; None where nothing was measured."""
+    measured = {"temperature_c": temperature_c, "relative_humidity_percent": humidity_percent}
+    known = {name: value for name, value in measured.items() if value is not None}
+    return check(RoomInfo, known, "--temperature, --humidity") if known else None
+
+
+def record(
+    out: Path,
+    access: BenchAccess | None = None,
+    *,
+    plan_file: Path | None = None,
+    film: Collection[int] = (),
+    film_progress: Callable[[int, int], None] | None = None,
+    **keywords: Unpack[RecordingKeywords],
+) -> tuple[Session, dict[int, FilmTruth]]:
+    """Record a session and film the trials numbered in ``film``; a dry run on the model comes first.
+
+    On hardware nothing moves before a valid self-test was found and somebody confirmed, see `BenchAccess`.
+
+    Parameters
+    ----------
+    access : the bench; by default the virtual one
+    plan_file : trial plan, in place of ``profile`` and ``trials``
+    film_progress : called with frames done and frames in all
+    keywords : profile, trials, operator, action_name, room, progress, notes, see `rig.record`
+
+    Returns
+    -------
+    session : rig.Session
+    films : truth of each filmed trial of a virtual bench, by number; empty on hardware
+
+    Raises
+    ------
+    CommandInputError : bad trial numbers, or a film wanted of a bench without virtual camera
+    rig.RigError : bad profile, rig file, backend or path, a dry run outside the limits, no permission, a fault
+    """
+    access, options = access or BenchAccess(), RecordingOptions(**keywords)
+    if plan_file is not None:
+        plan = load_plan(plan_file)
+    elif options.plan is not None:
+        plan = options.plan
+    else:
+        profile = options.profile if isinstance(options.profile, Profile) else load_profile(options.profile)
+        plan = plain_plan(profile, options.trials)
+    wrong = [n for n in film if not 1 <= n <= len(plan.entries)]
+    if wrong:
+        raise CommandInputError(f"--film {wrong[0]}: allowed trial numbers 1 to {len(plan.entries)}")
+    rig_file = load_rig(access.rig)
+    films: dict[int, FilmTruth] = {}
+    with closing(open_backend(access.backend, rig_file.config)) as bench:
+
+        def after_trial(trial: Trial) -> None:
+            if trial.number in film:
+                truth = bench.plant.truth()  # type: ignore[attr-defined]
+                films[trial.number] = film_virtual_trial(Session.open(out), trial, truth, film_progress)
+
+        if film and not hasattr(bench, "plant"):
+            raise CommandInputError(
+                f"--film: {access.backend} has no virtual camera; save the real film beside the trial instead"
+            )
+        on_bench = RecordingKeywords(
+            plan=plan,
+            rig_config=rig_file,
+            backend=bench,
+            ask=access.ask,
+            after_trial=after_trial,
+            predict=predictor(rig_file),
+            permission=access.permission(rig_file, bench),
+        )
+        session = record_session(out, **(keywords | on_bench))
+    return session, films
+
+
+def resume(
+    folder: Path,
+    access: BenchAccess,
+    progress: Callable[[Progress], None] | None = None,
+    before_trial: Callable[[int], None] | None = None,
+) -> tuple[Session, list[int]]:
+    """Record what is left of a session's plan; return the session and the numbers of the new trials.
+
+    The rig file is the session's own; that of ``access`` does not count. ``progress`` and ``before_trial`` as for
+    `rig.record`.
+
+    Raises
+    ------
+    rig.errors.RigError : nothing left, another kind of bench, or the bench stopped
+    """
+    rig_file = session_rig(Session.open(folder, require_trials=False))
+    before: list[int] = []
+    with closing(open_backend(access.backend, rig_file.config)) as bench:
+        session = resume_session(
+            folder,
+            bench,
+            opened=before.append,
+            progress=progress,
+            before_trial=before_trial,
+            ask=access.ask,
+            predict=predictor(rig_file),
+            permission=access.permission(rig_file, bench),
+        )
+    return session, [trial.number for trial in session.trials if trial.number > before[0]]

@@ -1,0 +1,129 @@
+"""A film and the session it belongs to: its trial, its outlines, its frame times, and where its angles are stored.
+
+A film beside a trial takes its frame times from the trial's frame clock and its outlines from the session's
+``bodies.toml``; its angles are stored as the derived step ``angles``, with the hashes of what they were made from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import vision
+from pianorig.errors import CommandInputError
+from rig import Session, Trial
+from rig.atomic_write import sha256_of_file
+from rig.session.film_record import frame_times, read_record
+
+if TYPE_CHECKING:  # start-up: 0.3 s of every recording, which needs no table
+    import pandas as pd
+
+BODIES_NAME = "bodies.toml"
+STEP = "angles"
+VIDEO_ENDINGS = (".avi", ".mp4", ".mov", ".mkv")
+
+
+@dataclass(frozen=True)
+class SessionFilm:
+    """A film to track, and what its file does not say.
+
+    Attributes
+    ----------
+    path : film file
+    bodies_file : TOML with outlines; by default the session's
+    frame_rate_hz : rate of a film on its own that does not say it, or says its play-back rate
+    allow_truncated : read a film that was cut short up to its last whole frame
+    channel : of a colour film, red, green or blue
+    """
+
+    path: Path
+    bodies_file: Path | None = None
+    frame_rate_hz: float | None = None
+    allow_truncated: bool = False
+    channel: str | None = None
+
+    def open(self, allow_truncated: bool | None = None) -> vision.Film:
+        """The film's frames; to be closed."""
+        whole = self.allow_truncated if allow_truncated is None else allow_truncated
+        return vision.open_film(self.path, allow_truncated=whole, channel=self.channel)
+
+    @cached_property
+    def owner(self) -> tuple[Session, Trial] | None:
+        """Session and trial the film belongs to, or None for a film on its own."""
+        if not self.path.with_suffix(".h5").is_file() or not (self.path.parent / "session.toml").is_file():
+            return None
+        session = Session.open(self.path.parent)
+        for trial in session.trials:
+            if trial.film is not None and trial.film.resolve() == self.path.resolve():
+                return session, trial
+        return None
+
+    @cached_property
+    def outlines(self) -> Path:
+        """File with the film's outlines: the one named, or its session's.
+
+        Raises
+        ------
+        CommandInputError : there is no such film, or it belongs to no session and no file is named
+        """
+        if not self.path.exists():
+            raise CommandInputError(f"{self.path}: no such film")
+        if self.bodies_file is not None:
+            return self.bodies_file
+        if self.owner is None:
+            raise CommandInputError(
+                f"{self.path}: does not belong to a session; name its outlines with --bodies B.toml"
+            )
+        return self.owner[0].path / BODIES_NAME
+
+    def frame_times(self, source: vision.Film) -> tuple[NDArray[np.float64] | None, float]:
+        """Times of the film's frames and their standard uncertainty, s.
+
+        From its trial's frame clock, else from the rate named, else None: the film's own.
+        """
+        rate_hz = self.frame_rate_hz
+        if self.owner is not None:
+            if rate_hz is not None:
+                raise CommandInputError(
+                    f"{self.path}: belongs to a trial whose frame clock gives its times; leave out --frame-rate"
+                )
+            return frame_times(self.owner[1], source)
+        if rate_hz is None:
+            return None, 0.0
+        if not 0.0 < rate_hz < 1e9:
+            raise CommandInputError(f"{self.path}: frame rate {rate_hz:g} Hz; needs a positive number")
+        return np.arange(source.n_frames) / rate_hz + 0.5 * (source.exposure_s or 0.0), 0.0
+
+    @property
+    def doubt_about_times(self) -> str | None:
+        """What to tell of times that rest on the rate a video file states, which is often that of play-back."""
+        if self.owner is not None or self.frame_rate_hz is not None or self.path.suffix.lower() not in VIDEO_ENDINGS:
+            return None
+        with self.open(allow_truncated=True) as source:
+            rate_hz = source.frame_rate_hz
+        if rate_hz is None:
+            return None
+        return (
+            f"{self.path}: times are from the rate in the file, {rate_hz:g} frames/s; in a video file that is often "
+            "the rate of play-back: give the true one with --frame-rate"
+        )
+
+    def store_angles(self, table: pd.DataFrame, attributes: dict[str, Any]) -> None:
+        """Put a table of angles into the film's session, if it has one, with the hashes of what it was made from."""
+        if self.owner is None:
+            return
+        session, trial = self.owner
+        digest = sha256_of_file(self.path)
+        attached = read_record(self.path)
+        if attached is not None and attached.sha256 != digest:
+            raise CommandInputError(
+                f"{self.path}: SHA-256 {digest}, attached with {attached.sha256}; it was altered since: take it "
+                "away, with its .film.toml, and attach the original again"
+            )
+        made_from = {self.path.name: digest, self.outlines.name: sha256_of_file(self.outlines)}
+        session.write_derived(STEP, trial.number, table, attributes, {**made_from, trial.path.name: trial.sha256})

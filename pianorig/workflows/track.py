@@ -1,0 +1,387 @@
+"""Tracking a film, alone or as part of a session: outlines proposed, frames tried, angles, marks, single frames again.
+
+Film and outlines in, table and pictures out. A frame is fitted again from a place that is given in the table's own
+columns (angle, x, y), so that a neighbour's row shows how to write one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+import pandas as pd
+
+import vision
+from pianorig.console.column_file import write_table
+from pianorig.console.failures import Interrupted, how_stopped
+from pianorig.errors import CommandInputError
+from pianorig.workflows.session_film import STEP, SessionFilm
+from validation.measurement.film_offset import clock_offsets
+from vision.output.outline_drawing import grey_picture
+from vision.output.overlay import words_of
+from vision.tracking.options import FitOptions, TrackOptions
+from vision.uncertainty.budget import TERMS
+
+
+def propose_outlines(
+    film: Path, out: Path, *, allow_truncated: bool = False, channel: str | None = None
+) -> dict[str, Any]:
+    """Write proposed outlines to ``out`` and a picture of them beside it; an existing file is not overwritten.
+
+    Where none can be proposed, the picture shows frames to draw outlines on, and the first frame is written pixel by
+    pixel, as ``…_frame.png``.
+
+    Returns
+    -------
+    dict : ``out``, ``picture``, ``bodies`` (names)
+
+    Raises
+    ------
+    vision.TrackingError : none can be proposed; the reason and the pictures are named
+    """
+    if out.suffix != ".toml":
+        raise CommandInputError(f"{out}: --propose-bodies writes outlines; the name must end in .toml")
+    if out.exists():
+        raise CommandInputError(f"{out}: exists and may hold corrected outlines; choose another name or remove it")
+    with vision.open_film(film, allow_truncated=allow_truncated, channel=channel) as source:
+        try:
+            bodies = vision.propose_bodies(source)
+        except vision.TrackingError as error:
+            plain = out.with_name(f"{out.stem}_frame.png")
+            vision.write_picture(out.with_suffix(".png"), vision.draw_frames(source))
+            vision.write_picture(plain, grey_picture(source.read(0), source.bit_depth))
+            raise vision.TrackingError(
+                f"{error}: {out.with_suffix('.png')} shows frames and their pixels, {plain} the first one as it is"
+            ) from None
+        picture = vision.draw_bodies(source.read(0), bodies, source.bit_depth)
+    drawing = out.with_suffix(".png")
+    vision.write_picture(drawing, picture)
+    vision.save_bodies(out, bodies)
+    return {"out": out, "picture": drawing, "bodies": [body.name for body in bodies]}
+
+
+COLUMNS = 3
+
+
+def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpack[FitOptions]) -> dict[str, Any]:
+    """Fit ``count`` frames of a film and draw them.
+
+    Parameters
+    ----------
+    picture : where the frames are drawn (.png)
+    options : method, n_still, camera, see `vision.preview`
+
+    Returns
+    -------
+    dict : ``picture``, ``frames``, ``lost`` (per body) and ``lines`` to print, one per frame
+
+    Raises
+    ------
+    CommandInputError : as for tracking
+    """
+    bodies = vision.load_bodies(film.outlines)
+    with film.open() as source:
+        times, options["u_time_s"] = film.frame_times(source)
+        result = vision.preview(source, bodies, count, times, **options)
+        vision.write_contact_sheet(picture, source, bodies, result, count=count, columns=min(count, COLUMNS))
+    lines = []
+    for row in range(len(result.frame)):
+        where, remark = words_of(result, row)
+        angles = ", ".join(
+            f"{body} {np.degrees(angle):+.3f} deg (u {1e3 * np.degrees(u):.1f} mdeg)"
+            for body, angle, u in zip(result.bodies, result.angle_rad[row], result.u_angle_rad[row], strict=True)
+            if np.isfinite(angle)
+        )
+        lines.append(f"{where}: {'; '.join(part for part in (angles, remark) if part)}")
+    lost = {body: int(n) for body, n in zip(result.bodies, result.failed.sum(axis=0), strict=True)}
+    return {"picture": picture, "frames": result.frame.tolist(), "lost": lost, "lines": lines}
+
+
+def follow_marks_of(
+    film: SessionFilm,
+    marks: Path,
+    *,
+    every: int = 1,
+    n_still: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> vision.MarkResult:
+    """Follow the marks of a file through a film.
+
+    Parameters
+    ----------
+    marks : TOML file, see `vision.load_marks`
+    every, n_still, progress : as for `vision.follow_marks`
+
+    Raises
+    ------
+    vision.VisionInputError : marks or film that cannot be used
+    """
+    known = vision.load_marks(marks)
+    with film.open() as source:
+        times, _ = film.frame_times(source)
+        return vision.follow_marks(source, known, times, every=every, n_still=n_still, progress=progress)
+
+
+def marks_summary(result: vision.MarkResult) -> dict[str, dict[str, float]]:
+    """Per mark: frames, lost ones, and median standard uncertainty, px, of a line's offset or of a point's x and y."""
+    lines = {}
+    for i, mark in enumerate(result.marks):
+        known = ~result.failed[:, i]
+        names = ["u_offset_px"] if isinstance(mark, vision.LineMark) else ["u_x_px", "u_y_px"]
+        values = {name: getattr(result, name)[known, i] for name in names}
+        lines[mark.name] = {
+            "frames": len(result.frame),
+            "lost": int((~known).sum()),
+            **{f"median_{name}": float(sorted(value)[len(value) // 2]) for name, value in values.items() if len(value)},
+        }
+    return lines
+
+
+def marks_lines(summary: dict[str, dict[str, float]]) -> list[str]:
+    """`marks_summary` as lines of text."""
+    lines = []
+    for name, facts in summary.items():
+        sizes = [
+            f"{key.removeprefix('median_').removesuffix('_px')} {facts[key]:.4f} px" for key in facts if "u_" in key
+        ]
+        lines.append(f"  {name:<16} {facts['lost']} frames lost; median {', '.join(sizes) or 'u not known'}")
+    return lines
+
+
+@contextmanager
+def tracking_kept(unfinished: Path) -> Iterator[None]:
+    """Turn Ctrl-C during a tracking into a message that says what is kept in the file ``unfinished``.
+
+    Raises
+    ------
+    Interrupted : in place of KeyboardInterrupt
+    """
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        kept = f"frames so far are kept in {unfinished}, the same command goes on there"
+        left = kept if unfinished.is_file() else "no frame was kept"
+        raise Interrupted(f"{how_stopped(interrupt)}; {left}; no table was written") from interrupt
+
+
+def camera_of(
+    calibration: Path | None, u_tilt_deg: float | None = None, u_distortion_percent: float | None = None
+) -> vision.CameraModel:
+    """What is known of the camera: its calibration file, or the standard uncertainties assumed without one."""
+    if calibration is None:
+        plain = vision.AssumedCamera()
+        return vision.AssumedCamera(
+            plain.u_tilt_rad if u_tilt_deg is None else float(np.radians(u_tilt_deg)),
+            plain.u_radial if u_distortion_percent is None else u_distortion_percent / 100.0,
+        )
+    if u_tilt_deg is not None or u_distortion_percent is not None:
+        raise CommandInputError(f"{calibration}: a calibrated camera needs no --tilt and --distortion; leave one out")
+    return vision.load_calibration(calibration)
+
+
+def rows_per_second(shutter: str | None, rows: float | None) -> float | None:
+    """Rows per second of the sensor's shutter: infinite for a global one, None where it is not declared."""
+    if shutter not in (None, "global", "rolling"):
+        raise CommandInputError(f"--shutter {shutter}: choose global or rolling")
+    if (shutter == "rolling") != (rows is not None):
+        raise CommandInputError("--shutter rolling and --rows-per-second ROWS go together: give both or neither")
+    return float("inf") if shutter == "global" else rows
+
+
+def draw_track(
+    film: SessionFilm,
+    result: vision.TrackResult,
+    *,
+    overlay: Path | None = None,
+    contact_sheet: Path | None = None,
+    plot: Path | None = None,
+) -> None:
+    """Draw what was tracked, each where a file is named for it.
+
+    Parameters
+    ----------
+    overlay : film with the tracked outlines (.avi)
+    contact_sheet : picture of the worst frames (.png)
+    plot : angles and residuals over time (.png)
+    """
+    if plot is not None:
+        vision.write_plot(plot, result)
+    if overlay is None and contact_sheet is None:
+        return
+    bodies = vision.load_bodies(film.outlines)
+    with film.open(allow_truncated=True) as source:
+        if overlay is not None:
+            vision.write_overlay(overlay, source, bodies, result)
+        if contact_sheet is not None:
+            vision.write_contact_sheet(contact_sheet, source, bodies, result)
+
+
+def track_film_file(film: SessionFilm, **options: Unpack[TrackOptions]) -> vision.TrackResult:
+    """Track the bodies of one film; frame times from the trial's frame clock when it has one.
+
+    Parameters
+    ----------
+    options : every, method, confirm, camera, checkpoint, expected, progress and more, see `vision.track`
+
+    Raises
+    ------
+    CommandInputError : no outlines are known for the film, or it needs no frame rate
+    rig.errors.InputError : its frame clock does not fit
+    """
+    bodies = vision.load_bodies(film.outlines)
+    with film.open() as source:
+        times, options["u_time_s"] = film.frame_times(source)
+        result = vision.track(source, bodies, times, **options)
+    if film.owner is not None:
+        result.info["clock_offset"] = clock_offsets(film.owner[1], result)
+        film.store_angles(result.to_table(), _attributes(result, options.get("every", 1)))
+    return result
+
+
+def _attributes(result: vision.TrackResult, every: int) -> dict[str, Any]:
+    """How the angles were found and what makes up their uncertainty, as attributes of the stored table."""
+    attributes: dict[str, Any] = {"method": result.method, "every": every, "n_still": result.n_still}
+    attributes |= {f"{b}_u_common_rad": float(u) for b, u in zip(result.bodies, result.u_common_rad, strict=True)}
+    attributes |= {"camera": result.budget.camera, "shutter": result.budget.shutter}
+    for body, (offset, u) in result.info.get("clock_offset", {}).items():
+        attributes |= {f"{body}_clock_offset_s": offset, f"{body}_u_clock_offset_s": u}
+    for relative, tail in ((False, ""), (True, "_relative")):
+        for body, terms in result.budget.typical(relative).items():
+            attributes |= {f"{body}{tail}_u_{name}_rad": value for name, value in terms.items()}
+    return attributes
+
+
+def tracking_summary(result: vision.TrackResult) -> dict[str, Any]:
+    """Frames, lost ones, predicted and median uncertainty of each body and the terms of both (rad)."""
+    return {
+        "frames": len(result.frame),
+        "lost": {b: int(n) for b, n in zip(result.bodies, result.failed.sum(axis=0), strict=True)},
+        "predicted_u_rad": {b: float(u) for b, u in zip(result.bodies, result.predicted_u_rad, strict=True)},
+        "median_u_rad": {
+            b: float(np.nanmedian(u)) if np.isfinite(u).any() else float("nan")
+            for b, u in zip(result.bodies, result.u_angle_rad.T, strict=True)
+        },
+        "budget_rad": result.budget.typical(),
+        "relative_budget_rad": result.budget.typical(relative=True),
+        "camera": result.budget.camera,
+        "shutter": result.budget.shutter,
+        "clock_offset_s": result.info.get("clock_offset", {}),
+        **{name: result.info[name] for name in ("rows_resumed", "rows_confirmed", "wide_searches")},
+    }
+
+
+def budget_lines(budget: vision.ErrorBudget) -> list[str]:
+    """A budget as lines of text, mdeg: one row per angle, one column per term."""
+    names = (*TERMS, "total")
+    lines = [f"{'u in mdeg':<26}" + "".join(f"{name[:10]:>11}" for name in names)]
+    rows = {**budget.typical(), **{f"{b} from parent": terms for b, terms in budget.typical(relative=True).items()}}
+    for body, terms in rows.items():
+        lines.append(f"  {body:<24}" + "".join(f"{np.degrees(terms[name]) * 1e3:>11.1f}" for name in names))
+    return [*lines, f"  ({budget.camera})", f"  ({budget.shutter})"]
+
+
+Place = tuple[float, float, float]  # angle rad, x px, y px
+
+
+def read_places(texts: Sequence[str]) -> dict[str, Place]:
+    """``body=angle_deg,x_px,y_px`` texts as body: (angle rad, x px, y px)."""
+    places = {}
+    for text in texts:
+        name, _, values = text.partition("=")
+        try:
+            angle, x, y = (float(value) for value in values.split(","))
+        except ValueError:
+            raise CommandInputError(
+                f"--place {text}: allowed body=ANGLE_DEG,X_PX,Y_PX, for example jack=-12.5,213,88"
+            ) from None
+        places[name.strip()] = (float(np.radians(angle)), x, y)
+    return places
+
+
+def retrack(
+    film: SessionFilm,
+    table_file: Path,
+    frames: Sequence[int],
+    places: dict[str, Place],
+    *,
+    method: str = "icgn",
+    n_still: int | None = None,
+    camera: vision.CameraModel | None = None,
+) -> pd.DataFrame:
+    """Fit single frames again and put them into the film's table, and into its session.
+
+    Parameters
+    ----------
+    table_file : CSV that tracking wrote; rewritten whole
+    frames : frame numbers that stand in the table
+    places : body to (angle rad, x px, y px); bodies not named start between their good neighbours
+    method, n_still, camera : as for `vision.track`
+
+    Returns
+    -------
+    pandas.DataFrame : the new rows
+    """
+    bodies = vision.load_bodies(film.outlines)
+    table = _read_table(table_file, bodies)
+    unknown = sorted(set(places) - {body.name for body in bodies})
+    if unknown:
+        raise CommandInputError(f"--place {unknown[0]}: is not a body of {film.outlines}")
+    rows = []
+    for frame in frames:
+        found = np.flatnonzero(table["frame"].to_numpy() == frame)
+        if found.size != 1:
+            raise CommandInputError(f"--retrack {frame}: no such frame in {table_file}")
+        rows.append(int(found[0]))
+    with film.open() as source:
+        times, u_time = film.frame_times(source)
+        result = vision.retrack_frames(
+            source,
+            bodies,
+            frames,
+            [{**_between_neighbours(table, row, bodies), **places} for row in rows],
+            times,
+            method=method,
+            n_still=n_still,
+            camera=camera,
+            u_time_s=u_time,
+        )
+    new = pd.DataFrame(result.to_table())
+    for number, row in enumerate(rows):
+        for name in table.columns:
+            table.loc[row, name] = new.loc[number, name]
+    write_table(table_file, table)
+    if film.owner is not None:
+        session, trial = film.owner
+        stored = session.read_derived(STEP, trial.number)
+        attributes = {} if stored is None else {k: v for k, v in stored[1].items() if k != "parents_sha256"}
+        film.store_angles(table, {**attributes, "retracked_frames": ", ".join(map(str, frames))})
+    return new
+
+
+def _read_table(path: Path, bodies: Sequence[vision.Body]) -> pd.DataFrame:
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as problem:
+        raise CommandInputError(f"{path}: cannot be read ({problem}); track the film first") from None
+    needed = ["time_s", "frame", *(f"{b.name}{tail}" for b in bodies for tail in ("_rad", "_x_px", "_y_px", "_flag"))]
+    missing = [name for name in needed if name not in table]
+    if missing:
+        raise CommandInputError(f"{path}: column {missing[0]!r} is missing; track the film first")
+    return table
+
+
+def _between_neighbours(table: pd.DataFrame, row: int, bodies: Sequence[vision.Body]) -> dict[str, Place]:
+    """Places between the nearest rows before and after in which the bodies are known."""
+    places = {}
+    frame = table["frame"].to_numpy(dtype=float)
+    for body in bodies:
+        values = table[[f"{body.name}_rad", f"{body.name}_x_px", f"{body.name}_y_px"]].to_numpy(dtype=float)
+        known = np.isfinite(values).all(axis=1)
+        known[row] = False
+        if not known.any():
+            raise CommandInputError(f"body {body.name} is lost in every other frame; name its place with --place")
+        angle, x, y = (float(np.interp(frame[row], frame[known], values[known, k])) for k in range(3))
+        places[body.name] = (angle, x, y)
+    return places

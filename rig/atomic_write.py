@@ -1,0 +1,61 @@
+"""Files that are written whole or not at all, hashes of their contents, one wording for what the file system refuses.
+
+A file is written under a temporary name in its own folder and renamed when complete, so that a crash or a full disk
+never leaves a partial file that looks complete. Failures of the file system become :class:`rig.errors.RigInputError`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from rig import platform_calls
+from rig.errors import RigInputError
+
+
+@contextlib.contextmanager
+def refused(path: Path, action: str, advice: str = "") -> Iterator[None]:
+    """Turn an OSError in the block into :class:`rig.errors.RigInputError`: ``path: cannot be <action> (reason)``."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"({error.strerror or error})"
+        raise RigInputError(f"{path}: cannot be {action} {reason}{advice and '; '}{advice}") from error
+
+
+@contextlib.contextmanager
+def replace_when_complete(path: Path) -> Iterator[Path]:
+    """Yield a temporary path to write to, and rename it to ``path`` if the block ends without an exception.
+
+    Raises RigInputError when the file system refuses to create, write or rename the file.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with refused(path, "written", "choose a writable place"):
+            yield temporary
+            with temporary.open("rb+") as stream:
+                platform_calls.synchronise_whole(stream.fileno())
+            os.replace(temporary, path)
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file as UTF-8 with Unix line ends, whole or not at all."""
+    with replace_when_complete(path) as temporary:
+        temporary.write_bytes(text.encode("utf-8"))
+
+
+def sha256_of_bytes(data: bytes) -> str:
+    """Return the SHA-256 of some bytes as 64 hexadecimal digits."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def sha256_of_file(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes; raises RigInputError when the file cannot be read."""
+    with refused(path, "read"), path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,0 +1,149 @@
+"""``pianorig identify``: what cannot be written is refused before any work; what was found is printed and written."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import model
+import validation
+from pianorig import workflows
+from pianorig.errors import CommandInputError
+from pianorig.workflows import what_next
+from tests.command_line import run
+from tests.validation.identification import toy
+from validation.identification.estimates import NOT_IDENTIFIABLE, Estimate
+from validation.identification.fit import fit
+from validation.identification.further import Prospect
+from validation.prediction.posterior import make_posterior
+
+WARNING = "intervals are provisional"
+SESSIONS = Path(__file__).parents[3] / "sessions"
+
+
+@dataclass(frozen=True)
+class Found:
+    """As much of an `Identification` as is printed and written."""
+
+    action: Any
+    estimates: tuple[Estimate, ...]
+    correlation: Any
+    undetermined: tuple[Any, ...]
+    warnings: tuple[str, ...]
+    starts: tuple[float, ...]
+    scores: dict[str, Any]
+    events: dict[str, Any]
+    provenance: dict[str, Any]
+    posterior: Any
+    details: Any
+
+
+@pytest.fixture(scope="module")
+def found() -> Found:
+    """A fit of the toy, as if it were of a session."""
+    p = toy.problem(toy.made(np.array([0.5, 0.0, 0.0]), 2, np.random.default_rng(1)))
+    fitted = fit(p)
+    first = p.unknowns.asked[0]
+    estimate = Estimate(
+        name=first.name, unit="N*m", prior=0.0122, prior_u=0.3, basis="taken", z=0.5, z_u=0.1, value=0.014, u=4e-4,
+        low=0.013, high=0.015, profiled=False, interval="two-sided", u_jackknife=float("nan"), u_form=0.0,
+        verdict=NOT_IDENTIFIABLE,
+    )  # fmt: skip
+    only = replace(p, unknowns=replace(p.unknowns, asked=(first,)))
+    posterior = make_posterior([(first.name, first.paths, first.u, True)], np.array([[0.01]]), {"try, trial 1": "seal"})
+    provenance = {
+        "created_utc": "2026-11-22T10:00:00Z", "trials_sha256": {"try, trial 1": "seal"},
+        "paths": {first.name: list(first.paths)},
+    }  # fmt: skip
+    details = SimpleNamespace(
+        problem=only,
+        fitted=fitted,
+        profiles=(),
+        sources=SimpleNamespace(measured=(), sessions=(), seals={}),
+        explained=("which part: none",),
+    )
+    scores = {"fitted trials": {"before": {"key": 1e-3, "whippen": 1e-3, "hammer": 1e-3}}}
+    return Found(
+        model.load_action(), (estimate,), np.eye(1), (), (WARNING,), (0.0,), scores, {}, provenance, posterior, details
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--out", "found.json"], "allowed .toml"),
+        (["--plan", "next.csv"], "allowed .toml"),
+        (["--plan", "none/next.toml"], "there is no folder"),
+        (["--petab", "file/tables"], "is a file"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_before_any_work(
+    options: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(validation, "identify", lambda *given, **more: pytest.fail("work was begun"))
+    assert run("identify", "session", "--parameters", "friction", *options) == 2
+    error = capsys.readouterr().err.strip()
+    assert said in error and "\n" not in error
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_everything_that_was_asked_for_is_written_and_said(
+    found: Found, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(validation, "identify", lambda *given, **more: found)
+    sensor = Prospect("key encoder known twice as well", {found.estimates[0].name: 0.9})
+    alike = ["forte x 1.4: too strong", "double: too strong"]
+    monkeypatch.setattr(what_next, "next_strokes", lambda identified: ([sensor], alike))
+    monkeypatch.setattr(workflows, "check_plan", lambda sessions, motion_driven: None)
+    monkeypatch.setattr(workflows, "check_tables", lambda sessions: None)
+    assert run("identify", "session", "--parameters", "friction", "--plan", "next.toml", "--petab", "tables") == 0
+    said = capsys.readouterr().out
+    assert WARNING in said and "no value is called identified" in said and "None of its parts" not in said
+    assert "0.90  key encoder known twice as well" in said and "not considered: forte x 1.4, double: too strong" in said
+    assert "plan: none is written: no profile could be predicted within the limits" in said  # and all else is kept
+    assert {"identified.toml", "identified.html", "tables"} == {p.name for p in tmp_path.iterdir()}
+    monkeypatch.setattr("validation.identification.write.render_identification", lambda *given: "a page")
+    assert run("identify", "session", "--parameters", "friction", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["files"]["page"] == "identified.html" and told["explained"] == ["which part: none"]
+
+
+def test_nothing_can_be_ranked_where_only_tables_were_fitted(found: Found) -> None:
+    with pytest.raises(CommandInputError, match="no session with forces"):
+        workflows.next_strokes(found)  # type: ignore[arg-type]
+    ranked, refused, why = workflows.ranked_next(found)  # type: ignore[arg-type]
+    assert not ranked and not refused and why.startswith("no session with forces was fitted")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [(["--motion-driven"], "--plan: ranks strokes by the force"), ([], "--plan: no session with forces was fitted")],
+)
+def test_a_plan_that_cannot_be_made_is_refused_before_any_work(
+    options: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "problem.yaml").write_text("")  # tables: they say nothing of the bench
+    monkeypatch.setattr(validation, "identify", lambda *given, **more: pytest.fail("work was begun"))
+    words = ["--parameters", "friction", "--plan", tmp_path / "next.toml", "--out", tmp_path / "found.toml", *options]
+    assert run("identify", tmp_path, *words) == 2
+    assert said in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["problem.yaml"]
+
+
+def test_tables_of_strokes_without_a_force_are_refused_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(validation, "identify", lambda *given, **more: pytest.fail("work was begun"))
+    words = ["--parameters", "friction", "--petab", tmp_path / "tables", "--out", tmp_path / "found.toml"]
+    assert run("identify", SESSIONS / "kawai_kg3c", *words) == 2
+    assert "trial 2: has no force, and the tables no place" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
