@@ -29,7 +29,7 @@ busy: it did other work as well. **Older than its code** marks a figure that was
 it measures, by the commit named. Up to 2026-11-26 a row's commit is the one that wrote its figure down on that date, or
 the last of that day.
 """
-MARK = re.compile(r"; \*\*older than its code\*\* \(\S+\)")
+MARK = re.compile(r"; \*\*stale\*\*: \w+")
 USUAL = "2 cores at 2.5 GHz, "
 Row = dict[str, Any]
 
@@ -92,7 +92,7 @@ def page(known: Sequence[Row], later: Sequence[str]) -> str:
             section = row["section"]
             out.append(f"\n## {section}\n" if section else "")
             out += ["| quantity | figure | machine | date, commit | command |", "|---|---|---|---|---|"]
-        mark = f"; **older than its code** ({commit})" if commit else ""
+        mark = f"; **stale**: {commit}" if commit else ""
         when = f"{row['date']}, {row['commit']}{mark}"
         cells = (row["quantity"], row["figure"], row["machine"].removeprefix(USUAL), when, row["command"])
         out.append(f"| {' | '.join(cells)} |")

@@ -135,7 +135,7 @@ def test_a_figure_older_than_its_code_says_so(tmp_path: Path, monkeypatch: pytes
     changed = commit("code.py", "2")
     assert figures.changed_since(row, ["code.py"]).startswith(changed)
     text = figures.page([row], [figures.changed_since(row, ["code.py"])])
-    assert f"; **older than its code** ({changed})" in text and "| 4 ms |" in text
+    assert f"; **stale**: {changed}" in text and "| 4 ms |" in text
     figures.store("speed", "3 ms")
     assert [(one["figure"], one["command"]) for one in figures.rows()] == [("3 ms", "`measure`")]
     with pytest.raises(SystemExit, match="--row: found size, allowed speed"):
