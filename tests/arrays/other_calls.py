@@ -35,7 +35,7 @@ HEAVY = {
         "rig.daq.tasks.motor_task", "rig.daq.tasks.prepare_command", "rig.daq.tasks.load_command",
     ),
     "rig.simulated.film_trial": (f"{CAMERA}.film_scene", f"gives {CAMERA}._Exposures"),
-    f"{WORKFLOWS}.calibrate_encoder": (f"{WORKFLOWS}.bench.calibration.open_backend",),
+    f"{WORKFLOWS}.calibrate_encoder": (f"{WORKFLOWS}.calibration.open_backend",),
 }  # fmt: skip
 
 
