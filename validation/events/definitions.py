@@ -6,7 +6,6 @@ cannot be decided has status ``ambiguous`` and a note, never an exception.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -94,15 +93,3 @@ EVENTS: dict[str, EventKind] = {
         bodies=("key", "hammer"),
     ),
 }
-
-
-def absent(name: str, note: str = "") -> Event:
-    """An event that did not happen."""
-    return Event(name, float("nan"), float("nan"), "absent", note)
-
-
-def crossing(name: str, value: float, u: float) -> Event:
-    """A time at which a level is crossed; ambiguous when it is not crossed at all levels within the uncertainty."""
-    if math.isnan(u):
-        return Event(name, value, u, "ambiguous", "grazes its level: not found within the uncertainty of the level")
-    return Event(name, value, u, "found")

@@ -36,8 +36,20 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from validation.conventions import Array
-from validation.events.definitions import Event, Status, absent, crossing
+from validation.events.definitions import Event, Status
 from validation.measurement.geometry import Motion
+
+
+def absent(name: str, note: str = "") -> Event:
+    """An event that did not happen."""
+    return Event(name, float("nan"), float("nan"), "absent", note)
+
+
+def crossing(name: str, value: float, u: float) -> Event:
+    """A time at which a level is crossed; ambiguous when it is not crossed at all levels within the uncertainty."""
+    if math.isnan(u):
+        return Event(name, value, u, "ambiguous", "grazes its level: not found within the uncertainty of the level")
+    return Event(name, value, u, "found")
 
 
 def up_crossings(time_s: Array, signal: Array, level: float, hysteresis: float = 0.0) -> list[float]:

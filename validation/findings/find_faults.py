@@ -104,11 +104,9 @@ def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: M
         p = predicted.predictions[m.number].model
         release = events.trial[m.number]["key_release"]
         until = release.value if release.status != "absent" else float(m.time_s[-1])
-        forces = force_sign_and_unit(tested, m, p, until)
-        encoders = stuck_bits(m)
-        if not forces:
-            encoders += wiring(m, p) + dead(m, p) + encoder_return(m, p)
-            forces += force_drift(m)
+        wrong = force_sign_and_unit(tested, m, p, until)
+        forces = wrong or force_drift(m)
+        encoders = stuck_bits(m) + ([] if wrong else wiring(m, p) + dead(m, p) + encoder_return(m, p))
         sound = not any(f.channel == "whippen" for f in encoders)
         films = film_wiring(m, p, whippen_sound=sound)
         films += camera_clock(m) if sound and not films else []

@@ -11,7 +11,7 @@ import pytest
 from validation.cache import result_store
 from validation.cache.content_hash import sha256_of
 from validation.cache.result_store import PLACE, ResultStore
-from validation.events.definitions import absent
+from validation.events.detect import absent
 
 
 class Made:

@@ -11,7 +11,8 @@ import pytest
 
 from validation.cache.result_store import ResultStore
 from validation.errors import InputError
-from validation.events.definitions import EVENTS, Event, absent
+from validation.events.definitions import EVENTS, Event
+from validation.events.detect import absent
 from validation.events.session_events import Window, common_window
 from validation.pipeline.verdict import Standing, verdict_lines
 from validation.result_tables.channels import channel_tables, scorecard, with_repeatability, with_scores
