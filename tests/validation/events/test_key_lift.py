@@ -13,8 +13,9 @@ from validation.events.key_lift import (
     capstan_of,
     find_lifts,
     lifted_samples,
+    rail_pulls,
 )
-from validation.events.session_events import rail_pulls, with_doubtful_events
+from validation.events.session_events import with_doubtful_events
 from validation.measurement.geometry import geometry_of, motion_of
 from validation.scores.traces import scored
 
