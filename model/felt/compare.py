@@ -18,7 +18,7 @@ from model.errors import InputError
 from model.felt.fit import LawFit, fit_law, root_mean_square, shares
 from model.felt.laws import LAWS
 from model.felt.pressing import Pressing
-from model.sign_flips import LEVEL, sign_flip_p
+from model.sign_flip_test import LEVEL, sign_flip_p
 
 ALIKE = 1.05  # ratio of misfits below which a law is as good in practice, whatever the test finds
 

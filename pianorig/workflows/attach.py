@@ -15,6 +15,7 @@ from rig import CameraInfo, Session, Trial
 from rig.atomic_write import replace_when_complete, sha256_of_file
 from rig.session.annotation_file import utc_now
 from rig.session.film_record import FilmRecord, record_path, write_record
+from rig.session.folder import FILM_SUFFIXES
 
 RATE_TOLERANCE = 1e-3
 HEADERS = (".cihx", ".cih")
@@ -53,11 +54,11 @@ def attach_film(
         data = Path(source.path)
         n_frames, rate = source.n_frames, source.frame_rate_hz
         header = getattr(source, "header", None)
-        said = int(header.start_frame) if header is not None else None
+        said = int(header.start_frame) if header is not None else getattr(source, "start_frame", None)
         step = int(header.frame_step) if header is not None else 1
-    if data.is_dir():
-        raise CommandInputError(f"{film}: is a folder of pictures; save the film as .mraw, .tif, .avi or .mp4")
-    if frame_rate_hz is not None and header is not None:
+    if data.is_dir() or data.suffix.lower() not in FILM_SUFFIXES:
+        raise CommandInputError(f"{film}: is one picture or a folder of them; allowed {', '.join(FILM_SUFFIXES)}")
+    if frame_rate_hz is not None and said is not None:
         raise CommandInputError(f"{film}: its header says {rate} frames/s; leave out --frame-rate")
     rate = frame_rate_hz if frame_rate_hz is not None else rate
     first = _first_frame(film, said, first_frame)

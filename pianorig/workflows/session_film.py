@@ -19,13 +19,13 @@ from pianorig.errors import CommandInputError
 from rig import Session, Trial
 from rig.atomic_write import sha256_of_file
 from rig.session.film_record import frame_times, read_record
+from vision.film.open import VIDEO_SUFFIXES
 
 if TYPE_CHECKING:  # start-up: 0.3 s of every recording, which needs no table
     import pandas as pd
 
 BODIES_NAME = "bodies.toml"
 STEP = "angles"
-VIDEO_ENDINGS = (".avi", ".mp4", ".mov", ".mkv")
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,8 @@ class SessionFilm:
     @property
     def doubt_about_times(self) -> str | None:
         """What to tell of times that rest on the rate a video file states, which is often that of play-back."""
-        if self.owner is not None or self.frame_rate_hz is not None or self.path.suffix.lower() not in VIDEO_ENDINGS:
+        video = self.path.suffix.lower() in (".avi", *VIDEO_SUFFIXES)
+        if not video or self.owner is not None or self.frame_rate_hz is not None:
             return None
         with self.open(allow_truncated=True) as source:
             rate_hz = source.frame_rate_hz

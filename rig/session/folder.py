@@ -99,7 +99,8 @@ def _read_column(dataset: h5py.Dataset) -> np.ndarray:
 
 
 INFO_NAME = "session.toml"
-FILM_SUFFIXES = (".mraw", ".avi", ".tif", ".tiff", ".mp4")
+FILM_SUFFIXES = (".mraw", ".cine", ".avi", ".tif", ".tiff", ".mp4", ".mov", ".mkv", ".m4v")
+"""Films that a session can hold: every format of one file that `vision.film.open` reads."""
 _NUMBERED = re.compile(r"trial_(?P<number>\d{4,})\.(?P<suffix>h5|journal)")
 
 

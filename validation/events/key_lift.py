@@ -29,7 +29,7 @@ import model
 from model.parameters.action import CONTACTS, USUAL
 from validation.conventions import KEY, WHIPPEN, Array
 from validation.events.definitions import Event
-from validation.events.encoder_wiring import miswired_channels
+from validation.events.miswired_encoders import miswired_channels
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest

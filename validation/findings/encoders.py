@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import Event
-from validation.events.encoder_wiring import WRONG_WIRED, miswired_channels
 from validation.events.key_lift import KeyLift
+from validation.events.miswired_encoders import WRONG_WIRED, miswired_channels
 from validation.findings.finding import CHANNEL, CURVES, SessionFinding, finds
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial

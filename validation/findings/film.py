@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from validation.conventions import FILM_CHANNELS, WHIPPEN, Array
-from validation.events.encoder_wiring import best_wiring
+from validation.events.miswired_encoders import best_wiring
 from validation.findings.finding import CURVES, SessionFinding, finds
 from validation.measurement.force_correction import correlation_inflation
 from validation.measurement.trial import FilmAngles, MeasuredTrial

@@ -1,7 +1,8 @@
 """All findings of a session: the fifth stage of a comparison.
 
-Order: what makes a channel no measurement comes first, and explains what follows from it. One sound trial of median
-peak force stands for all where many runs of the model are needed.
+A check stands in its subject's file, entered by `finding.finds`; only what needs a prediction or other findings is
+called here. Order: what makes a channel no measurement comes first, and explains what follows from it. One sound trial
+of median peak force stands for all where many runs of the model are needed.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from model.sign_flips import LEVEL, joint_sign_flip, sign_flip_p
+from model.sign_flip_test import LEVEL, joint_sign_flip, sign_flip_p
 from validation.conventions import Array
 from validation.result import ValidationResult
 from validation.scores.curve_scores import SCORES

@@ -99,7 +99,7 @@ class CineFilm(Film):
             PACKED_10: (pixels + 3) // 4 * 5,
             PACKED_12: (pixels + 1) // 2 * 3,
         }[packing]
-        self._first = first
+        self.start_frame = first
         self._place = self._places(at_table, n, allow_truncated)
         self.n_frames = len(self._place)
         self._time_s = self._image_times(at_settings + settings["length"], at_table, trigger)
@@ -112,7 +112,7 @@ class CineFilm(Film):
             return self._time_s + half
         if self.frame_rate_hz is None:
             return None
-        return (self._first + np.arange(self.n_frames, dtype=float)) / self.frame_rate_hz + half
+        return (self.start_frame + np.arange(self.n_frames, dtype=float)) / self.frame_rate_hz + half
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame; only the pages with its rows are touched."""

@@ -25,11 +25,12 @@ def _avi(path: Path, *, allow_truncated: bool, channel: str | None) -> Film:
     return VideoFilm(path, allow_truncated=allow_truncated, channel=channel)
 
 
+VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".m4v")
 READERS: dict[str, Callable[..., Film]] = {
     **dict.fromkeys((".mraw", ".cih", ".cihx"), MrawFilm),
     ".cine": CineFilm,
     ".avi": _avi,
-    **dict.fromkeys((".mp4", ".mov", ".mkv", ".m4v"), VideoFilm),
+    **dict.fromkeys(VIDEO_SUFFIXES, VideoFilm),
     **dict.fromkeys(PICTURE_SUFFIXES, PagedPicture),
 }
 """Reader of each suffix, called with the path, ``allow_truncated`` and ``channel``."""

@@ -9,16 +9,18 @@ import numpy as np
 import pytest
 
 from pianorig.errors import InputError
-from pianorig.workflows.attach import attach_film
+from pianorig.workflows.attach import HEADERS, attach_film
 from pianorig.workflows.session_film import SessionFilm
 from pianorig.workflows.session_paths import session_folder
 from rig.configuration.profile import load_profile
 from rig.recording.recorder import record_session
-from rig.session import Session
+from rig.session import Session, Trial
 from rig.session.film_record import read_record
 from tests.command_line import run
+from tests.vision.film.cine_file import write_cine
 from vision import open_film
 from vision.film.mraw import write_mraw
+from vision.film.open import READERS
 
 STEP = Path(__file__).parents[2] / "rig" / "step.toml"
 
@@ -123,6 +125,26 @@ def test_a_film_without_a_header_needs_its_first_frame_and_real_rate(session, tm
     with open_film(trial.film) as source:
         times, _ = SessionFilm(trial.film).frame_times(source)
     np.testing.assert_array_equal(times, trial.read().camera.frame_time_s[7:17])
+
+
+def test_a_phantom_film_says_its_first_frame_and_is_found_beside_its_trial(session, tmp_path) -> None:
+    frames = np.random.default_rng(4).integers(0, 4000, (10, 8, 12), dtype=np.uint16)
+    write_cine(tmp_path / "film.cine", frames, first=7, rate=2000)
+    record = attach_film(tmp_path / "film.cine", session.path, 2)
+    trial = session.trial(2)
+    assert trial.film.name == record.film == "trial_0002.cine" and record.first_frame == 7
+    assert SessionFilm(trial.film).owner[1].number == 2
+    with open_film(trial.film) as source:
+        times, _ = SessionFilm(trial.film).frame_times(source)
+    np.testing.assert_array_equal(times, trial.read().camera.frame_time_s[7:17])
+    with pytest.raises(InputError, match="has a film already"):
+        attach_film(tmp_path / "film.cine", session.path, 2)
+
+
+@pytest.mark.parametrize("suffix", sorted(READERS.keys() - {*HEADERS, ".png", ".bmp", ".jpg", ".jpeg"}))
+def test_a_film_of_every_readable_format_is_found_beside_its_trial(suffix, tmp_path) -> None:
+    (tmp_path / f"trial_0003{suffix}").touch()
+    assert Trial(tmp_path / "trial_0003.h5", 3, None).film == tmp_path / f"trial_0003{suffix}"
 
 
 def test_a_copy_that_fails_leaves_nothing(session, tmp_path, monkeypatch) -> None:

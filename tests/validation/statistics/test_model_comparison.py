@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from model.sign_flips import joint_sign_flip, sign_flip_p
+from model.sign_flip_test import joint_sign_flip, sign_flip_p
 from validation.events.session_events import Window
 from validation.statistics.model_comparison import evidence_table, paired_models
 
