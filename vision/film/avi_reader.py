@@ -15,7 +15,6 @@ another size raise `FilmError`.
 from __future__ import annotations
 
 import struct
-import warnings
 from array import array
 from pathlib import Path
 from typing import Any, NoReturn
@@ -23,14 +22,12 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.errors import FilmError, VisionWarning
+from vision.errors import FilmError
 from vision.film.mmap_window import FileWindow
-from vision.film.source import Compression, Film, NewestFrame, grey_of, jpeg_steps
+from vision.film.source import Film, NewestFrame, grey_of, jpeg_compression
 
 GREY_CODES = (b"Y800", b"GREY", b"Y8  ")
 MAX_DEPTH = 4
-COARSE_JPEG = 12.0
-"""Mean quantisation step: 6 at quality 95, 11.5 at 90, 29 at 75 (tables of ITU-T T.81 annex K)."""
 LUMA = np.array([0.114, 0.587, 0.299])
 """Weights of blue, green, red (ITU-R BT.601)."""
 
@@ -154,20 +151,10 @@ class AviFilm(Film):
                 )
 
     def _read_compression(self) -> None:
-        """Note the first JPEG's steps; warn when its pictures are too coarse for the stated accuracy."""
-        if self._pixel_bytes:
-            return
-        steps = jpeg_steps(self._file.view(self._offset[0], self._offset[0] + self._size[0]).tobytes())
-        if steps is None:
-            return
-        self.compression = Compression(steps)
-        if steps.mean() > COARSE_JPEG:
-            warnings.warn(
-                f"{self.path}: strong JPEG compression adds to the uncertainty of the angles; "
-                "export with quality 95 or uncompressed",
-                VisionWarning,
-                stacklevel=4,
-            )
+        """Note the steps of the first JPEG."""
+        if not self._pixel_bytes:
+            first = self._file.view(self._offset[0], self._offset[0] + self._size[0]).tobytes()
+            self.compression = jpeg_compression(self.path, first, stacklevel=4)
 
     def _grey_palette(self) -> NDArray[np.uint8] | None:
         entries = np.frombuffer(self._format[40:], dtype=np.uint8)

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
-from vision.film.source import Compression, Film, NewestFrame, grey_of
+from vision.film.source import Compression, Film, NewestFrame, grey_of, jpeg_compression
 
 if TYPE_CHECKING:
     import cv2
@@ -61,10 +61,10 @@ def check_whole(path: Path) -> None:
         raise FilmError(f"{path}: cannot be read ({error.strerror})") from None
 
 
-# codecs that store every frame by itself, and raw formats; an empty code is uncompressed film
-_INTRA = """MJPG MJPA AVRN LJPG JPGL FFV1 HFYU FFVH MPNG DIB RAW Y800 Y8 GREY I420 IYUV YV12 YUY2 UYVY ULRG
-ULRA ULY0 MAGY CFHD APCN APCH APCS"""
-INTRA_CODECS = frozenset(["", *_INTRA.split()])
+_LOSSLESS = """LJPG JPGL FFV1 HFYU FFVH MPNG DIB RAW Y800 Y8 GREY I420 IYUV YV12 YUY2 UYVY ULRG ULRA ULY0 MAGY"""
+LOSSLESS = frozenset(["", *_LOSSLESS.split()])
+"""Codecs that store what was seen; an empty code is uncompressed film."""
+JPEG = frozenset(["MJPG", "MJPA", "AVRN"])
 
 
 class VideoFilm(Film):
@@ -99,11 +99,14 @@ class VideoFilm(Film):
         depth = _stored_bits(int(self._capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)))
         self._next = 0
         self._newest = NewestFrame()
-        if self.codec.strip().upper() not in INTRA_CODECS:
+        codec = self.codec.strip().upper()
+        if codec in JPEG:
+            self.compression = jpeg_compression(path, self._first_packet(), stacklevel=3)
+        if codec not in LOSSLESS and self.compression is None:
             self.compression = Compression(None)
             warnings.warn(
-                f"{path}: codec {self.codec} predicts frames from their neighbours, so angles will be worse than "
-                "stated; export raw or MJPEG film",
+                f"{path}: codec {self.codec} predicts frames from their neighbours, or hides its loss, so angles will "
+                "be worse than stated; export raw or MJPEG film",
                 VisionWarning,
                 stacklevel=3,
             )
@@ -139,6 +142,18 @@ class VideoFilm(Film):
                 f"{self.width} x {self.height}; the film is damaged"
             )
         return grey
+
+    def _first_packet(self) -> bytes:
+        """The first frame as it is stored; nothing where the decoder does not give it."""
+        # start-up: as above
+        import cv2
+
+        capture = self._open()
+        try:
+            found, packet = capture.read() if capture.set(cv2.CAP_PROP_FORMAT, -1) else (False, None)
+        finally:
+            capture.release()
+        return packet.tobytes() if found and packet is not None else b""
 
     def close(self) -> None:
         """Release the decoder."""

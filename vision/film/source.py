@@ -15,6 +15,7 @@ and the frame says nothing about its own time.
 from __future__ import annotations
 
 import threading
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.arrays import as_numbers
-from vision.errors import FilmError, VisionInputError
+from vision.errors import FilmError, VisionInputError, VisionWarning
 from vision.film.mmap_window import FileWindow
 
 ZIGZAG = sorted(
@@ -42,7 +43,8 @@ class Compression:
     Attributes
     ----------
     steps : ndarray, shape (8, 8), or None
-        Steps of the luminance table, grey, lowest frequency first; None when frames are predicted from others.
+        Steps of the luminance table, grey, lowest frequency first; None when frames are predicted from others, or
+        stored with a loss that the file does not tell.
     """
 
     steps: NDArray[np.float64] | None
@@ -61,6 +63,26 @@ def jpeg_steps(data: bytes) -> NDArray[np.float64] | None:
     for (row, column), value in zip(ZIGZAG, values, strict=True):
         steps[row, column] = value
     return steps
+
+
+COARSE_JPEG = 12.0
+"""Mean quantisation step: 6 at quality 95, 11.5 at 90, 29 at 75 (tables of ITU-T T.81 annex K)."""
+
+
+def jpeg_compression(path: Path, data: bytes, stacklevel: int) -> Compression | None:
+    """Compression of a film whose frames are JPEG pictures like ``data``, with a warning where it is strong; None when
+    ``data`` holds no table."""
+    steps = jpeg_steps(data)
+    if steps is None:
+        return None
+    if steps.mean() > COARSE_JPEG:
+        warnings.warn(
+            f"{path}: strong JPEG compression adds to the uncertainty of the angles; export with quality 95 or "
+            "uncompressed",
+            VisionWarning,
+            stacklevel=stacklevel + 1,
+        )
+    return Compression(steps)
 
 
 CHANNELS = ("blue", "green", "red")

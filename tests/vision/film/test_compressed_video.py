@@ -129,6 +129,23 @@ def test_coarse_jpeg_is_warned_about(tmp_path: Path) -> None:
     open_film(path).close()
 
 
+@pytest.mark.filterwarnings("ignore:.*strong JPEG")
+def test_jpeg_in_another_container_states_the_same_steps(tmp_path: Path) -> None:
+    """What a film lost does not depend on the file it lies in."""
+    found = []
+    for name in ("film.avi", "film.mov", "film.mkv"):
+        writer = cv2.VideoWriter(str(tmp_path / name), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (WIDTH, HEIGHT), False)
+        if not writer.isOpened():
+            pytest.skip(f"this OpenCV cannot write MJPEG into {name}")
+        for frame in frames_with_numbers():
+            writer.write(frame)
+        writer.release()
+        with open_film(tmp_path / name) as film:
+            found.append(film.compression.steps)
+    assert found[0].shape == (8, 8) and found[0].mean() > 1.0
+    assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
+
+
 def test_interframe_codec_is_warned_about(tmp_path: Path) -> None:
     path = tmp_path / "film.mp4"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (WIDTH, HEIGHT), False)
