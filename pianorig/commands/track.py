@@ -127,7 +127,9 @@ def command(
     rows_per_s = workflows.rows_per_second(shutter, rows_per_second)
     if retrack:
         places = workflows.read_places(place or [])
-        rows = workflows.retrack(filmed, target, retrack, places, method=method, n_still=n_still, camera=camera)
+        rows = workflows.retrack(
+            filmed, target, retrack, places, method=method, n_still=n_still, camera=camera, rows_per_s=rows_per_s
+        )
         facts = {"out": target, "rows": rows.to_dict(orient="records")}
         tell(as_json, facts, [f"{target}: {len(rows)} frames fitted again"])
         return

@@ -309,6 +309,7 @@ def retrack(
     method: str = "icgn",
     n_still: int | None = None,
     camera: vision.CameraModel | None = None,
+    rows_per_s: float | None = None,
 ) -> pd.DataFrame:
     """Fit single frames again and put them into the film's table, and into its session.
 
@@ -317,7 +318,7 @@ def retrack(
     table_file : CSV that tracking wrote; rewritten whole
     frames : frame numbers that stand in the table
     places : body to (angle rad, x px, y px); bodies not named start between their good neighbours
-    method, n_still, camera : as for `vision.track`
+    method, n_still, camera, rows_per_s : as for `vision.track`
 
     Returns
     -------
@@ -346,6 +347,7 @@ def retrack(
             n_still=n_still,
             camera=camera,
             u_time_s=u_time,
+            rows_per_s=rows_per_s,
         )
     new = pd.DataFrame(result.to_table())
     for number, row in enumerate(rows):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Unpack
 
 import numpy as np
@@ -55,13 +55,13 @@ def retrack_frames(
     Returns
     -------
     TrackResult
-        With the rows of ``frames`` only; frames that still fail are NaN with a flag. Terms of the budget that need
-        neighbouring frames (shutter, synchronisation) are zero.
+        With the rows of ``frames`` only; frames that still fail are NaN with a flag. The frames beside each are fitted
+        for the terms of the budget that need the motion (shutter, rows, synchronisation).
 
     Raises
     ------
     VisionInputError
-        Frames that the film has not, places that do not name every body, or as for `track`.
+        Frames that the film has not, or that are named twice; places that do not name every body; or as for `track`.
 
     Examples
     --------
@@ -77,26 +77,28 @@ def retrack_frames(
     with film_of(path_or_source) as film:
         time_s = frame_times(film, frame_time_s)
         wrong = [frame for frame in frames if not 0 <= frame < film.n_frames]
-        if wrong or not len(frames) or len(frames) != len(places):
+        if wrong or not len(frames) or len(frames) != len(places) or len(set(frames)) < len(frames):
             found = f"frame {wrong[0]}" if wrong else f"{len(frames)} frames with {len(places)} places"
             raise VisionInputError(
-                f"{film.path}: {found} to track again; allowed 0..{film.n_frames - 1}, one place per frame"
+                f"{film.path}: {found} to track again; allowed 0..{film.n_frames - 1}, each once, one place per frame"
             )
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
         zero = zero_of_still_frames(ready)
 
-        def poses() -> Iterator[Sequence[NDArray[np.float64]]]:
-            for frame, place in zip(frames, places, strict=True):
-                pose = []
-                for template, zero_rad in zip(ready.templates, zero.turn_rad, strict=True):
-                    if template.name not in place or not np.all(np.isfinite(place[template.name])):
-                        raise VisionInputError(f"{film.path}: frame {frame}: no place given for body {template.name}")
-                    angle, x, y = place[template.name]
-                    phi = float(ccw_to_picture(angle)) + zero_rad
-                    pose.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
-                yield pose
-
-        return _fitted(ready, zero, (np.array(frames, dtype=np.int64), poses()), time_s, settings, "retracked")
+        start: dict[int, list[NDArray[np.float64]]] = {}
+        for frame, place in zip(frames, places, strict=True):
+            pose = []
+            for template, zero_rad in zip(ready.templates, zero.turn_rad, strict=True):
+                if template.name not in place or not np.all(np.isfinite(place[template.name])):
+                    raise VisionInputError(f"{film.path}: frame {frame}: no place given for body {template.name}")
+                angle, x, y = place[template.name]
+                phi = float(ccw_to_picture(angle)) + zero_rad
+                pose.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
+            first = min(max(frame - 1, 0), max(film.n_frames - 3, 0))
+            start = {**dict.fromkeys(range(first, min(first + 3, film.n_frames)), pose), **start, frame: pose}
+        rows = np.array(sorted(start), dtype=np.int64)
+        fitted = _fitted(ready, zero, (rows, (start[row] for row in rows.tolist())), time_s, settings, "retracked")
+        return fitted.rows(np.searchsorted(rows, frames))
 
 
 def preview(

@@ -64,12 +64,30 @@ def test_a_frame_alone_gives_what_the_film_gave() -> None:
     assert abs(alone.angle_rad[0, 0] - result.angle_rad[50, 0]) < 0.2 * result.u_angle_rad[50, 0]
     assert alone.u_angle_rad[0, 0] == pytest.approx(result.u_angle_rad[50, 0], rel=0.05)
     far = {"bar": (result.angle_rad[50, 0] + 2.0, 20.0, 20.0)}
+    with pytest.raises(InputError, match="each once"):
+        retrack_frames(known.film, known.bodies, [50, 50], [near, near])
     lost = retrack_frames(known.film, known.bodies, [50], [far])
     assert lost.failed[0, 0] and np.isnan(lost.angle_rad[0, 0])
     with pytest.raises(InputError, match="frame 70"):
         retrack_frames(known.film, known.bodies, [70], [near])
     with pytest.raises(InputError, match="body bar"):
         retrack_frames(known.film, known.bodies, [50], [{}])
+
+
+def test_frames_alone_know_their_motion() -> None:
+    """Terms of the budget that need neighbours are the film's, whichever frames are asked for, at its end too."""
+    known = film_of(bar_scene("speckle"), bar_motion(70, PIVOT, 0.3))
+    options = {"rows_per_s": 2e5, "u_time_s": 1e-4}
+    result = track_film(known.film, known.bodies, **options)
+    frames = [69, 20, 50, 51]
+    near = [{"bar": (result.angle_rad[k, 0], result.x_px[k, 0], result.y_px[k, 0])} for k in frames]
+    alone = retrack_frames(known.film, known.bodies, frames, near, **options)
+    assert alone.frame.tolist() == frames
+    for name in ("rows", "synchronisation"):
+        whole, part = result.budget.absolute[name][frames], alone.budget.absolute[name]
+        assert whole.min() > 0.0
+        np.testing.assert_allclose(part, whole, rtol=0.05, atol=0.001 * whole.max())
+    np.testing.assert_allclose(alone.u_total_rad, result.u_total_rad[frames], rtol=0.05)
 
 
 def test_backward_pass_takes_back_a_wrong_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
