@@ -85,8 +85,8 @@ def test_frames_alone_know_their_motion() -> None:
     assert alone.frame.tolist() == frames
     for name in ("rows", "synchronisation"):
         whole, part = result.budget.absolute[name][frames], alone.budget.absolute[name]
-        assert whole.min() > 0.0
-        np.testing.assert_allclose(part, whole, rtol=0.05, atol=0.001 * whole.max())
+        assert whole[1:].min() > 0.0
+        np.testing.assert_allclose(part, whole, rtol=0.05, atol=0.002 * whole.max())
     np.testing.assert_allclose(alone.u_total_rad, result.u_total_rad[frames], rtol=0.05)
 
 
