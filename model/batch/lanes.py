@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,11 +163,10 @@ def units(jobs: Sequence[Job], todo: Sequence[int], workers: int) -> list[list[i
     known: dict[int, tuple[float, float]] = {}
     for group in groups.values():
         group.sort(key=lambda i: (*_order(jobs[i].run, known), i))
-        rounds = -(-len(group) // (workers * UNIT))
-        size = -(-len(group) // (workers * rounds))
-        if size > LANES:  # the last members of a unit leave lanes empty
-            size = -(-size // LANES) * LANES
-        together += [group[k : k + size] for k in range(0, len(group), size)]
+        count = workers * -(-len(group) // (workers * UNIT))  # of units, so that workers end together
+        row = min(LANES, -(-len(group) // count))  # whole ones: the last members of a unit leave lanes empty
+        ends = [row * (-(-len(group) // row) * k // count) for k in range(count + 1)]
+        together += [group[start:end] for start, end in pairwise(ends) if end > start]
     return together + alone
 
 
@@ -191,8 +191,11 @@ def warm(scene: Scene) -> None:
     loop_in_lanes(LANES)
 
 
-def run_unit(jobs: Sequence[Job], hashes: Sequence[str]) -> list[Member]:
-    """Members of a unit of work, for an executor."""
+def run_unit(jobs: Sequence[Job], hashes: Sequence[str] | None = None) -> list[Member]:
+    """Members of a unit of work, for an executor; ``hashes`` of its jobs where they are known."""
+    if hashes is None:
+        known: dict[int, bytes] = {}
+        hashes = [job.sha256(known) for job in jobs]
     if jobs[0].in_lanes:
         return run_together(jobs, hashes)
     return [run_job(job, sha256) for job, sha256 in zip(jobs, hashes, strict=True)]

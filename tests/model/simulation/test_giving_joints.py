@@ -122,7 +122,7 @@ def test_the_step_is_of_the_methods_order(action: model.Action) -> None:
     """Where nothing touches: a hammer that turns on its bushing, halved steps, errors by 2^4 and better."""
     bare, choice = loose_hammer(action, stiffness=1e5, damping=10.0)
     errors = []
-    for scale in (1.0, 1e-2, 1e-4, 1e-6):
+    for scale in (1e-2, 1e-4):  # at 1e-6 what is left, 1e-14 rad, is rounding
         runs = []
         for tolerance in (1e-4 * scale, 1e-12):
             scene = model.build_scene(bare, choice)
@@ -131,7 +131,7 @@ def test_the_step_is_of_the_methods_order(action: model.Action) -> None:
             runs.append(run)
         error = np.abs(runs[0].state.angle_rad - runs[1].state.angle_rad).max()
         errors.append((runs[0].counters[0], error))
-    (n1, e1), (n2, e2) = errors[1], errors[3]
+    (n1, e1), (n2, e2) = errors
     assert np.log(e1 / e2) / np.log(n2 / n1) > 3.7
 
 
