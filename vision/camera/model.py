@@ -32,6 +32,7 @@ from vision.errors import VisionInputError
 from vision.files import read_toml, toml_text, whole_file
 
 MAX_DISTORTION = 0.25
+PLAIN = np.eye(2, 3)
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,24 @@ class Projection:
         flat += self.centre_px
         return flat
 
+    def seen_turned(
+        self,
+        points_px: NDArray[np.float64],
+        cosine: NDArray[np.float64],
+        sine: NDArray[np.float64],
+        at_px: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where points (k, 2) of a body appear that is turned and set on places (n, 2) of the plane: x and y, each
+        (n, k), from the picture's centre."""
+        x, y, depth = turned_points(points_px, cosine, sine, at_px - self.centre_px, self.homography)
+        x /= depth
+        y /= depth
+        if self.radial:
+            factor = 1.0 + self.radial / self.half_diagonal_px**2 * (x * x + y * y)
+            x *= factor
+            y *= factor
+        return x, y
+
     def rectified(self, seen_px: ArrayLike) -> NDArray[np.float64]:
         """Points of the plane that appear at the given points; undoes `seen`."""
         bent = as_points(seen_px) - self.centre_px
@@ -115,6 +134,21 @@ def _project(homography: NDArray[np.float64], points: NDArray[np.float64]) -> ND
     np.divide(h[0, 0] * x + h[0, 1] * y + h[0, 2], depth, out=mapped[..., 0])
     np.divide(h[1, 0] * x + h[1, 1] * y + h[1, 2], depth, out=mapped[..., 1])
     return mapped
+
+
+def turned_points(
+    points: NDArray[np.float64],
+    cosine: NDArray[np.float64],
+    sine: NDArray[np.float64],
+    at: NDArray[np.float64],
+    rows: NDArray[np.float64] = PLAIN,
+) -> list[NDArray[np.float64]]:
+    """Points (k, 2), turned by each of n angles and set on n places (n, 2), times each row of a matrix (m, 3) that maps
+    (x, y, 1): m arrays (n, k), each by one product of matrices."""
+    basis = np.vstack([points.T, np.ones(len(points))])
+    return [
+        np.column_stack([a * cosine + b * sine, b * cosine - a * sine, at @ (a, b) + one]) @ basis for a, b, one in rows
+    ]
 
 
 def _square(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -111,7 +111,6 @@ class IcgnFitter(Fitter):
     def __init__(self, template: Template, frames: FrameSpline | None = None, memory: FitMemory | None = None) -> None:
         self.template = template
         self._frames = frames
-        self._slow: SlowChanges | None = None
         self._light = LocalLight(template)
         self._followed = self._clipped = self._coded = False
         self._settings = fit_settings()
@@ -240,10 +239,7 @@ class IcgnFitter(Fitter):
         return True
 
     def _slow_changes(self) -> SlowChanges:
-        """Made when it is first asked for."""
-        if self._slow is None:
-            self._slow = SlowChanges(self.template)
-        return self._slow
+        return self.template.once(SlowChanges)
 
     def _solve(
         self,

@@ -17,17 +17,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from vision.fitting.base import Fit
 from vision.fitting.bspline import noise_gain
+from vision.fitting.kernels import F32, F64, I32, I64
 from vision.fitting.slow_changes import Changes, light_factor
 from vision.fitting.template import Template
-
-F64 = NDArray[np.float64]
 
 
 def row_median(values: F64) -> F64:
@@ -101,6 +102,93 @@ class Light:
     glows: bool = False
 
 
+class Squares(NamedTuple):
+    """Squares of templates: their ``pixel`` numbers (n,), one square's after the other's, and ``grey`` values (n,) in
+    that order; ``first``, where each square begins and the last ends; ``middle``, its mean grey value."""
+
+    pixel: I32
+    grey: F64
+    first: I64
+    middle: F64
+
+
+@njit(cache=True, nogil=True)
+def middle_of(values: F64, n: int) -> float:
+    """Median of the first n values, which are left in another order."""
+    low, high, at = 0, n - 1, n // 2
+    while low < high:
+        pivot = values[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        if at <= j:
+            high = j
+        elif at >= i:
+            low = i
+        else:
+            break
+    if n % 2:
+        return values[at]
+    below = values[0]
+    for i in range(1, at):
+        below = max(below, values[i])
+    return 0.5 * (below + values[at])
+
+
+@njit(cache=True, nogil=True)
+def may_show_light(squares: Squares, visible: F32, residual: F32, gain: float, noise: float) -> bool:
+    """Whether enough squares may show a light, be it a shade or a glow, for `LightField.shown` to be asked.
+
+    Never False where that finds one: a median beyond a bound has half of its values beyond it, and a scatter below one
+    half of them below. By that most squares of a body that something hides in part are done with in one look.
+    """
+    room = np.empty(visible.size)
+    found_shade = found_glow = 0
+    for k in range(squares.middle.size):
+        start, end = squares.first[k], squares.first[k + 1]
+        if end - start < LEAST_PIXELS:
+            continue
+        middle, least = max(gain * squares.middle[k], 1.0), 0.999 * SURE * 1.25 * noise / math.sqrt(end - start)
+        count = loud_shade = loud_glow = 0
+        for j in range(start, end):
+            i = squares.pixel[j]
+            seen, size = visible[i] > 0.0, abs(residual[i])
+            count += seen
+            loud_glow += seen & (size > least)
+            loud_shade += seen & (size * middle > least * max(gain * squares.grey[j], 1.0))
+        if count < LEAST_PIXELS:
+            continue
+        for glows in (False, True):
+            if 2 * (loud_glow if glows else loud_shade) < count:
+                continue
+            n = 0
+            for j in range(start, end):
+                i = squares.pixel[j]
+                if visible[i] > 0.0:
+                    room[n] = residual[i] if glows else residual[i] / max(gain * squares.grey[j], 1.0)
+                    n += 1
+            change = middle_of(room, n) * (1.0 if glows else middle)
+            size = abs(change)
+            if size * math.sqrt(count) < 0.999 * SURE * 1.25 * noise or size > 1.001 * MOST * middle:
+                continue
+            most, near = 1.001 * (SAME_BODY * noise + EDGE * size) / 1.4826, 0
+            for j in range(start, end):
+                i = squares.pixel[j]
+                off = residual[i] - change * (1.0 if glows else gain * squares.grey[j] / middle)
+                near += (visible[i] > 0.0) & (abs(off) <= most)
+            believed = 2 * near >= count
+            found_glow, found_shade = found_glow + (glows & believed), found_shade + (believed & (not glows))
+        if max(found_glow, found_shade) >= LEAST_CELLS:
+            return True
+    return False
+
+
 class LightField:
     """The squares of one template."""
 
@@ -116,20 +204,38 @@ class LightField:
         )
         cell = row * self.shape[1] + column
         count = np.bincount(cell, minlength=self.shape[0] * self.shape[1])
-        self._members = _by_square(cell, count.size, template.n_pixels)
-        self._pairs = _pairs(template)
-        self._neighbours = [_by_square(cell[one], count.size, one.size) for one, _ in self._pairs]
         self._cell = cell
         self._grey = template.columns[3].astype(float) + template.mean_grey
         self._middle_grey = (np.bincount(cell, self._grey, count.size) / np.maximum(count, 1)).reshape(self.shape)
+        order = np.argsort(cell, kind="stable")
+        self.squares = Squares(
+            order.astype(np.int32), self._grey[order], np.append(0, np.cumsum(count)), self._middle_grey.reshape(-1)
+        )
         self._offset = template.offset_px.astype(float)
         self._factor: F64 | None = None
+
+    @cached_property
+    def _members(self) -> NDArray[np.intp]:
+        """Pixels of each square."""
+        return _by_square(self._cell, self._middle_grey.size, self._cell.size)
+
+    @cached_property
+    def _pairs(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        """Neighbouring pixels."""
+        return _pairs(self._template)
+
+    @cached_property
+    def _neighbours(self) -> list[NDArray[np.intp]]:
+        """Pairs that begin in each square."""
+        return [_by_square(self._cell[one], self._middle_grey.size, one.size) for one, _ in self._pairs]
 
     def shown(
         self, visible: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise: float
     ) -> F64 | None:
         """Change of light that residuals (n,) of a fit under even light show, grey, (rows, columns); None where they
         show none. ``noise`` is the standard deviation of a residual that is noise, grey."""
+        if not may_show_light(self.squares, visible, residual, gain, noise):
+            return None
         seen, left = visible > 0.0, residual.astype(float)
         found = self._change(None, left, seen, gain, noise)
         if found is None or np.count_nonzero(found[1] > SURE) < LEAST_CELLS:
@@ -185,8 +291,6 @@ class LightField:
         if not glows:
             change = row_median(off / np.maximum(grey, 1.0)) * middle
         u = 1.25 * noise / np.sqrt(count[enough])  # of a median, against a mean's 1
-        if light is None and np.count_nonzero(np.abs(change) > SURE * u) < LEAST_CELLS:
-            return None  # none shows a light, whether believed or not
         off -= change[:, None] * (1.0 if glows else grey / middle[:, None])
         scatter = 1.4826 * row_median(np.abs(off))
         whole = np.full(self.shape[0] * self.shape[1], np.nan)
@@ -330,12 +434,21 @@ ALIKE = 0.7
 LEAST_NOISE_GREY = 0.5
 
 
+MEAN_NOISE_GAIN = float(noise_gain().mean())
+"""Frozen into compiled code."""
+
+
+@njit(cache=True, nogil=True)
+def noise_left(noise_grey: float, gain: float, n_averaged: float) -> float:
+    """Standard deviation of a residual that is noise, grey."""
+    return max(noise_grey, LEAST_NOISE_GREY) * math.sqrt(MEAN_NOISE_GAIN**2 + gain**2 / n_averaged)
+
+
 class LocalLight:
     """What the light of one body is; even at first."""
 
     def __init__(self, template: Template) -> None:
         self._template = template
-        self._field: LightField | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -412,12 +525,8 @@ class LocalLight:
         return replace(fit, covariance=fit.covariance * root[:, None] * root)
 
     def _squares(self) -> LightField:
-        """Made when they are first asked for."""
-        if self._field is None:
-            self._field = LightField(self._template)
-        return self._field
+        return self._template.once(LightField)
 
     def _noise(self, gain: float) -> float:
         """Standard deviation of a residual that is noise, grey."""
-        noise = max(self._template.noise_grey, LEAST_NOISE_GREY)
-        return noise * math.sqrt(float(noise_gain().mean()) ** 2 + gain**2 / self._template.n_averaged)
+        return noise_left(self._template.noise_grey, gain, self._template.n_averaged)

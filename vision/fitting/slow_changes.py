@@ -72,9 +72,8 @@ class SlowChanges:
         follow = np.linalg.lstsq(template.normal, self._across.T, rcond=None)[0]
         self._terms = terms - follow.T @ design
         self._products = terms @ terms.T
-        self._inverses = {
-            part.start: np.linalg.pinv(own @ own.T) for part in GROUPS.values() for own in [self._terms[part]]
-        }
+        left = self._terms @ self._terms.T
+        self._inverses = {part.start: np.linalg.pinv(left[part, part]) for part in GROUPS.values()}
         self._factors: dict[tuple[int, ...], NDArray[np.float64]] = {}
 
     def variance_factor(self, changes: Changes) -> NDArray[np.float64]:
@@ -105,7 +104,7 @@ class SlowChanges:
         w = weight.astype(float)
         weighted = w * residual
         # sums, not products of matrices, whose order of adding may depend on threads
-        right = np.array([float(np.sum(weighted * term)) for term in terms])
+        right = np.sum(weighted * terms, axis=1)
         by_noise = gain * float(np.sum(w)) * self._noise_blurred(changes[8])
         right[8] -= by_noise
         if right[8] < by_noise:  # the noise of the reference is not known well enough to tell

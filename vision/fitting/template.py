@@ -10,8 +10,9 @@ offset hardly correlate.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ PATCH_PX = 8
 """Of the picture kept around a body: what a blur of a few pixels reaches."""
 TILE_PX = 8
 """Side of the squares in which the pixels are kept together, so that loops over them find their neighbours near."""
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,14 @@ class Template:
     noise_grey: float = 0.0
     patch: NDArray[np.float32] | None = None
     patch_corner_px: tuple[int, int] = (0, 0)
+    _made: dict[Callable[[Template], Any], Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def once(self, make: Callable[[Template], T]) -> T:
+        """What ``make`` makes of this template: made when first asked for, the same for every fitter."""
+        if make not in self._made:
+            self._made[make] = make(self)
+        found: T = self._made[make]
+        return found
 
     @property
     def n_pixels(self) -> int:

@@ -40,7 +40,7 @@ from vision.fitting.base import MARGIN_PX, region_at
 from vision.fitting.frame_spline import prefilter, saturated_inside
 from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET
 from vision.fitting.kernels import F32, F64, I32, I64, Region, Settings, State, Subset, fit_rigid
-from vision.fitting.light import HIDDEN_SUSPECTED
+from vision.fitting.light import HIDDEN_SUSPECTED, Squares, may_show_light, noise_left
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR
 
 # up to where a fit is accepted without a second look; frozen into the compiled code, whose key holds this file
@@ -56,7 +56,8 @@ MIN_GAIN = 0.6
 surface may hide the body."""
 COVERED_SHARE = 0.1
 """Share of visible pixels that do not agree; noise alone makes 0.003."""
-MOST_HIDDEN = min(COVERED_SHARE, HIDDEN_SUSPECTED)
+COVERED = np.uint16(512)
+"""`results.flags.FrameFlag.COVERED`."""
 
 
 def digest_of_sources() -> str:
@@ -94,7 +95,8 @@ class Bodies(NamedTuple):
     of `fitting.template`, flat; ``centre`` (m, 2), ``radius`` (m,), ``box`` (m, 4) left, right, top, bottom;
     ``noise_normal`` (m, 5, 5); ``averaged``, ``noise``, ``least_zncc``, ``contrast`` (m,); the blocks of
     `fitting.assessment.Blocks`, ``first`` and ``groups`` flat, their numbers in ``runs`` (m, 2): start and count,
-    ``freedom`` (m, sizes); ``in_front`` (m, m), 1 where the second may hide the first; groups of pixels for
+    ``freedom`` (m, sizes); the ``squares`` of `fitting.light`, flat, pixels as above, and ``square_runs`` (m, 2) where
+    each body's begin and their count; ``in_front`` (m, m), 1 where the second may hide the first; groups of pixels for
     `bodies.occlusion`, ``around`` flat, ``arounds`` (m, 2) start and count; ``distance`` (m, height, width).
     """
 
@@ -116,6 +118,8 @@ class Bodies(NamedTuple):
     first: I64
     groups: I32
     freedom: F64
+    squares: Squares
+    square_runs: I64
     in_front: U8
     arounds: I64
     around: F64
@@ -158,7 +162,8 @@ class Found(NamedTuple):
     """What is filled in, per body: expected pose and region (y0, y1, x0, x1; y0 = -1 where too little of the body is
     inside), pose, covariance, coherence. ``figures`` (m, 5):
     correlation, inlier, noise, gain, seen; ``sums`` (m, 10): the numbers of `kernels.RigidFit`; ``normal``,
-    ``inverse`` (m, 5, 5); ``lacking`` (m,) of `fitting.assessment.assess`, which gave ``variance`` (m, 2)."""
+    ``inverse`` (m, 5, 5); ``lacking`` (m,) of `fitting.assessment.assess`, which gave ``variance`` (m, 2); ``flag``
+    (m,)."""
 
     expected: F64
     region: I64
@@ -172,6 +177,7 @@ class Found(NamedTuple):
     inverse: F64
     variance: F64
     lacking: I64
+    flag: NDArray[np.uint16]
 
 
 class Film(NamedTuple):
@@ -316,8 +322,6 @@ def is_good(bodies: Bodies, states: States, found: Found, body: int) -> bool:
     if not MIN_GAIN * share <= changed <= 1.0 / MIN_GAIN / share:
         return False
     x, y = abs(pose[1] - expected[1]), abs(pose[2] - expected[2])
-    if figures[4] - inlier > MOST_HIDDEN:
-        return False
     if not (inlier >= MIN_INLIER and abs(pose[0] - expected[0]) <= MAX_JUMP_RAD):
         return False
     if not (max(x, y) <= FAR_PX and x + y <= MAX_JUMP_PX):
@@ -400,7 +404,21 @@ def fit_body(
         return False
     figures[0], figures[1], figures[2] = out.figures[1], sums.inlier / count, math.sqrt(out.figures[0])
     figures[3], figures[4] = fit.gain, sums.seen / count
-    return is_good(bodies, states, found, body)
+    if not is_good(bodies, states, found, body):
+        return False
+    hidden = figures[4] - figures[1]
+    found.flag[body] = COVERED if hidden > COVERED_SHARE else np.uint16(0)
+    if not hidden > HIDDEN_SUSPECTED:
+        return True
+    begin, n_squares = bodies.square_runs[body, 0], bodies.square_runs[body, 1]
+    squares = Squares(
+        bodies.squares.pixel[start : start + count],
+        bodies.squares.grey[start : start + count],
+        bodies.squares.first[begin + body : begin + body + n_squares + 1],
+        bodies.squares.middle[begin : begin + n_squares],
+    )
+    noise = noise_left(bodies.noise[body], fit.gain, bodies.averaged[body])
+    return not may_show_light(squares, work[1], work[2], fit.gain, noise)
 
 
 @inner
@@ -517,7 +535,7 @@ def filtered(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
 def store(rows: Rows, row: int, found: Found) -> None:
     """Store the fits of all bodies."""
     for body in range(found.pose.shape[0]):
-        figures, rows.flag[row, body] = found.figures[body], 0
+        figures, rows.flag[row, body] = found.figures[body], found.flag[body]
         for j in range(3):
             rows.pose[row, body, j] = found.pose[body, j]
             for k in range(3):

@@ -18,6 +18,7 @@ from vision.fitting.base import NO_REGION, Fit
 from vision.fitting.frame_spline import FilteredPart
 from vision.fitting.icgn import Begun, FitMemory, fit_settings
 from vision.fitting.kernels import Region, ResidualSums, RigidFit
+from vision.fitting.light import LightField, Squares
 from vision.fitting.template import Template
 from vision.frame_fit.compiled import (
     Bodies,
@@ -61,6 +62,10 @@ class FrameFit:
             end = start + template.n_pixels
             offset[2 * start : 2 * end] = template.offset_px.reshape(-1)
             columns[4 * start : 4 * end] = template.columns.reshape(-1)
+        pixel, grey = np.zeros(n, dtype=np.int32), np.zeros(n)
+        squares = [template.once(LightField).squares for template in templates]
+        for start, one in zip(self._start, squares, strict=True):
+            pixel[start : start + one.pixel.size], grey[start : start + one.pixel.size] = one.pixel, one.grey
         in_front = np.zeros((m, m), dtype=np.uint8)
         for i, others in enumerate(occlusion.in_front):
             in_front[i, others] = 1
@@ -84,6 +89,10 @@ class FrameFit:
             first=np.zeros(0, dtype=np.int64),
             groups=np.zeros(0, dtype=np.int32),
             freedom=np.zeros((m, N_LEVELS)),
+            squares=Squares(
+                pixel, grey, np.concatenate([s.first for s in squares]), np.concatenate([s.middle for s in squares])
+            ),
+            square_runs=_starts_and_counts([one.middle.size for one in squares], 1),
             in_front=in_front,
             arounds=_starts_and_counts([part.size for part in around], 3),
             around=np.concatenate(around),
@@ -194,6 +203,7 @@ def _empty_found(m: int) -> Found:
         inverse=np.zeros((m, 5, 5)),
         variance=np.zeros((m, 2)),
         lacking=np.zeros(m, dtype=np.int64),
+        flag=np.zeros(m, dtype=np.uint16),
     )
 
 

@@ -86,7 +86,7 @@ class PoseTable:
         """A table of some of the rows."""
         return PoseTable(*(getattr(self, field.name)[rows] for field in fields(self)))
 
-    def take(self, at: int | tuple[int, int], other: PoseTable, there: int | tuple[int, int]) -> None:
-        """Take a row, or a row of one body, of another table."""
+    def take(self, at: slice | tuple[int, int], other: PoseTable, there: slice | tuple[int, int]) -> None:
+        """Take rows, or a row of one body, of another table."""
         for name in (field.name for field in fields(self)[1:]):
             getattr(self, name)[at] = getattr(other, name)[there]

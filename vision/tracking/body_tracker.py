@@ -334,9 +334,9 @@ class BodyTracker:
         self.place(step, fit.pose)
         return fit
 
-    def fitted(self, fit: Callable[[], Fit]) -> None:
+    def fitted(self, fit: Callable[[], Fit], covered: bool) -> None:
         """Take over a fit that passed every test and is placed already; it is made when it is asked for."""
-        self._fit, self.flag, self.lost_in_a_row = fit, GOOD, 0
+        self._fit, self.flag, self.lost_in_a_row = fit, FrameFlag.COVERED if covered else GOOD, 0
 
     def skip(self, step: int, flag: FrameFlag) -> None:
         """Pass over a frame that says nothing: lost, but the motion goes on as predicted."""

@@ -228,6 +228,7 @@ class _Tile:
         self._nothing = np.zeros(n, dtype=np.uint8)
         self.contrast = float(np.var(self._columns[3]))
         inverse = np.linalg.pinv(self._design @ self._design.T, rcond=1e-12)
+        self._solved = inverse @ self._design
         # a film without noise, or with saturated still frames, is rounded to whole grey values all the same
         self._noise = max(template.noise_grey, LEAST_NOISE)
         self.u_px = self._noise * float(np.sqrt(max(inverse[0, 0], inverse[1, 1])))
@@ -263,13 +264,17 @@ class _Tile:
         places = Places(self._work[2], self._work[3], self._at)
         place_pixels(region, subset, pose, places, visible)
         sample(region, places, value, visible)
-        if visible.sum() < 0.8 * visible.size:
+        n_seen = np.count_nonzero(visible)
+        if n_seen < 0.8 * visible.size:
             return None
-        q = np.linalg.lstsq((self._design * visible).T, value * visible, rcond=None)[0]
+        if n_seen == visible.size:
+            q = self._solved @ value
+        else:
+            q = np.linalg.lstsq((self._design * visible).T, value * visible, rcond=None)[0]
         if not 0.4 < q[3] < 2.5:
             return None
-        left = float(np.mean((value - q @ self._design)[visible > 0.0] ** 2))
-        return q[:3] / q[3], left
+        left = (value - q @ self._design) * visible
+        return q[:3] / q[3], float(left @ left) / n_seen
 
 
 def _tiles(template: Template) -> list[_Tile]:

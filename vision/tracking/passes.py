@@ -95,8 +95,7 @@ def track_forward(
             if stretch is None or not stretch.joins(table):
                 go_on(start, end)
                 continue
-            for row in range(start, end):
-                table.take(row, stretch.table, row - start + SHARED_ROWS)
+            table.take(slice(start, end), stretch.table, slice(SHARED_ROWS, None))
             stretch.tracker.searched_before(newest)
             newest = stretch.tracker
             keeper.rows_done(end, newest)

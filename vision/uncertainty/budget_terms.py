@@ -34,7 +34,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera.model import CameraModel, Projection
+from vision.camera.model import CameraModel, Projection, turned_points
 from vision.each import Each, in_turn
 from vision.film.source import Compression, FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
@@ -47,6 +47,10 @@ CELL_PX = 12
 CORRECTION_ROUNDS = 3
 ROWS_AT_ONCE = 256
 """Poses worked on together: bounds the memory on a long film and stays in the processor's cache."""
+
+
+Both = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Along x and along y."""
 
 
 class PoseResponse:
@@ -84,26 +88,25 @@ class PoseResponse:
         what it shows has moved on by then.
         """
 
-        def apart(part: slice, c: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
-            rate, place = speed[part, :, None], _moved(self._at, c, s, np.zeros((len(c), 2)))
-            late = (place[..., 1] + self.template.centre_px[1] + pose[part, 2:]) / rows_per_s
-            x, y = rate[:, 1] - rate[:, 0] * place[..., 1], rate[:, 2] + rate[:, 0] * place[..., 0]
-            return np.asarray(late[..., None] * np.stack([x, y], axis=-1))
+        def apart(part: slice, c: NDArray[np.float64], s: NDArray[np.float64]) -> Both:
+            rate, (x, y) = speed[part, :, None], turned_points(self._at, c, s, np.zeros((len(c), 2)))
+            late = (y + self.template.centre_px[1] + pose[part, 2:]) / rows_per_s
+            return late * (rate[:, 1] - rate[:, 0] * y), late * (rate[:, 2] + rate[:, 0] * x)
 
         return self._of(pose, apart)
 
     def _of(
         self,
         pose: NDArray[np.float64],
-        apart: Callable[[slice, NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]],
+        apart: Callable[[slice, NDArray[np.float64], NDArray[np.float64]], Both],
     ) -> NDArray[np.float64]:
         """Change of poses (n, 3), in the body's own axes for the shift, by what ``apart`` says of the displacements
-        (k, cells, 2) along the picture's axes in some rows, given the k cosines and sines of their turns."""
+        (k, cells) along each of the picture's axes in some rows, given the k cosines and sines of their turns."""
         result = np.empty((len(pose), 3))
         for start in range(0, len(pose), ROWS_AT_ONCE):
             part = slice(start, start + ROWS_AT_ONCE)
             c, s = np.cos(pose[part, 0]), np.sin(pose[part, 0])
-            x, y = np.moveaxis(apart(part, c, s), -1, 0)
+            x, y = apart(part, c, s)
             # summed along the picture's axes first, then turned into the template's: c and s leave the sum
             along, across = x @ self._gain_x + y @ self._gain_y, y @ self._gain_x - x @ self._gain_y
             result[part] = c[:, None] * along + s[:, None] * across
@@ -122,39 +125,26 @@ def displacement(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """How far each template pixel is off a rigid motion at a pose (3,), px along the template's x and y, each (n,)."""
     c, s = np.cos(pose[:1]), np.sin(pose[:1])
-    apart = _off_rigid(template, camera, template.offset_px.T.astype(float))(pose[None], c, s)[0]
-    return c * apart[:, 0] + s * apart[:, 1], c * apart[:, 1] - s * apart[:, 0]
+    x, y = (one[0] for one in _off_rigid(template, camera, template.offset_px.T.astype(float))(pose[None], c, s))
+    return c * x + s * y, c * y - s * x
 
 
 def _off_rigid(
     template: Template, camera: Projection, offset: NDArray[np.float64]
-) -> Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]:
-    """What says how far places ``offset`` (cells, 2) of a body are off a rigid motion in a camera's picture, (k, cells,
-    2) px, at poses (k, 3) with these cosines and sines of the turn."""
+) -> Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], Both]:
+    """What says how far places ``offset`` (cells, 2) of a body are off a rigid motion in a camera's picture, (k, cells)
+    px along each axis, at poses (k, 3) with these cosines and sines of the turn."""
     centre = np.array(template.centre_px)
     flat, flat_centre = camera.rectified(centre + offset), camera.rectified(centre)
 
-    def apart(pose: NDArray[np.float64], c: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
-        moved_centre = centre + pose[:, 1:]
-        seen = camera.seen(_moved(flat - flat_centre, c, s, camera.rectified(moved_centre)))
-        seen -= _moved(offset, c, s, moved_centre)
-        return seen
+    def apart(pose: NDArray[np.float64], c: NDArray[np.float64], s: NDArray[np.float64]) -> Both:
+        moved = centre + pose[:, 1:]
+        x, y = camera.seen_turned(flat - flat_centre, c, s, camera.rectified(moved))
+        for seen, rigid in zip((x, y), turned_points(offset, c, s, moved - camera.centre_px), strict=True):
+            seen -= rigid
+        return x, y
 
     return apart
-
-
-def _moved(
-    points: NDArray[np.float64], c: NDArray[np.float64], s: NDArray[np.float64], centre: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Points (k, 2) turned by each of n angles of cosine c and sine s and set on n centres (n, 2): shape (n, k, 2).
-
-    One matrix product per coordinate; in memory all x stand before all y, which suits what follows.
-    """
-    basis = np.vstack([points.T, np.ones(len(points))])
-    moved = np.empty((2, len(c), len(points)))
-    np.matmul(np.column_stack([c, -s, centre[:, 0]]), basis, out=moved[0])
-    np.matmul(np.column_stack([s, c, centre[:, 1]]), basis, out=moved[1])
-    return np.moveaxis(moved, 0, -1)
 
 
 INTERFRAME_FACTOR = 6.0
