@@ -28,6 +28,10 @@ its figure; `python -m benchmarks` lists all benchmarks with their claims. Machi
 busy: it did other work as well. **Older than its code** marks a figure that was measured before the last change of what
 it measures, by the commit named. Up to 2026-11-26 a row's commit is the one that wrote its figure down on that date, or
 the last of that day.
+
+![Time of a blow, a batch, derivatives, a fit, a film and a report beside peers and floors](images/diagrams.svg)
+
+`python -m benchmarks diagrams --out docs/images/diagrams.svg` draws it, `scaling` says how time and memory grow.
 """
 MARK = re.compile(r"; \*\*stale\*\*: \w+")
 USUAL = "2 cores at 2.5 GHz, "

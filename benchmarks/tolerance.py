@@ -198,7 +198,7 @@ def tolerance_felt(given: Run) -> bool:
         python -m benchmarks tolerance_felt [--blow forte]
 
     For every element and request: largest error of an angle over the request, against a run at 1e-12 (a string of 75
-    modes in all runs: what is left out is another matter, `string_modes.py`); s where the run's estimate calls it
+    modes in all runs: what is left out is another matter); s where the run's estimate calls it
     missed. Then the energy that does not close at 1e-9, of the work put in, and the order observed: how errors fall
     with the mean step.
     """

@@ -1,7 +1,6 @@
 """Work-precision comparison: our integrators and their peers on the same equations and force tables.
 
     python -m benchmarks work_precision [--blow NAME,…] [--peer NAME,…] [--only-ours] [--repeats 5] [--json FILE]
-                                        [--out docs/work_precision.svg]
 
 Error is max |difference| over the five angles (rad), every 1 ms, from a reference made by two methods that share
 neither the equations' code nor the algorithm: explicit order 8 at 1e-13 that steps to every force point, and our own
@@ -17,9 +16,8 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import re
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -28,11 +26,10 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import BDF, LSODA, Radau
 
 import model
 from benchmarks.figures import machine
-from benchmarks.peers import solvers, traced
+from benchmarks.peers import solvers
 from benchmarks.peers.compiled import BLOWS, CompiledEquations, CompiledJacobian, force_table, pack
 from benchmarks.peers.equations import largest_deviation
 from benchmarks.peers.solvers import Answer, Solver, version
@@ -67,7 +64,6 @@ class Entry:
     ours: bool
     solver: Solver
     tolerances: tuple[float, ...]
-    warm: bool = True  # one uncounted warm-up run
 
 
 def race(
@@ -81,9 +77,8 @@ def race(
     rows: list[Row] = []
     runs: list[tuple[Row, Solver]] = []
     for entry in entries:
-        if entry.warm:
-            with contextlib.suppress(RuntimeError, ArithmeticError):  # reported below, with its tolerance
-                entry.solver(max(entry.tolerances))
+        with contextlib.suppress(RuntimeError, ArithmeticError):  # reported below, with its tolerance
+            entry.solver(max(entry.tolerances))  # compiles
         for tolerance in entry.tolerances:
             runs.append(
                 (Row(blow, entry.method, entry.ours, tolerance, math.nan, math.inf, 0, *[None] * 4), entry.solver)
@@ -131,104 +126,15 @@ def time_at_error(rows: list[Row], error_rad: float) -> float | None:
     return float(np.exp(np.interp(math.log(error_rad), errors, times)))
 
 
-OURS = ("#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7")
-OUR_MARKS = "osDP*"
-MARKS = {
-    "CVODE from C": ("#000000", "^"),
-    "scikit-sundae CVODE": ("#CC79A7", "v"),
-    "SciPy odeint (LSODA)": ("#E69F00", "<"),
-    "SciPy LSODA": ("#009E73", ">"),
-    "CasADi CVODES": ("#56B4E9", "h"),
-    "diffrax Kvaerno5": ("#CC79A7", "p"),
-    "SciPy BDF": ("#666666", "x"),
-    "SciPy Radau": ("#666666", "+"),
-    "explicit DOP853 compiled": ("#999999", "d"),
-    "plain NumPy with LSODA": ("#D55E00", "*"),
-}
-
-
-def draw(rows: Sequence[Row], blows: Sequence[str], default: str, path: Path) -> None:
-    """Write the diagram of ``rows`` to ``path`` (SVG, or whatever its suffix says)."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "work-precision", "font.size": 9})
-    import matplotlib.pyplot as plt
-    from matplotlib.ticker import LogLocator
-
-    columns = min(3, len(blows) + 1)
-    lines = -(-(len(blows) + 1) // columns)
-    figure, axes = plt.subplots(
-        lines, columns, figsize=(3.6 * columns, 3.5 * lines), sharex=True, sharey=True, squeeze=False
-    )
-    panels = list(axes.flat)
-    handles: dict[str, object] = {}
-    methods = list(dict.fromkeys(r.method for r in rows))
-    ours = [m for m in methods if any(r.ours for r in rows if r.method == m)]
-    ours.sort(key=lambda m: m != default)
-    for panel, blow in zip(panels, blows, strict=False):
-        for method in [*(m for m in methods if m not in ours), *reversed(ours)]:
-            points = sorted(
-                (r.tolerance, r.error_rad, r.best_s * 1e3) for r in rows if r.blow == blow and r.method == method
-            )
-            if not points:
-                continue
-            if method in ours:
-                k = ours.index(method) % len(OURS)
-                style = {"color": OURS[k], "marker": OUR_MARKS[k], "lw": 2.2, "ms": 5, "ls": "-", "zorder": 3}
-            else:
-                colour, mark = MARKS.get(method, ("#666666", "."))
-                face = {} if mark in "x+" else {"mfc": "white"}
-                style = {"color": colour, "marker": mark, "lw": 1.0, "ms": 5, "ls": "--", **face}
-            (handles[method],) = panel.plot([p[1] for p in points], [p[2] for p in points], label=method, **style)
-        panel.set_title(blow, loc="left", fontsize=10, fontweight="bold")
-        panel.set_xscale("log")
-        panel.set_yscale("log")
-        panel.grid(True, which="major", color="#dddddd", lw=0.6)
-        panel.xaxis.set_major_locator(LogLocator(numticks=7))
-        panel.minorticks_off()
-        panel.tick_params(labelbottom=True, labelleft=True)
-        panel.set_xlabel("largest angle error, rad")
-        panel.set_ylabel("run time, ms")
-    panels[0].invert_xaxis()
-    for panel in panels[len(blows) :]:
-        panel.set_axis_off()
-    order = [*ours, *(m for m in MARKS if m in handles)]
-    panels[len(blows)].legend(
-        [handles[m] for m in order],
-        [m.replace("ours ", "ours, ") + (" (default)" if m == default else "") for m in order],
-        loc="center",
-        frameon=False,
-        fontsize=9,
-        handlelength=3.2,
-        title="0.7 s of motion, one core;\nlower right is better",
-    )
-    figure.tight_layout()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None, dpi=110)
-    plt.close(figure)
-    if path.suffix == ".svg":  # a hundredth of a point is enough and halves the file size
-        text = path.read_text(encoding="utf-8")
-        text = re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), text)
-        path.write_text(text, encoding="utf-8")
-
-
 OUR_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ...]]] = {
     "CVODE from C": (partial(solvers.c_cvode, False), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
     "CVODE from C with analytic J": (partial(solvers.c_cvode, True), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
     "scikit-sundae CVODE": (solvers.sundae_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
-    "CasADi CVODES": (traced.casadi_cvodes, (1e-4, 1e-5, 1e-6, 1e-7)),
-    "diffrax Kvaerno5": (traced.diffrax_kvaerno5, (1e-4, 1e-6)),
     "SciPy odeint (LSODA)": (solvers.scipy_odeint, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
-    "SciPy LSODA": (partial(solvers.scipy_ivp, LSODA), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
-    "SciPy BDF": (partial(solvers.scipy_ivp, BDF), (1e-4, 1e-6)),
-    "SciPy Radau": (partial(solvers.scipy_ivp, Radau), (1e-4, 1e-6)),
     "explicit DOP853 compiled": (solvers.explicit_dop853, (1e-4, 1e-6, 1e-8, 1e-10)),
-    "plain NumPy with LSODA": (solvers.plain_numpy, (1e-4,)),
 }
 QUICK_OURS = (1e-3, 1e-5)
-ONCE = ("plain NumPy with LSODA", "diffrax Kvaerno5")  # slow: on the first blow only
 TARGETS = (1e-4, 1e-5, 1e-6, 1e-7)
 REFERENCE_TOLERANCE = (1e-13, 1e-12)
 LARGEST_REFERENCE_DIFFERENCE = 1e-9
@@ -341,7 +247,7 @@ def main(args: Run) -> bool:
         entries = [Entry(f"ours {m}", True, our_solver(task, rest, m), ours) for m in METHODS]
         for name in names:
             factory, tolerances = PEERS[name]
-            if name in skipped or (name in ONCE and blow != blows[0]):
+            if name in skipped:
                 continue
             try:
                 solver = timed(f"{name}, {blow}", partial(factory, task))
@@ -349,16 +255,13 @@ def main(args: Run) -> bool:
                 skipped[name] = str(reason)
                 print(f"skipped: {name}: {reason}", flush=True)
                 continue
-            entries.append(Entry(name, False, solver, (1e-5,) if args.quick else tolerances, name not in ONCE))
+            entries.append(Entry(name, False, solver, (1e-5,) if args.quick else tolerances))
         rows += race(blow, entries, reference, args.repeats, partial(print, flush=True))
     table(rows)
     for blow in blows:
         summary(rows, blow, default)
     print("not in the times, s: " + "; ".join(f"{k} {v:.2f}" for k, v in preparation.items() if v > 0.05))
     bad = check(rows, differences)
-    if args.out:
-        draw(rows, blows, default, Path(args.out))
-        print(f"diagram: {args.out}")
     if args.json:
         record = {
             "machine": here, "date": datetime.now(UTC).isoformat(timespec="seconds"),

@@ -4,8 +4,7 @@ Takes an `Action` and returns the text of ``rhs`` with every parameter a literal
 the fastest form a compiled right-hand side can take. Nothing from ``model.kernels`` is used, so that a reference made
 with it also checks those kernels; `largest_deviation` compares it with the plain NumPy reference equations.
 
-Two dialects: ``branches=True`` writes ``if`` statements (numba), so that an open contact costs only its gap;
-``branches=False`` writes ``where(condition, a, b)`` for libraries that trace expressions (CasADi).
+An ``if`` around each contact lets an open one cost only its gap.
 Equations: thesis Chapter 2 and docs/decisions; planar bodies, at most one parent each.
 """
 
@@ -25,9 +24,8 @@ N = len(BODIES)
 class Emitter:
     """Collects the lines of one right-hand side."""
 
-    def __init__(self, action: Action, *, branches: bool) -> None:
+    def __init__(self, action: Action) -> None:
         self.action = action
-        self.branches = branches
         self.lines: list[str] = []
         self.depth = 1
         self.parent = [action.structure[f"{b}.parent"] for b in BODIES]
@@ -154,16 +152,9 @@ class Emitter:
             self.add(f"h{name} = ux * {name}x + uy * {name}y")
         self.add("before = bx * uy - by * ux < 0")
         self.add("after = ex * uy - ey * ux > 0")
-        if self.branches:
-            self.add(f"if before and (hb >= he or not after): nx = bx; ny = by; x = {reach!r} - hb")
-            self.add(f"elif after: nx = ex; ny = ey; x = {reach!r} - he")
-            self.add(f"else: nx = ux / d; ny = uy / d; x = {reach!r} - d")
-            return
-        self.add("low = where(before, hb, -1e9)")
-        self.add("high = where(after, he, -1e9)")
-        for v, b, e, arc in (("nx", "bx", "ex", "ux / d"), ("ny", "by", "ey", "uy / d"), ("t", "hb", "he", "d")):
-            self.add(f"{v} = where(low > high, {b}, where(high > -1e8, {e}, {arc}))")
-        self.add(f"x = {reach!r} - t")
+        self.add(f"if before and (hb >= he or not after): nx = bx; ny = by; x = {reach!r} - hb")
+        self.add(f"elif after: nx = ex; ny = ey; x = {reach!r} - he")
+        self.add(f"else: nx = ux / d; ny = uy / d; x = {reach!r} - d")
 
     def direction(self, name: str, body: str, x: float, y: float) -> None:
         """World components of a unit vector along (x, y) in the frame of ``body``."""
@@ -176,9 +167,8 @@ class Emitter:
         a = self.action
         first, second = a.structure[f"{path}.first.body"], a.structure[f"{path}.second.body"]
         self.gap(path, first, second)
-        if self.branches:
-            self.add("if x > 0.0:")
-            self.depth += 1
+        self.add("if x > 0.0:")
+        self.depth += 1
         r = float(a[f"{path}.first.radius"])
         self.add(f"hx = cx - ({r!r} - 0.5 * x) * nx")
         self.add(f"hy = cy - ({r!r} - 0.5 * x) * ny")
@@ -189,18 +179,15 @@ class Emitter:
         self.add("vy = " + " ".join(f"{signs[s]} y[{N + i}] * (hx - px{i})" for i, s in moving))
         ka, kb, kc, damping = (self.value(f"{path}.normal.{k}") for k in ("a", "b", "c", "D"))
         self.add(f"fn = (({ka} * x + {kb}) * x + {kc}) * x * (1.0 - {damping} * (nx * vx + ny * vy))")
-        if self.branches:
-            self.add("if fn > 0.0:")
-            self.depth += 1
-        else:
-            self.add("fn = where(x > 0.0, where(fn > 0.0, fn, 0.0), 0.0)")
+        self.add("if fn > 0.0:")
+        self.depth += 1
         curve = self.curve("nx * vy - ny * vx", "friction_threshold.v_t", f"{path}.friction")
         self.add(f"ft = -fn * ({curve})")
         self.add("gx = fn * nx - ft * ny")
         self.add("gy = fn * ny + ft * nx")
         for i, s in moving:
             self.add(f"f{i} {signs[s]}= (hx - px{i}) * gy - (hy - py{i}) * gx")
-        self.depth -= 2 if self.branches else 0
+        self.depth -= 2
 
     def solve(self) -> None:
         """Accelerations: children eliminated into their single parent."""
@@ -216,9 +203,9 @@ class Emitter:
             self.add(f"q{c} = (f{c} - {pair[c]} * q{k}) / m{c}_{c}")
 
 
-def source(action: Action, *, branches: bool) -> str:
+def source(action: Action) -> str:
     """Text of ``accelerations(y, u)``: y = 5 angles and 5 speeds, u the key force (N); gives 5 accelerations."""
-    out = Emitter(action, branches=branches)
+    out = Emitter(action)
     out.kinematics()
     out.inertia()
     for i in range(1, 14):
@@ -227,10 +214,10 @@ def source(action: Action, *, branches: bool) -> str:
     return "\n".join(["def accelerations(y, u):", *out.lines, f"    return {', '.join(f'q{i}' for i in range(N))}"])
 
 
-def accelerations(action: Action, names: dict[str, Any] | None = None, *, branches: bool = True) -> Any:
-    """The function itself, with ``names`` (sin, cos, tanh, sqrt, where) from the library that runs it."""
-    space = dict(names or {k: getattr(math, k) for k in ("sin", "cos", "tanh", "sqrt")})
-    exec(compile(source(action, branches=branches), "<equations of the action>", "exec"), space)
+def accelerations(action: Action) -> Any:
+    """The function itself."""
+    space: dict[str, Any] = {k: getattr(math, k) for k in ("sin", "cos", "tanh", "sqrt")}
+    exec(compile(source(action), "<equations of the action>", "exec"), space)
     return space["accelerations"]
 
 

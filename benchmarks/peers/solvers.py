@@ -15,16 +15,14 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import LSODA, odeint, solve_ivp
+from scipy.integrate import odeint
 
 from benchmarks.peers.compiled import CompiledEquations, CompiledJacobian
 from benchmarks.peers.equations import N
 from model import Action
-from tests.model.verification.reference_equations import Twin
 
 Array = NDArray[np.float64]
 LIBRARIES = ("sundials_cvode", "sundials_nvecserial", "sundials_sunmatrixdense", "sundials_sunlinsoldense")
@@ -118,42 +116,6 @@ class Task:
 Solver = Callable[[float], Answer]
 
 
-def _scipy(base: Any, task: Task, rhs: Callable[[float, Array], Array], strided: bool = False) -> Solver:
-    calls = 0
-
-    class Counted(base):  # type: ignore[misc]
-        steps = 0
-
-        def step(self) -> Any:
-            Counted.steps += 1
-            return super().step()
-
-    def contiguous(t: float, y: Array) -> Array:
-        # BDF and Radau pass matrix columns for their Jacobian and do not count those calls
-        nonlocal calls
-        calls += 1
-        return rhs(t, np.ascontiguousarray(y))
-
-    def run(tolerance: float) -> Answer:
-        nonlocal calls
-        calls = Counted.steps = 0
-        sol = solve_ivp(
-            contiguous if strided else rhs, (task.output_s[0], task.output_s[-1]), task.y0, method=Counted,
-            t_eval=task.output_s, rtol=tolerance, atol=tolerance,
-        )  # fmt: skip
-        if not sol.success:
-            raise RuntimeError(sol.message)
-        return Answer(sol.y[:N].T, Counted.steps, None, calls if strided else sol.nfev, sol.njev)
-
-    return run
-
-
-def scipy_ivp(base: Any, task: Task) -> Solver:
-    """SciPy ``solve_ivp`` with LSODA, BDF or Radau."""
-    give, table = task.equations.give, task.table
-    return _scipy(base, task, lambda t, y: give(t, y, table), strided=base is not LSODA)
-
-
 def scipy_odeint(task: Task) -> Solver:
     """SciPy ``odeint``: LSODA with its loop in compiled code; only the right-hand side is called from Python."""
 
@@ -165,17 +127,6 @@ def scipy_odeint(task: Task) -> Solver:
         return Answer(y[:, :N], int(info["nst"][-1]), None, int(info["nfe"][-1]), int(info["nje"][-1]))
 
     return run
-
-
-def plain_numpy(task: Task) -> Solver:
-    """A typical user's solution: the plain NumPy equations in ``solve_ivp`` with LSODA."""
-    twin = Twin(task.action)
-
-    def rhs(t: float, y: Array) -> Array:
-        force = float(np.interp(t, task.time_s, task.force_n))
-        return np.concatenate([y[N:], twin.acceleration(y[:N], y[N:], force)])
-
-    return _scipy(LSODA, task, rhs)
 
 
 def sundae_cvode(task: Task) -> Solver:

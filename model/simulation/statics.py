@@ -90,7 +90,7 @@ def _free_part(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Generalised force and stiffness at rest of the coordinates that may move."""
     f, stiff, _ = balance(scene, q, u)
-    return f[free], stiff[np.ix_(free, free)]
+    return f[free], stiff[free[:, None], free]
 
 
 def _moved(q: NDArray[np.float64], free: NDArray[np.int64], step: NDArray[Any]) -> NDArray[np.float64]:

@@ -96,8 +96,8 @@ def test_what_is_wrong_with_a_call_is_said(capsys: pytest.CaptureFixture[str], m
     with pytest.raises(SystemExit, match="--write: found --quick, allowed is the full size"):
         runner.main(["same_results", "--quick", "--write"])
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    assert runner.main(["iso18571", "--quick"]) == 0
-    assert capsys.readouterr().out == "skipped: iso18571 needs objective_rating_metrics: not installed\n"
+    assert runner.main(["cluster_members", "--quick"]) == 0
+    assert capsys.readouterr().out == "skipped: cluster_members needs dask, distributed: not installed\n"
 
 
 @pytest.mark.parametrize(("answer", "code"), [(None, 0), (True, 0), (False, 1), (np.bool_(False), 1)])
