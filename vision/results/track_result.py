@@ -7,7 +7,7 @@ positions in picture axes (y down), px. A frame that failed is NaN in every quan
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -123,15 +123,6 @@ class TrackResult(ArrayRecord):
             self.angle_rad[:, child], self.angle_rad[:, parent], self.u_angle_rad[:, child], self.u_angle_rad[:, parent]
         )
         return angle, u, self.flag[:, child] | self.flag[:, parent]
-
-    def rows(self, rows: NDArray[np.intp]) -> TrackResult:
-        """The same for some rows, (k,) indexes, in their order."""
-        of_rows = ("frame", "time_s", "angle_rad", "u_angle_rad", "x_px", "y_px", "zncc", "inlier", "noise_grey")
-        chosen = {name: getattr(self, name)[rows] for name in (*of_rows, "flag", "covariance")}
-        absolute, relative = (
-            {name: term[rows] for name, term in terms.items()} for terms in (self.budget.absolute, self.budget.relative)
-        )
-        return replace(self, **chosen, budget=replace(self.budget, absolute=absolute, relative=relative))
 
     @property
     def u_total_rad(self) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Unpack
 
 import numpy as np
@@ -98,7 +99,7 @@ def retrack_frames(
             start = {**dict.fromkeys(range(first, min(first + 3, film.n_frames)), pose), **start, frame: pose}
         rows = np.array(sorted(start), dtype=np.int64)
         fitted = _fitted(ready, zero, (rows, (start[row] for row in rows.tolist())), time_s, settings, "retracked")
-        return fitted.rows(np.searchsorted(rows, frames))
+        return _rows_of(fitted, np.searchsorted(rows, frames))
 
 
 def preview(
@@ -165,3 +166,14 @@ def _fitted(
     if settings.method == "icgn":
         confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
     return assemble_result(ready, zero, table, time_s, settings, {what: frames.tolist()})
+
+
+def _rows_of(result: TrackResult, rows: NDArray[np.intp]) -> TrackResult:
+    """Some rows of a result, (k,) indexes, in their order."""
+    of_rows = ("frame", "time_s", "angle_rad", "u_angle_rad", "x_px", "y_px", "zncc", "inlier", "noise_grey")
+    chosen = {name: getattr(result, name)[rows] for name in (*of_rows, "flag", "covariance")}
+    budget = result.budget
+    absolute, relative = (
+        {name: term[rows] for name, term in terms.items()} for terms in (budget.absolute, budget.relative)
+    )
+    return replace(result, **chosen, budget=replace(budget, absolute=absolute, relative=relative))
