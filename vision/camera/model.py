@@ -80,24 +80,6 @@ class Projection:
         flat += self.centre_px
         return flat
 
-    def seen_turned(
-        self,
-        points_px: NDArray[np.float64],
-        cosine: NDArray[np.float64],
-        sine: NDArray[np.float64],
-        at_px: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where points (k, 2) of a body appear that is turned and set on places (n, 2) of the plane: x and y, each
-        (n, k), from the picture's centre."""
-        x, y, depth = turned_points(points_px, cosine, sine, at_px - self.centre_px, self.homography)
-        x /= depth
-        y /= depth
-        if self.radial:
-            factor = 1.0 + self.radial / self.half_diagonal_px**2 * (x * x + y * y)
-            x *= factor
-            y *= factor
-        return x, y
-
     def rectified(self, seen_px: ArrayLike) -> NDArray[np.float64]:
         """Points of the plane that appear at the given points; undoes `seen`."""
         bent = as_points(seen_px) - self.centre_px
@@ -110,6 +92,25 @@ class Projection:
                 break
         inverse = np.asarray(np.linalg.inv(self.homography), dtype=np.float64)
         return np.asarray(self.centre_px + _project(inverse, flat))
+
+
+def seen_turned(
+    camera: Projection,
+    points_px: NDArray[np.float64],
+    cosine: NDArray[np.float64],
+    sine: NDArray[np.float64],
+    at_px: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where points (k, 2) of a body appear that is turned and set on places (n, 2) of the plane: x and y, each
+    (n, k), from the picture's centre."""
+    x, y, depth = turned_points(points_px, cosine, sine, at_px - camera.centre_px, camera.homography)
+    x /= depth
+    y /= depth
+    if camera.radial:
+        factor = 1.0 + camera.radial / camera.half_diagonal_px**2 * (x * x + y * y)
+        x *= factor
+        y *= factor
+    return x, y
 
 
 def tilted(tilt_rad: float, direction_rad: float, distance_px: float) -> NDArray[np.float64]:

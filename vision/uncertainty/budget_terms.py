@@ -34,7 +34,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera.model import CameraModel, Projection, turned_points
+from vision.camera.model import CameraModel, Projection, seen_turned, turned_points
 from vision.each import Each, in_turn
 from vision.film.source import Compression, FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
@@ -139,7 +139,7 @@ def _off_rigid(
 
     def apart(pose: NDArray[np.float64], c: NDArray[np.float64], s: NDArray[np.float64]) -> Both:
         moved = centre + pose[:, 1:]
-        x, y = camera.seen_turned(flat - flat_centre, c, s, camera.rectified(moved))
+        x, y = seen_turned(camera, flat - flat_centre, c, s, camera.rectified(moved))
         for seen, rigid in zip((x, y), turned_points(offset, c, s, moved - camera.centre_px), strict=True):
             seen -= rigid
         return x, y
