@@ -11,7 +11,9 @@ before the first run.  Exit code 1 if a coverage lies outside 0.925 to 0.97.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -120,45 +122,67 @@ class Strokes:
         return np.asarray(((count - count[0]) * self.count_rad)[self.first :])
 
 
-def sessions(strokes: Strokes, options: Run) -> Iterator[tuple[Array, Array]]:
-    """Curves of each session, (n_samples, 3, n), and the mean of the other trials, (n_samples, 3)."""
-    # the others have one seed, the sessions the following ones
-    first, n = 1_000_000 * options.seed, max(TRIALS)
-    if not options.drawn:
-        others = sum(strokes.trial(first, k) for k in range(1, options.others + 1)) / options.others
-        for k in range(options.sessions):
-            yield np.stack([strokes.trial(first + 1 + k, number) for number in range(1, n + 1)], axis=2), others
-        return
-    pool = np.stack([strokes.trial(first, k) for k in range(1, options.others + 1)], axis=2)
+CHUNK = 50  # sessions that are a case of their own
+
+
+@cache
+def others_of(kind: str, pace: float, strength: float, seed: int, n: int) -> tuple[Strokes, Array]:
+    """A stroke, and its other trials, (n_samples, 3, n): one seed; sessions have the following ones."""
+    strokes = Strokes(kind, pace, strength, seed)
+    return strokes, np.stack([strokes.trial(1_000_000 * seed, k) for k in range(1, n + 1)], axis=2)
+
+
+def sessions(stroke: tuple[str, float, float, int, int], chunk: int, drawn: bool) -> Iterator[tuple[Array, Array]]:
+    """Curves of each session of a chunk, (n_samples, 3, n), and the mean of the other trials, (n_samples, 3)."""
+    (strokes, pool), n = others_of(*stroke), max(TRIALS)
+    strokes.rng = np.random.default_rng([stroke[3], 97, chunk])
     total = pool.sum(axis=2)
-    for _ in range(options.sessions):
-        mine = pool[:, :, strokes.rng.choice(options.others, n, replace=False)]
-        yield mine, (total - mine.sum(axis=2)) / (options.others - n)
+    for k in range(CHUNK * chunk, CHUNK * (chunk + 1)):
+        if drawn:
+            mine = pool[:, :, strokes.rng.choice(pool.shape[2], n, replace=False)]
+            yield mine, (total - mine.sum(axis=2)) / (pool.shape[2] - n)
+            continue
+        seed = 1_000_000 * stroke[3] + 1 + k
+        yield np.stack([strokes.trial(seed, number) for number in range(1, n + 1)], axis=2), total / pool.shape[2]
 
 
-def coverage_on_bench(kind: str, options: Run, table: Table) -> bool:
-    """Print the rows of one stroke; whether all of them are within the allowed shares."""
-    strokes = Strokes(kind, options.pace, options.strength, options.seed)
-    u = strokes.count_rad / np.sqrt(6)
-    # by number of trials: covered, covered by the band of values alone, half width over the range
-    found = {n: np.zeros((3, options.sessions, 3)) for n in TRIALS if n >= FEWEST_FOR_BAND}
-    for k, (curves, others) in enumerate(sessions(strokes, options)):
+def covered(stroke: tuple[str, float, float, int, int], chunk: int, drawn: bool) -> dict[str, Any]:
+    """By number of trials and encoder, of each session of a chunk: covered, covered by the band of values alone, half
+    width over the range."""
+    u = others_of(*stroke)[0].count_rad / np.sqrt(6)
+    found: dict[str, list[list[list[float]]]] = {str(n): [] for n in TRIALS if n >= FEWEST_FOR_BAND}
+    for curves, others in sessions(stroke, chunk, drawn):
         extent = np.ptp(others, axis=0)
-        for (n, cells), c in product(found.items(), range(3)):
-            band = repeatability_band(curves[:, c, :n], u_sample=float(u[c]))
-            s = np.maximum(curves[:, c, :n].std(axis=1, ddof=1), u[c])
-            by_value = np.all(np.abs(others[:, c] - band.mean) <= band.factor * s / np.sqrt(n))
-            cells[:, k, c] = band.covers(others[:, c]), by_value, np.sqrt(np.mean(band.half_width**2)) / extent[c]
+        for n, cells in found.items():
+            row = []
+            for c in range(3):
+                band = repeatability_band(curves[:, c, : int(n)], u_sample=float(u[c]))
+                s = np.maximum(curves[:, c, : int(n)].std(axis=1, ddof=1), u[c])
+                by_value = np.all(np.abs(others[:, c] - band.mean) <= band.factor * s / np.sqrt(int(n)))
+                width = float(np.sqrt(np.mean(band.half_width**2)) / extent[c])
+                row.append([float(band.covers(others[:, c])), float(by_value), width])
+            cells.append(row)
+    return found
+
+
+def coverage_on_bench(kind: str, run: Run, table: Table) -> bool:
+    """Print the rows of one stroke; whether all of them are within the allowed shares."""
+    stroke = kind, run.pace, run.strength, run.seed, run.others
+    keys = [(*stroke, chunk, run.drawn) for chunk in range(-(-run.sessions // CHUNK))]
+    done = [outcome for _, outcome in run.cases(keys, lambda *key: covered(key[:5], *key[5:]))]
     good = True
-    for n, (held, by_value, width) in found.items():
+    for n in done[0] if done else ():
+        held, by_value, width = np.moveaxis(np.concatenate([np.array(part[n]) for part in done]), 2, 0)
         for c, name in enumerate(ENCODER_CHANNELS):
-            limits = interval(held[:, c].sum(), options.sessions)
-            table.row(f"{kind} {name}", n, held[:, c].mean(), *limits, by_value[:, c].mean(), 100 * width[:, c].mean())
+            limits = interval(held[:, c].sum(), len(held))
+            table.row(
+                f"{kind} {name}", int(n), held[:, c].mean(), *limits, by_value[:, c].mean(), 100 * width[:, c].mean()
+            )
         low, high = interval(held.sum(), held.size)
         inside = ALLOWED_ON_BENCH[0] <= held.mean() <= ALLOWED_ON_BENCH[1]
-        inside |= options.quick and low <= ALLOWED_ON_BENCH[1] and high >= ALLOWED_ON_BENCH[0]  # too few to tell
+        inside |= run.quick and low <= ALLOWED_ON_BENCH[1] and high >= ALLOWED_ON_BENCH[0]  # too few to tell
         good &= bool(inside)
-        table.row(f"{kind} all" + ("" if inside else " OUTSIDE"), n, held.mean(), *[None] * 4)
+        table.row(f"{kind} all" + ("" if inside else " OUTSIDE"), int(n), held.mean(), *[None] * 4)
     return good
 
 
@@ -166,7 +190,7 @@ def band_on_bench(run: Run) -> bool:
     """Coverage of the trials' own band on the virtual bench, whose blows scatter in time and amplitude.
 
         python -m benchmarks band_on_bench [--sessions 2000] [--others 2000] [--strokes forte,piano,double,staccato]
-                                           [--seed 1] [--pace 1.0] [--strength 1.0] [--drawn]
+                                           [--seed 1] [--pace 1.0] [--strength 1.0] [--drawn] [--results FILE]
 
     Every session is ten trials of one stroke with a seed of its own, read by encoders; the band of its first five and
     of all ten is compared, over the whole record and for each encoder, with the mean of other trials of the same

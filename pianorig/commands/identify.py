@@ -182,11 +182,13 @@ def _scores(name: str, scores: dict[str, Any]) -> str:
 
 
 def _as_plain(found: Any) -> dict[str, Any]:
+    supported = found.details.supported
     return {
         "estimates": [asdict(e) for e in found.estimates],
         "correlation": found.correlation.tolist(),
         "undetermined": [d.words for d in found.undetermined],
         "explained": list(found.details.explained),
+        "in_spite_of_the_lack": [] if supported is None else [asdict(e) for e in supported.estimates],
         "warnings": list(found.warnings),
         "starts": list(found.starts),
         "scores": dict(found.scores),

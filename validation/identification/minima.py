@@ -25,8 +25,9 @@ OWN_SHARES = (1.0, 0.5, 0.1)  # of each trial's way
 CORRECTIONS, CORRECTED = 3, (1.0, 0.3)  # of each trial's place, and shares of the way that are tried
 BENT, SEEN = 0.1, 0.05  # of a posterior standard uncertainty, of the noise: a bend that is not followed
 TINY = 1e-9  # of the same: a step below it has no direction
-PROBED, FORK = 0.3, 2.0  # of a posterior standard uncertainty, of the sensor's noise: a bend that is a fork
-LEFT = 0.5  # of a trial's phases: least that a fork may leave
+FORK = 2.0  # of the sensor's noise: a bend that is a fork
+PROBES = ((0.3, 0.5), (0.03, 0.0))  # steps, of a posterior standard uncertainty; share of its phases a fork must leave
+FEW = 1 / 3  # of the trials: no more have a fork in their first half, else the model is at fault
 FOLLOWED = 3.0  # cost of a trial, per datum: above it the model is not yet where the trial was
 LEARNT = 2  # times that sizes of noise are learnt
 WANTED = 1.0  # of a posterior standard uncertainty: a step that gains nothing, and is counted in the uncertainty
@@ -85,7 +86,7 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
         if found is None and np.median(place.costs) < FOLLOWED:
             more = _forks(problem, place, forks)
             if more != forks:
-                forks, place = more, _until(place, more)
+                forks, place, learnt = more, _until(place, more), min(learnt, LEARNT - 1)
                 if say is not None:
                     where = ", ".join(f"{problem.trials[k].label} from phase {at} on" for k, at in forks.items())
                     say(f"each trial: at a fork, left out: {where}")
@@ -117,39 +118,52 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
 def _way_on(problem: Problem, place: _Place, shares: Sequence[float]) -> tuple[Array, _Way, float] | None:
     """As far to where the linear model wants all as runs agree better, and the gain; None where they do nowhere."""
     step = box_step(place.marginal, place.here, place.z, problem.box(), 0.0)
-    modes = OwnModes(place.marginal, place.linear, place.z)
-    before = float(np.sum(modes.costs(place.run, place.own)) + place.z @ place.z)
+    before = _cost(place.marginal, place.run, place.own, place.z)
     for share in shares:
         z = place.z + share * step
         way = _on_the_way(problem, place, z)
-        after = np.inf if way is None else float(np.sum(way.costs) + z @ z)
+        after = np.inf if way is None else _cost(place.marginal, way.run, way.own, z)
         if way is not None and after < before:
             return z, way, before - after
     return None
 
 
+def _cost(marginal: Marginal, run: Sequence[Array], own: Sequence[Own], z: Array) -> float:
+    """Twice the negative log density of runs, of what trials share and have of their own, and of z; constants apart.
+
+    What trials share is where it most probably is for these runs: its own density counts, or a step that needs less of
+    it is taken for none.
+    """
+    there = without_own(marginal.blocks, run, own)
+    modes = OwnModes(marginal, [r + b.moved @ z for r, b in zip(there, marginal.blocks, strict=True)], z)
+    return float(np.sum(modes.costs(run, own)) + modes.prior + z @ z)
+
+
 def _forks(problem: Problem, place: _Place, known: Mapping[int, int]) -> dict[int, int]:
     """Of each trial at a fork its first phase there, those known already among them.
 
-    A step of `PROBED` standard uncertainties, to where values are wanted and back, bends its motion by more than `FORK`
-    times the sensor's noise: a body just meets a stop, or misses it. No linear model holds from there on. A trial of
-    which less than half were left is no such trial: the step is too long for the model, and the fit goes on by shorter.
+    A step of 0.3 standard uncertainties, to where values are wanted and back, bends its motion by more than `FORK`
+    times the sensor's noise: a body just meets a stop, or misses it. No linear model holds from there on. Where that
+    would leave less than half of a trial the step may only be too long for the model: a tenth of it must bend as much
+    (a key that just stands still on its way), and only few trials may.
     """
     marginal = place.marginal
     step = box_step(marginal, place.here, place.z, problem.box(), 0.0)
     width = np.sqrt(np.diag(marginal.covariance)[: marginal.p])
-    step *= PROBED / max(float(np.max(np.abs(step / width)[problem.watched])), TINY)
-    out = dict(known)
-    found = problem.response.curves([place.z + step, place.z - step], [place.own, place.own])
-    for curves, sign in zip(found, (1.0, -1.0), strict=True):
-        there = [] if curves is None else residuals(problem.trials, curves)
-        for k, (new, old, b) in enumerate(zip(there, place.run, marginal.blocks, strict=False)):
-            bent = (np.abs(old - new - sign * (b.moved @ step)) / np.sqrt(b.white)).reshape(-1, b.time_s.size)
+    step /= max(float(np.max(np.abs(step / width)[problem.watched])), TINY)
+    tried = [(sign * probed, least) for probed, least in PROBES for sign in (1.0, -1.0)]
+    curves = problem.response.curves([place.z + s * step for s, _ in tried], len(tried) * [place.own])
+    late, early = dict(known), dict[int, int]()
+    for (s, least), there in zip(tried, curves, strict=True):
+        found = [] if there is None else residuals(problem.trials, there)
+        for k, (new, old, b) in enumerate(zip(found, place.run, marginal.blocks, strict=False)):
+            bent = (np.abs(old - new - s * (b.moved @ step)) / np.sqrt(b.white)).reshape(-1, b.time_s.size)
             if np.any(bent > FORK):
                 phase = int(np.argmax(np.any(bent > FORK, axis=0)))
-                if phase >= LEFT * b.time_s.size:
+                if phase >= least * b.time_s.size:
+                    out = late if least else early
                     out[k] = min(phase, out.get(k, phase))
-    return out
+    return late | early if len(early) <= FEW * len(problem.trials) else late
 
 
 def _until(place: _Place, forks: Mapping[int, int]) -> _Place:

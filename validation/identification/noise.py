@@ -418,6 +418,7 @@ class OwnModes:
     Attributes
     ----------
     most : most probable of each trial, by the linear model
+    prior : twice the negative log density of all that trials share beside z, but for a constant
     """
 
     def __init__(self, marginal: Marginal, residuals: Sequence[Array], z: Array) -> None:
@@ -425,7 +426,7 @@ class OwnModes:
         there = [r - b.moved @ z for r, b in zip(residuals, marginal.blocks, strict=True)]
         rest = np.zeros(marginal.q)
         rest[p:] = cho_solve(marginal.rest, marginal.projected(there)[0][p:])
-        self.scatter = marginal.sizes.scatter
+        self.scatter, self.prior = marginal.sizes.scatter, float(rest @ rest)
         self.shared: list[Array] = []
         self.most: list[Own] = []
         for (lower, x), b, r in zip(marginal.white, marginal.blocks, there, strict=True):

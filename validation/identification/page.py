@@ -21,6 +21,7 @@ from validation.identification.estimates import IDENTIFIED, Profile
 from validation.identification.fit import Fitted
 from validation.identification.further import Prospect
 from validation.identification.identifiability import CANNOT_TELL
+from validation.identification.lacks import telling
 from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
 from validation.identification.result import FITTED, Identification
 from validation.identification.scatter import factors
@@ -50,7 +51,21 @@ def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> l
     ][:3]
     said += _held_out(found)
     said.append(_next(ranked, found.details.fitted.converged))
-    return said
+    return said + (_apart(found, ranked) if ranked else [])
+
+
+def _apart(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
+    """Which stroke tells best what is lacking, where several changes take it away."""
+    known = found.details.supported
+    strokes = [p for p in ranked if p.candidate is not None]
+    if known is None or len(known.let_in) < 2 or not strokes:
+        return []
+    apart = telling(known.let_in, [p.candidate.trial for p in strokes if p.candidate is not None])
+    best = int(np.argmax(apart))
+    return [
+        f"What is lacking is told best by {prospect_words(strokes[best])}: the fits that explain these strokes alike "
+        f"differ there by {apart[best]:.0f} times the sensors' noise."
+    ]
 
 
 def _what_was_found(found: Identification) -> str:

@@ -25,6 +25,7 @@ from validation.identification.difference.explain import (
 from validation.identification.estimates import Estimate, Profile
 from validation.identification.fit import Fitted
 from validation.identification.identifiability import Combination
+from validation.identification.lacks import Supported, supported
 from validation.identification.observations import ObservedTrial
 from validation.identification.problem import Problem
 from validation.identification.scores import EventScore
@@ -147,7 +148,13 @@ class Details:
     @cached_property
     def explained(self) -> tuple[str, ...]:
         """Sentences on which part of the model explains the difference; found when first asked for, in seconds."""
-        return explained_lines(self.problem.action, self.sources)
+        lines = () if self.supported is None else self.supported.lines
+        return (*explained_lines(self.problem.action, self.sources), *lines)
+
+    @cached_property
+    def supported(self) -> Supported | None:
+        """What is known in spite of what the model lacks; found when first asked for, in up to a minute."""
+        return supported(self.problem, self.fitted, lambda line: None)
 
 
 FITTED = "fitted trials"

@@ -67,6 +67,7 @@ def found() -> Found:
         profiles=(),
         sources=SimpleNamespace(measured=(), sessions=(), seals={}),
         explained=("which part: none",),
+        supported=None,
     )
     scores = {"fitted trials": {"before": {"key": 1e-3, "whippen": 1e-3, "hammer": 1e-3}}}
     return Found(

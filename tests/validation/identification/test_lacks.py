@@ -1,0 +1,91 @@
+"""What strokes say in spite of what the model lacks: fits with one change let in, laid together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import model
+from benchmarks.identification_coverage import Sensors, observed, played
+from tests.validation.identification import toy
+from validation.identification import lacks
+from validation.identification.estimates import IDENTIFIED, LACKING
+from validation.identification.fit import fit
+from validation.identification.force_runs import ForceRuns
+from validation.identification.lacks import LetIn, Supported, shows_in, supported
+from validation.identification.minima import search
+from validation.identification.problem import at_start
+from validation.identification.scatter import lacking
+from validation.identification.unknowns import unknowns
+
+TRUTH = np.array([0.4, -0.3, 0.2])
+
+
+def let_in(change: float, gain: float = 0.0) -> LetIn:
+    """A fit that is as good as another, its first value so much larger."""
+    problem = toy.problem(toy.made(TRUTH, 5, np.random.default_rng(3)))
+    found = fit(problem)
+    return LetIn(None, problem, replace(found, z=found.z + change * np.array([1.0, 0.0, 0.0])), gain)
+
+
+def test_an_interval_holds_those_of_all_fits_that_explain_as_well() -> None:
+    one, other = let_in(0.0), let_in(0.1, -1.0)
+    (alone, *_), _ = lacks._together([one])
+    (both, rest, *_), _ = lacks._together([one, other])
+    assert alone.verdict == both.verdict == rest.verdict == IDENTIFIED
+    assert both.low == alone.low and both.high > alone.high and both.value == alone.value
+
+
+def test_a_value_that_fits_disagree_on_is_not_known() -> None:
+    estimates, _ = lacks._together([let_in(0.0), let_in(2.5)])
+    assert [e.verdict == IDENTIFIED for e in estimates] == [False, True, True]
+    assert "one thing or another" in estimates[0].verdict
+
+
+def test_where_a_lack_shows_is_told_by_the_blow() -> None:
+    problem = toy.problem(toy.made(TRUTH, 3, np.random.default_rng(3)))
+    hammer = np.abs(problem.trials[0].change_rad[:, 2])
+    blow = int(np.argmax(hammer > 0.95 * hammer.max()))
+    after = np.zeros((toy.M, 3))
+    after[blow + 3 :, 0] = 1e-3
+    after[-1, 0] = 2e-3
+    step = 1e3 * (toy.TIME[1] - toy.TIME[0])
+    said = f"shows from {3 * step:.0f} ms after the blow on, most {step * (toy.M - 1 - blow):.0f} ms after the blow"
+    assert shows_in(problem, 3 * [after]) == said
+    assert shows_in(problem, 3 * [0.0 * after]) == "is below the sensors' noise"
+
+
+def test_lines_name_what_takes_the_lack_away_and_what_is_known() -> None:
+    one, other = let_in(0.0), let_in(0.1, -1.0)
+    estimates, _ = lacks._together([one, other])
+    p = one.problem.unknowns.asked[0]
+    first, known = Supported((replace(one, parameter=p), other), estimates, (), 7, "shows at the blow").lines
+    assert "each of these, let in alone, takes it away: key.joint_friction.A = " in first and "or nothing" in first
+    assert known.startswith("Known in spite of the lack, whichever it is, are: key.joint_friction.A 0.0")
+    none, _ = Supported((one,), estimates, (), 7, "shows at the blow").lines
+    assert "none of the 7 changes that were let in takes it away" in none
+
+
+def test_a_model_that_no_force_drives_is_not_asked() -> None:
+    one = let_in(0.0)
+    assert supported(one.problem, one.fitted, lambda text: None) is None
+
+
+@pytest.mark.slow
+def test_a_shank_that_the_model_lacks_is_let_in_and_the_values_are_known_with_it() -> None:
+    action, rng = model.load_action(), np.random.default_rng(5)
+    scene = replace(model.load_scene("flexible-shank"), values=(("shank.frequency_hz", 210.0),))
+    specimen = scene.on(action.with_values({"key.joint_friction.A": 1.2 * action["key.joint_friction.A"]}))
+    trials = observed("forte", 0, played(specimen, "forte", 4, Sensors(rng), rng))
+    free = unknowns(action, ["key.joint_friction", "contact07.friction"], ["*"])
+    problem, columns = at_start(action, free, trials, ForceRuns(action, (*free.moved, *free.held), trials))
+    fitted = search(problem, 1, None, columns)[0]
+    assert lacking(fitted) > LACKING
+    found = supported(problem, fitted, lambda text: None)
+    assert found is not None and [m.parameter.name for m in found.let_in if m.parameter] == ["shank.frequency_hz"]
+    friction, other = found.estimates
+    assert friction.verdict == other.verdict == IDENTIFIED and lacking(found.let_in[0].fitted) < LACKING
+    off = np.array([friction.z - np.log(1.2) / 0.3, other.z]) / [friction.z_u, other.z_u]
+    assert np.all(np.abs(off) < 3.0) and max(friction.z_u, other.z_u) < 0.3 and "Hz" in found.let_in[0].words
