@@ -114,6 +114,7 @@ States = Callable[[Array], tuple[Array, ...]]
 GOAL = 1e-6  # error of what accumulates, as a share of all losses
 LONGEST_PANEL_S = 5e-4
 ROUNDS = 5
+AT_ONCE = 2000  # states; what they say of every contact takes 2 kB each
 
 
 class _Record:
@@ -129,8 +130,8 @@ class _Record:
     def add(self, times: Array, states: ObservedStates) -> None:
         contact = states.contact
         self.time_s.append(times)
-        self.joint_n.append(states.joint_forces())
-        self.rail_m.append(np.zeros(len(times)) if self.rail is None else contact[:, self.rail, C.DEPTH])
+        self.joint_n.append(states.joint_forces().copy())
+        self.rail_m.append(np.zeros(len(times)) if self.rail is None else contact[:, self.rail, C.DEPTH].copy())
         self.largest_n = np.maximum(self.largest_n, contact[:, :, C.NORMAL].max(axis=0, initial=0.0))
 
 
@@ -187,13 +188,16 @@ def observe(
 
     work: list[float] = []  # all losses, from the first round of panels
 
-    def rates(times: Array) -> tuple[Array, Array]:
+    def flows(times: Array) -> Array:
         at = evaluate(times)
         lost = [at.contact[:, :, C.RUBBED], at.contact[:, :, C.FELT], at.body[:, :, C.BRAKED], at.tip[:, :, 1]]
-        power = np.concatenate(lost, axis=1)
+        return np.concatenate([*lost, np.abs(at.contact[:, :, C.SLIDE])], axis=1)
+
+    def rates(times: Array) -> tuple[Array, Array]:
+        found = np.concatenate([flows(part) for part in np.array_split(times, len(times) // AT_ONCE + 1)])
         if not work:
-            work.append(float(np.trapezoid(np.abs(power).sum(axis=1), times)))
-        return np.concatenate([power, np.abs(at.contact[:, :, C.SLIDE])], axis=1), np.zeros(len(times))
+            work.append(float(np.trapezoid(np.abs(found[:, : width - c]).sum(axis=1), times)))
+        return found, np.zeros(len(times))
 
     end = float(wanted[-1]) if len(wanted) else start
     totals = np.zeros((len(wanted), width))
