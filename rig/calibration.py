@@ -111,10 +111,23 @@ def changed(text: str, table: str, values: Mapping[str, Value], *, named: str | 
     raise RigInputError(f"rig file: has no table [{table}]" + (f" named {named}" if named else ""))
 
 
+def rewritten(rig: Rig, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:
+    """Return the text as :func:`changed` does, after checking that it is a rig file still.
+
+    With values that are there already it tells, before anything is read, whether what is read can be written.
+    """
+    text = changed(rig.text, table, values, named=named)
+    try:
+        parse_rig(text, f"{rig.source} as calibrated")
+    except RigInputError as error:
+        raise RigInputError(f"{error}; write the keys of [{table}] as  key = value") from None
+    return text
+
+
 def _set(body: str, key: str, value: str) -> str:
     """Replace a value up to its comment, or add the line below the table's head."""
     line = re.compile(
-        rf'(?m)^({re.escape(key)}\s*=\s*)("(?:[^"\\\n]|\\.)*"|\[[^\]\n]*\]|\{{[^}}\n]*\}}|[^#\n]*?)(\s*(?:#.*)?)$'
+        rf'(?m)^([ \t]*{re.escape(key)}\s*=\s*)("(?:[^"\\\n]|\\.)*"|\[[^\]]*\]|\{{[^}}\n]*\}}|[^#\n]*?)(\s*(?:#.*)?)$'
     )
     if line.search(body):
         return line.sub(lambda match: match[1] + value + match[3], body, count=1)
@@ -219,6 +232,8 @@ def dead_weights(
         "u_gain_relative": relative,
         "calibration": f"dead weights, {len(masses)} up to {masses[-1]:g} kg",
     }
+    if force.offset_n is not None:
+        values["offset_n"] = 0.0  # the line goes through the unloaded reading
     found: Found = {
         "masses_kg": steps,
         "readings": readings,
@@ -263,6 +278,8 @@ def shunt(rig: Rig, backend: SelftestBackend) -> Calibration:
         "electrical": (zero, zero + (full - zero) * gain),
         "calibration": f"{force.calibration}; shunt {selftest.shunt_ohm:g} ohm, gain {gain:.6f}",
     }
+    if force.offset_n is not None:
+        values["offset_n"] = force.physical_n[0] + (force.offset_n - force.physical_n[0]) / gain
     found: Found = {
         "steps_mv_per_v": steps,
         "expected_mv_per_v": wanted,
@@ -295,9 +312,7 @@ def null(rig: Rig, backend: Backend, ask: Ask) -> Calibration:
 
 def _done(kind: str, found: Found, rig: Rig, values: dict[str, Value]) -> Calibration:
     dated = f"{values['calibration']}, {datetime.now(UTC):%Y-%m-%d}"
-    text = changed(rig.text, "force", values | {"calibration": dated})
-    parse_rig(text, f"{rig.source} as calibrated")  # it must be a rig file still
-    return Calibration(kind, found, text)
+    return Calibration(kind, found, rewritten(rig, "force", values | {"calibration": dated}))
 
 
 HELD_S = 0.8
@@ -389,7 +404,9 @@ def fit_arc(references: Sequence[float], readings: Sequence[float], u_angle_rad:
         )
     spread = float(np.sqrt(np.sum((x - x.mean()) ** 2)))
     u_slope = max(fit.u_slope, abs(encoder.rad_per_count) / 12**0.5 / spread)
-    u = float(np.hypot(u_slope, u_angle_rad / spread)) * gain**2
+    # a reference is off alike on the way up and down
+    pulls = [np.sum(x[x == value] - x.mean()) / spread**2 for value in np.unique(x)]
+    u = float(np.hypot(u_slope, u_angle_rad * np.linalg.norm(pulls))) * gain**2
     return Arc(gain, u, fit.worst, tuple(float(r) for r in readings), tuple(x.tolist()))
 
 
@@ -403,6 +420,8 @@ def with_what_was_known(rig: Rig, body: str, arc: Arc) -> tuple[float, float]:
     known, u_known = encoder.arc_gain, encoder.u_eccentricity_rad
     if abs(arc.gain - known) > CONTRADICTS * np.hypot(arc.u_gain, u_known):
         return arc.gain, arc.u_gain
+    if (known, u_known) == (1.0, 0.0):  # nothing was stated
+        return arc.gain, arc.u_gain
     if u_known == 0.0 or arc.u_gain == 0.0:
         return (known, u_known) if u_known == 0.0 else (arc.gain, arc.u_gain)
     weights = np.array([arc.u_gain, u_known]) ** -2.0
@@ -413,9 +432,7 @@ def corrected_rig(rig: Rig, body: str, arc: Arc) -> str:
     """Return the rig file's text with the correction of one encoder and its uncertainty."""
     gain, u_gain = with_what_was_known(rig, body, arc)
     values = {"arc_gain": float(f"{gain:.9g}"), "u_eccentricity_rad": float(f"{u_gain:.3g}")}
-    text = changed(rig.text, "encoders", values, named=body)
-    parse_rig(text, f"{rig.source} as calibrated")
-    return text
+    return rewritten(rig, "encoders", values, named=body)
 
 
 LONGEST_SWING_S = 60.0

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, Field
 
 from rig.atomic_write import refused, write_text
-from rig.backend import Backend, Block, Expiry, Timing
+from rig.backend import Backend, Block, Capabilities, Expiry, Timing
 from rig.configuration import toml_file
 from rig.configuration.rig_file import BODIES, Number, Rig, RigConfig, SelftestConfig, Table, Text
 from rig.errors import HardwareFault, NotPermitted, RigInputError
@@ -56,6 +56,7 @@ class SelftestRecord(Table):
     rig_sha256: Text
     product: Text
     device: Text
+    serial_number: str = ""
     backend: Text
     simulated: bool = Field(strict=True)
     operator: str = "unknown"
@@ -69,6 +70,11 @@ class SelftestRecord(Table):
         """Whether every check passed; a record without checks did not."""
         return bool(self.findings) and all(finding.passed for finding in self.findings)
 
+    @property
+    def bench(self) -> str:
+        """The device that was tested, as :func:`bench_of` names one."""
+        return _bench(self.product, self.serial_number, self.simulated)
+
     def write(self, folder: Path) -> Path:
         """Write the record into a folder, created if missing; return its path."""
         stamp = self.created_utc.astimezone(UTC)
@@ -81,18 +87,32 @@ class SelftestRecord(Table):
         return path
 
 
+def _bench(product: str, serial_number: str, simulated: bool) -> str:
+    return f"{'simulated ' if simulated else ''}{product}, serial number {serial_number or 'unknown'}"
+
+
+def bench_of(capabilities: Capabilities) -> str:
+    """Name the device behind a backend: product, serial number, and whether it is simulated."""
+    description = capabilities.description
+    return _bench(description.get("product", ""), description.get("serial_number", ""), capabilities.simulated)
+
+
 def read_record(path: Path) -> SelftestRecord:
     """Read and check one record."""
     return toml_file.check(SelftestRecord, toml_file.parse_toml(toml_file.read_text(path), str(path)), str(path))
 
 
-def valid_record(rig: Rig, place: Path, now: datetime | None = None) -> tuple[Path, SelftestRecord]:
+def valid_record(
+    rig: Rig, place: Path, now: datetime | None = None, *, address: str = "ADDRESS"
+) -> tuple[Path, SelftestRecord]:
     """Find the newest record of this rig file and refuse it unless it passed and is recent enough.
 
     Parameters
     ----------
     place : path
         A record, or the folder of records.
+    address : str
+        Of the bench, for the advice.
 
     Raises
     ------
@@ -100,13 +120,12 @@ def valid_record(rig: Rig, place: Path, now: datetime | None = None) -> tuple[Pa
         When there is none, or the newest did not pass or is too old.
     """
     now = now or datetime.now(UTC)
+    advice = f"run  pianorig selftest --backend {address} --rig {rig.source}"
     files = [place] if place.is_file() else sorted(place.glob("*.toml")) if place.is_dir() else []
     records = [(path, read_record(path)) for path in files]
     mine = [(path, record) for path, record in records if record.rig_sha256 == rig.sha256]
     if not mine:
-        raise NotPermitted(
-            f"{place}: no self-test of rig file {rig.source} as it is; run  pianorig selftest --rig {rig.source}"
-        )
+        raise NotPermitted(f"{place}: no self-test of rig file {rig.source} as it is; {advice}")
     path, record = max(mine, key=lambda item: _utc(item[1].created_utc))
     failed = [finding.check for finding in record.findings if not finding.passed]
     if not record.passed:
@@ -116,7 +135,7 @@ def valid_record(rig: Rig, place: Path, now: datetime | None = None) -> tuple[Pa
     if not timedelta(0) <= age <= timedelta(hours=allowed_h):
         raise NotPermitted(
             f"{path}: self-test of {_utc(record.created_utc):%Y-%m-%d %H:%M} UTC is {age.total_seconds() / 3600:.1f} h "
-            f"old, allowed 0 to {allowed_h:g} h (safety.selftest_valid_h); run  pianorig selftest  again"
+            f"old, allowed 0 to {allowed_h:g} h (safety.selftest_valid_h); {advice}"
         )
     return path, record
 
@@ -567,6 +586,7 @@ def run_selftest(
         rig_sha256=rig.sha256,
         product=capabilities.description.get("product", rig.config.device.product),
         device=rig.config.device.name,
+        serial_number=capabilities.description.get("serial_number", ""),
         backend=capabilities.name,
         simulated=capabilities.simulated,
         operator=operator,

@@ -34,6 +34,7 @@ from rig.calibration import (
     null,
     read_plateaus,
     read_swing,
+    rewritten,
     shunt,
     there_and_back,
     with_what_was_known,
@@ -94,6 +95,8 @@ def calibrate_force(
     """
     record = _record_beside(out, order.kind)
     rig_file = load_rig(rig)
+    stated = rig_file.config.force.model_dump(include={"electrical", "physical_n", "u_gain_relative", "calibration"})
+    rewritten(rig_file, "force", stated)
     with interrupts_told(out), closing(open_backend(backend, rig_file.config)) as bench:
 
         def asked(instruction: str, mass_kg: float) -> None:
@@ -135,6 +138,7 @@ def calibrate_encoder(
     if not 0 <= u_angle_rad < 0.01:
         raise CommandInputError(f"--u-angle {u_angle_rad:g}: allowed 0 to 0.01 rad")
     rig_file, references = load_rig(rig), there_and_back(angles_rad)
+    rewritten(rig_file, "encoders", {"arc_gain": 1.0, "u_eccentricity_rad": 0.0}, named=body)
     address = _on_virtual(backend, "pose", f"{body}:{','.join(f'{angle:.9g}' for angle in references)}")
     with interrupts_told(out), closing(open_backend(address, rig_file.config)) as bench:
         if bench.capabilities.hardware:

@@ -110,12 +110,18 @@ class StrokeDetector:
         """First sample of the stream that a stroke under way, or the next one, may need."""
         if self._begun is not None:
             return self._begun[0]
-        return max(self._end - self._pre, 0) if self._quiet_from is None else self._pre_from(self._end)
+        # a detector that begins here must settle, and a trigger is looked for within the block before
+        return max(self._end - max(self._pre, self._rest) - self._sustained, self._quiet_from or 0)
 
     @property
     def playing(self) -> bool:
         """Whether a stroke is under way."""
         return self._begun is not None
+
+    @property
+    def settled(self) -> bool:
+        """Whether it is quiet or a stroke is under way: what was played since is found."""
+        return self.playing or self._quiet_from is not None
 
     def add(self, block: Block) -> Stroke | None:
         """Take the next samples; return the stroke that they end, if any."""

@@ -139,7 +139,11 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
     if (sealed := _sealed(session, number)) is not None:
         # sealed just before the program ended, unless the two differ
         kept, at = stored_blocks(file, journal) if journal.head is not None else (), sealed.force_n
-        if not all(np.array_equal(at[b.first_sample : b.first_sample + b.force_n.size], b.force_n) for b in kept):
+        force_n = np.concatenate([np.empty(0), *(block.force_n for block in kept)])
+        same = np.array_equal(at[: force_n.size], force_n)
+        if journal.head is not None and PASSIVE in journal.head.provenance:  # a stroke is cut out of its journal
+            same = any(np.array_equal(force_n[k:][: at.size], at) for k in np.flatnonzero(force_n == at[0]))
+        if not same:
             raise RigInputError(f"{file}: is not the journal of {session.trial_path(number).name}; move it elsewhere")
         if not keep:
             file.unlink()
@@ -151,8 +155,8 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
             file.unlink()
         return Recovered(number, "empty", 0, f"no sample had been acquired; the journal {fate}")
     settings = journal.head.provenance.get(PASSIVE)
-    stroke = None if settings is None else _stroke(file, journal, settings)
-    if settings is not None and stroke is None:
+    stroke, settled = (None, False) if settings is None else _stroke(file, journal, settings)
+    if settled and stroke is None:
         if not keep:
             file.unlink()
         return Recovered(number, "empty", 0, f"nobody was playing; the journal {fate}")
@@ -186,16 +190,16 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
     return Recovered(number, status, wanted, note)
 
 
-def _stroke(file: Path, journal: Journal, settings: str) -> Stroke | None:
-    """Return the stroke in the journal of a passive recording, found as the recorder found it."""
+def _stroke(file: Path, journal: Journal, settings: str) -> tuple[Stroke | None, bool]:
+    """Return the stroke in the journal of a passive recording, and whether the bench was ever at rest before it."""
     try:
         detector = StrokeDetector(StrokeSettings.from_text(settings))
     except (TypeError, ValueError, KeyError) as error:
         raise RigInputError(f"{file}: its settings of strokes cannot be read ({error})") from None
     for block in stored_blocks(file, journal):
         if (stroke := detector.add(block)) is not None:
-            return stroke
-    return detector.finish()
+            return stroke, True
+    return detector.finish(), detector.settled
 
 
 def _sealed(session: Session, number: int) -> TrialData | None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from rig.backend import Capabilities
 from rig.configuration.rig_file import Rig, RigConfig
 from rig.errors import NotPermitted
-from rig.selftest import SelftestRecord, valid_record
+from rig.selftest import SelftestRecord, bench_of, valid_record
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def permit(
     ...     print("run the self-test first")
     run the self-test first
     """
-    _, record = valid_record(rig, selftests, now)
+    _, record = valid_record(rig, selftests, now, address=address)
     return Permission(confirm(rig, address, yes=yes, ask=ask), rig.sha256, record)
 
 
@@ -135,8 +135,10 @@ def require_permission(rig: Rig, capabilities: Capabilities, permission: Permiss
     record = permission.selftest
     if record is None or not record.passed:
         raise NotPermitted(f"{capabilities.name}: recording needs a self-test that passed; run  pianorig selftest")
-    product = capabilities.description.get("product", "")
-    if record.product != product:
-        raise NotPermitted(f"{capabilities.name}: is a {product}, the self-test was made on a {record.product}")
+    if record.bench != (here := bench_of(capabilities)):
+        raise NotPermitted(
+            f"{capabilities.name}: is a {here}; the self-test was made on a {record.bench}; "
+            f"run  pianorig selftest --backend ADDRESS --rig {rig.source}  on this one"
+        )
     if not dry_run:
         raise NotPermitted(f"{capabilities.name}: recording needs a dry run of the profile (predict)")

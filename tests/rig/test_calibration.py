@@ -101,6 +101,34 @@ def test_coarse_references_spoil_no_scale_that_is_known_better() -> None:
     assert abs(coarse[0] - 1.0) < 1e-5 and coarse[1] < 3.5e-5
     contradicted = with_what_was_known(known, "key", Arc(1.01, 4e-4, 0.0, (), ()))
     assert contradicted == (1.01, 4e-4)
+    unstated = parse_rig(known.text.replace("u_eccentricity_rad = 3.5e-5", ""))
+    assert with_what_was_known(unstated, "key", Arc(1.0005, 4e-4, 0.0, (), ())) == (1.0005, 4e-4)
+
+
+def test_a_reference_is_off_alike_on_the_way_up_and_down() -> None:
+    up, encoder = np.array(ANGLES), load_rig("virtual").config.encoders[0]
+    references = there_and_back(ANGLES)
+    u = fit_arc(references, references, 1e-3, encoder).u_gain
+    random = np.random.default_rng(5)
+    gains = []
+    for _ in range(2000):
+        true = up + 1e-3 * random.standard_normal(up.size)
+        gains.append(np.polyfit(references, [*true, *true[-2::-1]], 1)[0])
+    assert u == pytest.approx(np.std(gains), rel=0.05)
+
+
+def test_a_rig_file_that_cannot_be_rewritten_is_told_before_anything_is_read(tmp_path: Path, capsys: Any) -> None:
+    file, text = tmp_path / "rig.toml", load_rig("virtual").text
+    file.write_text(re.sub(r"(?m)^electrical = .*$", '"electrical" = [0.0, 2.0]', text, count=1), encoding="utf-8")
+    asked = ("calibrate-force", "--weights", "1,2", "--rig", file, "--out", tmp_path / "new.toml")
+    assert run(*asked, "--backend", "ni-grpc://nobody:1") == 2
+    assert "as calibrated: not a TOML file" in (said := capsys.readouterr().err) and "keys of [force] as" in said
+
+
+def test_keys_that_are_indented_and_arrays_over_lines_are_replaced() -> None:
+    text = "[force]\n  electrical = [\n    0.0,\n    2.0,\n  ] # mV/V\n\tu_gain = 1\n"
+    made = changed(text, "force", {"electrical": (0.25, 3.0), "u_gain": 5.0})
+    assert tomllib.loads(made) == {"force": {"electrical": [0.25, 3.0], "u_gain": 5.0}} and "# mV/V" in made
 
 
 @pytest.mark.parametrize(
@@ -139,7 +167,8 @@ def weighed(make_backend, rig, masses=MASSES, gravity=9.81, **force):
 
 @pytest.mark.parametrize(("gain", "offset_n"), [(0.03, 0.4), (-0.015, -0.2)])
 def test_dead_weights_find_gain_and_zero(gain, offset_n, make_backend, assert_safe) -> None:
-    done, backend, asked = weighed(make_backend, RIG, gain_error=gain, offset_n=offset_n)
+    stale = parse_rig(RIG.text.replace("u_preload_n = 0.01", "u_preload_n = 0.01\noffset_n = -0.8"))
+    done, backend, asked = weighed(make_backend, stale, gain_error=gain, offset_n=offset_n)
     assert asked[0] == asked[-1] == "take everything off the load cell" and len(asked) == 7
     found = done.found
     assert abs(found["gain_against_rig_file"] - (1 + gain)) < 3 * found["u_slope_relative"] < 0.003
@@ -147,6 +176,7 @@ def test_dead_weights_find_gain_and_zero(gain, offset_n, make_backend, assert_sa
     config = parse_rig(done.rig_text).config
     per_n = (config.force.electrical[1] - config.force.electrical[0]) / (config.force.physical_n[1])
     assert per_n == pytest.approx((1 + gain) * 2.0 / 111.2, rel=1e-3)
+    assert config.force.offset_n == 0.0
     assert config.force.u_gain_relative == found["u_slope_relative"] and "dead weights" in config.force.calibration
     assert_safe(backend)
 

@@ -81,7 +81,8 @@ def two_heads(data: TrialData, key_rad: Array) -> KeyHeads | None:
     other = np.asarray(data.channel_values[:, names.index(KEY_OPPOSITE)], dtype=float)
     key = next(encoder for encoder in data.encoders if encoder.name == "key")
     radius, u_radius = (float(found) for found in re.findall(r"([\d.eE+-]+) m\b", channel.sensor)[:2])
-    first, second = key_rad - key_rad[0], other - other[0]
+    # the mean of both is free of the eccentricity that ``arc_gain`` corrects, and head two comes without it
+    first, second = (key_rad - key_rad[0]) / key.arc_gain, other - other[0]
     step = abs(key.rad_per_count) / np.sqrt(12.0)
     head = np.hypot(step, np.sqrt(2.0) * key.u_interpolation_rad)
     return KeyHeads(

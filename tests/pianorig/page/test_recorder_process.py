@@ -96,7 +96,7 @@ def test_hardware_asks_for_self_test_and_name_also_after_a_pause(tmp_path: Path)
         checked = (SelftestFinding(check="all", passed=True, found="", allowed=""),)
         record = SelftestRecord(
             created_utc=datetime.now(UTC), rig="virtual", rig_sha256=rig.sha256, product=rig.config.device.product,
-            device="cDAQ1", backend="test", simulated=True, findings=checked,
+            device="cDAQ1", backend="test", simulated=True, serial_number="none (simulated)", findings=checked,
         )  # fmt: skip
         record.write(tmp_path / "selftests")
         control.start(order)

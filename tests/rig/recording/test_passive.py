@@ -109,6 +109,64 @@ def test_a_program_that_is_killed_within_a_stroke_leaves_it_to_be_recovered(tmp_
     assert recover_session(copies["playing"]) == []
 
 
+def test_a_stroke_soon_after_the_last_is_recovered_where_rest_is_longer_than_the_lead(edited_rig, tmp_path) -> None:
+    rig, (force, count) = edited_rig(("rest_s = 0.2", "rest_s = 0.9")), played(6.0, [(2.0, 0.2, 15.0), (3.4, 0.3, 9.0)])
+
+    def progress(at: Any) -> None:
+        if round(at.time_s, 2) == 3.6:
+            shutil.copytree(tmp_path / "s", tmp_path / "killed")
+
+    player = Player((force, count))
+    record_passive(tmp_path / "s", backend=player, rig_config=rig, duration_s=3.62, progress=progress)
+    (entry,) = recover_session(tmp_path / "killed")
+    assert (entry.trial, entry.status) == (2, "incomplete")
+    data = Session.open(tmp_path / "killed").trial(2).read()
+    end = 3.6 * RATE
+    np.testing.assert_array_equal(data.force_n, force[round(end) - data.n_valid : round(end)])
+    assert 2.8 * RATE < end - data.n_valid < 2.95 * RATE  # half a second before it
+
+
+def test_what_was_never_at_rest_is_sealed_whole(tmp_path) -> None:
+    def progress(at: Any) -> None:
+        if round(at.time_s, 2) == 0.5:
+            shutil.copytree(tmp_path / "s", tmp_path / "killed")
+
+    player = Player(played(4.0, [(-0.1, 1.2, 30.0), (2.0, 0.1, 9.0)]))
+    record_passive(tmp_path / "s", backend=player, strokes=1, progress=progress)
+    (entry,) = recover_session(tmp_path / "killed")
+    assert (entry.status, entry.samples) == ("incomplete", 0.5 * RATE)
+    data = Session.open(tmp_path / "killed").trial(1).read()
+    np.testing.assert_array_equal(data.encoder_count, player.count[: data.n_valid])
+
+
+@pytest.mark.parametrize("before", [2, 9])
+def test_a_stroke_that_begins_as_its_journal_is_rotated_is_kept_whole(before, tmp_path) -> None:
+    force, count = 0.001 * np.sin(np.arange(60_000.0)), np.zeros((60_000, 3), dtype=np.int64)
+    began = 50_500 - before  # the first block that ends beyond 10 s
+    force[began : began + 2000] += 10.0
+    data = record_passive(tmp_path / "s", backend=Player((force, count)), strokes=1).trial(1).read()
+    at = int(np.argmax(data.force_n > 5.0))
+    np.testing.assert_array_equal(data.force_n, force[began - at :][: data.n_valid])
+    assert data.status == "complete" and at == 0.5 * RATE
+
+
+def test_a_journal_beside_its_sealed_stroke_goes_and_any_other_stays(tmp_path) -> None:
+    def progress(at: Any) -> None:
+        if round(at.time_s, 2) == 2.3:
+            shutil.copytree(tmp_path / "s", tmp_path / "killed")
+
+    session = record_passive(tmp_path / "s", backend=Player(), strokes=1, progress=progress)
+    (journal,) = Session.open(tmp_path / "killed", require_trials=False).journals.values()
+    shutil.copy(session.trial(1).path, tmp_path / "killed")
+    with pytest.raises(InputError, match="is not the journal of trial_0001.h5"):
+        recover_session(tmp_path / "killed")  # which holds more than the journal does
+    Session.open(tmp_path / "killed").trial(1).path.unlink()
+    recover_session(tmp_path / "killed", tmp_path / "again")  # the journal stays
+    shutil.copy(Session.open(tmp_path / "again").trial(1).path, tmp_path / "killed")
+    (entry,) = recover_session(tmp_path / "killed")
+    assert "was sealed already" in entry.note and not journal.exists()
+
+
 @pytest.mark.parametrize(
     ("error", "status"),
     [(KeyboardInterrupt(), "interrupted"), (HardwareFault("gone"), "fault"), (ZeroDivisionError("x"), "defect")],

@@ -17,7 +17,7 @@ from rig.selftest import SelftestFinding, SelftestRecord, read_record, valid_rec
 from rig.session import Session
 
 NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
-CARD = Capabilities("a chassis", False, {"product": "cDAQ-9189"}, hardware=True)
+CARD = Capabilities("a chassis", False, {"product": "cDAQ-9189", "serial_number": "01AB"}, hardware=True)
 
 
 def record_of(rig, *, hours_ago: float = 1.0, passed: bool = True, **changes) -> SelftestRecord:
@@ -27,8 +27,9 @@ def record_of(rig, *, hours_ago: float = 1.0, passed: bool = True, **changes) ->
         "rig_sha256": rig.sha256,
         "product": "cDAQ-9189",
         "device": "cDAQ1",
+        "serial_number": "01AB",
         "backend": "test",
-        "simulated": True,
+        "simulated": False,
         "findings": (SelftestFinding(check="drive", passed=passed, found="1", allowed="1"),),
         **changes,
     }
@@ -85,7 +86,7 @@ def test_the_newest_record_of_this_rig_file_counts_and_must_have_passed_lately(r
 
 
 def test_the_self_test_is_looked_for_before_anybody_is_asked(rig, tmp_path) -> None:
-    with pytest.raises(NotPermitted, match="no self-test"):
+    with pytest.raises(NotPermitted, match="no self-test.* selftest --backend ni://local --rig"):
         permit(rig, "ni://local", tmp_path, yes=False, ask=never, now=NOW)
 
 
@@ -98,7 +99,13 @@ def test_what_is_missing_is_named_and_the_virtual_bench_needs_nothing(rig, edite
         (Permission("typed", "0" * 64, record_of(rig)), True, "for another rig file"),
         (Permission("typed", rig.sha256, None), True, "needs a self-test that passed"),
         (Permission("typed", rig.sha256, record_of(rig, passed=False)), True, "needs a self-test that passed"),
-        (Permission("typed", rig.sha256, record_of(rig, product="PCIe-6363")), True, "is a cDAQ-9189, the self-test"),
+        (
+            Permission("typed", rig.sha256, record_of(rig, product="PCIe-6363")),
+            True,
+            "is a cDAQ-9189, serial number 01AB; the self-test was made on a PCIe-6363, serial number 01AB",
+        ),
+        (Permission("typed", rig.sha256, record_of(rig, serial_number="02CD")), True, "serial number 02CD; run"),
+        (Permission("typed", rig.sha256, record_of(rig, simulated=True)), True, "made on a simulated cDAQ-9189"),
         (whole, False, "needs a dry run"),
     ):
         with pytest.raises(NotPermitted, match=said) as refusal:

@@ -175,6 +175,7 @@ def _permitted(tmp_path: Path, text: str) -> list[str]:
     rig = load_rig(rig_file)
     record = SelftestRecord(
         created_utc=datetime.now(UTC), rig="virtual", rig_sha256=rig.sha256, product="cDAQ-9189", device="cDAQ1",
-        backend="test", simulated=True, findings=(SelftestFinding(check="all", passed=True, found="", allowed=""),),
+        backend="test", simulated=True, serial_number="none (simulated)",
+        findings=(SelftestFinding(check="all", passed=True, found="", allowed=""),),
     )  # fmt: skip
     return ["--rig", str(rig_file), "--yes", "--selftest", str(record.write(tmp_path))]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,6 +68,15 @@ def test_rotation_and_lift_are_those_of_the_specimen(recorded: tuple[rig.Session
     assert np.abs(heads.rotation_rad[:n] - rotation[:n]).max() < 2e-5
     note = heads.note(Quiet(stop=1500, start_s=0.0, end_s=0.3, onset_s=0.35))
     assert f"lifts by up to {1e3 * lift.max():.3f} mm (u 0.001 mm)" in note
+
+
+def test_a_correction_of_the_first_head_for_its_scale_goes_before_the_two_are_joined(recorded: Any) -> None:
+    data = recorded[0].trial(1).read()
+    key, *others = data.encoders
+    corrected = replace(data, encoders=(replace(key, arc_gain=1.004), *others))
+    heads, plain = two_heads(corrected, corrected.angle_rad()[:, 0]), two_heads(data, data.angle_rad()[:, 0])
+    np.testing.assert_allclose(heads.lift_m, plain.lift_m, atol=1e-12)
+    np.testing.assert_allclose(heads.rotation_rad, plain.rotation_rad, atol=1e-12)
 
 
 def test_a_trial_with_one_head_has_no_second(tmp_path: Path) -> None:
