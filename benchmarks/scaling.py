@@ -83,7 +83,7 @@ def alone(what: str, size: int) -> tuple[float, float]:
 
 def main(run: Run) -> bool:
     """Print the table; whether no slope is too steep."""
-    good = True
+    good, said = True, list[str]()
     table = Table("of:10s", "size:6d", "s:9.3f", "slope:.2f", "MB:8.0f", "MB more each:.3f")
     for what in run.only:
         keys = [(what, size) for size in SIZES[what][1] if size <= run.most]
@@ -100,6 +100,6 @@ def main(run: Run) -> bool:
         if len(rows) > 1:
             (few, least_s, _), (many, most_s, _) = rows[0], rows[-1]
             over = np.log(most_s / least_s) / np.log(many / few)
-            text = f"{over:.2f} from {few} to {many}, at the end {slope:.2f}; {each:.3f} MB each there"
-            run.figure(f"slope in log-log of time against {what}; memory", text)
+            said.append(f"{what} {few} to {many} {over:.2f}, {slope:.2f}, {each:.2f}")
+    run.figure("scaling", "; ".join(said))
     return good
