@@ -212,10 +212,13 @@ def run_together(jobs: Sequence[Job], hashes: Sequence[str]) -> list[Member]:
             seated.append((i, run, state, [run.planned(state, companion=each) for each in wanted]))
         except ModelError as problem:
             members[i] = Member(job.trial, job.parameters, hashes[i], error=problem)
-    plans = [plan for _, _, _, runs in seated for _, plan in runs]
-    ends = iter(advance_together(seated[0][1].scene.tables, plans, LANES) if plans else [])
+    alike: dict[int, list[Plan]] = defaultdict(list)  # a companion may have fewer modes of a string: fewer numbers
+    for _, _, _, runs in seated:
+        for _, plan in runs:
+            alike[len(plan.scene.parameters)].append(plan)
+    ends = {n: iter(advance_together(seated[0][1].scene.tables, plans, LANES)) for n, plans in alike.items()}
     for i, run, state, runs in seated:
-        reached = [next(ends) for _ in runs]
+        reached = [next(ends[len(plan.scene.parameters)]) for _, plan in runs]
         job, sha256 = jobs[i], hashes[i]
         try:
             motions = [one.reached(plan, *end) for (one, plan), end in zip(runs, reached, strict=True)]

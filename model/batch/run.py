@@ -173,9 +173,9 @@ def run_jobs(
     for i, job in enumerate(jobs):
         if job.failure is not None:
             members[i] = Member(job.trial, job.parameters, "", error=job.failure)
-        elif archive is not None:  # without one, each worker takes the hashes of its own jobs
+        elif archive is not None and job.run is not None:  # without one, each worker takes the hashes of its own jobs
             hashes[i] = job.sha256(known)
-            members[i] = archive.read(hashes[i], job.trial, job.parameters)
+            members[i] = archive.read(hashes[i], job.trial, job.parameters, job.run.scene)
     todo = [i for i, member in enumerate(members) if member is None]
     done = len(jobs) - len(todo)
     if progress is not None and done:

@@ -24,9 +24,13 @@ from model import errors
 from model.batch.job import Member
 from model.errors import InputError, ModelError
 from model.files.atomic_write import whole_file
+from model.scene.build import Scene
+from model.simulation.giving_motion import GivingMotion
 from model.simulation.solution import EnergyAudit, Solution
+from model.simulation.string_motion import StringMotion
 
 _ARRAYS = ("time_s", "angle_rad", "speed_rad_per_s", "contact_normal_n", "contact_friction_n")
+_GIVE = ("way_m", "speed_m_per_s", "force_n")
 _FACTS = ("bodies", "contacts", "counters", "tolerance", "error_rad", "energy")
 Array = NDArray[Any]
 
@@ -85,8 +89,8 @@ class Store:
         with whole_file(self.path(sha256), "free space, then go on") as part, open(part, "wb") as file:
             np.savez(file, **arrays | {"about": np.array(json.dumps(about))})  # type: ignore[arg-type]
 
-    def read(self, sha256: str, trial: str, parameters: str) -> Member | None:
-        """The member stored under a hash, with the labels that this batch gives it; None where there is none."""
+    def read(self, sha256: str, trial: str, parameters: str, scene: Scene | None = None) -> Member | None:
+        """The member stored under a hash, with labels and ``scene`` of its job here; None where there is none."""
         kept = self.get(sha256)
         if kept is None:
             return None
@@ -97,7 +101,12 @@ class Store:
                 return Member(trial, parameters, sha256, error=getattr(errors, kind)(message), reused=True)
             about["energy"] = about["energy"] and EnergyAudit(**about["energy"])
             about |= {name: tuple(about[name]) for name in ("bodies", "contacts")}
-            solution = Solution(**{name: about[name] for name in _FACTS}, **arrays)  # type: ignore[arg-type]
+            found = {name: about[name] for name in _FACTS}
+            if "directions" in about:
+                found["give"] = GivingMotion(tuple(about["directions"]), *(arrays.pop(name) for name in _GIVE))
+            if scene is not None and "string_rows" in arrays:
+                found["string"] = StringMotion(scene, arrays["time_s"], arrays.pop("string_rows"))
+            solution = Solution(**found, **arrays)  # type: ignore[arg-type]
         except (KeyError, TypeError, AttributeError):
             return None
         return Member(trial, parameters, sha256, solution, reused=True)
@@ -117,4 +126,9 @@ class Store:
         s = member.solution
         about = {name: getattr(s, name) for name in _FACTS} | {"energy": s.energy and asdict(s.energy)}
         arrays = {name: getattr(s, name) for name in _ARRAYS if getattr(s, name) is not None}
+        if s.give is not None:
+            about["directions"] = s.give.directions
+            arrays |= {name: getattr(s.give, name) for name in _GIVE}
+        if s.string is not None:
+            arrays["string_rows"] = s.string.rows
         self.put(member.sha256, about, arrays)

@@ -25,9 +25,11 @@ from model.scene.build import Scene, build_scene
 from model.scene.key_motion import KeyMotion, acceleration_of_input, angle_at_height, with_moved
 from model.scene.selection import SceneChoice, choice_of
 from model.scene.string_terms import with_modes
+from model.simulation.giving_motion import GivingMotion, giving_motion
 from model.simulation.run import Simulation, State
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import solve_rest
+from model.simulation.string_motion import StringMotion, string_motion
 
 Array = NDArray[np.float64]
 
@@ -39,7 +41,7 @@ class PrescribedRun:
     """States (m, n) in the order ``bodies``, force (m,) N, rail's reaction on the key (m,) N upwards.
 
     With motor arm or finger the force is the torque on its joint over its length ``arm_m``. ``energy`` is the audit,
-    where it was asked for.
+    where it was asked for; ``string`` and ``give`` as of a `Solution`.
     """
 
     bodies: tuple[str, ...]
@@ -50,6 +52,8 @@ class PrescribedRun:
     counters: dict[str, int | float]
     arm_m: float | None = None
     energy: EnergyAudit | None = None
+    string: StringMotion | None = None
+    give: GivingMotion | None = None
 
 
 def rest_angle(action: Action, choice: SceneChoice) -> float:
@@ -126,6 +130,8 @@ def run_prescribed(
         run.work(),
         arm,
         run.audited(state, stored) if energy else None,
+        string_motion(scene, times, run.remembered),
+        giving_motion(scene, run.remembered),
     )
 
 

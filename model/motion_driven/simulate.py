@@ -29,8 +29,11 @@ from model.parameters.action import Action
 from model.parameters.effects import KEY_LIFT, column
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import check_prescribed
+from model.simulation.giving_motion import GivingMotion
 from model.simulation.loads_and_losses import RailTension, tensions
 from model.simulation.options import SimulationKeywords, SimulationOptions
+from model.simulation.solution import Moved
+from model.simulation.string_motion import StringMotion
 
 Array = NDArray[np.float64]
 
@@ -69,7 +72,7 @@ class MotionDrivenOptions(SimulationOptions):
 
 
 @dataclass(frozen=True)
-class MotionDriven(ArrayRecord):
+class MotionDriven(Moved, ArrayRecord):
     """The force that a motion of the key takes, and the motion of the other bodies.
 
     Attributes
@@ -91,6 +94,7 @@ class MotionDriven(ArrayRecord):
     tolerance : requested largest error of any angle, rad
     arm_m : length of the motor's arm or of the finger where their angle is prescribed: `force_n` is then the torque on
         that joint over it, and "key" above means that arm; None of a key
+    string, give : the string's motion and what joints give, as of a `Solution`; None without
     """
 
     bodies: tuple[str, ...]
@@ -109,6 +113,8 @@ class MotionDriven(ArrayRecord):
     counters: dict[str, int | float] = field(default_factory=dict)
     tolerance: float = 1e-6
     arm_m: float | None = None
+    string: StringMotion | None = None
+    give: GivingMotion | None = None
 
     def key_tensions(self) -> list[RailTension]:
         """Intervals in which the balance rail would have to pull the key down: predicted lift."""
@@ -132,7 +138,8 @@ class MotionDriven(ArrayRecord):
             out["torque_nm"] = self.arm_m * self.force_n
         out |= {"key_joint_y_n": self.rail_n, "key_lifted": self.lifted.astype(float)}
         out |= {column(body): self.angle_rad[:, i] for i, body in enumerate(self.bodies)}
-        return out | {column(body, rate=True): self.speed_rad_per_s[:, i] for i, body in enumerate(self.bodies)}
+        out |= {column(body, rate=True): self.speed_rad_per_s[:, i] for i, body in enumerate(self.bodies)}
+        return out | self.remembered()
 
 
 def simulate_motion(
@@ -227,6 +234,8 @@ def simulate_motion(
         counters=mean.counters,
         tolerance=options.tolerance,
         arm_m=mean.arm_m,
+        string=mean.string,
+        give=mean.give,
     )
 
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 from model.derived.columns import DEPTH, NORMAL
-from model.derived.observe import contacts_at
-from model.observables import head_height_m, key_dip_m, key_front_gap_m
-from model.parameters.action import BACK_CHECK, JACK_KNUCKLE, LEVER_KNUCKLE, STRING, Action
+from model.observables import head_approach_m_per_s, head_height_m, key_dip_m
+from model.parameters.action import BACK_CHECK, JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
 from model.scene.build import Scene
-from model.sensitivity.events import DIP_M, DROP_M, SHORTEST_HOLD_S
+from model.sensitivity.events import DIP_M, DROP_M, SHORTEST_HOLD_S, touches_at
 
 Array = NDArray[np.float64]
 
@@ -24,16 +24,18 @@ MARKS = (
 )  # fmt: skip
 LET_OFF_WITHIN_S = 0.05  # before the strike
 HOLD_SAMPLE_S = 1e-2
-STRETCH = 30  # samples that are looked at together for the let-off
 
 
 def blow_marks(action: Action, scene: Scene, motion: tuple[Array, Array, Array]) -> Array:
-    """Marks (len(MARKS),) of a motion: times (m,), angles and speeds (m, n); NaN for what does not happen."""
+    """Marks (len(MARKS),) of times (m,), coordinates and rates (m, n), with what joints give; NaN for what is not."""
     time, angle, speed = motion
     out = dict.fromkeys(MARKS, np.nan)
-    height = head_height_m(action, scene.bodies, angle)
+    height = head_height_m(action, scene.coordinates, angle)
+    touches = touches_at(scene, angle, speed)
+    depth, normal = (dict(zip(scene.contacts, touches[:, :, k].T, strict=True)) for k in (DEPTH, NORMAL))
     out["onset_s"] = _passed(time, DIP_M - key_dip_m(action, angle), 0)
-    out["key_bottom_s"] = _passed(time, key_front_gap_m(action, angle), 0)
+    if KEY_FRONT in depth:
+        out["key_bottom_s"] = _passed(time, -depth[KEY_FRONT], 0)
     strike = _first_fall(height) if STRING in scene.contacts else -1
     if strike < 1:
         return np.array([out[name] for name in MARKS])
@@ -41,13 +43,21 @@ def blow_marks(action: Action, scene: Scene, motion: tuple[Array, Array, Array])
     out["strike_s"], out["strike_m_per_s"] = at, -rate
     leaves = np.flatnonzero((height[strike + 1 : -2] <= 0.0) & (height[strike + 2 : -1] > 0.0))
     if len(leaves):
-        out["rebound_m_per_s"] = _carried_back(time, height, strike + 2 + int(leaves[0]))[1]
-    k = _let_off(scene, motion, strike)
-    if k >= 0:
-        depth = np.array([_knuckle_depth(scene, angle[i], speed[i]) for i in (k, k + 1, k + 2)])
-        out["let_off_s"] = _carried_back(time[k : k + 3], -depth, 0)[0]
+        k = strike + 2 + int(leaves[0])
+        out["rebound_m_per_s"] = _carried_back(time, height, k)[1]
+        if scene.pins or len(scene.tables.string):  # the head does not fly freely from there: as it goes on its way
+            near = slice(k - 1, k + 1)
+            leaving = -head_approach_m_per_s(action, scene.coordinates, angle[near], speed[near])
+            way = CubicHermiteSpline(time[near], height[near], leaving)
+            out["rebound_m_per_s"] = float(way(way.roots(extrapolate=False)[0], 1))
+    driving = [c for c in (JACK_KNUCKLE, LEVER_KNUCKLE) if c in depth]
+    pressed = np.any([normal[c] > 0.0 for c in driving], axis=0) & (time > time[strike] - LET_OFF_WITHIN_S)
+    k = int(np.flatnonzero(np.append(True, pressed[: strike + 1]))[-1])  # 0 where nothing presses
+    if 3 <= k <= strike - 2:  # pressed no more: the felt may still lie in, slower than what leaves it
+        out["let_off_s"] = _carried_back(time, -np.max([depth[c] for c in driving], axis=0), k)[0]
         out["let_off_m"] = float(np.interp(out["let_off_s"], time[k - 3 : k + 3], height[k - 3 : k + 3]))
-    out["check_m"], out["drop_s"] = _hold(scene, motion, height, strike)
+    if BACK_CHECK in normal:
+        out["check_m"], out["drop_s"] = _hold(time, normal[BACK_CHECK], height, strike)
     return np.array([out[name] for name in MARKS])
 
 
@@ -99,40 +109,11 @@ def _carried_back(time: Array, y: Array, k: int) -> tuple[float, float]:
     return float(time[k + 1] + t), slope
 
 
-def _pressing(scene: Scene, angle: Array, speed: Array, contacts: tuple[str, ...]) -> NDArray[np.bool_]:
-    """Whether any of some contacts presses, (m,)."""
-    normal = contacts_at(scene.tables, scene.vector, angle, speed)[:, :, NORMAL]
-    columns = [scene.contacts.index(c) for c in contacts if c in scene.contacts]
-    out: NDArray[np.bool_] = np.any(normal[:, columns] > 0.0, axis=1)
-    return out
-
-
-def _let_off(scene: Scene, motion: tuple[Array, Array, Array], strike: int) -> int:
-    """First sample after knuckle and what drives it have parted for the last time before the strike; -1 for none."""
-    time, angle, speed = motion
-    end = strike + 1
-    while end > 0 and time[end] > time[strike] - LET_OFF_WITHIN_S:
-        first = max(0, end - STRETCH)
-        at = np.flatnonzero(_pressing(scene, angle[first:end], speed[first:end], (JACK_KNUCKLE, LEVER_KNUCKLE)))
-        if len(at):
-            k = first + int(at[-1]) + 1
-            return k if 3 <= k <= strike - 2 else -1
-        end = first
-    return -1
-
-
-def _knuckle_depth(scene: Scene, angle: Array, speed: Array) -> float:
-    """How far the knuckle is pressed into what drives it, the deeper of both, m."""
-    depth = contacts_at(scene.tables, scene.vector, angle[None], speed[None])[0, :, DEPTH]
-    return max(float(depth[scene.contacts.index(c)]) for c in (JACK_KNUCKLE, LEVER_KNUCKLE) if c in scene.contacts)
-
-
-def _hold(scene: Scene, motion: tuple[Array, Array, Array], height: Array, strike: int) -> tuple[float, float]:
+def _hold(time: Array, checked_n: Array, height: Array, strike: int) -> tuple[float, float]:
     """Height of the hammer half-way through its hold, and when it drops from there; NaN where it is not held."""
-    time, angle, speed = motion
     every = max(1, round(HOLD_SAMPLE_S / float(np.median(np.diff(time)))))
     at = np.arange(strike, len(time), every)
-    held = at[_pressing(scene, angle[at], speed[at], (BACK_CHECK,))] if BACK_CHECK in scene.contacts else at[:0]
+    held = at[checked_n[at] > 0.0]
     if not len(held) or time[held[-1]] - time[held[0]] < SHORTEST_HOLD_S:
         return float("nan"), float("nan")
     middle = 0.5 * float(time[held[0]] + time[held[-1]])

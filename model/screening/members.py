@@ -86,8 +86,7 @@ class Variants(ArrayRecord):
             rows.append((i, variant))
         for (i, variant), job, member in zip(rows, jobs, _computed(jobs), strict=True):
             if member.solution is not None and job.run is not None:
-                motion = times, member.solution.angle_rad, member.solution.speed_rad_per_s
-                out[i] = blow_marks(variant, job.run.scene, motion)
+                out[i] = blow_marks(variant, job.run.scene, (times, *member.solution.whole()[1:]))
         return out
 
     def _of_members(self, values: ArrayLike) -> Array:

@@ -17,6 +17,7 @@ from model.derived.columns import DEPTH, RATE
 from model.derived.observe import contacts_at
 from model.observables import head_approach_m_per_s, head_height_m, key_dip_m
 from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
+from model.scene.build import Scene
 from model.sensitivity.observed import SMOOTH_TURN, gradient, own_slopes, state_slopes
 from model.sensitivity.sources import places_of_gap
 from model.sensitivity.tangents import Recorded
@@ -41,6 +42,16 @@ SHORTEST_HOLD_S = 0.05
 SPACING_S = 1e-4  # of the times at which a level is looked for
 RELEASE = "release_s"  # end of the hold; `check_m` is read half-way to it
 NARROWINGS = 5  # by 32 each, to some 1e-12 s
+
+
+def touches_at(scene: Scene, angle: Array, speed: Array, vector: Array | None = None) -> Array:
+    """Columns of contacts, as of `contacts_at`, at states (m, n) that end with what joints give: `Scene.coordinates`.
+
+    Forces are those of the slow loading curve; depths and their rates are those of every law.
+    """
+    numbers, n = scene.vector if vector is None else vector, len(scene.bodies)
+    rows = np.concatenate([angle[:, n:], speed[:, n:]], axis=1)  # felt and string play no part in a depth
+    return contacts_at(scene.static_tables, numbers, angle[:, :n], speed[:, :n], rows)
 
 
 class Events:
@@ -70,12 +81,7 @@ class Events:
     @cached_property
     def depths(self) -> Array:
         """Penetrations (m, c) of all contacts at these times."""
-        return self._contacts_at(*self.motion)[:, :, DEPTH]
-
-    def _contacts_at(self, angle: Array, speed: Array, vector: Array | None = None) -> Array:
-        numbers, n = self.scene.vector if vector is None else vector, len(self.scene.bodies)
-        rows = np.concatenate([angle[:, n:], speed[:, n:]], axis=1)  # felt and string play no part in a depth
-        return contacts_at(self.scene.static_tables, numbers, angle[:, :n], speed[:, :n], rows)
+        return touches_at(self.scene, *self.motion)[:, :, DEPTH]
 
     # quantities, (m,) of states (m, n), how far joints give after the scene's own coordinates
 
@@ -87,7 +93,7 @@ class Events:
 
     def _depth_of(self, contact: str, angle: Array, speed: Array, vector: Array | None = None) -> tuple[Array, Array]:
         """Penetration (m,) of a contact, m, negative where it is open, and its rate (m,), m/s."""
-        found = self._contacts_at(angle, speed, vector)[:, self.scene.contacts.index(contact)]
+        found = touches_at(self.scene, angle, speed, vector)[:, self.scene.contacts.index(contact)]
         return found[:, DEPTH], found[:, RATE]
 
     def _depth(self, contact: str, angle: Array, speed: Array) -> Array:

@@ -46,8 +46,40 @@ class EnergyAudit:
         return self.work_in - self.stored_change - lost
 
 
+class Moved:
+    """A motion (m,) of bodies, effects and joints that may give, whatever drives it."""
+
+    bodies: tuple[str, ...]
+    angle_rad: NDArray[np.float64]
+    speed_rad_per_s: NDArray[np.float64]
+    string: StringMotion | None
+    give: GivingMotion | None
+
+    def hammer_height_m(self, action: Action) -> NDArray[np.float64]:
+        """Distance (m,) of the hammer's head from the string, m, with what its shank bends and its joint gives."""
+        names, rows, _ = self.whole()
+        return head_height_m(action, names, rows)
+
+    def hammer_approach_m_per_s(self, action: Action) -> NDArray[np.float64]:
+        """Speed (m,) of the hammer's head towards the string, m/s, with what its shank bends and its joint gives."""
+        return head_approach_m_per_s(action, *self.whole())
+
+    def whole(self) -> tuple[tuple[str, ...], NDArray[np.float64], NDArray[np.float64]]:
+        """Names, values (m, n) and rates (m, n) of all coordinates, with the directions in which joints give."""
+        if self.give is None:
+            return self.bodies, self.angle_rad, self.speed_rad_per_s
+        rows = np.column_stack([self.angle_rad, self.give.way_m])
+        rates = np.column_stack([self.speed_rad_per_s, self.give.speed_m_per_s])
+        return (*self.bodies, *self.give.directions), rows, rates
+
+    def remembered(self) -> dict[str, NDArray[np.float64]]:
+        """Columns by name of what the string and joints that give do."""
+        out = {} if self.string is None else {"string_m": self.string.way_m}
+        return out if self.give is None else out | self.give.columns()
+
+
 @dataclass(frozen=True, repr=False)
-class Solution(ArrayRecord):
+class Solution(Moved, ArrayRecord):
     """Trajectory of a scene.
 
     Attributes
@@ -89,23 +121,6 @@ class Solution(ArrayRecord):
         """Whether the estimated error is more than `MISSED` times the tolerance; False where it was not estimated."""
         return self.error_rad is not None and self.error_rad > MISSED * self.tolerance
 
-    def hammer_height_m(self, action: Action) -> NDArray[np.float64]:
-        """Distance (m,) of the hammer's head from the string, m, with what its shank bends and its joint gives."""
-        names, rows, _ = self._whole()
-        return head_height_m(action, names, rows)
-
-    def hammer_approach_m_per_s(self, action: Action) -> NDArray[np.float64]:
-        """Speed (m,) of the hammer's head towards the string, m/s, with what its shank bends and its joint gives."""
-        return head_approach_m_per_s(action, *self._whole())
-
-    def _whole(self) -> tuple[tuple[str, ...], NDArray[np.float64], NDArray[np.float64]]:
-        """Names, values and rates of all coordinates, with the directions in which joints give."""
-        if self.give is None:
-            return self.bodies, self.angle_rad, self.speed_rad_per_s
-        rows = np.column_stack([self.angle_rad, self.give.way_m])
-        rates = np.column_stack([self.speed_rad_per_s, self.give.speed_m_per_s])
-        return (*self.bodies, *self.give.directions), rows, rates
-
     def __repr__(self) -> str:
         """Bodies, rows and times, without the arrays."""
         times = f", {self.time_s[0]:g} to {self.time_s[-1]:g} s" if len(self.time_s) else ""
@@ -138,10 +153,7 @@ class Solution(ArrayRecord):
             for i, name in enumerate(self.contacts):
                 out[f"{name}_normal_n"] = self.contact_normal_n[:, i]
                 out[f"{name}_friction_n"] = self.contact_friction_n[:, i]
-        if self.string is not None:
-            out["string_m"] = self.string.way_m
-        if self.give is not None:
-            out |= self.give.columns()
+        out |= self.remembered()
         if self.inside is not None:
             out |= self.inside.columns()
         return out

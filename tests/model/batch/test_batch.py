@@ -19,7 +19,9 @@ from model.batch import run as batch_run
 from model.derived import load as scenes
 from model.derived.observe import rows_of
 from model.integrators.rosenbrock import integrate
+from model.simulation.giving_motion import GivingMotion
 from model.simulation.options import ForceDrivenOptions
+from model.simulation.string_motion import StringMotion
 from tests.model.batch.members import Elsewhere, Loses, content, contents
 
 OUT = np.linspace(0.0, 0.14, 29)
@@ -203,6 +205,22 @@ def test_lasting_failure_is_kept_and_an_accident_is_not(tmp_path: Path) -> None:
     assert kept is not None and isinstance(kept.error, model.IntegrationError)
     assert str(kept.error) == "stopped at t = 1 s" and kept.trial == "other" and kept.reused
     assert store.read("b" * 64, "t", "p") is None
+
+
+def test_what_joints_give_and_a_string_does_is_kept(action: model.Action, tmp_path: Path) -> None:
+    scene, time, z = model.build_scene(action, model.load_scene("string")), np.array([0.0, 1.0]), np.arange(400.0)
+    angles, give = np.arange(10.0).reshape(2, 5), [np.array([[k], [0.5 * k]]) for k in (1.0, 2.0, 3.0)]
+    solution = model.Solution(
+        model.BODIES, time, angles, -angles, string=StringMotion(scene, time, np.stack([z, z + 0.5])),
+        give=GivingMotion(("hammer_pin_x",), *give),
+    )  # fmt: skip
+    store, member = batch.Store(tmp_path), batch.Member("t", "p", "c" * 64, solution)
+    store.write(member)
+    kept = store.read("c" * 64, "t", "p", scene)
+    assert kept is not None and kept.solution is not None and contents([kept]) == contents([member])
+    assert kept.solution.give is not None and kept.solution.give.directions == ("hammer_pin_x",)
+    assert kept.solution.string is not None and kept.solution.string.scene is scene
+    assert store.read("c" * 64, "t", "p") is None  # without its scene nobody could say what the string did
 
 
 def test_store_that_cannot_be_written_is_refused_before_any_work(action: model.Action, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import combinations
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -19,8 +20,10 @@ from model.motion_driven.prescribed_key import rest_angle, run_prescribed
 from model.parameters.action import CONTACTS
 from model.parameters.effects import EFFECTS
 from model.scene.key_motion import KeyMotion, angle_at_height
+from model.screening import MARKS, Variants
 from model.sensitivity import find_parameters
 from model.simulation.statics import solve_rest
+from tests.model.batch.members import contents
 from tests.model.sensitivity.richardson import changed, richardson
 
 FORTE = model.force_table("forte")
@@ -89,6 +92,36 @@ def _batch(action: model.Action, choice: model.SceneChoice) -> None:
     assert members[3].solution is not None and alone.error_rad is not None
     # same equations, rounded in another order: a tenth of the tolerance, or as far as the run itself may be off
     assert np.abs(members[3].solution.angle_rad - alone.angle_rad).max() < max(1e-6, alone.error_rad)
+
+
+def _store(action: model.Action, choice: model.SceneChoice) -> None:
+    """What a store gives back has every column of a run by itself, to the bit as it was computed, its error, too."""
+    (times, values), at = _blow(choice), np.linspace(0.0, 0.14, 141)
+    trials = {"x": (times, values), "y": (times, 0.9 * values)}
+    options = {"scene": choice, "output_time_s": at, "contact_forces": True, "estimate_error": True}
+    with TemporaryDirectory() as folder:
+        first, again = (model.simulate_many(action, trials, lanes=True, store=folder, **options) for _ in range(2))
+    assert [m.error for m in first] == [None, None] and all(m.reused for m in again)
+    assert contents(first) == contents(again)
+    alone, kept = model.simulate(action, *trials["y"], **options), again[1].solution
+    assert kept is not None and kept.error_rad is not None and kept.error_rad > 0.0
+    assert kept.columns().keys() == alone.columns().keys()
+    np.testing.assert_allclose(kept.hammer_height_m(action), alone.hammer_height_m(action), atol=1e-5)
+
+
+def _screening(action: model.Action, choice: model.SceneChoice) -> None:
+    """Marks that Morris and Sobol' read are the events of the local table."""
+    chosen, blow = _printed(action, choice), _blow(choice)
+    blow = blow[0], 1.1 * blow[1]
+    variants = Variants(chosen, *blow, tuple(find_parameters(chosen, ["hammer.mass"])), tolerance=1e-6)
+    (marks,) = variants.marks([[chosen["hammer.mass"]]])
+    events = model.sensitivities(chosen, blow, ["hammer.mass"], options=model.SensitivityOptions(tolerance=1e-7)).events
+    accuracy = {"drop_s": 1e-4, "s": 3e-6, "m": 1e-5, "m_per_s": 3e-3}
+    for name, mark in zip(MARKS, marks, strict=True):
+        unit = "m_per_s" if name.endswith("_per_s") else name.rpartition("_")[2]
+        off = accuracy.get(name, accuracy[unit])
+        assert mark == pytest.approx(events[name], abs=off, nan_ok=True), name
+    assert np.isfinite(marks).sum() > 5
 
 
 def _blocks(action: model.Action, choice: model.SceneChoice) -> None:
@@ -233,6 +266,7 @@ def _motion(action: model.Action, choice: model.SceneChoice) -> None:
         assert np.quantile(off, 0.99) < 0.02
         hammer = held.bodies.index("hammer"), scene.bodies.index("hammer")
         assert np.abs(held.angle_rad[::2, hammer[0]] - states[0][:, hammer[1]]).max() < 1e-5
+        assert (held.give is None, held.string is None) == (not scene.pins, "string" not in choice.effects)
         assert held.energy is not None
         assert abs(held.energy.residual) < 1e-5 * held.energy.work_in
 
@@ -289,6 +323,8 @@ JOBS: dict[str, Callable[[model.Action, model.SceneChoice], None]] = {
     "simulate with audit": _simulate,
     "estimated error": _estimate,
     "batch": _batch,
+    "store": _store,
+    "screening": _screening,
     "block by block": _blocks,
     "inside view": _inside,
     "set-valued friction": _set_valued,
