@@ -106,8 +106,8 @@ def head_height_m(action: Action, coordinates: Sequence[str], rows: ArrayLike) -
     Parameters
     ----------
     action : geometry
-    coordinates : (k,) names of the columns, the five bodies among them: bodies and effects of a scene, then directions
-        in which joints give, such as ``hammer_pin_x`` (`model.scene.build.Scene.coordinates`)
+    coordinates : (k,) names of the columns, the hammer among them: bodies and effects of a scene, then directions in
+        which joints give, such as ``hammer_pin_x`` (`model.scene.build.Scene.coordinates`)
     rows : (..., k) rad, m
 
     Returns
@@ -126,7 +126,7 @@ def head_height_m(action: Action, coordinates: Sequence[str], rows: ArrayLike) -
     """
     values, names = np.moveaxis(as_numbers(rows, "coordinates"), -1, 0), list(coordinates)
     column = dict(zip(names, values, strict=True))
-    bodies = np.stack([column[body] for body in BODIES], axis=-1)
+    bodies = np.repeat(column["hammer"][..., None], len(BODIES), axis=-1)  # only the hammer's is read
     gives = [column.get(name, np.zeros_like(column["hammer"])) for name in PIN]
     given = np.stack(gives, axis=-1) if column.keys() & set(PIN) else None
     return hammer_height_m(action, bodies, column.get(SHANK), given)

@@ -16,8 +16,7 @@ from model.errors import InputError
 from model.files.figure_sheet import new_sheet
 from model.files.time_table import two_columns
 from model.inside.labels import BODY_COLORS, contact_label, input_label
-from model.observables import hammer_height_m, key_dip_m
-from model.parameters.action import BODIES, STRING, Action
+from model.parameters.action import STRING, Action
 from model.parameters.effects import RAIL
 from model.simulation.loads_and_losses import Inside
 from model.simulation.solution import Solution
@@ -38,7 +37,7 @@ def draw_sheet(action: Action, solution: Solution, force_n: ArrayLike, path: str
     Parameters
     ----------
     action, solution : the simulated action and its solution, with an inside view
-    force_n : (m,) input at the solution's times, N (with a motor arm N m)
+    force_n : (m,) input at the solution's times, N (with a motor arm N m, its drive V, a finger m)
     path : file to write, .svg, .pdf or .png
 
     Raises
@@ -94,19 +93,16 @@ def _close_up(inside: Inside) -> tuple[float, float]:
 def _draw_motion(
     axes: Axes, action: Action, solution: Solution, force_n: Array, ends: tuple[float, float] | None, legend: bool
 ) -> None:
-    """Force on the key, dip of its front and distance of the hammer from the string, in one panel."""
+    """Input, dip of the key's front and distance of the hammer from the string, in one panel."""
     time = solution.time_s
-    quantity, unit = input_label(solution.inside)
+    assert solution.inside is not None
+    quantity, unit = input_label(solution.inside.scene)
     lines = axes.plot(time, force_n, color="black", linewidth=1.0, label=f"{quantity}, {unit}")
     axes.set_ylabel(unit)
     other = axes.twinx()
-    whole = np.zeros((len(time), len(BODIES)))
-    for i, body in enumerate(solution.bodies):
-        if body in BODIES:
-            whole[:, BODIES.index(body)] = solution.angle_rad[:, i]
-    lines += other.plot(time, 1e3 * key_dip_m(action, whole), color=FRICTION, label="key dip, mm")
+    lines += other.plot(time, 1e3 * solution.key_dip_m(action), color=FRICTION, label="key dip, mm")
     if "hammer" in solution.bodies:
-        lines += other.plot(time, 1e3 * hammer_height_m(action, whole), color=NORMAL, label="hammer to string, mm")
+        lines += other.plot(time, 1e3 * solution.hammer_height_m(action), color=NORMAL, label="hammer to string, mm")
     other.set_ylabel("mm")
     axes.set_xlim(*(ends or (time[0], time[-1])))
     axes.grid(alpha=0.3)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from model.kernels import layout as L
 from model.parameters.action import Action
-from model.simulation.loads_and_losses import Inside
+from model.parameters.effects import ARM, FINGER
+from model.scene.build import Scene
 
 BODY_COLORS = {
     "key": "#8C6D46", "whippen": "#2A8FC4", "jack": "#D55E00", "repetition": "#009E73", "hammer": "#A8528A",
@@ -13,10 +13,13 @@ BODY_COLORS = {
 """One colour for each body in every picture; `vision.output.colours` has the same."""
 
 
-def input_label(inside: Inside | None) -> tuple[str, str]:
-    """Name and unit of a run's input."""
-    torque = inside is not None and any(kind == L.JOINT_TORQUE for kind, _ in inside.scene.tables.drive)
-    return ("torque of the motor", "N m") if torque else ("force on the key", "N")
+def input_label(scene: Scene) -> tuple[str, str]:
+    """Name and unit of the input of a scene's run."""
+    if scene.wound:
+        return "command of the motor's drive", "V"
+    return {FINGER: ("way of the hand", "m"), ARM: ("torque of the motor", "N m")}.get(
+        scene.presser, ("force on the key", "N")
+    )
 
 
 def contact_label(action: Action, name: str) -> str:

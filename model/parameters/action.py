@@ -133,6 +133,12 @@ class Action:
         """Law of felt that a contact follows, one of `model.elements.laws`."""
         return self.structure.get(f"{contact}.{LAW}", USUAL)
 
+    def felt_has(self, path: str) -> bool:
+        """Whether a felt's law has the number of this path, its own or ``normal.D``; True of what is no law's."""
+        contact, _, last = path.partition(".")
+        felt = law_of(path)
+        return self.law(contact) == felt[1] if felt else last != "normal.D" or LAWS[self.law(contact)].damped
+
     def with_laws(self, laws: Mapping[str, str]) -> Action:
         """Return a copy whose contacts follow other laws of felt, contact -> law."""
         structure = dict(self.structure)

@@ -9,12 +9,13 @@ A name is a path, a pattern (``*.mass``, ``contact*.normal.D``) or one of these:
     contact04.friction  its coefficient A (key.joint_friction likewise)
     jack_spring         its torque and stiffness
 
-An unknown name is refused with the nearest one that exists.
+An unknown name is refused with the nearest one that exists. A group leaves out felts whose law has no D, and says so.
 """
 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 
@@ -90,6 +91,12 @@ def scaled(action: Action, factors: Mapping[str, float]) -> Action:
     for name, factor in factors.items():
         if not math.isfinite(factor):
             raise InputError(f"--scale {name}: factor found {factor}, allowed a finite number")
-        paths = named_paths(action, name, "--scale")
+        named = named_paths(action, name, "--scale")
+        paths = [path for path in named if len(named) == 1 or action.felt_has(path)]
+        idle = ", ".join(f"{path} (law {action.law(path.partition('.')[0])})" for path in named if path not in paths)
+        if not paths:
+            raise InputError(f"--scale {name}: would change nothing, found {idle}; choose another law or leave it out")
+        if idle:
+            warnings.warn(f"--scale {name}: leaves out what its felt's law does not have: {idle}", stacklevel=2)
         action = action.with_values({path: factor * action[path] for path in paths}, f"--scale {name}={factor:g}")
     return action

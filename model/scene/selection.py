@@ -29,6 +29,7 @@ from model.parameters.action import (
     LAW,
     SCENE_LISTS,
     STRING,
+    USUAL,
     Action,
     added_defaults,
     check_law,
@@ -121,18 +122,18 @@ class SceneChoice:
             )
 
     def check(self, action: Action) -> None:
-        """Refuse a value set for an effect that the scene does not have: it would change nothing."""
+        """Refuse a value set for an effect or a law of felt that the scene does not have: it would change nothing."""
         for path in action.changed:
             effect = effect_of(path)
             if effect is not None and effect not in self.effects:
                 raise InputError(
                     f"{path} is set but the scene has no {effect}; choose a scene with it (effects = [{effect!r}])"
                 )
-            felt = law_of(path)
-            if felt is not None and action.law(felt[0]) != felt[1]:
+            if not action.felt_has(path):
+                contact, (_, law) = path.partition(".")[0], law_of(path) or ("", USUAL)
                 raise InputError(
-                    f"{path} is set but {felt[0]} follows the law {action.law(felt[0])}; "
-                    f"choose the other ({felt[0]}.law = \"{felt[1]}\" in the action's or the scene's file)"
+                    f"{path} is set but {contact} follows the law {action.law(contact)}; "
+                    f"choose the other ({contact}.law = \"{law}\" in the action's or the scene's file)"
                 )
 
 
@@ -212,12 +213,8 @@ def quantities_of(action: Action) -> dict[str, Quantity]:
     >>> sorted(model.quantities_of(strung).keys() - strung.quantities.keys())[:3]
     ['string.b1', 'string.b2', 'string.length']
     """
-    effects, out = choice_of(action).effects, dict(action.quantities)
-    for path, quantity in action.effects.items():
-        felt = law_of(path)
-        if effect_of(path) in effects or (felt is not None and action.law(felt[0]) == felt[1]):
-            out[path] = quantity
-    return out
+    found, effects = {**action.quantities, **action.effects}, (None, *choice_of(action).effects)
+    return {path: q for path, q in found.items() if effect_of(path) in effects and action.felt_has(path)}
 
 
 def load_scene(name_or_path: str | Path | SceneChoice) -> SceneChoice:

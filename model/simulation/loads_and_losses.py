@@ -34,8 +34,8 @@ CONTACT_WORDS = {
     "felt_j": "energy lost in the felt since the start",
 }
 TIP_WORDS = {
-    "motor_arm_normal_n": "motor arm: force of its tip on the key, downwards",
-    "motor_arm_felt_j": "motor arm: energy lost at its tip since the start",
+    "normal_n": "force of its tip on the key, downwards",
+    "felt_j": "energy lost at its tip since the start",
 }
 BODY_WORDS = {
     "joint_x_n": "force on it in its joint, to the right",
@@ -158,7 +158,7 @@ class Inside(ArrayRecord):
     slid_m : (m, c) way rubbed since the start, both directions added
     rubbed_j, felt_j : (m, c) energy lost since the start by friction and in the felt
     point_m : (m, c, 2) where the force acts
-    tip_n, tip_j : (m, b) force of the motor's tip on the key and energy lost there since the start; b is 0 or 1
+    tip_n, tip_j : (m, b) force of what presses the key and energy lost at its tip since the start; b is 0 or 1
     joint_n : (m, n, 2) force on a body from what carries it, in its joint
     joint_j : (m, n) energy lost since the start by friction in the joint
     center_m_per_s, center_m_per_s2 : (m, n, 2) velocity and acceleration of the centre of mass
@@ -216,7 +216,7 @@ class Inside(ArrayRecord):
         for i, name in enumerate(self.contacts):
             out |= {f"{name}_{quantity}": getattr(self, quantity)[:, i] for quantity in CONTACT_WORDS}
         for tip_n, tip_j in zip(self.tip_n.T, self.tip_j.T, strict=True):
-            out["motor_arm_normal_n"], out["motor_arm_felt_j"] = tip_n, tip_j
+            out |= {f"{self.scene.presser}_{key}": x for key, x in zip(TIP_WORDS, (tip_n, tip_j), strict=True)}
         of_bodies = dict(
             zip(
                 BODY_WORDS,
@@ -254,7 +254,8 @@ class Inside(ArrayRecord):
 
     def long_names(self, described: Mapping[str, str]) -> dict[str, str]:
         """Description of each column; ``described`` names the contacts."""
-        out = dict(TIP_WORDS)
+        tip = self.scene.presser
+        out = {f"{tip}_{key}": f"{tip.replace('_', ' ')}: {words}" for key, words in TIP_WORDS.items() if tip}
         for name in self.contacts:
             out |= {f"{name}_{key}": f"{described.get(name, name)}: {words}" for key, words in CONTACT_WORDS.items()}
         for body in self.bodies:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import html
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
-from model.observables import head_approach_m_per_s, head_height_m
-from model.parameters.action import Action
-from model.parameters.effects import column
+from model.observables import head_approach_m_per_s, head_height_m, key_dip_m
+from model.parameters.action import BODIES, Action
+from model.parameters.effects import KEY_LIFT, column
 from model.simulation.giving_motion import GivingMotion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.string_motion import StringMotion
@@ -39,11 +39,14 @@ class EnergyAudit:
     lost_in_drive: float = 0.0  # the motor's winding, or the finger's joint
 
     @property
+    def lost(self) -> float:
+        """All losses, J."""
+        return float(sum(getattr(self, item.name) for item in fields(self) if item.name.startswith("lost_in_")))
+
+    @property
     def residual(self) -> float:
         """Work that is not accounted for, J: an error of the integration, zero for an exact one."""
-        lost = self.lost_in_felt + self.lost_in_contact_friction + self.lost_in_joint_friction
-        lost += self.lost_in_rail + self.lost_in_shank + self.lost_in_pins + self.lost_in_string + self.lost_in_drive
-        return self.work_in - self.stored_change - lost
+        return self.work_in - self.stored_change - self.lost
 
 
 class Moved:
@@ -59,6 +62,13 @@ class Moved:
         """Distance (m,) of the hammer's head from the string, m, with what its shank bends and its joint gives."""
         names, rows, _ = self.whole()
         return head_height_m(action, names, rows)
+
+    def key_dip_m(self, action: Action) -> NDArray[np.float64]:
+        """How far (m,) the key's front has gone down since the first row, m, with what it lifts and its joint gives."""
+        names, rows, _ = self.whole()
+        angles = np.repeat(rows[:, [names.index("key")]], len(BODIES), axis=1)
+        risen = sum((rows[:, names.index(way)] for way in (KEY_LIFT, "key_pin_y") if way in names), np.zeros(len(rows)))
+        return key_dip_m(action, angles) - (risen - risen[:1])
 
     def hammer_approach_m_per_s(self, action: Action) -> NDArray[np.float64]:
         """Speed (m,) of the hammer's head towards the string, m/s, with what its shank bends and its joint gives."""

@@ -194,7 +194,7 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     action : parameter set
     force_n : N, positive downwards on the key (with a motor arm, its drive or a finger in
         ``scene``: torque, N m; command, V; way of the hand, m)
-    scene : what takes part; by default the whole action without effects
+    scene : what takes part; by default what the action says, with its effects
 
     Returns
     -------

@@ -15,7 +15,6 @@ from model.arrays import as_numbers
 from model.files.figure_sheet import new_sheet
 from model.files.force_table import check_force_table
 from model.force_driven import simulate as simulate_smoothed
-from model.observables import hammer_height_m
 from model.parameters.action import Action
 from model.simulation.solution import Solution
 from model.stick_slip.march import Marched, simulate
@@ -27,12 +26,12 @@ def draw(limit: Limit, path: str | Path) -> None:
     with new_sheet(path, 10.0, 4.2) as sheet:
         over_time, over_speed = sheet.subplots(1, 2)
         for v_t, solution in zip(limit.v_t, limit.smoothed, strict=True):
-            height = 1e3 * hammer_height_m(limit.action, solution.angle_rad)
+            height = 1e3 * solution.hammer_height_m(limit.action)
             over_time.plot(1e3 * solution.time_s, height, lw=1.0, label=f"eq. 2.10, v_t = {v_t:g} m/s")
         marched = limit.marched.solution
         over_time.plot(
             1e3 * marched.time_s,
-            1e3 * hammer_height_m(limit.action, marched.angle_rad),
+            1e3 * marched.hammer_height_m(limit.action),
             "k--",
             lw=1.0,
             label="set-valued",
@@ -96,7 +95,7 @@ class Limit:
         window = (time >= end - CREEP_S) & (time <= end)
         if np.count_nonzero(window) < 2:
             return float("nan")
-        height = hammer_height_m(self.action, solution.angle_rad)[window]
+        height = solution.hammer_height_m(self.action)[window]
         return float(np.polyfit(time[window] - end, height, 1)[0])
 
     @property

@@ -19,8 +19,9 @@ from model.derived.columns import DEPTH
 from model.derived.observe import contacts_at
 from model.errors import InputError
 from model.force_driven import simulate
-from model.parameters.action import BODIES, Action
+from model.parameters.action import BODIES, USUAL, Action
 from model.scene.build import build_scene
+from model.scene.selection import choice_of
 from model.string.blow import Hammer, String, strike
 
 STRING_CONTACT = "contact12"
@@ -68,7 +69,7 @@ def hammer_at_the_string(action: Action, time_s: ArrayLike, force_n: ArrayLike) 
 
     Raises
     ------
-    InputError : the hammer does not reach the string
+    InputError : the hammer does not reach the string, its felt follows another law, its shank or its joint gives
 
     Examples
     --------
@@ -77,6 +78,14 @@ def hammer_at_the_string(action: Action, time_s: ArrayLike, force_n: ArrayLike) 
     >>> 0.005 < hammer.mass_kg < 0.012
     True
     """
+    effects = choice_of(action).effects
+    found: list[str] = [name for name in ("shank", "hammer_pin") if name in effects]
+    found += [action.law(STRING_CONTACT)] if action.law(STRING_CONTACT) != USUAL else []
+    if found:
+        raise InputError(
+            f"hammer at the string: found {', '.join(found)}, allowed a stiff hammer on a rigid pin whose felt "
+            f"({STRING_CONTACT}.law) is {USUAL}; take another scene or law, or simulate the scene string"
+        )
     blow = simulate(action, time_s, force_n)
     scene = build_scene(action)
     at = scene.contacts.index(STRING_CONTACT)

@@ -32,7 +32,7 @@ from model.parameters.action import (
 )
 from model.parameters.effects import KEY_LIFT, PINS, RAIL
 from model.parameters.quantity import allowed_range
-from model.scene.selection import SceneChoice, load_scene
+from model.scene.selection import SceneChoice, choice_of, load_scene
 from model.study.blow_measures import measure_blow
 from model.touch.feel import weigh
 
@@ -86,7 +86,7 @@ def felt_law_effects(
 
     Parameters
     ----------
-    action : parameter set; its own laws are set aside
+    action : parameter set; its own laws and scene are set aside
     time_s, force_n : (k,) force table
     felts : name of a group -> its contacts
 
@@ -109,7 +109,7 @@ def felt_law_effects(
     >>> [effect.law for effect in others]
     ['stulov', 'hysteresis']
     """
-    plain = action.with_laws(dict.fromkeys(CONTACTS, USUAL))
+    plain = with_usual_felts(action)
     blow = check_force_table(time_s, force_n)
     out = [effect_of("all felts", USUAL, [plain], lambda a: touch_and_blow(a, blow))]
     for name, contacts in felts.items():
@@ -232,6 +232,11 @@ def joint_sweep(
     return out
 
 
+def with_usual_felts(action: Action) -> Action:
+    """The action by itself, without effects, with the thesis's law for every felt."""
+    return PLAIN.on(action).with_laws(dict.fromkeys(CONTACTS, USUAL))
+
+
 def loaded_as_at_rest(action: Action) -> Action:
     """The action with the loads of its joints, and of its rail, at which it rests as it does on rigid joints."""
     still = simulate(action, np.array([0.0, 1e-3]), np.zeros(2), inside=True).inside
@@ -265,8 +270,8 @@ def effect_of(of: str, law: str, actions: Sequence[Action], marks: Callable[[Act
 
 
 def touch_and_blow(action: Action, blow: Blow) -> Marks:
-    """Marks of the blow, and of a slow press."""
-    out = _of_felt(action, blow, PLAIN)
+    """Marks of the blow, and of a slow press, in the action's scene."""
+    out = _of_felt(action, blow, choice_of(action))
     try:
         weights = weigh(action)
         return out | {"down_n": weights.down_n, "let_off_n": weights.let_off_n}
@@ -295,8 +300,7 @@ def blow_marks(action: Action, blow: Blow, choice: SceneChoice) -> Marks:
         before = np.flatnonzero(knuckle & (at < found.strike_s))
         out["free_flight_ms"] = 1e3 * (found.strike_s - float(at[before[-1]])) if len(before) else math.nan
         near = np.flatnonzero(string & (at > found.strike_s - 5e-4) & (at < found.strike_s + LONGEST_CONTACT_S))
-        if len(near) > 1:
-            k = int(near[-1]) + 1
+        if len(near) > 1 and (k := int(near[-1]) + 1) < len(at):  # else the table ends while it is on the string
             speed = float(moved.hammer_approach_m_per_s(action)[k])
             out["contact_ms"] = 1e3 * float(at[near[-1]] - at[near[0]])
             out["rebound"] = -speed / found.strike_m_per_s

@@ -20,10 +20,19 @@ from model.derived.observe import contacts_at
 from model.felt.laws import NamedLaw
 from model.files.force_table import check_force_table
 from model.force_driven import output_times, simulate
-from model.parameters.action import BACK_CHECK, CONTACTS, KEY_FRONT, STRING, USUAL, Action
+from model.parameters.action import BACK_CHECK, KEY_FRONT, STRING, USUAL, Action
 from model.scene.build import build_scene
 from model.simulation.solution import Solution
-from model.study.effects import NUMBERS, TOLERANCE, Blow, Effect, effect_of, touch_and_blow, varied_by_u
+from model.study.effects import (
+    NUMBERS,
+    TOLERANCE,
+    Blow,
+    Effect,
+    effect_of,
+    touch_and_blow,
+    varied_by_u,
+    with_usual_felts,
+)
 
 Array = NDArray[np.float64]
 
@@ -99,7 +108,7 @@ def effects_at_equal_loss(
 
     Parameters
     ----------
-    action : parameter set; its own laws are set aside
+    action : parameter set; its own laws and scene are set aside
     time_s, force_n : (k,) force table
     felts : name of a group -> its contacts; none of them pressed at rest
 
@@ -123,7 +132,7 @@ def effects_at_equal_loss(
     >>> all(abs(e.value["loss_mj"] / base.value["loss_mj"] - 1.0) < 0.02 for e in others)
     True
     """
-    plain = action.with_laws(dict.fromkeys(CONTACTS, USUAL))
+    plain = with_usual_felts(action)
     blow = check_force_table(time_s, force_n)
     out = []
     for name, contacts in felts.items():

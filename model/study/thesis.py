@@ -222,6 +222,5 @@ def _lost_before_strike(action: Action, time_s: ArrayLike, force_n: ArrayLike, s
     solution = simulate(action, time_s, force_n, output_time_s=end, energy=True, inside=True)
     energy, inside = solution.energy, solution.inside
     assert energy is not None and inside is not None
-    lost = energy.lost_in_felt + energy.lost_in_contact_friction + energy.lost_in_joint_friction
     front = float(inside.felt_j[-1, inside.contacts.index(KEY_FRONT)]) if KEY_FRONT in inside.contacts else 0.0
-    return 100.0 * lost / energy.work_in, 100.0 * (lost - front) / energy.work_in
+    return 100.0 * energy.lost / energy.work_in, 100.0 * (energy.lost - front) / energy.work_in

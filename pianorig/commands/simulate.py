@@ -126,6 +126,7 @@ def command(
     driving = workflows.read_driving_force(force, choice.input_column)
     times, values = driving.time_s, driving.force_n
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
+    rest = driving.rest(chosen, choice)
     with working("simulating", quiet=as_json):
         solution = model.simulate(
             chosen,
@@ -137,7 +138,7 @@ def command(
             inside=inside,
             scene=choice,
             method=method,
-            initial=driving.rest(chosen, choice),
+            initial=rest,
             estimate_error=True,
         )
     seen = solution.inside
@@ -157,7 +158,15 @@ def command(
             # again, at a row rate for drawing
             fine = model.output_times(times[0], times[-1], DRAWING_RATE_HZ)
             moved = model.simulate(
-                chosen, times, values, output_time_s=fine, inside=True, tolerance=tolerance, scene=scene, method=method
+                chosen,
+                times,
+                values,
+                initial=rest,
+                output_time_s=fine,
+                inside=True,
+                tolerance=tolerance,
+                scene=choice,
+                method=method,
             )
             if figure is not None:
                 model.inside.draw_sheet(chosen, moved, driving.at(fine), figure)
@@ -296,7 +305,7 @@ def _inside_lines(seen: model.inside.Inside, words: dict[str, str]) -> list[str]
         )
     for tip_n, tip_j in zip(seen.tip_n.T, seen.tip_j.T, strict=True):
         tip = f"{tip_n.max(initial=0.0):>10.2f}{'':>11}{'':>13}{1e3 * tip_j[-1]:>9.4f}"
-        lines.append(f"{'tip of the motor arm':<34}{tip}")
+        lines.append(f"{'tip of the ' + seen.scene.presser.replace('_', ' '):<34}{tip}")
     joints = ", ".join(f"{body} {1e3 * seen.joint_j[-1, i]:.4f}" for i, body in enumerate(seen.bodies))
     lifts = [
         f"key would lift from its balance rail {one.start_s:.4f} to {one.end_s:.4f} s: "

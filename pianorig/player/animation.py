@@ -180,7 +180,7 @@ def write_blow_animation(
     rate_hz = (len(seen.time_s) - 1) / float(seen.time_s[-1] - seen.time_s[0])
     rows = np.arange(0, len(seen.time_s), max(1, round(rate_hz / BLOW_RATE_HZ)))
     drawing = moving_action(thinned(seen, rows), labels=[contact_label(action, name) for name in seen.contacts])
-    quantity, unit = input_label(inside)
+    quantity, unit = input_label(inside.scene)
     curves = [{"title": quantity.capitalize(), "unit": unit, "color": "", "value": pack(force_n[rows])}]
     for i, body in enumerate(solution.bodies):
         if body in TITLE:

@@ -60,7 +60,7 @@ def identified_text(found: Identification) -> str:
 
 def _with_uncertainties(found: Identification) -> model.Action:
     """The action whose asked quantities carry their posterior u; the rest says that it was fitted beside them."""
-    quantities = model.quantities_of(found.action)
+    quantities = {**found.action.quantities, **found.action.effects}
     for path in found.action.changed:
         quantities[path] = replace(quantities[path], source="fitted beside what was identified; not a finding")
     for e in found.estimates:
@@ -70,7 +70,7 @@ def _with_uncertainties(found: Identification) -> model.Action:
             u = e.u if len(found.provenance["paths"][e.name]) == 1 else relative * abs(q.value)
             said = "identified" if e.verdict == IDENTIFIED else f"fitted; {e.verdict}"
             quantities[path] = replace(q, u=float(u), basis="measured", source=f"{said}; see [identification]")
-    own = {path: quantities.pop(path, q) for path, q in found.action.effects.items()}
+    own = {path: quantities.pop(path) for path in found.action.effects}
     return replace(found.action, name=f"{found.action.name}-identified", quantities=quantities, effects=own, changed={})
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 import model
+from model.parameters.action import CONTACTS
 
 
 def factors(action: model.Action, changed: model.Action) -> dict[str, float]:
@@ -41,6 +42,23 @@ def test_factors_multiply_in_turn(action: model.Action) -> None:
     assert changed["contact04.friction.A"] == pytest.approx(0.5 * action["contact04.friction.A"])
     assert changed["contact01.friction.A"] == pytest.approx(2.0 * action["contact01.friction.A"])
     assert changed.changed["contact07.friction.A"] == changed["contact07.friction.A"]
+
+
+def test_a_felt_without_damping_is_left_out_of_a_group_and_refused_by_name(action: model.Action) -> None:
+    """A law of felt that has no D: a value set for it would change nothing."""
+    some, every = (action.with_laws(dict.fromkeys(names, "stulov")) for names in (["contact02"], CONTACTS))
+    with pytest.warns(UserWarning, match=r"--scale damping: leaves out .* contact02.normal.D \(law stulov\)$"):
+        changed = model.scaled(some, {"damping": 0.1})
+    assert factors(action, changed) == {
+        f"contact{i:02d}.normal.D": pytest.approx(0.1) for i in range(1, 14) if i not in (2, 12)
+    }
+    model.build_scene(changed)
+    with pytest.raises(model.InputError, match="--scale damping: would change nothing"):
+        model.scaled(every, {"damping": 0.1})
+    for alone in (some.with_values({"contact02.normal.D": 5.0}), model.scaled(some, {"contact02.normal.D": 5.0})):
+        with pytest.raises(model.InputError, match="contact02.normal.D is set but contact02 follows the law stulov"):
+            model.build_scene(alone)
+    assert model.quantities_of(action).keys() - model.quantities_of(some).keys() == {"contact02.normal.D"}
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,19 @@ def test_the_actions_own_hammer() -> None:
         hammer_at_the_string(action, time_s, 0.02 * force_n)
 
 
+@pytest.mark.parametrize(
+    ("given", "found"),
+    [
+        (model.load_action().with_laws({"contact12": "stulov"}), "stulov"),
+        (model.load_scene("flexible-shank").on(model.load_action()), "shank"),
+        (model.load_scene("giving-joints").on(model.load_action()), "hammer_pin"),
+    ],
+)
+def test_a_hammer_that_is_no_mass_on_the_thesis_felt_is_refused(given: model.Action, found: str) -> None:
+    with pytest.raises(InputError, match=f"hammer at the string: found {found}, allowed a stiff hammer"):
+        hammer_at_the_string(given, *model.force_table("forte"))
+
+
 def test_study_string(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("study", "string", "--out", str(tmp_path / "s"), "--json") == 0
     facts = json.loads(capsys.readouterr().out)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import model
 from model.study import effects_at_equal_loss, equal_loss, felt_law_effects, string_effects
+from model.study.effects import PLAIN, blow_marks
 from pianorig.commands.study import effect_lines, effect_rows
 
 BLOW = model.force_table("forte")
@@ -27,6 +30,23 @@ def test_a_group_of_felts_changes_its_law_and_nothing_else() -> None:
     lines = effect_lines([base, stulov, hysteresis])
     assert len(lines) == 4 and "+-" in lines[2] and len({len(line.rsplit("  ", 1)[0]) for line in lines}) == 1
     assert effect_rows([stulov])[0]["u_check_mm"] == stulov.u["check_mm"]
+
+
+def test_felts_are_studied_in_one_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The press as well as the blow: the action by itself, whatever scene it carries."""
+    action, weighed = model.load_action("hirschkorn2004-regulated"), list[model.Action]()
+    monkeypatch.setattr(
+        "model.study.effects.weigh", lambda a: weighed.append(a) or SimpleNamespace(down_n=1, let_off_n=2)
+    )
+    (carried,) = felt_law_effects(model.load_scene("giving-joints").on(action), *BLOW, {})
+    assert [model.choice_of(a) for a in weighed] == [model.SceneChoice()]
+    assert carried.value == felt_law_effects(action, *BLOW, {})[0].value
+
+
+def test_a_blow_whose_table_ends_on_the_string_has_no_rebound() -> None:
+    at = BLOW[0] < 0.1111
+    found = blow_marks(model.load_action("hirschkorn2004-regulated"), (BLOW[0][at], BLOW[1][at]), PLAIN)
+    assert 110.0 < found["strike_ms"] < 111.0 and np.isnan([found["contact_ms"], found["rebound"]]).all()
 
 
 def test_a_string_takes_the_hammer_for_longer_than_the_bar() -> None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import model
 from model.files.force_library import KNOTS, force_table
 from model.observables import hammer_height_from_angle
-from model.study import Variant, compare, measure_blow
+from model.simulation.solution import EnergyAudit
+from model.study import Variant, compare, measure_blow, thesis
 from model.study.thesis import FIGURES, _strike, thesis_studies
 
 TIME = np.arange(0, 0.7, 2e-4)
@@ -126,6 +129,17 @@ def test_the_thesis_line_by_line(action: model.Action) -> None:
     assert by["no tangential friction: the hammer fails to check"].holds and slip.strikes > 1
     # without any damping it is held here (model-open-points): the measured force of the thesis is not printed
     assert not by["no damping: the hammer is not held on the back check"].holds
+
+
+def test_what_is_lost_before_the_strike_counts_every_loss(
+    action: model.Action, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    audit = EnergyAudit(1000.0, 40.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
+    assert (audit.lost, audit.residual) == (255.0, 705.0)
+    inside = SimpleNamespace(contacts=("contact02",), felt_j=np.array([[0.0], [5.0]]))
+    monkeypatch.setattr(thesis, "simulate", lambda *_, **__: SimpleNamespace(energy=audit, inside=inside))
+    study = {"as given": (None, SimpleNamespace(strike_s=0.1))}
+    assert thesis._lost_before_strike(action, [0.0], [0.0], study) == (25.5, 25.0)  # type: ignore[arg-type]
 
 
 def test_a_forte_that_reaches_no_string_is_refused(action: model.Action) -> None:

@@ -7,8 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from scipy.interpolate import CubicHermiteSpline
 
+import model
 import rig
 import validation
 from tests.command_line import run
@@ -16,12 +18,16 @@ from tests.command_line import run
 SHIPPED = Path(__file__).parents[3] / "sessions" / "example_forte"
 
 
-def test_the_motion_is_that_of_the_comparison(tmp_path: Path) -> None:
+def test_the_motion_is_that_of_the_comparison(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     session = tmp_path / "session"
     shutil.copytree(SHIPPED, session, ignore=shutil.ignore_patterns("derived", "trial_0002*", "trial_0003*"))
     out = tmp_path / "angles.csv"
-    assert run("simulate", "--force", session / "trial_0001.h5", "--out", out) == 0
+    drawn: list[model.Solution] = []
+    monkeypatch.setattr("model.inside.draw_sheet", lambda _, solution, *rest: drawn.append(solution))
+    figure = tmp_path / "sheet.svg"
+    assert run("simulate", "--force", session / "trial_0001.h5", "--out", out, "--figure", figure) == 0
     rows = np.loadtxt(out, delimiter=",", skiprows=1)
+    assert np.abs(drawn[0].angle_rad[0] - rows[0, 1:6]).max() < 1e-9  # drawn from where the output starts: preloaded
     quick = {"by_motion": False, "rivals": (), "budget": False, "suspect": False}
     trace = validation.compare_session(rig.Session.open(session), "hirschkorn2004", **quick).traces[1]
     known = trace.dropna(subset=["hammer_predicted_rad"])
