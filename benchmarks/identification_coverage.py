@@ -280,7 +280,9 @@ def planted(cell: str, start: model.Action, free: Unknowns, options: Any, rng: n
         one = felts[int(rng.integers(len(felts)))]
         z = float(rng.choice([-1.0, 1.0]) * rng.uniform(LEAST_OFF, MOST_OFF))
         return one, start, z, lambda specimen: specimen.with_values(one.values(start, z))
-    kind, amount = str(rng.choice(LACKS[cell])), float(np.exp(0.3 * rng.standard_normal()))
+    asked = {p.name for p in free.asked}  # a damping that the true law does not have has no true value
+    kinds = [k for k in LACKS[cell] if f"{k.partition('.')[0]}.normal.D" not in asked]
+    kind, amount = str(rng.choice(kinds)), float(np.exp(0.3 * rng.standard_normal()))
     (source,) = (s for s in addable(start) if s.name.startswith(ADDED + kind))
     path, _, power = source.scaled[0]
     one, scene, stated = Parameter(path, (path,), SIZE_U, True, ""), source.scene(start, amount), source.scene(start, 1)

@@ -38,7 +38,7 @@ SIZE_U = 0.4
 """Relative standard uncertainty of an effect's size, of what its file states."""
 LIFTING = {RAIL, "key_pin"}
 """Effects that a fit cannot let in: the key's encoder reads the lift of its pivot."""
-NEAR, MOST_FITTED = 0.5, 3  # of the best one's gain: what is fitted anew, and how many
+NEAR, MOST_FITTED = 0.5, 2  # of the best one's gain: what is fitted anew, and how many, of values and of effects
 SHOWS, HAMMER, UP, AROUND_S = 4.0, 2, 0.95, 5e-3  # u of a sensor; the blow: its channel, share of its way, s about it
 
 
@@ -132,24 +132,27 @@ def supported(problem: Problem, fitted: Fitted, say: Callable[[str], None]) -> S
     if not isinstance(problem.response, ForceRuns):
         return None
     best, found = LetIn(None, problem, fitted), []
-    gains = ranked(problem, fitted)
-    least = math.log(ODDS * max(len(gains), 1))
-    some = [pair for pair in gains if pair[0] > max(least, NEAR * gains[0][0])]
-    for gain, parameter, action in some[:MOST_FITTED]:
-        say(f"let in: {parameter.name} (the linear model promises e^{gain:.0f})")
-        one = fit_with(problem, fitted, parameter, action, math.log(len(gains)))
-        if one is not None:
-            found.append(one)
+    kinds = ranked(problem, fitted)
+    tried = sum(map(len, kinds))
+    for gains in kinds:
+        least = math.log(ODDS * max(len(gains), 1))
+        for gain, parameter, action in [row for row in gains if row[0] > max(least, NEAR * gains[0][0])][:MOST_FITTED]:
+            say(f"let in: {parameter.name} (the linear model promises e^{gain:.0f})")
+            one = fit_with(problem, fitted, parameter, action, math.log(tried))
+            if one is not None:
+                found.append(one)
     every = sorted([best, *found], key=lambda one: -one.gain)
     kept = tuple(one for one in every if one.gain > every[0].gain - math.log(ODDS))
     if kept == (best,) and lacking(fitted) <= LACKING:
         return None
     estimates, combinations = _together(kept)
-    return Supported(kept, estimates, combinations, len(gains), shows_in(problem, _lack(problem, fitted, kept[0])))
+    return Supported(kept, estimates, combinations, tried, shows_in(problem, _lack(problem, fitted, kept[0])))
 
 
-def ranked(problem: Problem, fitted: Fitted) -> list[tuple[float, Parameter, model.Action]]:
-    """What may be let in, with the gain of log evidence that the linear model promises, the best first.
+def ranked(problem: Problem, fitted: Fitted) -> list[list[tuple[float, Parameter, model.Action]]]:
+    """Values that were held, and effects, with the gain of log evidence that the linear model promises, the best first.
+
+    What an effect promises is what it does as stated; a value that looks like it may promise more, and then keep less.
 
     Effects compile a scene each, once on a machine: they are tried where something seems to be lacking, or a value that
     was held would explain something.
@@ -159,16 +162,18 @@ def ranked(problem: Problem, fitted: Fitted) -> list[tuple[float, Parameter, mod
     own = None if fitted.own is None else [fitted.own]
     sizes = replace(marginal.sizes, families=np.insert(marginal.sizes.families, marginal.p, -1))
     before = marginal.log_evidence(fitted.linear)
-    out: list[tuple[float, Parameter, model.Action]] = []
+    out: list[list[tuple[float, Parameter, model.Action]]] = []
     for columns_of in (_held, _effects):
+        found = []
         for parameter, action, columns in columns_of(problem, fitted, response, own):
             if any(np.any(c) for c in columns):
                 blocks = [_with(b, c) for b, c in zip(marginal.blocks, columns, strict=True)]
                 gain = Marginal(blocks, sizes).log_evidence(fitted.linear) - before
-                out.append((gain, parameter, action))
-        if lacking(fitted) <= LACKING and max((gain for gain, *_ in out), default=0.0) < math.log(ODDS * len(out)):
+                found.append((gain, parameter, action))
+        out.append(sorted(found, key=lambda row: -row[0]))
+        if lacking(fitted) <= LACKING and (not found or out[0][0][0] < math.log(ODDS * len(found))):
             break
-    return sorted(out, key=lambda row: -row[0])
+    return out
 
 
 Columns = Iterator[tuple[Parameter, model.Action, list[Array]]]
@@ -228,7 +233,9 @@ def fit_with(
         found = search(there, 1, None, columns)[0]
     except (ModelError, ValidationInputError):
         return None
-    return LetIn(parameter, there, found, 0.5 * (fitted.alike - found.alike) - rarity)
+    same = found.forks == fitted.forks  # else they are of other data, and compare where all trials were as they are
+    ends = [f.badness if same else f.alike for f in (fitted, found)]
+    return LetIn(parameter, there, found, 0.5 * (ends[0] - ends[1]) - rarity)
 
 
 def _together(kept: Sequence[LetIn]) -> tuple[tuple[Estimate, ...], tuple[tuple[Combination, float, float], ...]]:
