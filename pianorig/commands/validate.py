@@ -15,6 +15,8 @@ from pianorig.console.progress import say
 from pianorig.errors import CommandInputError
 from validation.cache.report_cache import inputs_sha256, report_folder, store_report, stored_report
 
+DEFAULT_TOLERANCE = 1e-5
+
 
 def command(
     sessions: Annotated[list[Path], typer.Argument(help="Session folders.", metavar="SESSION")],
@@ -32,7 +34,7 @@ def command(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the report; default: that of the only session.")
     ] = None,
-    tolerance: Tolerance = 1e-5,
+    tolerance: Tolerance = DEFAULT_TOLERANCE,
     by_motion: Annotated[
         bool, typer.Option("--by-motion/--no-by-motion", help="Also predict the force from the key's motion.")
     ] = True,
@@ -71,8 +73,12 @@ def command(
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action "hirschkorn2004: --scene string"
     """
     if by_motion and len(sessions) == 1 and validation.has_positions_only(sessions[0]):
-        _by_motion_alone(sessions[0], action or [], out, identified, as_json)
+        changed = tolerance != DEFAULT_TOLERANCE
+        given = {"--set": set_, "--scene": scene, "--tolerance": changed, "--condition": condition}
+        _by_motion_alone(sessions[0], action or [], out, identified, as_json, [name for name in given if given[name]])
         return
+    if by_motion and all(map(validation.has_positions_only, sessions)):
+        raise CommandInputError(f"{len(sessions)} sessions of positions without force, allowed 1 at a time")
     if identified is not None:
         raise CommandInputError(f"--identified: {sessions[0]} is not one session of positions without force")
     folder = report_folder(sessions, out)
@@ -111,9 +117,11 @@ def command(
 
 
 def _by_motion_alone(
-    session: Path, actions: list[str], out: Path | None, identified: Path | None, as_json: bool
+    session: Path, actions: list[str], out: Path | None, identified: Path | None, as_json: bool, refused: list[str]
 ) -> None:
     """Compare a session of positions: the measured key moves the models, the hammer is the answer."""
+    if refused:
+        raise CommandInputError(f"{refused[0]}: not for a session of positions without force ({session}); leave it out")
     if len(actions) > 1:
         raise CommandInputError(f"--action: {len(actions)} models, allowed 1 for a session of positions")
     result = validation.validate_positions(

@@ -17,7 +17,7 @@ from numbers import Integral, Real
 from pathlib import Path
 
 LIBRARIES = ("numpy", "scipy", "pandas", "matplotlib", "numba", "h5py", "jinja2")
-SOURCES = {".py", ".toml", ".j2", ".css", ".js"}
+SOURCES = {".py", ".toml", ".json", ".j2", ".css", ".js"}
 
 
 def result_key(kind: str, code: object, inputs: object) -> str:

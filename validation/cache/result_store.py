@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -27,7 +29,7 @@ from validation.cache.content_hash import code_sha256, result_key
 PLACE = ("derived", "scores", "kept.txt")
 SCHEMA = "piano-action-rig kept results 1"
 LARGEST_CHARACTERS = 16_000_000  # of the file; the results used longest ago are dropped first
-MOST_VERSIONS = 4  # of a derived step, so that models side by side do not drive out each other's predictions
+MOST_VERSIONS = 8  # of a derived step, so that models side by side do not drive out each other's predictions
 KINDS = (
     "predictions",
     "events",
@@ -108,7 +110,11 @@ class ResultStore:
             found = self.session.read_derived(step, trial)
         except RigInputError:  # damaged: made again
             return None
-        return found if found is not None and found[1].get("input_sha256") == key else None
+        if found is None or found[1].get("input_sha256") != key:
+            return None
+        with suppress(OSError):  # so that it is not the version used longest ago
+            os.utime(self.session.derived_path(step, trial).parent)
+        return found
 
     def write_table(
         self, step: str, trial: int, seal: str, table: pd.DataFrame, attributes: dict[str, Any], *, versioned: bool

@@ -200,7 +200,9 @@ def _lifts(events: SessionEvents, found: Sequence[SessionFinding]) -> list[Sessi
     if scaled or any(f.kind in ("regulation", "force delay") for f in found if f.trial != f.trial):
         return []
     broken = {
-        f.trial for f in found if f.kind in ("encoder return", "stuck bit") or KINDS[f.kind] in (CHANNEL, PREDICTION)
+        f.trial
+        for f in found
+        if f.kind in ("encoder return", "stuck bit") or KINDS[f.kind].spoils in (CHANNEL, PREDICTION)
     }
     release = {number: e["key_release"].value for number, e in events.trial.items()}
     return lifts({number: x for number, x in events.lifts.items() if number not in broken}, release)

@@ -48,12 +48,18 @@ def score(
     null = [_null(next(iter(actions.values())), t, tolerance) for t in trials]
     known = [(t, f) for t, f in zip(trials, null, strict=True) if f is not None]
     out["null model"] = by_channel([t for t, _ in known], [f for _, f in known]) if known else None
-    measured = [t.change_rad for t in trials]
-    if len(measured) > 1 and len({(m.shape, t.channels) for m, t in zip(measured, trials, strict=True)}) == 1:
-        there = np.isfinite(measured).sum(axis=0)
-        centre = np.nansum(measured, axis=0) / np.maximum(there, 1)
-        spread = by_channel(trials, [centre] * len(trials))
-        inflate = float(np.sqrt(len(measured) / (len(measured) - 1)))
+    centres: list[tuple[ObservedTrial, Array]] = []
+    freedom = 0
+    for session in sorted({t.session for t in trials}):  # each its own kind of stroke, at phases of its own
+        alike = [t for t in trials if t.session == session]
+        if len(alike) > 1 and len({(t.change_rad.shape, t.channels) for t in alike}) == 1:
+            measured = [t.change_rad for t in alike]
+            centre = np.nansum(measured, axis=0) / np.maximum(np.isfinite(measured).sum(axis=0), 1)
+            centres += [(t, centre) for t in alike]
+            freedom += len(alike) - 1
+    if centres:
+        spread = by_channel(*map(list, zip(*centres, strict=True)))
+        inflate = float(np.sqrt(len(centres) / freedom))
         out["scatter of trials"] = {name: inflate * value for name, value in spread.items()}
     return out
 

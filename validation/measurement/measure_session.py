@@ -5,6 +5,7 @@ Rejected, damaged and incomplete trials are named and left out; the rest goes on
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -102,7 +103,7 @@ def measure_session(
     ValidationInputError
         The usable trials are of several conditions and none was chosen, or the chosen one was not recorded.
     """
-    conditions: dict[str, int] = {}
+    conditions: dict[int, str] = {}
 
     def read(trial: Trial, data: TrialData) -> MeasuredTrial:
         if not data.has_force and not without_force:
@@ -112,7 +113,7 @@ def measure_session(
                 "neither force nor measured key motion to drive the model: no encoder of "
                 f"{', '.join(data.absent)}; a session of positions is compared by motion (validate --by-motion)"
             )
-        conditions[data.condition] = conditions.get(data.condition, 0) + 1
+        conditions[trial.number] = data.condition
         if condition is not None and data.condition != condition:
             raise TrialError(f"recorded under the condition {data.condition!r}, not {condition!r}")
         derived = session.read_derived("angles", trial.number)
@@ -124,13 +125,14 @@ def measure_session(
     measured: list[MeasuredTrial] = []
     for one in every:
         measured.append(_sharing_times(one, measured[-1]) if measured else one)
-    found = ", ".join(f"{name!r} ({n} trials)" for name, n in sorted(conditions.items()))
-    if condition is None and len(conditions) > 1:
+    usable = Counter(name for number, name in conditions.items() if condition is not None or number not in refused)
+    found = ", ".join(f"{name!r} ({n} trials)" for name, n in sorted(usable.items()))
+    if condition is None and len(usable) > 1:
         raise ValidationInputError(
             f"{session.path}: trials of several conditions found: {found}; allowed one, for different motions have no "
             "common repeatability; choose it with --condition"
         )
-    if condition is not None and conditions and condition not in conditions:
+    if condition is not None and usable and condition not in usable:
         raise ValidationInputError(f"{session.path}: no usable trial of the condition {condition!r}; found {found}")
     return MeasuredSession(session, tuple(measured), refused)
 

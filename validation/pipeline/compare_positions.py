@@ -13,6 +13,7 @@ import pandas as pd
 import model
 from rig.session import Session
 from validation.conventions import Array
+from validation.errors import ValidationInputError
 from validation.events.strikes import EVENTS, PHASES, find, phases
 from validation.identification.positions import FILE, Identified, example_of, read_identified
 from validation.measurement.positions import Stroke, measure_positions
@@ -123,6 +124,13 @@ def compare_positions(
     own = session.path / FILE
     chosen = identified or (own if own.is_file() else None)
     record = None if chosen is None else read_identified(chosen)
+    if record is not None and action_name not in (None, record.action):
+        if identified is not None:
+            raise ValidationInputError(
+                f"{identified}: identified on {record.action}, not on {action_name}; leave out --action or --identified"
+            )
+        say(f"{chosen}: identified on {record.action}, not on {action_name}: not used")
+        record = None
     if record is not None:
         record.check(strokes, str(session.path))
     name = action_name or (record.action if record else NO_PARAMETERS)
@@ -130,16 +138,18 @@ def compare_positions(
     fitted_seals = set(record.seals.values()) if record else set()
     seals = {stroke.number: session.trial(stroke.number).sha256 for stroke in strokes}
     predictions, rows, phase_rows, event_rows = [], [], [], []
-    models = _models(action, record if record is None or record.action == name else None)
+    models = _models(action, record)
     for stroke in strokes:
         say(f"stroke {stroke.number} {stroke.condition}")
         event_rows += _event_rows(stroke, "measured", stroke.hammer.value_m)
         for label, (predict, sets) in models.items():
+            fitted_to = label != "regulated" and seals[stroke.number] in fitted_seals
             try:
                 made = sets.predict(predict, stroke)
             except model.ModelError as error:
                 say(f"stroke {stroke.number}: {label}: {error}")
-                rows.append({"trial": stroke.number, "condition": stroke.condition, "model": label})
+                about = {"trial": stroke.number, "condition": stroke.condition, "model": label}
+                rows.append({**about, "rmse_share": np.nan, "fitted": fitted_to})
                 continue
             half = np.full(made.size, np.nan)
             if record is not None:
@@ -147,7 +157,6 @@ def compare_positions(
                 half = half_width(PredictedStroke(stroke, made, spread(stroke, predict, sets, made)), band, band.q)
             predicted = Predicted(label, stroke, made, half)
             predictions.append(predicted)
-            fitted_to = label != "regulated" and seals[stroke.number] in fitted_seals
             left = _left_out(record, label, predict, stroke) if fitted_to else np.nan
             rows.append({**_score(predicted), "fitted": fitted_to, "left_out_rmse_share": left})
             phase_rows.append(_phase_row(predicted))
@@ -185,11 +194,13 @@ def _models(action: model.Action, record: Identified | None) -> dict[str, tuple[
 
 
 def _left_out(record: Identified | None, label: str, predict: Predict, stroke: Stroke) -> float:
-    """RMSE (rulers) of a stroke by parameters that have not seen it."""
+    """RMSE (rulers) of a stroke by parameters that have not seen it; NaN where they are not known or cannot follow."""
     sets = None if record is None else record.left_out.get(label, {}).get(str(stroke.number))
-    if sets is None:
-        return float("nan")
-    error = (sets.predict(predict, stroke) - stroke.hammer.value_m) / stroke.hammer.travel_m
+    try:
+        made = np.nan if sets is None else sets.predict(predict, stroke)
+    except model.ModelError:
+        made = np.nan
+    error = (made - stroke.hammer.value_m) / stroke.hammer.travel_m
     return float(np.sqrt(np.mean(error**2)))
 
 
@@ -357,8 +368,12 @@ def _verdict(
         sentence = f"{name}: every stroke was fitted; nothing is held out."
         return sentence, (*lines, sentence)
     beside = rivals.set_index("trial")
-    missed = []
-    for row in out.itertuples():
+    made = out[out["rmse_share"].notna()]
+    missed = [f"trial {n} (the identified set cannot follow its key)" for n in out["trial"].drop(made.index)]
+    if not len(made):
+        sentence = f"{name}: no stroke that was not fitted is predicted; missed: {'; '.join(missed)}."
+        return sentence, (*lines, sentence)
+    for row in made.itertuples():
         faults, where = [], beside.loc[row.trial]
         if where["outside"]:
             faults.append(f"outside of what was fitted: {where['why']}")
@@ -372,8 +387,8 @@ def _verdict(
             faults.append("a worse interval score than the null model")
         if faults:
             missed.append(f"trial {row.trial} ({'; '.join(faults)})")
-    least, widest = out["inside_band"].min(), out["half_width_share"].max()
-    n, low, high = len(out), 100 * out["rmse_share"].min(), 100 * out["rmse_share"].max()
+    least, widest = made["inside_band"].min(), made["half_width_share"].max()
+    n, low, high = len(made), 100 * made["rmse_share"].min(), 100 * made["rmse_share"].max()
     sentence = (
         f"On {n} stroke{'s that were' if n > 1 else ' that was'} not fitted the identified set is off by "
         f"{f'{low:.1f} to {high:.1f}' if n > 1 else f'{low:.1f}'} % of the ruler (RMS), at least "

@@ -215,26 +215,34 @@ def _resolved(budget: pd.DataFrame) -> list[str]:
     """Events beyond two standard uncertainties; each is judged for itself."""
     if not len(budget):
         return []
-    beyond = budget[budget["resolved"].astype(bool)]
+    judged = budget[budget["u_val"].notna()]
+    beyond = judged[judged["resolved"].astype(bool)]
     parts = []
     for row in beyond.itertuples():
         kind = EVENTS[str(row.event)]
         k = kind.display_factor
         parts.append(f"{kind.label} {k * row.difference:+.2g} (u {k * row.u_val:.1g})")
-    count = f"Events beyond two standard uncertainties (each for itself; one in twenty is by chance): of {len(budget)} "
+    count = f"Events beyond two standard uncertainties (each for itself; one in twenty is by chance): of {len(judged)} "
     return [count + (", ".join(parts) if parts else "none") + "."]
 
 
 def _events(events: pd.DataFrame) -> list[str]:
-    differ, doubtful, missing = [], [], []
+    differ, doubtful, missing, uncounted = [], [], [], []
     for row in events.itertuples():
         kind = EVENTS[str(row.event)]
         title = kind.title.lower()
-        if not row.agree:
+        if not row.n_trials:
+            uncounted.append(title)
+        elif not row.agree:
             differ.append(f"{title} (trials {row.found_trial}, model {row.found_model} of {row.n_trials})")
         elif row.found_trial == 0 and kind.expected:
             missing.append(title)
         if row.ambiguous:
             doubtful.append(title)
-    labels = (("Events in one but not in the other", differ), ("Absent in both", missing), ("Ambiguous", doubtful))
-    return [f"{label}: {', '.join(names)}." for label, names in labels if names]
+    labels = {
+        "Events in one but not in the other": differ,
+        "Absent in both": missing,
+        "Not counted (encoder left out)": uncounted,
+        "Ambiguous": doubtful,
+    }
+    return [f"{label}: {', '.join(names)}." for label, names in labels.items() if names]

@@ -26,6 +26,7 @@ from validation.prediction.many_runs import Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
 CHANNELS = (*ENCODER_CHANNELS, *FILM_CHANNELS)
+FILM_CLOCK = len(ENCODER_CHANNELS)  # place of its error in `JointDraw.z_scale`: one clock moves all of a film
 MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
 SEED = 65
 USES = ("force", "readings")
@@ -189,8 +190,8 @@ def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution
         if name in FILM_CHANNELS:
             if m.film is None:
                 continue
-            u = float(np.nanmedian(m.film.u_rad[name]))
-            clock = np.gradient(angle, time_s) * m.film.u_time_s * draw.z_scale[i]
+            u = float(np.nanmedian(m.film.u_rad[name])) / np.sqrt(2.0)  # half of its square common, half white
+            clock = np.gradient(angle, time_s) * m.film.u_time_s * draw.z_scale[FILM_CLOCK]
             out[:, i] = angle + clock + u * (draw.z_change[i] * moved + rng.standard_normal(angle.size))
             continue
         white = abs(float(m.resolution_rad[i])) / np.sqrt(12.0)

@@ -6,7 +6,7 @@ and meaning of each column, and by ``page`` and ``head`` how the report shows it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -20,7 +20,7 @@ from validation.conventions import Array
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import ComparisonOptions
-from validation.prediction.joint_draws import drawn_action, drawn_run, joint_draws, session_seed
+from validation.prediction.joint_draws import JointDraw, drawn_action, drawn_run, joint_draws, session_seed
 from validation.prediction.many_runs import run_many
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
@@ -53,21 +53,23 @@ def inside_table(predicted: PredictedSession, tested: ModelUnderTest, options: C
     rows: list[dict[str, Any]] = []
     if tested.own_model:
         m = representative(predicted.trials)
-        seed = session_seed(predicted.trials) if options.budget else None
+        seed = session_seed(predicted.trials)
+        draws = joint_draws(tested.action, seed, DRAWS, parameters=True) if options.budget else []
         rows = tested.store.value(
-            "inside the action", (tested.identity, m.time_s, m.force, seed), lambda: list(_inside(tested, m, seed))
+            "inside the action",
+            (tested.identity, m.number, m.time_s, m.force, draws),
+            lambda: list(_inside(tested, m, draws)),
         )
     return pd.DataFrame(rows, columns=INSIDE)
 
 
-def _inside(tested: ModelUnderTest, m: MeasuredTrial, seed: int | None) -> Iterator[dict[str, Any]]:
+def _inside(tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw]) -> Iterator[dict[str, Any]]:
     force = m.force
     at = m.time_s[(m.time_s >= force.time_s[0]) & (m.time_s <= force.time_s[-1])]
     blow = tested.simulate(
         tested.action, force.time_s, force.force_n, tolerance=tested.tolerance, output_time_s=at,
         initial=tested.load(force.preload_n).rest, inside=True, energy=True,
     )  # fmt: skip
-    draws = [] if seed is None else joint_draws(tested.action, seed, DRAWS, parameters=True)
     actions = [drawn_action(tested, m, draw) for draw in draws]
     runs = [None if one is None else drawn_run(tested, m, one, at) for one in actions]
     asked = [None if run is None else replace(run, outputs=("contact_forces", "energy")) for run in runs]

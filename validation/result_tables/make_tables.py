@@ -139,7 +139,8 @@ def make_tables(
     budget = pd.DataFrame(columns=BUDGET_COLUMNS)
     if options.budget:
         options.say("uncertainty budget of the events")
-        budget = event_budget(tested, representative(predicted.trials), summary)
+        sound = sound_trials(predicted.trials, findings.faults) or predicted.trials
+        budget = event_budget(tested, representative(sound), summary)
     further = {name: make(predicted, tested, options) for name, make in FURTHER.items()} if options.further else {}
     warnings = [*_warnings(predicted, findings), *scored.notes, *notes, *tested.store.save()]
     return SessionTables(

@@ -94,8 +94,9 @@ def perfect_scores(
     every = tested.store.values(
         "perfect model",
         [
-            (tested.identity, seed, DRAWS, paired, m.number, m.force, m.u_rad, m.scale_relative_u, m.film, of_trial)
+            (tested.identity, seed, DRAWS, paired, m.number, m.force, sensors, m.film, of_trial)
             for m, of_trial in zip(chosen, curves, strict=True)
+            for sensors in [(m.u_rad, m.resolution_rad, m.scale_relative_u)]
         ],
         lambda missing: _scores(tested, [(chosen[i], curves[i]) for i in missing], draws, paired),
     )

@@ -8,7 +8,8 @@ u_input: force (gain, level, delay, noise) and parameters (draws; those of an id
 correlations), propagated through the model and through the levels of the trial's own events, which come from the same
 geometry, so that what both share cancels. u_D: what the encoders and the levels of rest leave open in the trials'
 events. u_repeat: scatter of the paired differences over √n.
-Draws the model cannot use, and draws in which the event does not happen, are counted in the table.
+Draws the model cannot use, and draws in which the event does not happen, are counted in the table; a part of which
+nothing is known is NaN, and the event is not judged.
 """
 
 from __future__ import annotations
@@ -93,10 +94,9 @@ def event_budget(tested: ModelUnderTest, m: MeasuredTrial, summary: pd.DataFrame
         groups: dict[str, list[float]] = {}
         absent = 0
         for case, outcome in zip(inputs, outcomes, strict=True):
-            if outcome is None:
-                continue
-            absent += not np.isfinite(outcome[name])
-            groups.setdefault(case.group, []).append(outcome[name])
+            change = np.nan if outcome is None else outcome[name]
+            absent += outcome is not None and not np.isfinite(change)
+            groups.setdefault(case.group, []).append(change)
         rows.append(_row(row, groups) | {"trial": m.number, "runs": len(inputs), "failed": failed, "absent": absent})
     return pd.DataFrame(rows, columns=COLUMNS)
 
@@ -139,10 +139,12 @@ def _row(row: Any, groups: dict[str, list[float]]) -> dict[str, object]:
     base = groups.get("base", [float("nan")])[0]
 
     def spread(group: str) -> float:
-        """Root mean square change of a group; its draws scatter about the base case."""
-        change = np.array(groups.get(group, [])) - base
+        """Root mean square change of a group; its draws scatter about the base case. 0 of a group without cases."""
+        if group not in groups:
+            return 0.0
+        change = np.array(groups[group]) - base
         known = change[np.isfinite(change)]
-        return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
+        return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
 
     numerics = np.array(groups.get("numerics", [])) - base
     u_num = float(np.nanmax(np.abs(numerics))) if np.isfinite(numerics).any() else float("nan")
@@ -154,9 +156,10 @@ def _row(row: Any, groups: dict[str, list[float]]) -> dict[str, object]:
     u_input = float(np.sqrt(u_force**2 + u_parameters**2 + u_assumed**2))
     n = int(row.n_both)
     u_repeat = float(row.difference_s) / np.sqrt(n) if n > 1 else 0.0
-    u_val = float(np.sqrt(np.nansum([u_num**2, u_input**2, row.u_trial**2, u_repeat**2])))
+    u_val = float(np.sqrt(u_num**2 + u_input**2 + row.u_trial**2 + u_repeat**2))
     e = float(row.difference)
     resolved = bool(abs(e) > COVERAGE * u_val)
+    reading = "model error between low and high" if resolved else "cannot resolve a model error"
     return {
         "event": row.event,
         "unit": row.unit,
@@ -167,7 +170,7 @@ def _row(row: Any, groups: dict[str, list[float]]) -> dict[str, object]:
         "u_parameters": u_parameters,
         "u_assumed": u_assumed,
         "u_input": u_input,
-        "assumed_share": u_assumed**2 / u_input**2 if u_input > 0 else 0.0,
+        "assumed_share": u_assumed**2 / u_input**2 if u_input != 0 else 0.0,
         "u_d": float(row.u_trial),
         "u_repeat": u_repeat,
         "u_val": u_val,
@@ -175,5 +178,5 @@ def _row(row: Any, groups: dict[str, list[float]]) -> dict[str, object]:
         "low": e - COVERAGE * u_val,
         "high": e + COVERAGE * u_val,
         "resolved": resolved,
-        "reading": "model error between low and high" if resolved else "cannot resolve a model error",
+        "reading": reading if np.isfinite(u_val) else "not judged: its uncertainty is not known",
     }

@@ -84,7 +84,7 @@ def test_a_touched_or_damaged_report_is_made_again(session):
 def test_every_source_file_counts_but_those_left_out(tmp_path, monkeypatch):
     home = tmp_path / "somewhere"
     (home / "report").mkdir(parents=True)
-    for name in ("__init__.py", "scores.py", "values.toml", "report/page.j2", "notes.txt"):
+    for name in ("__init__.py", "scores.py", "values.toml", "report/page.j2", "report/a.schema.json", "notes.txt"):
         (home / name).write_text("1")
     monkeypatch.syspath_prepend(tmp_path)
 
@@ -98,6 +98,7 @@ def test_every_source_file_counts_but_those_left_out(tmp_path, monkeypatch):
         ("scores.py", (True, True)),
         ("values.toml", (True, True)),
         ("report/page.j2", (True, False)),
+        ("report/a.schema.json", (True, False)),
         ("notes.txt", (False, False)),
     ):
         (home / name).write_text("2")

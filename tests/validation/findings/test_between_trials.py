@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ from validation.findings.between_trials import (
 )
 from validation.findings.encoders import lifts
 from validation.findings.film import camera_clock, film_wiring
+from validation.findings.find_faults import _lifts
+from validation.findings.finding import SessionFinding
 from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
 
 
@@ -183,3 +186,10 @@ def test_regulation_is_named_from_its_limit_when_all_trials_agree():
 def test_a_lift_that_is_largest_after_the_release_is_a_late_one_wherever_its_edge_is(largest_at_s, lift_m, named):
     lift = KeyLift(0.3035, 0.33, largest_at_s, 5 * lift_m, lift_m, 0.0, "")
     assert bool(lifts({2: [lift]}, {2: 0.305})) == named
+
+
+@pytest.mark.parametrize("kind, named", [("force sign", False), ("sign flip", False), ("hum", True)])
+def test_no_lift_is_named_where_a_channel_or_the_prediction_is_spoilt(kind, named):
+    lift = KeyLift(0.1, 0.2, 0.15, 1e-3, 3e-4, 0.0, "")
+    events = SimpleNamespace(lifts={1: [lift]}, trial={1: {"key_release": SimpleNamespace(value=0.5)}})
+    assert bool(_lifts(events, [SessionFinding(kind, 1, "force", -1.0, 0.3, "")])) == named

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.planted_sweep import Fault, flipped, louder, swapped
 from rig.session import Session
 from validation import compare_session, write_report
 from validation.findings.finding import KINDS
+from validation.result_tables import make_tables
+from validation.statistics.paired_difference import Judgement
 
 ALL_TRIALS = [
     ("sign flip", flipped(0, 1, 2), 18),
@@ -24,9 +28,26 @@ def test_a_session_wired_wrong_in_all_trials_ends_in_its_report(found_in, kind, 
     assert list(found["kind"]) == n * [kind]
 
 
-def test_a_report_of_a_session_wired_wrong_in_all_trials_can_be_written(make, tmp_path):
-    from dataclasses import replace
+def test_the_budget_changes_the_inputs_of_a_sound_trial(make, tmp_path, monkeypatch):
+    session, truth = make.session(tmp_path / "right", n_trials=3, filmed=())
+    broken = Session.create(tmp_path / "broken", make.info())
+    for trial in session.trials:
+        data = trial.read()
+        count = data.encoder_count.copy()
+        if trial.number == 1:  # that of median peak force
+            count[:, 2] = count[0, 2]
+        broken.add_trial(replace(data, encoder_count=count))
+    monkeypatch.setattr(make_tables, "difference_draws", lambda *_: None)
+    monkeypatch.setattr(make_tables, "judge", lambda _: Judgement())
+    monkeypatch.setattr(make_tables, "perfect_scores", lambda *_, **__: make_tables.NO_CEILING)
+    for one, number in ((session, 1), (broken, 3)):
+        result = compare_session(one, truth.action, keep_predictions=False, rivals=(), suspect=False)
+        assert set(result.tables["budget"]["trial"]) == {number}
+    assert "dead channel" in set(result.findings["kind"])
+    assert np.isfinite(result.tables["budget"]["u_input"]).all()
 
+
+def test_a_report_of_a_session_wired_wrong_in_all_trials_can_be_written(make, tmp_path):
     session, truth = make.session(tmp_path / "right", n_trials=2, filmed=())
     wrong = Session.create(tmp_path / "wrong", make.info())
     for trial in session.trials:

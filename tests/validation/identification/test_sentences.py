@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.validation.identification import toy
+from validation.identification import scores
 from validation.identification.further import Candidate, Prospect
 from validation.identification.page import (
     as_sentence,
@@ -28,6 +29,20 @@ def test_a_line_becomes_a_sentence_and_names_stay_as_they_are() -> None:
 
 def test_a_long_name_breaks_where_its_words_end() -> None:
     assert breakable("jack.joint_friction") == "jack.<wbr>joint_<wbr>friction" and "&lt;" in breakable("<b>")
+
+
+def test_scatter_of_trials_is_about_the_mean_of_each_session(monkeypatch) -> None:
+    monkeypatch.setattr(scores, "response_to", lambda *_: SimpleNamespace(curves=lambda _: [None]))
+    monkeypatch.setattr(scores, "_null", lambda *_: None)
+    rng, shape = np.random.default_rng(3), np.sin(np.linspace(0.0, 3.0, 400))
+
+    def session(place: int, n: int, size: float) -> list[SimpleNamespace]:
+        curves = size * np.outer(shape, [0.05, 0.08, 0.8]) + np.array([1e-4, 2e-4, 3e-4]) * rng.normal(size=(n, 400, 3))
+        return [SimpleNamespace(session=place, change_rad=c, channels=(0, 1, 2)) for c in curves]
+
+    trials = [*session(0, 4, 1.0), *session(1, 3, 0.6), *session(2, 1, 0.3)]  # one trial alone says nothing
+    found = scores.score(trials, {"before": object()}, 1e-5)["scatter of trials"]  # type: ignore[arg-type,dict-item]
+    assert list(found.values()) == pytest.approx([1e-4, 2e-4, 3e-4], rel=0.06)
 
 
 def test_what_to_record_is_said_in_words() -> None:

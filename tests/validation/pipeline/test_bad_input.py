@@ -87,6 +87,11 @@ def test_trials_of_several_conditions_are_not_pooled(make, strokes, tmp_path):
     assert "condition 'soft'" in trials.loc[2, "reason"]
     with pytest.raises(InputError, match="no usable trial of the condition 'silent'"):
         compare_session(session, condition="silent", **QUICK)
+    with (session.path / "trial_0002.h5").open("r+b") as file:
+        file.truncate(100_000)
+    session.add_trial(replace(make.trial(4, *strokes, names=("key", "whippen", "motor")), condition="soft"))
+    result, reason = reasons(Session.open(session.path))  # those of the other condition are not usable
+    assert list(result.traces) == [1, 3] and "encoder 'hammer' is missing" in reason[4]
 
 
 def test_trials_that_lack_the_same_encoder_are_named_together(make, strokes, tmp_path):

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import model
 import validation
 from rig.session import Session
 from tests.command_line import run
@@ -19,8 +20,9 @@ from validation.errors import ValidationInputError
 from validation.events.strikes import find
 from validation.identification.positions import read_identified, write_identified
 from validation.measurement.positions import measure_stroke
-from validation.pipeline.compare_positions import GOAL_COVER, compare_positions
+from validation.pipeline.compare_positions import GOAL_COVER, _verdict, compare_positions
 from validation.pipeline.validate_positions import render
+from validation.prediction.positions import Mixture
 
 SHIPPED = Path(__file__).parents[3] / "sessions" / "kawai_kg3c"
 
@@ -164,6 +166,37 @@ def test_a_set_that_does_not_know_its_strokes_says_so_and_a_stroke_unlike_them_i
     assert "outside of what was fitted" in render(result, "now", tmp_path).split("<figcaption>")[1]
 
 
+def test_a_set_of_another_action_is_refused_where_it_is_named_and_else_not_used(tmp_path) -> None:
+    session = one_stroke(tmp_path)
+    with pytest.raises(ValidationInputError, match="identified on hirschkorn2004-regulated, not on hirschkorn2004;"):
+        compare_positions(session, "hirschkorn2004", identified=SHIPPED)
+    shutil.copy(SHIPPED / "identified.json", session.path)
+    result = compare_positions(session, "hirschkorn2004")
+    assert set(result.scores["model"]) == {"regulated", "null"} and result.scores["inside_band"].isna().all()
+    assert result.identified is None and "no identified set" in result.sentence
+
+
+def test_a_stroke_that_a_set_cannot_follow_is_missed_and_does_not_end_the_comparison(tmp_path, monkeypatch) -> None:
+    record, predict, session = read_identified(SHIPPED), Mixture.predict, one_stroke(tmp_path)
+    for n in (3, 4):
+        shutil.copy(SHIPPED / f"trial_000{n}.h5", session.path)
+
+    def failing(self, run, stroke):
+        if self == record.left_out["identified"]["3"] or (self == record.mixture and stroke.number == 6):
+            raise model.ModelError("cannot follow")
+        return predict(self, run, stroke)
+
+    monkeypatch.setattr(Mixture, "predict", failing)
+    result = compare_positions(Session.open(session.path), identified=SHIPPED)
+    rows = result.scores[result.scores["model"] == "identified"].set_index("trial")
+    assert rows["fitted"].to_dict() == {3: True, 4: False, 6: False}
+    assert np.isfinite(rows.loc[3, "rmse_share"]) and np.isnan(rows.loc[3, "left_out_rmse_share"])
+    assert result.sentence.startswith("On 1 stroke that was not fitted")
+    assert result.sentence.endswith("missed: trial 6 (the identified set cannot follow its key).")
+    alone = _verdict("s", result.scores.query("trial != 4"), result.rivals, record)[0]
+    assert alone.endswith("is predicted; missed: trial 6 (the identified set cannot follow its key).")
+
+
 def test_which_sessions_are_of_positions(tmp_path) -> None:
     assert validation.has_positions_only(SHIPPED)
     assert not validation.has_positions_only(SHIPPED.parent / "example_forte")
@@ -174,6 +207,19 @@ def test_an_identified_set_is_for_positions_only(capsys) -> None:
     session = SHIPPED.parent / "example_forte"
     assert run("validate", session, "--identified", SHIPPED) == 2
     assert "not one session of positions" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "given", [("--set", "hammer.mass=0.01"), ("--scene", "string"), ("--tolerance", "1e-4"), ("--condition", "fast")]
+)
+def test_what_a_session_of_positions_cannot_take_is_refused(given, tmp_path, capsys) -> None:
+    assert run("validate", SHIPPED, "--out", tmp_path, *given) == 2
+    assert f"{given[0]}: not for a session of positions" in capsys.readouterr().err
+
+
+def test_sessions_of_positions_are_compared_one_at_a_time(tmp_path, capsys) -> None:
+    assert run("validate", SHIPPED, one_stroke(tmp_path).path, "--out", tmp_path / "out") == 2
+    assert "2 sessions of positions without force, allowed 1 at a time" in capsys.readouterr().err
 
 
 def test_driven_by_force_such_a_session_is_refused_in_one_line(tmp_path, capsys) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -76,6 +77,28 @@ def test_a_draw_without_errors_reads_what_is_predicted(trials, tested):
         assert known.mean() > 0.9
         assert np.abs(apart[known]).max() < 8 * m.u_rad[i] + 2 * DRAWN_TOLERANCE
     assert np.isnan(found[:, 3:]).all()  # not filmed
+
+
+def test_a_film_scatters_by_its_declared_u_and_its_clock_moves_all_its_bodies():
+    time_s, turn = np.linspace(0.0, 0.4, 200), np.zeros((200, 5))
+    turn[:, 2:4] = 0.1 + np.outer(time_s, [2.0, 3.0])
+    rest, force = SimpleNamespace(angle_rad=np.zeros(5)), SimpleNamespace(time_s=np.array([-1.0, 1.0]))
+    force.channel = SimpleNamespace(u_group_delay_s=0.0)
+    still = np.zeros(3)
+    action = model.load_action("hirschkorn2004")
+
+    def readings(u_rad, u_time_s, n):
+        film = SimpleNamespace(u_rad=dict.fromkeys(("jack", "repetition"), np.full(9, u_rad)), u_time_s=u_time_s)
+        m = SimpleNamespace(number=1, film=film, force=force, resolution_rad=still, u_rad=still, scale_relative_u=still)
+        for draw in joint_draws(action, 7, n, parameters=False):
+            drawn = SimpleNamespace(draw=draw, rest=rest)
+            yield (drawn_readings(m, drawn, time_s, SimpleNamespace(angle_rad=turn)) - turn[:, [0, 1, 4, 2, 3]])[:, 3:]
+
+    noise = np.array(list(readings(1e-3, 0.0, 800)))
+    assert noise.std(axis=0).mean(axis=0) == pytest.approx([1e-3, 1e-3], rel=0.05)
+    assert noise.mean(axis=1).std(axis=0) == pytest.approx(2 * [1e-3 / np.sqrt(2)], rel=0.1)  # half is common
+    late = np.array(list(readings(0.0, 1e-3, 5))).mean(axis=1)
+    assert late[:, 1] == pytest.approx(1.5 * late[:, 0]) and np.ptp(late) > 1e-4
 
 
 def test_gain_is_common_to_the_trials_and_noise_is_not(trials, tested):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from validation import PredictionError, compare_session
-from validation.cache.result_store import MOST_VERSIONS
+from validation.cache.result_store import MOST_VERSIONS, ResultStore
 from validation.prediction.model_under_test import action_sha256
 from validation.prediction.predict_session import PredictedAngles
 
@@ -102,6 +104,25 @@ def test_models_side_by_side_do_not_drive_each_other_out_and_old_ones_go(small):
     assert len(list((session.path / "derived").glob("prediction_*"))) == MOST_VERSIONS
     assert compare_session(session, actions[-1], **options).trials["reused"].all()
     assert not compare_session(session, actions[0], **options).trials["reused"].any()
+
+
+def test_the_version_used_longest_ago_goes_first(make, tmp_path):
+    session, _ = make.session(tmp_path / "s", n_trials=1, filmed=())
+    store, table = ResultStore(session=session), pd.DataFrame({"x": [1.0]})
+    seal = session.trial(1).sha256
+
+    def write(name):
+        assert not store.write_table(f"step_{name}", 1, seal, table, {"input_sha256": name}, versioned=True)
+        for folder in (session.path / "derived").glob("step_*"):  # an hour passes
+            at = folder.stat().st_mtime - 3600.0
+            os.utime(folder, (at, at))
+
+    for i in range(MOST_VERSIONS):
+        write(str(i))
+    assert store.table("step_0", 1, "0") is not None
+    write("new")
+    left = [name for name in map(str, range(MOST_VERSIONS)) if store.table(f"step_{name}", 1, name) is not None]
+    assert left == ["0", *map(str, range(2, MOST_VERSIONS))]
 
 
 def test_a_damaged_prediction_is_made_again(small):

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 import model
 from validation import compare_session
-from validation.result_tables.further import DRAWS, FURTHER
+from validation.prediction.model_under_test import ModelUnderTest
+from validation.result_tables import further
+from validation.result_tables.further import DRAWS, FURTHER, inside_table
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +42,32 @@ def test_forces_inside_the_action_have_a_place_a_time_and_an_uncertainty(inside,
     assert set(parts["draws"]) == {DRAWS} and set(parts["trial"]) <= set(compared.traces)
     assert set(parts["kind"]) == {"energy", "contact", "joint"}  # nothing gives, and the string is a bar
     assert parts.loc["work of the force on the key", "u_energy_j"] > 0.0
+
+
+@dataclass(frozen=True)
+class Pressed:
+    force_n: np.ndarray
+
+
+def test_what_the_uncertainties_come_from_is_in_the_key_of_what_is_stored(monkeypatch):
+    trial = SimpleNamespace(number=1, seal="one", time_s=np.arange(3.0), force=Pressed(np.array([0.0, 5.0])))
+    action, path = model.load_action("hirschkorn2004"), "contact04.friction.A"
+    tested, runs = ModelUnderTest(action, rivals=()), []
+
+    def made(tested, m, draws):
+        runs.append(m.number)
+        return [{"trial": m.number, "u_energy_j": float(np.std([draw.changed[path] for draw in draws]))}]
+
+    monkeypatch.setattr(further, "_inside", made)
+
+    def u(changed, m):
+        return inside_table(SimpleNamespace(trials=[m]), changed, SimpleNamespace(budget=True))["u_energy_j"].item()
+
+    q = action.quantities[path]
+    wider = replace(action, quantities={**action.quantities, path: replace(q, u=3 * q.u)})
+    assert u(replace(tested, action=wider), trial) > 1.5 * u(tested, trial) == 1.5 * u(tested, trial)
+    u(tested, SimpleNamespace(**{**vars(trial), "number": 2}))  # the number seeds the noise of the force
+    assert runs == [1, 1, 2]
 
 
 def test_a_scene_shows_what_it_moves_and_where_its_energy_goes(recorded):

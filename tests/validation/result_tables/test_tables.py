@@ -14,7 +14,10 @@ from validation.errors import InputError
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import absent
 from validation.events.session_events import Window, common_window
+from validation.findings.finding import counting_events
 from validation.pipeline.verdict import Standing, verdict_lines
+from validation.report.tables import models
+from validation.report.view import SessionView
 from validation.result_tables.channels import channel_tables, scorecard, with_repeatability, with_scores
 from validation.result_tables.events import event_summary, event_table
 from validation.scores.score_session import score_curves
@@ -197,6 +200,24 @@ def test_absent_and_ambiguous_events_are_in_the_verdict():
     assert "Absent in both: check begins, check height." in text
     assert "Ambiguous: rest." in text
     assert "second strike" not in text.split("Absent")[1]
+
+
+def test_events_that_no_trial_counts_are_neither_absent_nor_in_agreement():
+    trials = {n: keystroke() for n in (1, 2, 3)}
+    counting = counting_events(trials, {(n, "hammer") for n in trials} | {(1, "key")})
+    summary = event_summary(counting, trials)
+    channels, _, _ = tables(frames(np.arange(0, 1, 2e-4), 0.05))
+    text = " ".join(verdict_lines("s", "m", channels.reset_index(), summary, 3))
+    assert "Not counted (encoder left out): let-off, " in text and "Absent in both" not in text
+    card = pd.DataFrame({"channel": ["key"], "score": ["rmse_rad"], "value": [0.1], "ceiling": [0.1], "null": [0.2]})
+    budget = pd.DataFrame(columns=["event", "u_val"])
+    result = SimpleNamespace(event_summary=summary, budget=budget, scorecard=card, traces=trials, action_name="m")
+    shown = {row[0]: row for row in models.event_table(SessionView((result,))).rows}
+    assert shown[EVENTS["let_off"].label][1:4:2] == ["not counted (encoder left out)", "–"]
+    assert shown[EVENTS["key_bottom"].label][1:4:2] == ["2 of 2", "2 of 2: both"]
+    whole = SimpleNamespace(results=(result,), sessions={"s": (result,)})
+    counted = sum(not {"hammer"} & set(kind.bodies) for kind in EVENTS.values())
+    assert models.matrix(whole).rows[0][-1] == f"{counted} of {counted}"
 
 
 def measured(number, onset, start=0.0, end=1.2):

@@ -47,6 +47,22 @@ def test_parts_add_up_as_squares_and_decide():
     assert small["reading"] == "cannot resolve a model error"
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"base": [float("nan")]},  # the event is missing in the trial that is run
+        {"numerics": [float("nan")] * 2},
+        {"force gain": [float("nan")]},  # the only case of the group could not be run
+    ],
+)
+def test_a_part_of_which_nothing_is_known_is_not_nothing(changes):
+    row = SimpleNamespace(event="check_time", unit="s", n_both=4, difference=2e-3, difference_s=1e-3, u_trial=3e-4)
+    b = _row(row, {"base": [0.0], "numerics": [1e-9, 2e-9], "force gain": [1e-4], **changes})
+    assert np.isnan([b["u_val"], b["ratio"], b["low"]]).all()
+    assert not b["resolved"] and b["reading"].startswith("not judged")
+    assert np.isnan(b["u_input"]) == ("numerics" not in changes)
+
+
 def budget_of(session, action):
     tested = ModelUnderTest(action, rivals=())
     measured = measure_session(session, tested.geometry_at, 5e-5).trials

@@ -33,7 +33,8 @@ def matrix(side: SideBySide) -> PageTable:
         first = results[0]
         n = str(len(first.traces))
         for r in results:
-            agree = f"{int(r.event_summary['agree'].sum())} of {len(r.event_summary)}"
+            counted = r.event_summary[r.event_summary["n_trials"] > 0]
+            agree = f"{int(counted['agree'].sum())} of {len(counted)}"
             rows.append([name, r.action_name, str(len(r.traces)), *_cells(r, channels, "value"), agree])
         rows.append([name, "perfect model (ceiling)", n, *_cells(first, channels, "ceiling"), DASH])
         rows.append([name, "null model", n, *_cells(first, channels, "null"), DASH])
@@ -125,9 +126,11 @@ def _pairs(pairs: pd.DataFrame, key: str, caption: str) -> PageTable:
     return PageTable(key, caption, *shown, notes, "model_pairs")
 
 
+NOT_COUNTED = "not counted (encoder left out)"
+
+
 def event_table(view: SessionView) -> PageTable:
     """Presence, means and paired differences of the events, the models beside each other."""
-    n = len(view.first.traces)
     head = ["event", "found in trials", "trials: mean ± s"]
     for called in view.names:
         head += [f"{called}: found", f"{called}: mean", f"{called} − trial ± u"]
@@ -137,13 +140,13 @@ def event_table(view: SessionView) -> PageTable:
     for name, e in models[0].iterrows():
         kind = EVENTS[str(name)]
         k = kind.display_factor
-        row = [kind.label, f"{e['found_trial']} of {n}"]
+        row = [kind.label, f"{e['found_trial']} of {e['n_trials']}" if e["n_trials"] else NOT_COUNTED]
         row.append(with_u(k * e["trial_mean"], k * e["trial_s"]))
-        for r, summary, budget in zip(view.results, models, budgets, strict=True):
+        for summary, budget in zip(models, budgets, strict=True):
             m = summary.loc[name]
             presence = "both" if m["agree"] and m["found_trial"] else "neither" if m["agree"] else "differs"
             doubt = f", {m['ambiguous']} ambiguous" if m["ambiguous"] else ""
-            row.append(f"{m['found_model']} of {len(r.traces)}: {presence}{doubt}")
+            row.append(f"{m['found_model']} of {m['n_trials']}: {presence}{doubt}" if m["n_trials"] else DASH)
             row += [
                 number(k * m["model_mean"], 5),
                 with_u(k * m["difference"], k * budget.get(name, m["u_difference"])),
@@ -210,7 +213,7 @@ def forest(side: SideBySide) -> list[dict[str, Any]]:
                 "difference": with_u(k * row.difference, k * row.u_val),
                 "interval": f"{number(k * low, 3)} to {number(k * high, 3)}",
                 "reading": "not judged"
-                if result.outcome == NOT_JUDGED
+                if result.outcome == NOT_JUDGED or not math.isfinite(row.u_val)
                 else ("model error" if row.resolved else "not resolved"),
                 "resolved": resolved(result, row),
                 "at": place(row.difference, most),

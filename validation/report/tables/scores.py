@@ -246,7 +246,11 @@ def budget_table(result: ValidationResult) -> PageTable:
             "model − trial ± u": lambda b: with_u(_shown(b, "difference"), _shown(b, "u_val")),
             "|E| / u": lambda b: number(b.ratio, 2),
             "error of the model": lambda b: (
-                f"{number(_shown(b, 'low'), 3)} to {number(_shown(b, 'high'), 3)}" if b.resolved else "not resolved"
+                f"{number(_shown(b, 'low'), 3)} to {number(_shown(b, 'high'), 3)}"
+                if b.resolved
+                else "not resolved"
+                if math.isfinite(b.u_val)
+                else "not judged"
             ),
             **{head: partial(_part, name) for head, name in parts.items()},
             "assumed share": lambda b: percent(b.assumed_share),
