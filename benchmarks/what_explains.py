@@ -1,21 +1,31 @@
 """Planted faults of a session and changes of the specimen: which causes does a report say explain the difference?
 
     python -m benchmarks what_explains [--seed 1] [--sessions 20] [--changes 0,1,2,5,bench] [--strokes forte]
-                                       [--results FILE] [--minutes M]
+                                       [--lots N] [--results FILE] [--minutes M]
 
-Every session has three strokes of the virtual bench (motor arm, sensors with errors, strengths that scatter). Its
-specimen is the printed action with so many values changed, drawn anew for each session: frictions, felts, dampings and
-joint frictions by a factor of 1.2 to 1.6 or its inverse, masses and inertias by 3 to 10 %; ``bench`` is the bench's own
-specimen, ten values and a rail, a shank and an arm away from the model. ``drift:4`` is a session of six strokes whose
-force gain drifts, to 4 % in the last one; ``one:4`` has 4 % in its fourth, ``step:4`` from the fourth on, ``late:0.8``
-reads the force of the fourth 0.8 ms late, ``law:40`` has 40 % more friction in the key's joint from the fourth on, and
-``clean`` nothing. ``with:shank:0.3`` is a session of a specimen that has an effect which the model lacks, 0.3 of what
-its file states (`responses.SIZES`); ``with:contact12.stulov`` has felt that remembers, ``with:giving`` joints that all
-give: the added effect is what must be named. ``drift:4+1``, ``drift:4+bench`` and ``drift:4+with:shank:0.3`` have both.
-Prints a line per session, the smallest size of each effect from which on it is named, and a table: ``named`` a set of
-nothing but what was planted is among those named (of what was changed some has next to no effect), ``alone`` it is the
-only one, ``wrong`` sets are named and none is right, ``none`` no cause that was tried explains it, ``nothing`` nothing
-need be sought. Of a session with a fault this is said of what its trials differ by.
+Sessions are strokes of the virtual bench (motor arm, sensors with errors, strengths that scatter), three of them, or
+six where some trials may differ from the others. What is planted is ``+`` between:
+
+``CAUSE:SIZE[:PROFILE]``
+    a change, in % (effects: times what their files state; lengths: mm, delays: ms, levels: N), in ``all`` trials, in
+    ``one`` (the fourth), from that on (``step``), or as a ``trend`` to the last. Causes are errors of channels (``force
+    gain``; ``clock rate``), values of the action and felts (``contact02``) by their names, and effects that the model
+    lacks (``shank``, ``contact12.stulov``, ``giving`` for all joints).
+``0``, ``1``, ``2``, ``5``, ``bench``
+    so many values of the specimen, drawn anew for each session: frictions, felts, dampings and joint frictions by a
+    factor of 1.2 to 1.6 or its inverse, masses and inertias by 3 to 10 %; ``bench``: the bench's own ten.
+``own``
+    the bench's own specimen, which the model knows.
+``clean``
+    nothing, in six trials.
+
+With ``--lots`` so many sessions are drawn by lot: of `KINDS` each comes once before any comes twice, with its stroke,
+its specimen (printed, ``own``) and its size; every third holds another kind, of single trials beside one of all.
+Prints a line per session, the smallest size of each ``CAUSE:SIZE`` from which on it is named, and a table of what was
+planted, part by part (what some trials have, and what all share):
+``alone`` a set of nothing but what was planted is the only one named, ``set`` it is among those named, ``wrong`` sets
+are named and none is right (also where nothing was planted), ``none`` no cause that was tried explains it, ``silent``
+nothing is said of it: it does not show.
 """
 
 from __future__ import annotations
@@ -23,176 +33,271 @@ from __future__ import annotations
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import model
 from benchmarks.bench_strokes import BENCH
-from benchmarks.planted_sweep import delayed, louder, stroke_of
-from benchmarks.runner import Run, Table, may_be
+from benchmarks.planted_sweep import Change, delayed, louder, scaled, stretched, stroke_of
+from benchmarks.runner import Key, Run, Table, may_be
 from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo
 from rig.simulated.bench.plant import load_plant
 from validation.identification.difference.explain import Explained, explain_difference
-from validation.identification.difference.responses import ADDED, addable
-from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, single_names
+from validation.identification.difference.responses import (
+    ADDED,
+    ALL,
+    CLOCK,
+    ENCODER_SCALES,
+    ONE,
+    SESSION_ERRORS,
+    STEP,
+    TREND,
+    addable,
+)
+from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, lead_of, single_names
 from validation.measurement.measure_session import measure_session
 from validation.prediction.model_under_test import ModelUnderTest
 
 TRIALS, MORE = 3, 6
 FAULTY = 4  # the trial that has a fault, or from which on
-LAW = "key.joint_friction.A"
-# cause, and in which trials
-FAULTS = {
-    "drift": (FORCE_GAIN, "trend"),
-    "one": (FORCE_GAIN, "one"),
-    "step": (FORCE_GAIN, "step"),
-    "late": (FORCE_DELAY, "one"),
-    "law": (LAW, "step"),
-}
-VERDICTS = ("alone", "named", "none", "nothing", "wrong")
+VERDICTS = ("alone", "set", "none", "silent", "wrong")
 LAWS, MASSES = (".friction.A", ".joint_friction.A", ".normal.D", ".torque", ".stiffness"), (".mass", ".inertia")
 FACTORS, MASS_FACTORS = (1.2, 1.6), (1.03, 1.10)
+APART = {
+    FORCE_GAIN: ("5/7/10", (ONE, TREND, STEP)),
+    FORCE_LEVEL: ("0.1/0.2/0.4", (ONE, TREND, STEP)),
+    FORCE_DELAY: ("1/2/3", (ONE, TREND, STEP)),
+    **dict.fromkeys(ENCODER_SCALES, ("4/6/9", (ONE, STEP))),
+    "key.joint_friction.A": ("30/50/80", (TREND, STEP)),
+    "contact07.friction.A": ("30/50/80", (TREND, STEP)),
+    "contact02": ("40/60/100", (STEP,)),
+    "repetition_spring.stiffness": ("30/50/80", (STEP,)),
+    "contact08.second.y": ("0.7/1/1.5", (STEP,)),
+    "drive.point.x": ("3/5/8", (STEP,)),
+}
+SHARED = {
+    FORCE_GAIN: "5/8/12",
+    FORCE_LEVEL: "0.1/0.2/0.4",
+    FORCE_DELAY: "1/2/3",
+    CLOCK: "1/2/3",
+    **dict.fromkeys(ENCODER_SCALES, "3/5/8"),
+    **{f"{body}.joint_friction.A": "30/50/80" for body in ("key", "whippen", "jack", "repetition", "hammer")},
+    **{f"contact{n}.friction.A": "20/40/60" for n in ("01", "04", "07", "10")},
+    **{f"contact{n}": "30/50/80" for n in ("01", "02", "03", "12")},
+    **{f"contact{n}.normal.D": "30/50/80" for n in ("01", "02", "12")},
+    "jack_spring.torque": "20/40/60",
+    "repetition_spring.stiffness": "20/40/60",
+    **{f"{body}.mass": "5/10/15" for body in ("key", "whippen", "hammer")},
+    **{f"{body}.inertia": "5/10/15" for body in ("key", "hammer")},
+    "contact08.second.y": "0.5/1/1.5",
+    "contact01.first.x": "1/2/3",
+    "hammer.center_of_mass.x": "1/2/3",
+    "drive.point.x": "3/5/8",
+    **dict.fromkeys(("shank", "string", "balance_rail", "hammer_pin", "giving"), "1/1.5/2"),
+    **dict.fromkeys(("contact12.stulov", "contact02.stulov", "contact02.hysteresis"), "1/1.5/2"),
+}
+"""Kinds with three sizes: of some trials with their profiles, and of all."""
+KINDS = [
+    *(f"{cause}:{sizes}:{profile}" for cause, (sizes, profiles) in APART.items() for profile in profiles),
+    *(f"{cause}:{sizes}:{ALL}" for cause, sizes in SHARED.items()),
+]
 
 
-def drawn(action: model.Action, n: int, rng: np.random.Generator) -> dict[str, float]:
-    """Names of so many things that change, and their factors."""
+class Planted(NamedTuple):
+    """A cause (named as a search would), its size as it is written, and the trials that have it."""
+
+    cause: str
+    size: float
+    profile: str
+    unit: str
+
+    def amount(self, number: int) -> float:
+        """How much of its size a trial has, SI; what is relative as a factor less 1."""
+        share = {ALL: 1.0, TREND: (number - 1) / (MORE - 1), ONE: number == FAULTY, STEP: number >= FAULTY}
+        return self.size * float(share[self.profile]) * {"1": 1e-2, "m": 1e-3, "s": 1e-3}.get(self.unit, 1.0)
+
+    def misread(self, number: int) -> Change:
+        """What is wrong with the record of a trial, of an error of its channels."""
+        by = self.amount(number)
+        if self.cause == FORCE_LEVEL:
+            return lambda data, _: replace(
+                data, force_info=replace(data.force_info, preload_n=data.force_info.preload_n + by)
+            )
+        if self.cause in ENCODER_SCALES:
+            return scaled(ENCODER_SCALES.index(self.cause), 1.0 + by)
+        return {FORCE_GAIN: louder(1.0 + by), FORCE_DELAY: delayed(by), CLOCK: stretched(1.0 + by)}[self.cause]
+
+
+def planted(token: str, action: model.Action) -> Planted:
+    """What a word ``CAUSE:SIZE[:PROFILE]`` plants."""
+    cause, size, profile = [*token.split(":"), ALL][:3]
+    units = dict.fromkeys(SESSION_ERRORS, "1") | {FORCE_LEVEL: "N", FORCE_DELAY: "s"}
+    names = single_names(action)
+    if cause in names:
+        unit = lead_of(model.quantities_of(action), names[cause]).unit
+        units[cause] = unit if unit == "m" else "1"
+    if cause not in units:
+        cause = next(source.name for source in addable(action) if source.name.startswith(ADDED + cause))
+    return Planted(cause, float(size), profile, units.get(cause, ADDED))
+
+
+def drawn(action: model.Action, n: int, rng: np.random.Generator) -> list[Planted]:
+    """So many things that change, in all trials."""
     names = single_names(action)
     pool = [k for k, paths in sorted(names.items()) if len(paths) > 1 or k.endswith((*LAWS, *MASSES))]
-    out = {}
+    out = []
     for name in rng.choice(pool, n, replace=False):
         low, high = MASS_FACTORS if name.endswith(MASSES) else FACTORS
         factor = float(np.exp(rng.uniform(np.log(low), np.log(high))))
-        out[str(name)] = factor if rng.random() < 0.5 else 1.0 / factor
+        out.append(Planted(str(name), 100.0 * ((factor if rng.random() < 0.5 else 1.0 / factor) - 1.0), ALL, "1"))
     return out
 
 
-def bench_factors() -> dict[str, float]:
+def bench_changes() -> list[Planted]:
     """How the bench's own specimen differs."""
     printed, own = model.load_action(), load_plant(BENCH, 1, 5000.0).action
     names = single_names(printed).items()
-    return {n: own[p[0]] / printed[p[0]] for n, p in names if own[p[0]] != printed[p[0]]}
-
-
-def amount(fault: str, size: float, number: int) -> float:
-    """How much of a fault a trial has."""
-    profile = FAULTS[fault][1]
-    share = {"trend": (number - 1) / (MORE - 1), "one": float(number == FAULTY), "step": float(number >= FAULTY)}
-    return size * share[profile]
+    return [
+        Planted(n, 100.0 * (own[p[0]] / printed[p[0]] - 1.0), ALL, "1") for n, p in names if own[p[0]] != printed[p[0]]
+    ]
 
 
 def explained(
-    kind: str,
-    seed: int,
-    specimen: str,
-    factors: dict[str, float],
-    fault: str = "",
-    size: float = 0.0,
-    scene: model.SceneChoice | None = None,
-) -> tuple[Explained, float]:
-    """What is said of one session, and processor seconds."""
-    action = model.load_action()
-    names = single_names(action) if specimen == "printed" else {}
-    changed = {path: (f - 1.0) * action[path] for name, f in factors.items() for path in names.get(name, ())}
+    kind: str, seed: int, specimen: str, action: model.Action, these: list[Planted], trials: int
+) -> Explained:
+    """What is said of one session of a specimen that differs from the action by these."""
+    names, effects = single_names(action), {source.name: source for source in addable(action)}
+    scene = next((effects[p.cause].scene(action, p.size) for p in these if p.cause in effects), None)
     with tempfile.TemporaryDirectory() as folder:
         info = SessionInfo(
             simulated=True, name="why", operator="why", rig=FileInfo(name="none"), profile=FileInfo(name=kind)
         )
         session = Session.create(Path(folder) / "session", info)
-        for number in range(1, (MORE if fault else TRIALS) + 1):
-            planted, by = dict(changed), amount(fault, size, number) if fault in FAULTS else 0.0
-            if fault == "law" and by:
-                planted[LAW] = planted.get(LAW, 0.0) + 0.01 * by * action[LAW]
-            played = {"changed": tuple(planted.items()), "scene": scene}
+        for number in range(1, trials + 1):
+            changed = {
+                path: p.amount(number) * (1.0 if p.unit == "m" else action[path])
+                for p in these
+                for path in names.get(p.cause, ())
+            }
+            played = {"changed": tuple((k, v) for k, v in changed.items() if v), "scene": scene}
             stroke = stroke_of(kind, seed, number, specimen, tuple((k, v) for k, v in played.items() if v))
             data = stroke.data
-            if by and fault != "law":
-                data = (delayed(1e-3 * by) if fault == "late" else louder(1.0 + 0.01 * by))(data, stroke)
+            for p in these:
+                if p.cause in SESSION_ERRORS and p.amount(number):
+                    data = p.misread(number)(data, stroke)
             session.add_trial(data)
         tested = ModelUnderTest(action)
         measured = measure_session(session, tested.geometry_at, 6e-5)
-        before = time.process_time()
-        found = explain_difference(tested, measured.trials)
-        return found, time.process_time() - before
+        return explain_difference(tested, measured.trials)
 
 
-def judged(found: Explained, factors: dict[str, float], fault: str = "") -> str:
-    """The verdict (see above)."""
+def judged(found: Explained, these: list[Planted], shared: bool) -> str:
+    """The verdict (see above) on what all trials share, or on what some differ by."""
     sets: dict[int, set[tuple[str, str]]] = {}
     for row in found.changes:
-        if (row.profile != "all") == bool(fault):
+        if (row.profile == ALL) == shared:
             sets.setdefault(row.set, set()).add((row.cause, row.profile))
+    right = {(p.cause, p.profile) for p in these if (p.profile == ALL) == shared}
     if not sets:
-        return "none" if not fault and "none of the causes" in found.sentence else "nothing"
-    right = {FAULTS[fault]} if fault in FAULTS else {(name, "all") for name in factors} if not fault else set()
+        return "none" if "none of the causes" in found.sentence and (right or shared) else "silent"
     if not any(one <= right for one in sets.values()):
         return "wrong"
-    return "alone" if len(sets) == 1 else "named"
+    return "alone" if len(sets) == 1 else "set"
 
 
-def case(kind: str, n: str, seed: int) -> dict[str, Any]:
+def case(kind: str, words: str, seed: int) -> dict[str, Any]:
     """One session as plain data."""
-    parts = n.split("+")
-    name, _, size = parts.pop(0).partition(":") if parts[0].partition(":")[0] in (*FAULTS, "clean") else ("", "", "")
-    effects = [part.removeprefix("with:") for part in parts if part.startswith("with:")]
-    changes, scene = "".join(part for part in parts if not part.startswith("with:")) or "0", None
-    rng = np.random.default_rng([seed, 0 if changes == "bench" else int(changes)])
-    factors = bench_factors() if changes == "bench" else drawn(model.load_action(), int(changes), rng)
-    specimen = "bench" if changes == "bench" else "printed"
-    for effect, _, much in (part.partition(":") for part in effects):
-        action = model.load_action()
-        (added,) = (source for source in addable(action) if source.name.startswith(ADDED + effect))
-        factors[added.name], scene = float(much or 1.0), added.scene(action, float(much or 1.0))
-    found, took = explained(kind, seed, specimen, factors, name, float(size or 0.0), scene)
+    tokens = words.split("+")
+    own, counted = "own" in tokens, next((t for t in tokens if t.isdigit() or t == "bench"), "0")
+    action = model.load_action()
+    if own:
+        action = action.with_values(
+            {p: (1.0 + c.amount(1)) * action[p] for c in bench_changes() for p in single_names(action)[c.cause]}
+        )
+    rng = np.random.default_rng([seed, 0 if counted == "bench" else int(counted)])
+    these = bench_changes() if counted == "bench" else drawn(action, int(counted), rng)
+    these += [planted(token, action) for token in tokens if ":" in token]
+    specimen = "bench" if own or counted == "bench" else "printed"
+    more = "clean" in tokens or any(p.profile != ALL for p in these)
+    before = time.process_time()
+    found = explained(kind, seed, specimen, action, these, MORE if more else TRIALS)
     return {
-        "verdict": judged(found, factors, name), "shared": judged(found, factors), "factors": factors,
+        "apart": judged(found, these, shared=False) if more else "", "shared": judged(found, these, shared=True),
+        "planted": [p._asdict() for p in these],
         "said": "; ".join([*(f.text.split(": this")[0] for f in found.findings), found.sentence]),
-        "changes": [asdict(c) for c in found.changes], "seconds": took,
+        "changes": [asdict(c) for c in found.changes], "seconds": time.process_time() - before,
     }  # fmt: skip
 
 
+def lots(run: Run) -> Iterator[Key]:
+    """Sessions drawn by lot."""
+    rng = np.random.default_rng(run.seed)
+    order = np.concatenate([rng.permutation(len(KINDS)) for _ in range(1 + 2 * run.lots // len(KINDS))])
+    kinds = iter([KINDS[k] for k in order])
+    for n in range(run.lots):
+        words = [next(kinds)]
+        if n % 3 == 2:
+            other = [k for k in KINDS if k.endswith(ALL) != words[0].endswith(ALL)]
+            words.append(other[rng.integers(len(other))])
+        sized = []
+        for word in words:
+            cause, sizes, profile = word.split(":")
+            sized.append(f"{cause}:{rng.choice(sizes.split('/'))}:{profile}")
+        if rng.random() < 0.5:
+            sized.append("own")
+        yield str(rng.choice(run.strokes)), "+".join(sized), run.seed + n
+
+
 def detectable(verdicts: Mapping[tuple[str, str], Sequence[str]]) -> None:
-    """Print the smallest size of each effect from which on it was named, in each kind of stroke."""
+    """Print the smallest size from which on a cause that all trials share was named, in each kind of stroke."""
     sizes: dict[str, dict[str, list[tuple[float, bool]]]] = {}
-    for (kind, n), found in verdicts.items():
-        if n.startswith("with:") and "+" not in n:
-            effect, _, much = n.removeprefix("with:").partition(":")
-            tried = sizes.setdefault(effect, {}).setdefault(kind, [])
-            tried.append((float(much or 1.0), {"alone", "named"}.issuperset(found)))
+    for (kind, words), found in verdicts.items():
+        cause, _, size = words.partition(":")
+        if size.replace(".", "").isdigit():
+            tried = sizes.setdefault(cause, {}).setdefault(kind, [])
+            tried.append((float(size), {"alone", "set"}.issuperset(found)))
     if not sizes:
         return
     kinds = list(dict.fromkeys(kind for kind, _ in verdicts))
     shown = Table("named from:<20s", *(f"{kind}:>10s" for kind in kinds))
-    for effect, of in sizes.items():
+    for cause, of in sizes.items():
         cells = []
         for kind in kinds:
             missed = max((size for size, named in of.get(kind, []) if not named), default=0.0)
             above = [size for size, named in of.get(kind, []) if named and size > missed]
             cells.append(f"{min(above):g}" if above else f"> {missed:g}" if missed else "")
-        shown.row(effect, *cells)
+        shown.row(cause, *cells)
 
 
 def main(run: Run) -> bool:
-    """Run the study; whether 95 % of sessions may name nothing wrong."""
-    table: Counter[tuple[str, str]] = Counter()
-    verdicts: dict[tuple[str, str], list[str]] = {}
-    seconds = []
+    """Run the study; whether 95 % of what is said of all or of some trials may name nothing wrong."""
     keys = [(kind, n, run.seed + i) for i, kind, n in product(range(run.sessions), run.strokes, run.changes)]
-    for (kind, n, seed), row in run.cases(keys, case):
-        planted = ", ".join(f"{k} × {v:.2f}" for k, v in row["factors"].items())
-        print(f"{kind} {n} {seed}: {row['verdict']}: {planted or '–'} | {row['said']}", flush=True)
-        table[n, row["verdict"]] += 1
-        verdicts.setdefault((kind, n), []).append(row["verdict"])
+    verdicts: dict[str, Counter[str]] = {}
+    shared: dict[tuple[str, str], list[str]] = {}
+    seconds = []
+    for (kind, words, seed), row in run.cases(lots(run) if run.lots else keys, case):
+        print(f"{kind} {words} {seed}: {row['apart'] or '–'}, {row['shared']} | {row['said']}", flush=True)
+        these = [Planted(**p) for p in row["planted"]]
+        shared.setdefault((kind, words), []).append(row["shared"])
+        for part, of in (
+            ("apart", [p for p in these if p.profile != ALL]),
+            ("shared", [p for p in these if p.profile == ALL]),
+        ):
+            if row[part]:
+                name = f"{of[0].cause}, {of[0].profile}" if len(of) == 1 else f"{len(of) or 'nothing'}, {part}"
+                verdicts.setdefault(name, Counter())[row[part]] += 1
         seconds.append(row["seconds"])
-    detectable(verdicts)
-    shown = Table("changed:>24s", *(f"{verdict}:8d" for verdict in VERDICTS))
-    for n in run.changes:
-        shown.row(n, *(table[n, verdict] for verdict in VERDICTS))
+    detectable(shared)
+    shown = Table("planted:<40s", *(f"{verdict}:6d" for verdict in VERDICTS))
+    for name in sorted(verdicts):
+        shown.row(name, *(verdicts[name][verdict] for verdict in VERDICTS))
+    total = sum(verdicts.values(), Counter())
+    shown.row("all", *(total[verdict] for verdict in VERDICTS))
     print(f"processor time of a session: median {np.median(seconds):.1f} s, most {np.max(seconds):.1f} s")
-    wrong = sum(table[n, "wrong"] for n in run.changes)
-    return may_be(0.95, len(seconds) - wrong, len(seconds))
+    return may_be(0.95, total.total() - total["wrong"], total.total())

@@ -55,6 +55,7 @@ MOST_TRIALS = 12
 ENOUGH = 0.05  # of the squared difference between trials: a set that leaves less needs no further change
 SMALLEST_CHANGE = 0.5  # of how far off a value may be: 2.5 % of the force, 15 % of a law; less is scatter of the blows
 SMALLEST_DIFFERENCE = 4e-3  # of the range of a channel, root mean square: below, nothing is looked for
+MINOR = 0.1  # of the log odds that a cause gains: what others gain beside it
 FAR = 3.0  # times the margin: a fourth change that promises so much is not looked at more closely
 ABOUT = "about the model, not a fault of the session: "
 MODEL = "about the model: "
@@ -266,11 +267,13 @@ class Answer:
     near : sets named, with their log odds; none where nothing need be sought or nothing explains it
     search : the last one
     nothing : whether nothing need be sought
+    gained : log odds of the best set over none, where none is named
     """
 
     near: tuple[tuple[Followed, float], ...]
     search: Search
     nothing: bool = False
+    gained: float = 0.0
 
 
 Around = Callable[[Followed, Followed, Search | None, int], Search]
@@ -297,6 +300,11 @@ def decide(around: Around, nothing: Followed, numbers: Sequence[int], between: b
     found = findings_of(apart, where, told.search.tried)
     if between and not found:
         return Explained()
+    if not told.near and told.gained > SURE:  # the mean of trials that differ, and no one knows by what, is no trial's
+        return Explained(
+            f"none of the causes that were tried explains what {where} differ by among themselves; what all share is "
+            f"not looked for; tried were {told.search.tried}, each in one trial, from one on, or as a drift"
+        )
     granted = told.near[0][0] if told.near else nothing
     shared = _answer(around, around(granted, granted, told.search, MEAN), MOST_LAWS)
     rows = [
@@ -332,9 +340,7 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
             search = search.with_effects()
             sets[1] += search.effects(sets[1])
             best, lacks, scores = _weighed(search, sets)
-        if len(search.own(best.members)) > 1:  # found together with what it does not need
-            sets[size - 1] = _one_each([*sets[size - 1], *search.subsets(best)], search)
-            best, lacks, scores = _weighed(search, sets)
+        best, lacks, scores = _pared(search, sets)
         enough = asked == BETWEEN and search.left(best) < ENOUGH
         if size == most and search.promised(best) > FAR * margin:
             break
@@ -344,19 +350,34 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
             best, lacks, scores = _weighed(search, sets)
         if enough:
             break
+    best, lacks, scores = _pared(search, sets)
     top = max(max(score) for score in scores.values() if score)
-    if search.promised(best) >= margin and len(search.own(best.members)) == most:
+    gained = top - max(scores[0])
+    if search.promised(best) >= (SURE if asked == BETWEEN else margin) and len(search.own(best.members)) == most:
         lacks = math.inf  # more would be named; of fewer, what is promised beyond them has been run
     if search.own(best.members) and not (search.fits(best) or (asked == BETWEEN and search.left(best) < ENOUGH)):
         lacks = math.inf  # the best of bad ones
     if lacks > top + margin or best.rough > SURE:
-        return Answer((), search)
+        return Answer(tuple((one, 0.0) for one in _main(search, sets, best)), search, gained=gained)
     margin = max(margin, best.rough)  # a fork of the motion is near: no set is better by what runs scatter by there
-    size = next(n for n, score in sorted(scores.items()) if score and max(score) >= top - (margin if n else SURE))
+
+    def slack(n: int) -> float:  # what a larger set must be better by
+        if n == 0:
+            return SURE
+        score, one = max(zip(scores[n], sets[n], strict=True), key=lambda pair: pair[0])
+        minor = MINOR * (score - max(scores[0]))
+        if asked == BETWEEN:
+            return max(SURE, minor, margin)
+        return max(margin, min(SURE, minor)) if search.fits(one) else margin
+
+    size = next(n for n, score in sorted(scores.items()) if score and max(score) >= top - slack(n))
     if size == 0:
         return Answer((), search, nothing=asked == BETWEEN or top == max(scores[0]) or search.fits(start))
     best_of = max(scores[size])
     near = [s for score, s in zip(scores[size], sets[size], strict=True) if score >= best_of - margin]
+    near = [s for s in near if search.shown(s)]
+    if not near:
+        return Answer((), search, gained=gained)
     if size < most:  # a larger set that holds none of these is no less compatible for being larger
         near += _large(search, search.without(size + 1, [s.members for s in near]))
     plain = [search.log_evidence(s) + search.chosen(s.members) for s in near]
@@ -369,13 +390,30 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
     ]
     if asked == MEAN and len(kept) == 1:  # none is singled out that others hold and explain as well
         (one, _), least = kept[0], search.log_evidence(kept[0][0]) - margin
-        more = [(s, held) for s in search.holding(one, margin) if (held := search.log_evidence(s)) >= least]
+        larger = [s for n, found in sets.items() for s in found if n > size and set(one.members) < set(s.members)]
+        larger = search.better([*search.holding(one, margin), *filter(search.shown, larger)])
+        more = [(s, held) for s in larger if (held := search.log_evidence(s)) >= least]
         kept += [  # what a set adds to another of them is not needed
             (s, held + search.chosen(s.members) - best_of)
             for s, held in more
             if not any(set(other.members) < set(s.members) for other, _ in more)
         ]
     return Answer(tuple(sorted(kept, key=lambda pair: (len(pair[0].members), -pair[1]))), search)
+
+
+def _main(search: Search, sets: Mapping[int, Sequence[Followed]], best: Followed) -> list[Followed]:
+    """The one cause by far of what some trials differ by, though more is left than noise: every set near the best has
+    it, and a tenth of what it explains, or more, nothing gains beside it."""
+    if search.asked == MEAN or not sets.get(1):
+        return []
+    odds = {id(s): search.log_evidence(s) for found in sets.values() for s in found}
+    one = max(sets[1], key=lambda s: odds[id(s)])
+    here = odds[id(one)]
+    rivals = [s for found in sets.values() for s in found if not set(one.members) <= set(s.members)]
+    alone = all(odds[id(s)] < here - (SURE if len(s.members) <= len(one.members) else 0.0) for s in rivals)
+    beside = max(odds.values()) - here + max(search.promised(best), 0.0)
+    alone = alone and one.rough < SURE and search.shown(one)
+    return [one] if alone and beside < MINOR * (here - odds[id(search.start)]) else []
 
 
 def _large(search: Search, found: Sequence[Followed]) -> list[Followed]:
@@ -386,14 +424,6 @@ def _large(search: Search, found: Sequence[Followed]) -> list[Followed]:
     return [s for s, z in zip(found, told, strict=True) if np.all(np.minimum(np.abs(s.z), np.abs(z)) > SMALLEST_CHANGE)]
 
 
-def _one_each(found: Sequence[Followed], search: Search) -> list[Followed]:
-    """The better one of sets that were followed from two starts."""
-    best: dict[tuple[int, ...], Followed] = {}
-    for one in sorted(found, key=search.log_evidence):
-        best[one.members] = one
-    return list(best.values())
-
-
 def _weighed(search: Search, sets: Mapping[int, Sequence[Followed]]) -> tuple[Followed, float, dict[int, list[float]]]:
     """The best set; the largest log evidence that the model lacks something beside one; log evidence of all by size."""
     scores = {n: [search.log_evidence(s) for s in found] for n, found in sets.items()}
@@ -402,6 +432,17 @@ def _weighed(search: Search, sets: Mapping[int, Sequence[Followed]]) -> tuple[Fo
     if search.asked == BETWEEN:  # what the model lacks is in all trials
         return best, -math.inf, scores
     return best, max(search.log_evidence(s, lacking=True) for _, s in every), scores
+
+
+def _pared(search: Search, sets: dict[int, list[Followed]]) -> tuple[Followed, float, dict[int, list[float]]]:
+    """`_weighed`, sets added that the best was found together with what they do not need."""
+    found = _weighed(search, sets)
+    while (size := len(search.own((best := found[0]).members))) > 1:
+        sets[size - 1] = search.better([*sets[size - 1], *search.subsets(best)])
+        found = _weighed(search, sets)
+        if found[0] is best:
+            break
+    return found
 
 
 def _rows(search: Search, number: int, one: Followed, log_odds: float) -> list[CompatibleChange]:
@@ -446,11 +487,10 @@ def findings_of(rows: Sequence[CompatibleChange], where: str, causes: str) -> tu
         return (_finding(rows, text),)
     (one,) = sets
     beside = "" if len(one) == 1 else ", with the other,"
-    what = "and no other cause that was tried does"
-    return tuple(
-        _finding([row], f"{row.words}: this{beside} explains what {where} differ by among themselves, {what}; {tried}")
-        for row in one
-    )
+    left = f", but for {100 * one[0].left:.0f} % of its square, which is scatter or was not tried"
+    left = left if one[0].left >= ENOUGH else ""
+    what = f"explains what {where} differ by among themselves{left}, and no other cause that was tried does"
+    return tuple(_finding([row], f"{row.words}: this{beside} {what}; {tried}") for row in one)
 
 
 def _finding(rows: Sequence[CompatibleChange], text: str) -> SessionFinding:

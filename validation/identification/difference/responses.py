@@ -355,7 +355,9 @@ class Responses:
         self.tested, self.trials, self.listed = tested, tuple(trials), tuple(listed)
         self.candidates = candidates(listed, [t.number for t in trials])
         self.measured = np.array([rows(t.change_rad) for t in self.trials])
-        self._near: Array | None = None
+        self._known: list[Array] = []
+        self._turned: dict[tuple[_Place, int], Array | None] = {}
+        self._rests: dict[Any, tuple[model.Action, model.RestState] | None] = {}
 
     @cached_property
     def base(self) -> Array | None:
@@ -363,23 +365,23 @@ class Responses:
         return self.exact(Point())
 
     def exact(self, point: Point) -> Array | None:
-        """Differences (trials, 3 m) with every trial run; those of points to come are found from there."""
+        """Differences (trials, 3 m) with every trial run; those of points near by are found from there."""
         places = [self._place(point, t) for t in range(len(self.trials))]
         found = self._turns([(place, t) for t, place in enumerate(places)])
         known = [turn for turn in found if turn is not None]
         if len(known) < len(found):
             return None
-        self._near = self.measured - np.array(known)
-        return self._near
+        self._known.append(self.measured - np.array(known))
+        return self._known[-1]
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
         """Differences (trials, 3 m) at each point; None where a trial cannot be run there.
 
-        Where all trials have the same, two are run, and the others move from where all were run last (`exact`) as
-        these do on the average.
+        Where all trials have the same, two are run, and the others move as these do on the average, from the nearest
+        point where all were run (`exact`).
         """
-        base, near = self.base, self._near
-        if base is None or near is None:
+        base = self.base
+        if base is None:
             return [None] * len(points)
         alike = [self._alike(point) for point in points]
         asked = [(place, t) for groups in alike for place, group in groups.items() for t in self._run_of(groups, group)]
@@ -395,6 +397,7 @@ class Responses:
                 elif turns and each is not None:
                     each[run] = self.measured[run] - np.array(turns)
                     others = group[len(run) :]
+                    near = min(self._known, key=lambda known: float(np.sum((each[run] - known[run]) ** 2)))
                     each[others] = near[others] + (each[run] - near[run]).mean(axis=0)
             out.append(each)
         return out
@@ -458,9 +461,13 @@ class Responses:
         return groups
 
     def _turns(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
-        """Turns since rest (3 m,) of each run, as the encoders would read them."""
-        rests: dict[Any, tuple[model.Action, model.RestState] | None] = {}
-        runs = [self._run(place, self.trials[t], rests) for place, t in asked]
+        """Turns since rest (3 m,) of each run, as the encoders would read them; what is asked twice is run once."""
+        missing = [one for one in dict.fromkeys(asked) if one not in self._turned]
+        self._turned.update(zip(missing, self._run_all(missing), strict=True))
+        return [self._turned[one] for one in asked]
+
+    def _run_all(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
+        runs = [self._run(place, self.trials[t]) for place, t in asked]
 
         def turn(i: int, solution: model.Solution) -> Array:
             run = runs[i]
@@ -477,12 +484,7 @@ class Responses:
 
         return run_many(self.tested, runs, turn)
 
-    def _run(
-        self,
-        place: _Place,
-        trial: ObservedTrial,
-        rests: dict[Any, tuple[model.Action, model.RestState] | None],
-    ) -> Run | None:
+    def _run(self, place: _Place, trial: ObservedTrial) -> Run | None:
         changed: dict[str, float] = {}
         added: list[tuple[Source, float]] = []
         error = {FORCE_GAIN: 1.0, FORCE_LEVEL: 0.0, FORCE_DELAY: 0.0, CLOCK: 1.0}
@@ -495,9 +497,9 @@ class Responses:
                 error[source.name] = source.at(error[source.name], z)
         gain, level = error[FORCE_GAIN], error[FORCE_LEVEL] - place.offset_n
         key = tuple(changed.items()), tuple(added), trial.preload_n - level
-        if key not in rests:
-            rests[key] = self._at_rest(changed, added, key[-1])
-        found = rests[key]
+        if key not in self._rests:
+            self._rests[key] = self._at_rest(changed, added, key[-1])
+        found = self._rests[key]
         if found is None:
             return None
         action, rest = found

@@ -35,12 +35,15 @@ FLOOR, LACKS = 5e-3, (2e-2, 1e-1, 5e-1)
 class _Theta:
     """One size of the noise: covariances of a contrast between trials, and of their mean for each size of what lacks.
 
-    ``part`` is `BETWEEN` for the first, 0 where nothing lacks, 1 … for each size of it. What is not asked for is not
-    computed.
+    ``part`` is `BETWEEN` for the first, 0 where nothing lacks but ``floor``, 1 … for each size of it. What is not asked
+    for is not computed.
     """
 
-    def __init__(self, alone: Array, shared: Array, wander: Array, own: float, trials: int) -> None:
+    def __init__(
+        self, alone: Array, shared: Array, wander: Array, own: float, trials: int, floor: float = FLOOR
+    ) -> None:
         self._one, self._shared, self._wander, self._trials = alone + own**2 * wander, shared, wander, trials
+        self._floor = floor
         self._roots: dict[int, Array] = {}
 
     def root(self, part: int) -> Array:
@@ -48,7 +51,7 @@ class _Theta:
         if part not in self._roots:
             covariance = self._one
             if part != BETWEEN:
-                lacks = (FLOOR, *LACKS)[part] ** 2 * self._wander
+                lacks = (self._floor, *LACKS)[part] ** 2 * self._wander
                 covariance = self._one / self._trials + self._shared + lacks
             self._roots[part] = cholesky(covariance, lower=True)
         return self._roots[part]
@@ -95,6 +98,7 @@ class Evidence:
         self._thetas = [_Theta(alone, shared, wander, own, len(each)) for wander in wanders for own in OWN]
         self.contrasts, self._weights = len(apart), [_log_density(theta, apart) for theta in self._thetas]
         self.likeliest = self._thetas[0]
+        self.broad = _Theta(alone, shared, wanders[-1], OWN[-1], len(each), OWN[-1])
         self._stacked: dict[int, tuple[Array, Array]] = {}
         self.settle()
 
@@ -258,6 +262,9 @@ FURTHEST, FURTHEST_ADDED = 3.0, 10.0  # of how far off a value may be; of an eff
 LEAST_TOLD = 2.0 * LEAST_ADDED  # of an effect: with less it is its being there, not its size, that is seen
 DAMPING = ".normal.D"
 FELTS = 4  # that may remember
+HALF = 0.5  # of a squared difference, left
+AMOUNTS, FEW = (-3.0, -2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0), (-1.5, 1.5)
+"""Of a single cause, before it is followed."""
 SHORTER = 0.3  # of a step that did not lower the objective
 
 
@@ -360,7 +367,18 @@ class Search:
         ours = np.array(self.named, dtype=int)[self._added(self.named)]
         started = [self._started((*self.start.members, int(j)), self.start) for j in ours]
         needed = self._needed(found)
-        return self._follow([one for one in started if self._step(one)[1] < needed])
+        near = [one for one in started if self._step(one)[1] < needed]
+        if not any(self.fits(one) for one in found):  # as stated, where its derivative was found, it may come nearer
+            stated = [replace(one, z=np.append(one.z[:-1], 1.0), each=one.each - one.columns[:, -1]) for one in started]
+            near += sorted((one for one in stated if self.left(one) < HALF), key=self.left)[:FOLLOWED]
+        return self.better(self._follow(near))
+
+    def better(self, found: Sequence[Followed]) -> list[Followed]:
+        """The better one of sets that were followed twice."""
+        best: dict[tuple[int, ...], Followed] = {}
+        for one in sorted(found, key=self.log_evidence):
+            best[one.members] = one
+        return list(best.values())
 
     def of_size(self, size: int, best: Followed) -> list[Followed]:
         """The likeliest sets of a size, followed; ``best`` is the best set found so far."""
@@ -373,7 +391,55 @@ class Search:
             ranked = self._ranked(size, start, lacking)
             for members in ranked[:FOLLOWED] if self.asked == MEAN and size > 1 else self._unlike(ranked):
                 wanted.setdefault(members, self._started(members, start))
-        return self._follow(list(wanted.values()))
+        if self.asked == MEAN:
+            found = self._follow(list(wanted.values()))
+            if size > 1 or any(self.fits(one) for one in found):
+                return found
+            further = {one.members: one for one in self._further()}
+            again = [further.get(members, one) for members, one in (wanted | further).items()]
+            near = [one for one in self._follow(again, broad=True) if self.left(one) < HALF]
+            return self.better(found + self._follow(near))
+        likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
+        for start, _ in starts:  # what shows in the whole of a stroke
+            for members in self._ranked(size, start, 0)[:FOLLOWED]:
+                wanted.setdefault(members, self._started(members, start))
+        started = list(wanted.values())
+        if size == 1:
+            known = {one.members for one in started}
+            started += [one for one in self._further() if one.members not in known]
+        self.evidence.likeliest = likeliest
+        found = self._follow(self._follow(started, broad=True))
+        if size > 1:
+            return found
+        return self.better(  # a law has lost only if it was followed
+            found + self._follow(self._follow(self._further(laws=True), broad=True))
+        )
+
+    def _further(self, laws: bool = False) -> list[Followed]:
+        """Single causes where some amounts leave least in broad noise.
+
+        Near a fork of the motion a stroke's answer bends so that no step from nothing leads to the cause. Of what some
+        trials differ by: faults of the session, or laws; of what all share those that show most.
+        """
+        likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
+        listed = [self.responses.listed[c.source] for c in self.responses.candidates]
+        ours = [j for j in self.named if (listed[j].law if laws else listed[j].of_session)]
+        if self.asked == MEAN:
+            shows = np.diag(self._around(self.start, 0)[0])
+            ours = sorted((j for j in self.named if not listed[j].added), key=lambda j: -shows[j])[:BRANCHES]
+        alone = [self._started((*self.start.members, j), self.start) for j in ours]
+        amounts = FEW if laws or self.asked == MEAN else AMOUNTS
+        tried = [replace(one, z=np.append(one.z[:-1], z)) for one in alone for z in amounts]
+        runs = self.responses.differences([one.point for one in tried])
+        least: dict[tuple[int, ...], tuple[float, Followed]] = {}
+        for one, each in zip(tried, runs, strict=True):
+            if each is not None:
+                there = replace(one, each=each)
+                value = self.evidence.objective(there.turned, there.z, self.asked)
+                if value < least.get(one.members, (math.inf, one))[0]:
+                    least[one.members] = value, there
+        self.evidence.likeliest = likeliest
+        return [one for _, one in sorted(least.values(), key=lambda pair: pair[0])[:FOLLOWED]]
 
     def again(self, sets: Mapping[int, Sequence[Followed]]) -> dict[int, list[Followed]]:
         """Sets by size, those near the best run anew and followed on: around another set they lie elsewhere."""
@@ -435,6 +501,14 @@ class Search:
         if self.asked == MEAN:
             w -= self.evidence.objective(one.turned, 0.0 * one.z, BETWEEN)
         return w < rows.size + TOO_MUCH * float(np.sqrt(2.0 * rows.size))
+
+    def shown(self, one: Followed) -> bool:
+        """Whether every change of a set is told from none by its u, and lies no further than sets are followed."""
+        z, covariance = self.evidence.amounts(*self.linear(one), one.z, self.asked)
+        own = [i for i, j in enumerate(one.members) if j not in self.start.members]
+        most = np.where(self._added(one.members), FURTHEST_ADDED, FURTHEST)
+        size, u = np.abs(z), np.sqrt(np.diag(covariance))
+        return bool(np.all(size[own] > CLEAR * u[own]) and np.all(size[own] < most[own]))
 
     def left(self, one: Followed) -> float:
         """Share of the squared difference that is left with a set: of the mean, or of what the trials differ by."""
@@ -613,19 +687,27 @@ class Search:
                 columns[:, i] = start.columns[:, start.members.index(j)]
         return Followed(members, z, start.each, columns)
 
-    def _follow(self, started: Sequence[Followed]) -> list[Followed]:
+    def _follow(self, started: Sequence[Followed], broad: bool = False) -> list[Followed]:
         """All sets, each where it is most probable; all go round together, so that their runs are done side by side.
 
+        In ``broad`` noise, which looks at the whole of a stroke, the way there is smooth.
         What all share: a set that does not come near the best, nor promises to after its first step, goes no further.
         """
         at, listed, likeliest = list(started), self.responses.candidates, self.evidence.likeliest
+
+        def settle(one: Followed) -> None:  # what some trials differ by would be noise; beside a set it is not
+            if broad:
+                self.evidence.likeliest = self.evidence.broad
+            elif self.asked == BETWEEN:
+                self.evidence.settle_beside(*self.linear(one))
+
         going = {i: 1.0 for i in range(len(at))}
         for round_ in range(ROUNDS if self.asked == MEAN else MORE_ROUNDS):
             proposed: dict[int, Array] = {}
             hoped: dict[int, float] = {}
-            needed = self._needed(at) if round_ and self.asked == MEAN else math.inf
+            needed = self._needed(at, broad) if round_ and self.asked == MEAN else math.inf
             for i, short in going.items():
-                self._settle_beside(at[i])
+                settle(at[i])
                 step, promised = self._step(at[i])
                 if step is not None and promised < needed:
                     proposed[i] = at[i].z + short * step
@@ -635,7 +717,7 @@ class Search:
             points = [replace(at[i], z=z).point for i, z in proposed.items()]
             tried, going, accepted = going, {}, []
             for (i, z), each in zip(proposed.items(), self.responses.differences(points), strict=True):
-                self._settle_beside(at[i])
+                settle(at[i])
                 here = self.evidence.objective(at[i].turned, at[i].z, self.asked)
                 there = math.inf if each is None else self.evidence.objective(turned(each), z, self.asked)
                 if each is not None:
@@ -660,16 +742,11 @@ class Search:
         """Which members are effects that the model does not have."""
         return np.array([self.responses.listed[self.responses.candidates[j].source].added for j in members], dtype=bool)
 
-    def _settle_beside(self, one: Followed) -> None:
-        """What some trials differ by would be noise; beside a set it is not."""
-        if self.asked == BETWEEN:
-            self.evidence.settle_beside(*self.linear(one))
-
-    def _needed(self, at: Sequence[Followed]) -> float:
+    def _needed(self, at: Sequence[Followed], broad: bool = False) -> float:
         """The objective that a set must promise to be followed on, beside the best of these."""
         nothing, *others = (self.evidence.objective(s.turned, s.z) for s in (self.start, *at))
         best = min(others, default=nothing)
-        return best + max(2.0 * HOPELESS, FAR_BEHIND * (nothing - best))
+        return best + max(0.0 if broad else 2.0 * HOPELESS, FAR_BEHIND * (nothing - best))
 
     def _step(self, one: Followed) -> tuple[Array | None, float]:
         """Gauss–Newton step of a set, None where it is small; the objective that it promises."""

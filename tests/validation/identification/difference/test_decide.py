@@ -46,6 +46,7 @@ class Bending:
 
     measured: Array
     listed: tuple[Source, ...] = LISTED
+    fold: float = 0.0
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -60,20 +61,26 @@ class Bending:
         return out
 
     @staticmethod
-    def curve(amounts: Array) -> Array:
-        """Predicted curve (3 M,)."""
+    def curve(amounts: Array, fold: float = 0.0) -> Array:
+        """Predicted curve (3 M,); what the first amount moves may fold."""
         total = shapes() @ amounts
-        return np.asarray(total + 3.0 * total**2)
+        return np.asarray(total + 3.0 * total**2 + fold * np.sin(9.0 * amounts[0]) * np.sin(70.0 * np.tile(TIME, 3)))
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
         """As in `Responses`."""
         return [
-            np.array([m - self.curve(self.amounts(p, t)) for t, m in enumerate(self.measured)]) for p in points
-        ]  # fmt: skip
+            np.array([m - self.curve(self.amounts(p, t), self.fold) for t, m in enumerate(self.measured)])
+            for p in points
+        ]
 
     def columns(self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array]) -> list[Array]:
         """As in `Responses`, exact."""
-        return [shapes()[:, j] * (1.0 + 6.0 * (shapes() @ self.amounts(point, t))) for point, t, j in asked]
+        out = []
+        for point, t, j in asked:
+            at = self.amounts(point, t)
+            folded = 9.0 * self.fold * np.cos(9.0 * at[0]) * np.sin(70.0 * np.tile(TIME, 3)) * (j == 0)
+            out.append(shapes()[:, j] * (1.0 + 6.0 * (shapes() @ at)) + folded)
+        return out
 
 
 def said(
@@ -84,15 +91,18 @@ def said(
     apart: dict[int, Sequence[float]] | None = None,
     listed: tuple[Source, ...] = LISTED,
     between: bool = False,
+    strange: tuple[float, float] = (0.0, 0.0),
 ) -> Explained:
-    """What is said of trials with such a truth, and what each trial has apart."""
-    rng = np.random.default_rng(seed)
+    """What is said of trials with such a truth, and what each trial has apart; ``strange`` is how far answers fold, and
+    what the last trial has that no cause makes."""
+    rng, (fold, odd) = np.random.default_rng(seed), strange
     extra = lacking * np.sin(40 * np.tile(TIME, 3)) * np.repeat([1.0, -2.0, 0.5], M)
     each = np.array([[truth.get(j, 0.0) for j in range(SHAPES)]] * trials)
     for j, own in (apart or {}).items():
         each[:, j] += own
     noise = 2e-5 * rng.standard_normal((trials, 3 * M))
-    responses = Bending(np.array([Bending.curve(amounts) for amounts in each]) + extra + noise, listed)
+    responses = Bending(np.array([Bending.curve(amounts, fold) for amounts in each]) + extra + noise, listed, fold)
+    responses.measured[-1] += odd * np.sin(40 * np.tile(TIME, 3))
     (left,) = responses.differences([Point()])
     assert left is not None
     nothing = Followed((), np.zeros(0), left, np.zeros((3 * M, 0)))
@@ -186,9 +196,9 @@ def test_an_effect_that_cannot_come_near_what_was_found_is_not_followed(monkeypa
     followed: list[tuple[int, ...]] = []
     follow = Search._follow
 
-    def told(self: Search, started: Sequence[Followed]) -> list[Followed]:
+    def told(self: Search, started: Sequence[Followed], broad: bool = False) -> list[Followed]:
         followed.extend(one.members for one in started)
-        return follow(self, started)
+        return follow(self, started, broad)
 
     monkeypatch.setattr(Search, "_follow", told)
     for truth, tried in (({3: 1.2}, False), ({4: 0.5}, True)):
@@ -217,6 +227,26 @@ def test_a_fault_of_some_trials_is_a_finding_whatever_the_model_lacks(
     assert finding.kind == kind and words in finding.text and "no other cause that was tried does" in finding.text
     assert (trial is None and finding.trial != finding.trial) or finding.trial == trial
     assert found.sentence.startswith("beside that, ") and "not a fault of the session" not in found.sentence
+
+
+@pytest.mark.parametrize("size", [-1.6, 1.3])
+@pytest.mark.parametrize("profile", [ONE, TREND])
+def test_a_fault_that_no_step_from_nothing_leads_to_is_found(profile: str, size: float) -> None:
+    apart = [0.0, 0.0, 0.0, size, 0.0, 0.0] if profile == ONE else [size * k / 5 for k in range(6)]
+    found = said({}, trials=6, apart={0: apart}, listed=GAIN, strange=(1e-3, 0.0))
+    assert [(row.cause, row.profile) for row in found.changes] == [(FORCE_GAIN, profile)]
+    assert found.changes[0].change == pytest.approx(np.exp(0.05 * size), rel=2e-3)
+
+
+def test_one_cause_is_named_beside_less_that_none_explains_and_none_beside_more() -> None:
+    little, much = (
+        said({3: 1.2}, trials=6, apart={0: EVENLY}, listed=GAIN, strange=(0.0, odd)) for odd in (3e-3, 1e-1)
+    )
+    assert [row.profile for row in little.changes] == [TREND, ALL]
+    assert little.changes[0].change == pytest.approx(0.905, abs=2 * little.changes[0].u)
+    assert "% of its square, which is scatter or was not tried" in little.findings[0].text
+    assert not much.changes and "what trials 1, 2, 3, 4, 5, 6 differ by among themselves" in much.sentence
+    assert "what all share is not looked for" in much.sentence
 
 
 def test_what_a_channel_scatters_by_is_in_the_u_of_its_drift() -> None:
