@@ -162,7 +162,8 @@ def _blow_speeds(
         moved: tuple[Any, ...]
         if path in forces:
             driving = workflows.read_driving_force(path)
-            seen = model.simulate(action, driving.time_s, driving.force_n)
+            rest = driving.rest(action, model.SceneChoice())
+            seen = model.simulate(action, driving.time_s, driving.force_n, initial=rest)
             moved = (seen.time_s, seen.angle_rad, seen.speed_rad_per_s)
         else:
             moved = model.calibration.read_motion(path)

@@ -72,8 +72,10 @@ def command(
     """
     if dry_run and felt is not None:
         raise CommandInputError("--felt: a press is shaped from the ramp before it; not with --dry-run")
+    if dry_run and resume is not None:
+        raise CommandInputError("--dry-run: rehearses --profile or --plan; --resume rehearses what is left by itself")
     if dry_run and not passive:
-        found = workflows.rehearse(profile, rig, backend)
+        found = workflows.rehearse(profile, rig, backend, plan)
         tell(as_json, found, workflows.rehearsal_lines(found))
         return
     if duration is not None and not passive:
@@ -85,7 +87,7 @@ def command(
         if passive or plan is not None or resume is not None or film:
             raise CommandInputError("--felt: presses no key; not with --passive, --plan, --resume or --film")
         order = workflows.felt_order(felt, speed, peak, trials)
-        _press_felt(out, order, access, as_json, operator, workflows.room_conditions(temperature, humidity))
+        _press_felt(out, order, access, as_json, (operator, action), workflows.room_conditions(temperature, humidity))
         return
     if passive:
         if plan is not None or resume is not None or film or dry_run:
@@ -106,9 +108,11 @@ def command(
             )
         rows = [{"trial": t.number, "status": t.status} for t in session.trials]
     elif resume is not None:
-        if plan is not None or out is not None or film:
+        given = (profile, rig, operator, action, trials, plan, out, film or None, temperature, humidity)
+        if given != ("forte", "virtual", "unknown", "unknown", *[None] * 6):
             raise CommandInputError(
-                "--resume: rig, profiles and plan are the session's own; not with --plan, --out or --film"
+                "--resume: rig, profiles, plan, operator, action and room are the session's own; not with --plan, "
+                "--profile, --trials, --rig, --out, --film, --operator, --action, --temperature or --humidity"
             )
         with workflows.interrupts_told(resume, resumed=True), recording_line(quiet=as_json) as progress:
             session, new = workflows.resume(resume, access, progress)
@@ -150,11 +154,13 @@ def _press_felt(
     order: FeltOrder,
     access: workflows.BenchAccess,
     as_json: bool,
-    operator: str,
+    named: tuple[str, str],
     room: RoomInfo | None,
 ) -> None:
     target = out or workflows.new_session_folder(f"felt_{order.contact}")
     title = f"pressing {order.contact} on {access.backend} into {target}"
     with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
-        _, facts = workflows.press_felt(target, order, access, operator=operator, progress=progress, room=room)
+        _, facts = workflows.press_felt(
+            target, order, access, operator=named[0], action_name=named[1], progress=progress, room=room
+        )
     tell(as_json, {"session": target, **facts}, [*workflows.felt_lines(order, facts), f"session: {target}"])

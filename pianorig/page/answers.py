@@ -7,7 +7,6 @@ user can cause as one line (`pianorig.page.reply`).
 from __future__ import annotations
 
 import asyncio
-import json
 import math
 from contextlib import suppress
 from dataclasses import asdict
@@ -21,6 +20,7 @@ from tornado.web import StaticFileHandler
 
 import rig
 import vision
+from pianorig.console.output import json_text
 from pianorig.errors import CommandInputError
 from pianorig.page.access import Refused
 from pianorig.page.action import (
@@ -363,11 +363,11 @@ class Live(Stream):
             while True:
                 state, samples = await work(workers, stream.poll)
                 if state is not None:
-                    await self.write_message(json.dumps(state))
+                    await self.write_message(json_text(state))
                 if samples:
                     await self.write_message(samples, binary=True)
                 if looks % LAMPS_EVERY == 0 and (lamps := stream.lamps()) is not None:
-                    await self.write_message(json.dumps({"lamps": lamps}))
+                    await self.write_message(json_text({"lamps": lamps}))
                 looks += 1
                 await asyncio.sleep(1.0 / LOOKS_HZ)
         except (RigError, UnknownName, ValueError, OSError) as error:
@@ -397,7 +397,7 @@ class PlanState(Stream):
         while True:
             state = self.served.plan.state
             if state is not sent or quiet_s >= ALIVE_S:
-                await self.write_message(json.dumps(state))
+                await self.write_message(json_text(state))
                 sent, quiet_s = state, 0.0
             await asyncio.sleep(LOOK_S)
             quiet_s += LOOK_S

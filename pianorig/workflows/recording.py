@@ -168,15 +168,20 @@ def film_virtual_trial(
     return film
 
 
-def rehearse(profile: str, rig: str, backend: str) -> dict[str, Any]:
+def rehearse(profile: str | Profile, rig: str, backend: str, plan_file: Path | None = None) -> dict[str, Any]:
     """Predict the blow, reserve every task on the bench, release them again; return what was found.
+
+    With a trial plan in place of ``profile`` that of each condition, by name under ``conditions``.
 
     Raises
     ------
     rig.errors.InputError : profile, rig file or prediction outside the limits
     rig.errors.HardwareFault : the device refuses a channel, route, rate or counter
     """
-    rig_file, chosen = load_rig(rig), load_profile(profile)
+    if plan_file is not None:
+        return {"conditions": {k: rehearse(one, rig, backend) for k, one in load_plan(plan_file).profiles.items()}}
+    rig_file = load_rig(rig)
+    chosen = profile if isinstance(profile, Profile) else load_profile(profile)
     command = motor_command(chosen, rig_file.config)
     predicted = dry_run(chosen, rig_file.config, predictor(rig_file))
     with closing(open_backend(backend, rig_file.config)) as bench:
@@ -193,6 +198,8 @@ def rehearse(profile: str, rig: str, backend: str) -> dict[str, Any]:
 
 def rehearsal_lines(found: dict[str, Any]) -> list[str]:
     """What `rehearse` found, as lines of text."""
+    if "conditions" in found:
+        return [line for name, one in found["conditions"].items() for line in (f"{name}:", *rehearsal_lines(one))]
     lines = [f"{found['backend']}, rig {found['rig']}: every task was reserved and released, nothing has moved"]
     for row in found["tasks"]:
         lines.append(f"{row['task']:<16} {row['channel']:<24} {row['purpose']}")

@@ -306,7 +306,7 @@ def retrack(
     frames: Sequence[int],
     places: dict[str, Place],
     *,
-    method: str = "icgn",
+    method: str | None = None,
     n_still: int | None = None,
     camera: vision.CameraModel | None = None,
     rows_per_s: float | None = None,
@@ -318,17 +318,25 @@ def retrack(
     table_file : CSV that tracking wrote; rewritten whole
     frames : frame numbers that stand in the table
     places : body to (angle rad, x px, y px); bodies not named start between their good neighbours
-    method, n_still, camera, rows_per_s : as for `vision.track`
+    method, n_still, camera, rows_per_s : as for `vision.track`; the first two by default as the session has them stored
 
     Returns
     -------
-    pandas.DataFrame : the new rows
+    pandas.DataFrame : the new rows; times in the table stay
+
+    Raises
+    ------
+    CommandInputError : no such frame or body, or options other than the film was tracked with
     """
+    from scipy.interpolate import make_interp_spline  # start-up: only a frame that is fitted again needs it
+
     bodies = vision.load_bodies(film.outlines)
     table = _read_table(table_file, bodies)
     unknown = sorted(set(places) - {body.name for body in bodies})
     if unknown:
         raise CommandInputError(f"--place {unknown[0]}: is not a body of {film.outlines}")
+    stored = None if film.owner is None else film.owner[0].read_derived(STEP, film.owner[1].number)
+    attributes = {} if stored is None else {k: v for k, v in stored[1].items() if k != "parents_sha256"}
     rows = []
     for frame in frames:
         found = np.flatnonzero(table["frame"].to_numpy() == frame)
@@ -337,27 +345,33 @@ def retrack(
         rows.append(int(found[0]))
     with film.open() as source:
         times, u_time = film.frame_times(source)
+        if film.owner is None and len(table) > 1:  # times of a film on its own are those it was tracked with
+            times = make_interp_spline(table["frame"], table["time_s"], k=1)(np.arange(source.n_frames))
         result = vision.retrack_frames(
             source,
             bodies,
             frames,
             [{**_between_neighbours(table, row, bodies), **places} for row in rows],
             times,
-            method=method,
-            n_still=n_still,
+            method=method or attributes.get("method", "icgn"),
+            n_still=attributes.get("n_still") if n_still is None else n_still,
             camera=camera,
             u_time_s=u_time,
             rows_per_s=rows_per_s,
         )
+    now = _attributes(result, 1)
+    for name in ("method", "n_still", "camera", "shutter"):
+        if attributes.get(name, now[name]) != now[name]:
+            raise CommandInputError(
+                f"{film.path}: {name} is {now[name]}, the table's is {attributes[name]}; fit the frame again with "
+                "pianorig track --retrack  and the options of the first tracking"
+            )
     new = pd.DataFrame(result.to_table())
     for number, row in enumerate(rows):
-        for name in table.columns:
+        for name in table.columns.drop(["time_s", "frame"]):
             table.loc[row, name] = new.loc[number, name]
     write_table(table_file, table)
     if film.owner is not None:
-        session, trial = film.owner
-        stored = session.read_derived(STEP, trial.number)
-        attributes = {} if stored is None else {k: v for k, v in stored[1].items() if k != "parents_sha256"}
         film.store_angles(table, {**attributes, "retracked_frames": ", ".join(map(str, frames))})
     return new
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
@@ -52,6 +53,8 @@ def named(name: str | Path, folder: Path, what: str) -> Path:
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
     """Parse TOML text; ``where`` names it in the one-line error."""
+    if re.search(r"\\(u|U0000)0000", text):
+        raise RigInputError(f"{where}: holds the character NUL (\\u0000), which no text may; leave it out")
     try:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:

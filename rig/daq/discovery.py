@@ -167,8 +167,12 @@ def _head(device: FoundDevice) -> str:
 
 
 _TAKEN = grpc.StatusCode.ALREADY_EXISTS
-SESSIONS = (WATCHDOG, tasks.MOTOR, tasks.MASTER, safe_bench.ZERO, safe_bench.DRIVE, tasks.CAMERA, tasks.EDGES)
-"""Sessions that a recording opens, beside those of its encoders."""
+_CHECKED = (tasks.MASTER, tasks.EDGES, tasks.CAMERA, tasks.MOTOR, tasks.VOLTAGE)
+SESSIONS = (
+    *(WATCHDOG, tasks.MOTOR, tasks.MASTER, safe_bench.ZERO, safe_bench.DRIVE, tasks.CAMERA, tasks.EDGES),
+    *(tasks.OPPOSITE, *map(tasks.CHECK.format, _CHECKED)),
+)
+"""Sessions that a recording or a self-test opens, beside those of the encoders."""
 
 
 class ServerClaim:

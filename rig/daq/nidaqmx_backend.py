@@ -92,7 +92,8 @@ def calm_block_s(config: RigConfig, delay: CallDelay) -> float:
     as on a slow connection.
     """
     cheap = calls_per_block(config) * delay.usual_s <= DEAR * config.recording.block_s
-    return 0.0 if cheap or config.recording.block_s >= LENGTHENED_S else LENGTHENED_S
+    longest_s = LENGTHENED_S if config.watchdog is None else min(LENGTHENED_S, RESERVE * config.watchdog.timeout_s)
+    return 0.0 if cheap or config.recording.block_s >= longest_s else longest_s
 
 
 def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:
@@ -344,7 +345,7 @@ class NidaqmxBackend(SafeBench, Backend):
         with contextlib.ExitStack() as made:
 
             def new_task(name: str) -> nidaqmx.Task:
-                task = self._new_task(f"check_{name}")
+                task = self._new_task(tasks.CHECK.format(name))
                 made.callback(task.close)
                 return task
 

@@ -179,7 +179,7 @@ def device_scaling(task: nidaqmx.Task) -> tuple[float, ...]:
 
 def voltage_task(new_task: NewTask, config: RigConfig, channel: str) -> nidaqmx.Task:
     """AI on one voltage input within the motor's range, continuous, on its own clock."""
-    task, limit = new_task("voltage"), config.motor.voltage_limit_v
+    task, limit = new_task(VOLTAGE), config.motor.voltage_limit_v
     _add_voltage(task, channel, "voltage", np.array([-limit, limit]))
     _continuous(task, config)
     return task
@@ -223,8 +223,10 @@ def volts_of_force(config: RigConfig, force_n: NDArray[np.float64]) -> NDArray[n
 
 
 WRITE_TIMEOUT_S = 5.0
-MOTOR, CAMERA, EDGES, OPPOSITE = "motor", "camera", "exposures", "encoder_key_opposite"
+MOTOR, CAMERA, EDGES, OPPOSITE, VOLTAGE = "motor", "camera", "exposures", "encoder_key_opposite", "voltage"
 """Names of the tasks."""
+CHECK = "check_{}"
+"""Name of the same task, where it is a self-test's own."""
 
 
 def encoder_task_name(encoder: EncoderConfig) -> str:

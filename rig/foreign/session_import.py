@@ -14,6 +14,7 @@ refused; a stroke that is not whole, because the recording begins or ends with i
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
@@ -374,10 +375,14 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
         notes=notes,
     )
     session = Session.create(out, info, {"mapping.toml": mapping.text})
-    for trial in trials:
-        session.add_trial(trial)
-    for number, reason in rejected.items():
-        session.annotate(number, "reject", reason, author="import")
+    try:
+        for trial in trials:
+            session.add_trial(trial)
+        for number, reason in rejected.items():
+            session.annotate(number, "reject", reason, author="import")
+    except BaseException:
+        shutil.rmtree(session.path, ignore_errors=True)
+        raise
     return session
 
 

@@ -49,9 +49,12 @@ def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") 
     line = (json.dumps(asdict(annotation)) + "\n").encode("utf-8")
     path = folder / FILE_NAME
     with refused(path, "written"):
-        descriptor = platform_calls.open_raw(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+        descriptor = platform_calls.open_raw(path, os.O_RDWR | os.O_APPEND | os.O_CREAT)
         try:
             before = os.fstat(descriptor).st_size
+            os.lseek(descriptor, max(before - 1, 0), os.SEEK_SET)
+            if os.read(descriptor, 1) not in (b"", b"\n"):  # written by hand, without an end of its last line
+                line = b"\n" + line
             if os.write(descriptor, line) < len(line):  # half a line would make the session unreadable
                 os.ftruncate(descriptor, before)
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -19,6 +19,9 @@ def test_a_planned_session_is_annotated_and_continued(
         'schema = "piano-action-rig plan 1"\nname = "p"\nrest_s = 600\n'
         '[[conditions]]\nname = "a"\nprofile = "forte"\n[[conditions]]\nname = "b"\nprofile = "piano"\n'
     )
+    assert run("record", "--dry-run", "--plan", str(plan), "--json") == 0
+    each = json.loads(capsys.readouterr().out)["conditions"]
+    assert each["a"]["prediction"]["force_n"] > 1.2 * each["b"]["prediction"]["force_n"] > 0
     assert run("record", "--plan", str(plan), "--out", str(out), "--temperature", "21", "--json") == 0
     assert len(json.loads(capsys.readouterr().out)["trials"]) == 2
     assert run("annotate", str(out), "--trial", "1", "--reject", "a knock", "--author", "ana") == 0
@@ -34,6 +37,9 @@ def test_a_planned_session_is_annotated_and_continued(
         (("annotate", str(out), "--trial", "1", "--note", " "), "no reason"),
         (("record", "--resume", str(out)), "nothing to resume"),
         (("record", "--resume", str(out), "--plan", str(plan)), "not with --plan"),
+        (("record", "--resume", str(out), "--rig", "key_lift"), "the session's own"),
+        (("record", "--resume", str(out), "--operator", "bob"), "the session's own"),
+        (("record", "--resume", str(out), "--dry-run"), "rehearses --profile or --plan"),
     ):
         refused(words, *arguments)
     from rig.session import Session

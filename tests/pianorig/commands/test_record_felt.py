@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 import model
+from rig.session import Session
 from tests.command_line import run
 
 
@@ -18,6 +19,7 @@ def test_from_the_block_to_a_calibrated_felt(tmp_path: Path, capsys: Any) -> Non
     assert found["compliance_m_per_n"] == pytest.approx(5e-6, rel=0.02)
     speeds = ["--speed", "0.004", "--speed", "0.016"]
     arguments = ["--felt", "contact02", "--rig", found["rig"], *speeds, "--peak", "20", "--out", tmp_path / "felt"]
+    arguments += ["--action", "Boston"]
     assert run("record", *arguments) == 0
     said = capsys.readouterr().out
     assert "trial 3: " in said and "next: pianorig calibrate-felt" in said
@@ -29,6 +31,7 @@ def test_from_the_block_to_a_calibrated_felt(tmp_path: Path, capsys: Any) -> Non
         path = f"contact02.normal.{letter}"
         assert abs(mine[path] - truth[path]) < 3 * mine.quantities[path].u
     assert abs(mine["contact02.normal.D"] - 1.6) < 3 * mine.quantities["contact02.normal.D"].u  # bench.toml
+    assert Session.open(tmp_path / "felt").info.action.name == "Boston"
     assert run("validate", tmp_path / "felt") == 2
     assert "presses of a felt, not blows" in capsys.readouterr().err
 

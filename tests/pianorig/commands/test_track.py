@@ -123,6 +123,21 @@ def test_the_rate_of_a_video_file_is_doubted(
     assert "allowed .svg, .pdf or .png" in capsys.readouterr().err
 
 
+def test_a_frame_again_keeps_the_times_and_options_of_its_table(
+    filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, refused: Callable[..., None]
+) -> None:
+    film, outlines, _ = filmed
+    with open_film(film) as source:
+        write_avi(tmp_path / "f.avi", [(source.read(i) >> 4).astype(np.uint8) for i in range(60)], 25.0, quality=None)
+    base = ("track", tmp_path / "f.avi", "--bodies", outlines, "--out", tmp_path / "o.csv")
+    assert run(*base, "--every", "6", "--frame-rate", "2000") == 0
+    first = pd.read_csv(tmp_path / "o.csv")
+    assert run(*base, "--retrack", "24") == 0
+    again = pd.read_csv(tmp_path / "o.csv")
+    assert again["time_s"].tolist() == first["time_s"].tolist() == pytest.approx([k * 0.003 for k in range(10)])
+    assert 1.0 < again.loc[4, "bar_u_rad"] / first.loc[4, "bar_u_rad"] < 1.5  # the motion's terms at 2000 frames/s
+
+
 def test_every_nth_frame_with_json(
     filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

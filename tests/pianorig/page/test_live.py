@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from rig.session import Session
+from rig.session.info import NO_FORCE
 from tests.pianorig.page.conftest import Page, heard, own_process
 from tests.pianorig.page.recordings import recording
 from tests.pianorig.page.stories import opened, until
@@ -185,3 +186,13 @@ def test_no_sample_is_lost_with_the_page_open_stalled_or_killed(browser: Any, fo
         for ours, theirs in zip(alone, found, strict=True):
             for one, other in zip(ours, theirs, strict=True):
                 np.testing.assert_array_equal(one, other, err_msg=name)
+
+
+def test_a_session_without_force_is_sent_as_plain_json(folder: Path, looking: Page) -> None:
+    example = Session.open(folder / "example_forte")
+    data, made = example.trial(1).read(), Session.create(folder / "no_force", example.info)
+    nothing = np.full_like(data.force_n, np.nan)
+    made.add_trial(replace(data, force_n=nothing, force_raw=nothing, force_info=NO_FORCE))
+    (state,), _ = heard(looking, "/live/no_force")
+    (figures,) = json.loads(state, parse_constant=pytest.fail)["figures"]
+    assert figures["peak_force_n"] is None and figures["rest_force_n"] is None and figures["turned_deg"]["key"] > 1

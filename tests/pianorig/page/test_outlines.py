@@ -12,7 +12,9 @@ import pytest
 
 import vision
 from rig.session import Session
-from tests.pianorig.page.conftest import FRAMES, Page
+from tests.command_line import run
+from tests.pianorig.page.conftest import FIRST_FRAME, FRAMES, HEIGHT, WIDTH, Page
+from vision.film.mraw import write_mraw
 
 HERE = "/api/outlines/example_forte/1"
 SQUARE = [[10, 8], [40, 8], [40, 50], [10, 50]]
@@ -106,6 +108,25 @@ def test_a_place_that_is_none_is_refused(filmed: Path, writing: Page) -> None:
     ):
         answer = writing.ask(f"{HERE}/frame", "POST", content)
         assert answer.status == 400 and words in answer.json["error"], words
+
+
+def test_a_frame_is_fitted_again_as_its_film_was_tracked(filmed: Path, writing: Page) -> None:
+    session = filmed / "example_forte"
+    film, random = session / "trial_0001.mraw", np.random.default_rng(2)
+    picture = np.kron(random.uniform(40, 200, (HEIGHT // 4, WIDTH // 4)), np.ones((4, 4)))
+    frames = (picture + random.standard_normal((FRAMES, HEIGHT, WIDTH))).astype(np.uint8)
+    write_mraw(film, frames, 2000.0, exposure_s=1e-4, start_frame=FIRST_FRAME)
+    sent = {"frame": 30, "places": {}}
+    assert run("track", film, "--method", "ecc", "--every", "10", "--out", film.with_suffix(".angles.csv")) == 0
+    before, stated = Session.open(session).read_derived("angles", 1)
+    assert writing.ask(f"{HERE}/frame", "POST", sent).status == 200
+    after, again = Session.open(session).read_derived("angles", 1)
+    assert stated["method"] == again["method"] == "ecc" and again["retracked_frames"] == "30"
+    np.testing.assert_array_equal(after["time_s"], before["time_s"])
+    for option in ("--tilt", "2"), ("--shutter", "global"):
+        assert run("track", film, *option, "--every", "30", "--out", film.with_suffix(".angles.csv")) == 0
+        answer = writing.ask(f"{HERE}/frame", "POST", sent)
+        assert answer.status == 400 and "options of the first tracking" in answer.json["error"]
 
 
 POINT = {"kind": "point", "name": "dot", "points": [[60.5, 30.0]], "size": 9}

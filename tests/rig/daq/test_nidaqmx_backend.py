@@ -10,6 +10,7 @@ import pytest
 
 from rig.configuration.rig_file import load_rig
 from rig.daq import NidaqmxBackend, open_backend
+from rig.daq.nidaqmx_backend import CallDelay, calm_block_s
 from rig.errors import DeviceNotFound, HardwareFault, InputError, NotSupported, ReadTimeout, SamplesLost
 from rig.simulated.signals import pulse_train
 from rig.simulated.status import NotImplementedByDevice
@@ -274,3 +275,10 @@ def test_the_channel_is_closed_with_the_backend() -> None:
     NidaqmxBackend(channel, name="nobody").close()
     with pytest.raises(ValueError, match="closed"):
         channel.unary_unary("/x/y")(b"")
+
+
+def test_blocks_while_nothing_is_commanded_keep_within_a_short_watchdog(config) -> None:
+    dear = CallDelay(2e-3, 2e-3)
+    short = config.watchdog.model_copy(update={"timeout_s": 0.06})
+    assert calm_block_s(config, dear) == 0.05
+    assert calm_block_s(config.model_copy(update={"watchdog": short}), dear) == 0.03

@@ -113,6 +113,22 @@ def test_what_does_not_fit_is_refused_and_leaves_nothing(tmp_path, recording, ol
     assert words in str(caught.value) and "\n" not in str(caught.value) and not (tmp_path / "s").exists()
 
 
+def test_what_ends_an_import_half_way_leaves_nothing(tmp_path, recording, monkeypatch) -> None:
+    add = Session.add_trial
+
+    def full(session, data):
+        if data.number == 2:
+            raise InputError("disk full")
+        return add(session, data)
+
+    monkeypatch.setattr(Session, "add_trial", full)
+    with pytest.raises(InputError, match="disk full"):
+        import_session(tmp_path / "s", [recording] * 3, parse_mapping(MAPPING))
+    assert not (tmp_path / "s").exists()
+    with pytest.raises(InputError, match="character NUL"):
+        parse_mapping(MAPPING.replace('operator = "', 'operator = "a\\u0000'))
+
+
 PARTIAL = MAPPING[: MAPPING.index('[[encoders]]\nname = "whippen"')]
 
 

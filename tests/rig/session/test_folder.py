@@ -21,6 +21,14 @@ from tests.rig.session.test_trial_file import trial
 INFO = SessionInfo(simulated=True, rig=FileInfo(name="virtual"), profile=FileInfo(name="forte"))
 
 
+def test_an_annotation_goes_on_its_own_line_below_one_that_was_not_ended(session) -> None:
+    session.annotate(1, "note", "fine")
+    file = session.path / "annotations.jsonl"
+    file.write_text(file.read_text().rstrip("\n"))
+    session.annotate(2, "reject", "a knock")
+    assert [(a.trial, a.reason) for a in session.annotations] == [(1, "fine"), (2, "a knock")]
+
+
 @pytest.fixture
 def session(tmp_path) -> Session:
     made = Session.create(tmp_path / "s", INFO, {"rig.toml": "a = 1\n"})

@@ -31,6 +31,7 @@ from session_pb2_grpc import SessionUtilitiesStub
 from pianorig.cli import main
 from rig.backend import open_backend
 from rig.configuration.rig_file import load_rig
+from rig.daq import tasks
 from rig.daq.address import reset_server
 from rig.daq.safe_bench import leave_running
 from rig.errors import HardwareFault, InputError, ResourceBusy
@@ -367,6 +368,8 @@ def left_by_a_dead_program(make_backend, config, begin, served, on_any_machine) 
     server, address = served(backend)
     dead = open_backend(address, config)
     begin(dead)
+    for name in (tasks.OPPOSITE, "check_force", "check_voltage"):
+        dead._new_task(name)
     os.close(dead._claim._lock)
     leave_running(dead._watchdog)
     dead._channel.close()
@@ -385,6 +388,7 @@ def test_the_next_recording_takes_over_what_its_own_rig_left(left_by_a_dead_prog
     heir = open_backend(address, config)
     begin(heir)
     assert heir.read_block(100, 1.0).first_sample == 0
+    assert not {tasks.OPPOSITE, "check_force", "check_voltage"} & set(backend.device.tasks)
     second = open_backend(address, config)
     with pytest.raises(ResourceBusy, match="another program on this computer"):
         second.configure(config, command)  # the first one lives
