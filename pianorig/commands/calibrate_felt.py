@@ -162,7 +162,7 @@ def _blow_speeds(
         moved: tuple[Any, ...]
         if path in forces:
             driving = workflows.read_driving_force(path)
-            rest = driving.rest(action, model.SceneChoice())
+            rest = driving.rest(action, model.choice_of(action))
             seen = model.simulate(action, driving.time_s, driving.force_n, initial=rest)
             moved = (seen.time_s, seen.angle_rad, seen.speed_rad_per_s)
         else:

@@ -11,6 +11,9 @@ import pytest
 
 import model
 from model.files.force_library import force_table
+from pianorig.commands.calibrate_felt import _blow_speeds
+from pianorig.errors import CommandInputError
+from pianorig.workflows import read_driving_force
 from tests.command_line import run
 
 
@@ -131,3 +134,19 @@ def test_several_presses_choose_a_law(tmp_path: Path, capsys: pytest.CaptureFixt
     assert pattern != d and abs(pattern - 0.7) < 0.1
     assert run("calibrate-felt", str(tmp_path / "none*.csv"), "--contact", "contact02") == 2
     assert "none*.csv: cannot be read" in capsys.readouterr().err
+
+
+def test_a_blow_of_a_trial_starts_at_rest_under_the_arms_preload(monkeypatch: pytest.MonkeyPatch) -> None:
+    starts = []
+
+    def simulate(*given: object, initial: model.RestState) -> None:
+        starts.append(initial.angle_rad)
+        raise CommandInputError("seen")
+
+    monkeypatch.setattr(model, "simulate", simulate)
+    action, trial = model.load_action(), Path(__file__).parents[3] / "sessions" / "example_forte" / "trial_0001.h5"
+    with pytest.raises(CommandInputError, match="seen"):
+        _blow_speeds(action, [trial], [])
+    loaded = model.rest_state(action, force_n=read_driving_force(trial).preload_n)
+    np.testing.assert_array_equal(starts[0], loaded.angle_rad)
+    assert np.abs(loaded.angle_rad - model.rest_state(action).angle_rad).max() > 1e-6
