@@ -197,7 +197,7 @@ class Parameter:
 
     def unit(self, action: model.Action) -> str:
         """Unit of `physical`; ``1`` for a factor."""
-        return "1" if len(self.paths) != 1 else model.quantities_of(action)[self.paths[0]].unit
+        return "1" if len(self.paths) != 1 else {**action.quantities, **action.effects}[self.paths[0]].unit
 
     def box(self, action: model.Action) -> tuple[float, float]:
         """Smallest and largest z."""
