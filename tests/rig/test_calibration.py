@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -218,6 +219,14 @@ def test_the_shunt_corrects_the_gain_and_null_the_zero(make_backend, edited_rig)
     assert nulled.found["shift_n"] == pytest.approx(0.35, abs=0.01)
     config = parse_rig(nulled.rig_text).config.force
     assert config.offset_n == 0.0 and config.electrical[0] == pytest.approx(0.35 * 2 / 111.2, abs=2e-4)
+
+
+def test_the_shunt_scales_the_unloaded_reading_with_the_line(edited_rig) -> None:
+    rig = edited_rig(("u_preload_n = 0.01", "u_preload_n = 0.01\noffset_n = -0.8"))
+    expected = 1e3 * 350.0 / (4 * rig.config.selftest.shunt_ohm + 700.0)
+    backend = SimpleNamespace(shunt_step=lambda config: 1.02 * expected)
+    force = parse_rig(shunt(rig, backend).rig_text).config.force
+    assert force.offset_n == pytest.approx(-0.8 / 1.02) and force.electrical[1] == pytest.approx(2.04)
 
 
 def test_a_line_knows_its_uncertainty() -> None:
