@@ -54,7 +54,10 @@ def blow_marks(action: Action, scene: Scene, motion: tuple[Array, Array, Array])
     pressed = np.any([normal[c] > 0.0 for c in driving], axis=0) & (time > time[strike] - LET_OFF_WITHIN_S)
     k = int(np.flatnonzero(np.append(True, pressed[: strike + 1]))[-1])  # 0 where nothing presses
     if 3 <= k <= strike - 2:  # pressed no more: the felt may still lie in, slower than what leaves it
-        out["let_off_s"] = _carried_back(time, -np.max([depth[c] for c in driving], axis=0), k)[0]
+        deepest = np.max([depth[c] for c in driving], axis=0)
+        if deepest[k] < 0.0:  # felt that followed to the end: from the last sample in it, bent as the next ones are
+            k -= 1
+        out["let_off_s"] = _carried_back(time, -deepest, k)[0]
         out["let_off_m"] = float(np.interp(out["let_off_s"], time[k - 3 : k + 3], height[k - 3 : k + 3]))
     if BACK_CHECK in normal:
         out["check_m"], out["drop_s"] = _hold(time, normal[BACK_CHECK], height, strike)
