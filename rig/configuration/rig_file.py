@@ -647,5 +647,6 @@ def parse_rig(text: str, where: str = "rig file") -> Rig:
     >>> rig.parse_rig(Path("my_rig.toml").read_text("utf-8"), "my_rig.toml").config.name
     'my_rig'
     """
+    toml_file.refuse_nul(text, where)
     config = toml_file.check(RigConfig, toml_file.parse_toml(text, where), where)
     return Rig(config, text, sha256_of_bytes(text.encode("utf-8")), where)

@@ -53,12 +53,16 @@ def named(name: str | Path, folder: Path, what: str) -> Path:
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
     """Parse TOML text; ``where`` names it in the one-line error."""
-    if re.search(r"\\(u|U0000)0000", text):
-        raise RigInputError(f"{where}: holds the character NUL (\\u0000), which no text may; leave it out")
     try:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise RigInputError(f"{where}: not a TOML file ({str(error).splitlines()[0]})") from error
+
+
+def refuse_nul(text: str, where: str) -> None:
+    """Refuse the character NUL in texts that a trial file is to hold: HDF5 does not."""
+    if re.search(r"\\(u|U0000)0000", text):
+        raise RigInputError(f"{where}: holds the character NUL (\\u0000), which no text may; leave it out")
 
 
 def check(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
