@@ -29,7 +29,6 @@ from model.parameters.action import (
     LAW,
     SCENE_LISTS,
     STRING,
-    USUAL,
     Action,
     added_defaults,
     check_law,
@@ -122,18 +121,18 @@ class SceneChoice:
             )
 
     def check(self, action: Action) -> None:
-        """Refuse a value set for an effect or a law of felt that the scene does not have: it would change nothing."""
+        """Refuse a value of an effect, or of a law of felt, that the scene does not have: it would change nothing."""
         for path in action.changed:
             effect = effect_of(path)
             if effect is not None and effect not in self.effects:
                 raise InputError(
                     f"{path} is set but the scene has no {effect}; choose a scene with it (effects = [{effect!r}])"
                 )
-            if not action.felt_has(path):
-                contact, (_, law) = path.partition(".")[0], law_of(path) or ("", USUAL)
+            felt = law_of(path)  # D and the slow curve stay in an action whose felt follows another law for a while
+            if felt is not None and action.law(felt[0]) != felt[1]:
                 raise InputError(
-                    f"{path} is set but {contact} follows the law {action.law(contact)}; "
-                    f"choose the other ({contact}.law = \"{law}\" in the action's or the scene's file)"
+                    f"{path} is set but {felt[0]} follows the law {action.law(felt[0])}; "
+                    f"choose the other ({felt[0]}.law = \"{felt[1]}\" in the action's or the scene's file)"
                 )
 
 

@@ -50,6 +50,17 @@ def test_what_the_action_has_is_not_added() -> None:
     assert RAIL.scene(model.load_scene("giving-joints").on(ACTION), 1.0) is None
 
 
+def test_an_identified_damping_keeps_no_law_from_being_added() -> None:
+    damped = ACTION.with_values({f"contact{i:02d}.normal.D": 0.1 + 0.02 * i for i in range(1, 14)})
+    memories = [source for source in addable(damped) if source.laws]
+    assert len(memories) > 4
+    for source in memories:
+        scene = source.scene(damped, 1.0)
+        assert scene is not None
+        ((contact, law),) = source.laws
+        assert model.build_scene(scene.on(damped)).contacts and scene.on(damped).law(contact) == law
+
+
 def test_an_amount_runs_its_scene_and_the_key_is_read_with_its_lift(responses: Responses) -> None:
     (trial,), base = responses.trials, responses.base
     none, some = responses.differences([Point(((0, 0.01),)), Point(((1, 2.0),))])
