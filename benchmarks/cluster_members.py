@@ -33,7 +33,7 @@ def main(run: Run) -> bool:
     import dask
     from dask.distributed import Client
 
-    # with Dask's own 64 kB a worker gives memory back after every member and asks for it again: half its time
+    # with Dask's own 64 kB a worker gives memory back after every member and asks for it again: a third of its time
     kept = dict.fromkeys(("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_"), 1 << 30)
     dask.config.set({"distributed.nanny.pre-spawn-environ": {**kept, "OPENBLAS_NUM_THREADS": 1}})
 
