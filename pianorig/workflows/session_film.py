@@ -19,7 +19,6 @@ from pianorig.errors import CommandInputError
 from rig import Session, Trial
 from rig.atomic_write import sha256_of_file
 from rig.session.film_record import frame_times, read_record
-from vision.film.open import VIDEO_SUFFIXES
 
 if TYPE_CHECKING:  # start-up: 0.3 s of every recording, which needs no table
     import pandas as pd
@@ -102,6 +101,9 @@ class SessionFilm:
     @property
     def doubt_about_times(self) -> str | None:
         """What to tell of times that rest on the rate a video file states, which is often that of play-back."""
+        # start-up: 0.1 s of every recording, which reads no film
+        from vision.film.open import VIDEO_SUFFIXES
+
         video = self.path.suffix.lower() in (".avi", *VIDEO_SUFFIXES)
         if not video or self.owner is not None or self.frame_rate_hz is not None:
             return None

@@ -280,7 +280,6 @@ class PlacedRuns(ABC, Generic[Member]):
         filmed = any(t.film_time_s is not None for t in trials)
         self.own_steps = np.append(self.drive_steps, np.ones(int(filmed)))
         self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
-        self.idle = {path for p in self.parameters for path in p.paths if not action.felt_has(path)}
         self._known: dict[tuple[float, ...], _Known] = {}
 
     @abstractmethod
@@ -509,8 +508,7 @@ class ForceRuns(PlacedRuns[Case]):
         changed: dict[str, float] = {}
         bench: dict[str, float] = {}
         for parameter, value in zip(self.parameters, z, strict=True):
-            found = parameter.values(self.action, float(value))
-            changed |= {path: v for path, v in found.items() if path not in self.idle}  # of a law without it, refused
+            changed |= parameter.values(self.action, float(value))
             if not parameter.paths:
                 bench[parameter.name] = float(value)
         gain, level, delay, scale, zero = (

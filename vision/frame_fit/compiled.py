@@ -42,6 +42,8 @@ from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET
 from vision.fitting.kernels import F32, F64, I32, I64, Region, Settings, State, Subset, fit_rigid
 from vision.fitting.light import HIDDEN_SUSPECTED, Squares, may_show_light, noise_left
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR
+from vision.results import flags
+from vision.results.flags import FrameFlag
 
 # up to where a fit is accepted without a second look; frozen into the compiled code, whose key holds this file
 MIN_INLIER = 0.3
@@ -56,17 +58,16 @@ MIN_GAIN = 0.6
 surface may hide the body."""
 COVERED_SHARE = 0.1
 """Share of visible pixels that do not agree; noise alone makes 0.003."""
-COVERED = np.uint16(512)
-"""`results.flags.FrameFlag.COVERED`."""
+COVERED = np.uint16(int(FrameFlag.COVERED))
 
 
 def digest_of_sources() -> str:
-    """Of all files whose compiled functions are called from here or by those."""
+    """Of all files whose compiled functions are called from here or by those, or whose constants they hold."""
     digest = hashlib.sha256()
     for folder in (Path(__file__).parent, Path(fitting.__file__).parent):
         for path in sorted(folder.rglob("*.py")):
             digest.update(path.read_bytes())
-    for module in (occlusion, source):
+    for module in (occlusion, source, flags):
         digest.update(Path(str(module.__file__)).read_bytes())
     return digest.hexdigest()
 
