@@ -18,7 +18,7 @@ from rig.session.film_record import FilmRecord, record_path, write_record
 from rig.session.folder import FILM_SUFFIXES
 
 RATE_TOLERANCE = 1e-3
-HEADERS = (".cihx", ".cih")
+HEADERS = (".cihx", ".cih", ".CIHX", ".CIH")
 
 
 def attach_film(
@@ -71,11 +71,8 @@ def attach_film(
     _check_unused(session, trial, data, digest)
     target = trial.path.with_suffix(data.suffix.lower())
     copies = [(data, target)]
-    copies += [
-        (h, target.with_suffix(h.suffix))
-        for e in HEADERS
-        if header is not None and (h := data.with_suffix(e)).is_file()
-    ]
+    if header is not None:  # as on a camera's disk, in capitals or not; the copy is the one that a film is read with
+        copies += [(h, target.with_suffix(h.suffix.lower())) for e in HEADERS if (h := data.with_suffix(e)).is_file()]
     done: list[Path] = []
     try:
         for original, copy in copies:

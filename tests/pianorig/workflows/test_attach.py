@@ -74,6 +74,16 @@ def test_the_film_of_a_trial_is_copied_with_its_header_and_recorded(session, tmp
         attach_film(path, session.path, 1)
 
 
+def test_a_film_named_in_capitals_keeps_its_header(session, tmp_path) -> None:
+    path = film(tmp_path)
+    for suffix in (".mraw", ".cihx"):
+        path.with_suffix(suffix).rename(path.with_suffix(suffix.upper()))
+    attach_film(path.with_suffix(".MRAW"), session.path, 2)
+    assert beside(session) == ["trial_0002.cihx", "trial_0002.film.toml", "trial_0002.h5", "trial_0002.mraw"]
+    with open_film(session.trial(2).film) as source:
+        assert source.n_frames == 40
+
+
 def test_angles_of_a_film_altered_since_it_was_attached_are_not_kept(session, tmp_path) -> None:
     import pandas as pd
 
