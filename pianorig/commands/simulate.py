@@ -113,7 +113,7 @@ def command(
                 scene=choice,
                 method=method,
             )
-            attributes = run_attributes(chosen, tolerance, method, named) | {"key_motion": str(key_motion)}
+            attributes = run_attributes(chosen, choice, named, tolerance, method) | {"key_motion": str(key_motion)}
             write_columns(out, driven.columns(), attributes | _reading(driven))
         lines = [f"{out}: {len(driven.time_s)} rows, {driven.counters['n_steps']} steps", *_motion_lines(driven)]
         tell(as_json, {"out": out, "tolerance_rad": tolerance} | _motion_facts(driven), lines)
@@ -143,12 +143,11 @@ def command(
         )
     seen = solution.inside
     words = {} if seen is None else _described(chosen)
-    effects = ", ".join([*choice.effects, *(f"{k}={v!r}" for k, v in choice.values)])
     write_columns(
         out,
         solution.columns(),
-        run_attributes(chosen, tolerance, method, named)
-        | {"effects": effects, "force_table": str(force), "estimated_error_rad": solution.error_rad or 0.0}
+        run_attributes(chosen, choice, named, tolerance, method)
+        | {"force_table": str(force), "estimated_error_rad": solution.error_rad or 0.0}
         | ({} if seen is None else _lift_attributes(seen)),
         None if seen is None else seen.long_names(words),
     )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import model
 from model.files.atomic_write import whole_file
+from model.parameters.action import LAW
 from pianorig.errors import CommandInputError
 
 if TYPE_CHECKING:  # start-up: NumPy and pandas would be loaded by every --help
@@ -87,21 +88,28 @@ _UNITS = (
     ("_m_per_s2", "m/s^2"),
     ("_m_per_s", "m/s"),
     ("_rad", "rad"),
+    ("_nm", "N m"),
     ("_m", "m"),
     ("_n", "N"),
     ("_j", "J"),
     ("_s", "s"),
+    ("_a", "A"),
+    ("_c", "C"),
 )
 
 
-def run_attributes(action: model.Action, tolerance: float, method: str, scene: str) -> dict[str, Any]:
-    """What a file of columns says about the run that it came from."""
+def run_attributes(
+    action: model.Action, choice: model.SceneChoice, scene: str, tolerance: float, method: str
+) -> dict[str, Any]:
+    """What a file of columns says about the run that it came from; ``scene`` is what its ``choice`` is called."""
+    laws = {path: law for path, law in action.structure.items() if path.endswith(f".{LAW}")}
     return {
         "action": action.name,
-        "changed": ", ".join(f"{k}={v!r}" for k, v in action.changed.items()),
+        "changed": ", ".join(f"{k}={v}" for k, v in {**laws, **action.changed}.items()),
         "tolerance_rad": tolerance,
         "method": method,
         "scene": scene,
+        "effects": ", ".join([*choice.effects, *(f"{k}={v}" for k, v in choice.values)]),
     }
 
 

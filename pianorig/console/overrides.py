@@ -139,21 +139,20 @@ def load_model(text: str, settings: Sequence[str] = (), scene: str | None = None
     name, rest = split_model(text)
     laws, others = split_laws(settings)
     changes = read_settings(others)
-    if not rest:
-        return in_scene(_changed(text, laws, changes, {}, scene), scene)
     example = 'allowed "action: --scene name --set path=value --scale name=factor"'
-    given = _options_of(name, rest, "--action", example)
+    given = _options_of(name, rest, "--action", example) if rest else dict.fromkeys(("--scene", "--set", "--scale"), [])
     own, numbers = split_laws(given["--set"])
     values, factors = read_settings(numbers), read_settings(given["--scale"], "--scale")
     if len(given["--scene"]) > 1:
         raise CommandInputError(f"--action {name}: --scene found {len(given['--scene'])} times, allowed once")
     scene = given["--scene"][0] if given["--scene"] else scene
-    action = _changed(name, {**laws, **own}, {**changes, **values}, factors, scene)
+    laws |= own
+    action = _changed(name, laws, {**changes, **values}, factors, scene)
     said = [] if scene is None else [f"scene {Path(scene).stem}"]
-    said += [f"{contact}.{LAW}={law}" for contact, law in own.items()]
+    said += [f"{contact}.{LAW}={law}" for contact, law in laws.items()]  # a report names no law anywhere else
     said += [f"{path}={value:g}" for path, value in values.items()]
     said += [f"{path} × {factor:g}" for path, factor in factors.items()]
-    return replace(action, name=f"{action.name} ({', '.join(said)})")
+    return replace(action, name=f"{action.name} ({', '.join(said)})") if said else action
 
 
 def split_model(text: str) -> tuple[str, str]:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import model
+from pianorig.console.column_file import write_columns
 from rig.session import Session
 from tests.command_line import run
 from validation import ValidationResult
@@ -56,7 +57,20 @@ def test_simulate_with_forces_rate_settings_and_hdf5(short_force: Path, tmp_path
         assert np.all(file["contact04_friction_n"][:] == 0.0)
         assert np.any(file["contact07_friction_n"][:] != 0.0)
         np.testing.assert_allclose(np.diff(file["time_s"][:]), 1e-3)
-        assert "hammer.mass=0.012" in file.attrs["changed"]
+        assert "hammer.mass=0.012" in file.attrs["changed"] and ".law=" not in file.attrs["changed"]
+    arguments = ["--set", "contact12.law=stulov", "--set", "contact02.law=hysteresis"]
+    assert run("simulate", "--force", str(short_force), "--out", str(out), *arguments) == 0
+    with h5py.File(out) as file:
+        assert file.attrs["changed"] == "contact12.law=stulov, contact02.law=hysteresis"
+
+
+def test_columns_of_a_motor_have_their_units(tmp_path: Path) -> None:
+    import h5py
+
+    units = {"time_s": "s", "torque_nm": "N m", "current_a": "A", "charge_c": "C", "force_n": "N", "held": "1"}
+    write_columns(tmp_path / "o.h5", {name: np.zeros(2) for name in units})
+    with h5py.File(tmp_path / "o.h5") as file:
+        assert {name: column.attrs["units"] for name, column in file.items()} == units
 
 
 @pytest.mark.parametrize(

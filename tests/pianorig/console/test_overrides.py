@@ -35,7 +35,8 @@ def test_a_law_of_felt_is_set_with_its_numbers():
     own = load_model("hirschkorn2004: --set contact12.hysteresis.beta=0.4 --set contact12.law=hysteresis")
     assert own.law("contact12") == "hysteresis" and own["contact12.hysteresis.beta"] == 0.4
     assert own.name == "hirschkorn2004 (contact12.law=hysteresis, contact12.hysteresis.beta=0.4)"
-    assert load_model("hirschkorn2004", ["contact02.law=stulov"]).law("contact02") == "stulov"
+    every = load_model("hirschkorn2004", ["contact02.law=stulov", "hammer.mass=0.012"])
+    assert every.law("contact02") == "stulov" and every.name == "hirschkorn2004 (contact02.law=stulov)"
     assert (
         load_changed("hirschkorn2004", ["contact02.law=stulov", "contact02.stulov.tau=1e-4"]).law("contact02")
         == "stulov"
