@@ -1,7 +1,8 @@
 """Further tables: what only a report shows, made when one is to be written.
 
-A table is a function here, named in `FURTHER`, and an entry of ``validation/report/results.schema.json``: type, unit
-and meaning of each column, and by ``page`` and ``head`` how the report shows it. Nothing else names it.
+A table is a function of the sound trials, named in `FURTHER`, and an entry of
+``validation/report/results.schema.json``: type, unit and meaning of each column, and by ``page`` and ``head`` how the
+report shows it. Nothing else names it.
 """
 
 from __future__ import annotations

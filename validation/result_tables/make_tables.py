@@ -137,11 +137,11 @@ def make_tables(
     summary = event_summary(counting, events.model)
     rows, trace, notes = _by_motion(predicted, events, findings, tested) if options.by_motion else ([], None, [])
     budget = pd.DataFrame(columns=BUDGET_COLUMNS)
+    sound = replace(predicted, trials=tuple(sound_trials(predicted.trials, findings.faults)) or predicted.trials)
     if options.budget:
         options.say("uncertainty budget of the events")
-        sound = sound_trials(predicted.trials, findings.faults) or predicted.trials
-        budget = event_budget(tested, representative(sound), summary)
-    further = {name: make(predicted, tested, options) for name, make in FURTHER.items()} if options.further else {}
+        budget = event_budget(tested, representative(sound.trials), summary)
+    further = {name: make(sound, tested, options) for name, make in FURTHER.items()} if options.further else {}
     warnings = [*_warnings(predicted, findings), *scored.notes, *notes, *tested.store.save()]
     return SessionTables(
         warnings=warnings,

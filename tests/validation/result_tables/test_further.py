@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import model
@@ -87,6 +89,17 @@ def test_a_comparison_without_a_report_looks_at_nothing_inside(recorded, monkeyp
         recorded[0], recorded[1].action, budget=False, suspect=False, rivals=(), keep_predictions=False
     )
     assert "inside" not in result.tables
+
+
+def test_a_faulty_trial_stands_for_no_other(monkeypatch):
+    """Of the shipped session those with a sign flipped, encoders swapped, a shifted film, and the soft blow."""
+    asked = []
+    monkeypatch.setitem(FURTHER, "inside", lambda sound, *_: asked.extend(sound.trials) or pd.DataFrame())
+    shipped = Path(__file__).parents[3] / "sessions" / "planted_faults"
+    options = {"budget": False, "suspect": False, "rivals": (), "keep_predictions": False}
+    compare_session(shipped, **options, further=True)
+    numbers = {m.number for m in asked}
+    assert 1 in numbers and not numbers & {2, 3, 4, 7}
 
 
 def test_losses_of_joints_that_give_are_friction_and_bushings(recorded):
