@@ -91,7 +91,8 @@ def watch(
     once: bool = False,
     wait: Callable[[float], None] = time.sleep,
 ) -> LiveView | None:
-    """Show a session whenever there is something new, until its plan is complete; return the last view.
+    """Show a session whenever there is something new, until its plan is complete or nobody plays any more; return the
+    last view.
 
     Raises
     ------
@@ -105,7 +106,7 @@ def watch(
         if view is not None and (now := (view.trial, view.state, view.time_s.size)) != seen:
             show(view)
             seen = now
-        if once or (view is not None and view.finished):
+        if once or follower.ended or (view is not None and view.finished):
             return view
         wait(every_s)
 

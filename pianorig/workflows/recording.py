@@ -46,7 +46,7 @@ from rig import record_passive as record_passive
 from rig.configuration.toml_file import check
 from rig.daq.task_plan import recording_plan
 from rig.recording.options import RecordingKeywords, RecordingOptions
-from rig.recording.trial_run import PASSIVE
+from rig.session.info import PASSIVE
 from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, PlantTruth, film_bodies, film_trial
 
 

@@ -30,7 +30,6 @@ from rig.recording.options import Progress, RecordingKeywords, RecordingOptions
 from rig.recording.trial_plan import MAX_TRIALS
 from rig.recording.trial_run import (
     LATE_S,
-    PASSIVE,
     ClockWatch,
     Stroke,
     closed,
@@ -42,7 +41,7 @@ from rig.recording.trial_run import (
 )
 from rig.safety.interrupts import deferred, termination_as_interrupt
 from rig.session.folder import Session, Trial
-from rig.session.info import FileInfo, PlanInfo, of_same_name, restored
+from rig.session.info import PASSIVE, FileInfo, PlanInfo, of_same_name, restored
 from rig.session.journal import JournalWriter, TrialHead
 
 SUSTAINED_S = 2e-3

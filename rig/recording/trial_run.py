@@ -177,8 +177,6 @@ class ClockWatch:
 
 
 PART_SAMPLES = 5_000
-PASSIVE = "passive"
-"""Name of the profile of what somebody played, and of the settings of its strokes in a trial's provenance."""
 
 
 @dataclass(frozen=True)

@@ -160,6 +160,8 @@ class RulerInfo:
     u_reading: float = 0.0
 
 
+PASSIVE = "passive"
+"""Name of the profile of what somebody played, and of the settings of its strokes in a trial's provenance."""
 KEY_OPPOSITE = "key_opposite_rad"
 """Channel of a second reading head on the key's scale."""
 

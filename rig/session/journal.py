@@ -55,7 +55,7 @@ from rig.configuration.rig_file import CameraConfig, RigConfig
 from rig.errors import HardwareFault, RecordingFault, RigInputError, is_defect
 from rig.session.annotation_file import utc_now
 from rig.session.folder import Session
-from rig.session.info import ChannelInfo, EncoderInfo, ForceInfo, restored
+from rig.session.info import PASSIVE, ChannelInfo, EncoderInfo, ForceInfo, restored
 from rig.session.trial_data import CameraInfo, TrialData
 
 
@@ -621,6 +621,8 @@ OpenJournal = Callable[[Path, TrialHead, int, int], JournalWriter]
 KEEP_S = 30.0
 """How much of a trial in progress is kept and shown, s: a long one must not fill the memory."""
 
+LOOKS = 3
+"""Without a journal, one after the other, that show the end of a recording of what somebody plays."""
 READ_BYTES = 2_000_000
 """Most that a poll reads of a journal whose head is known: some seconds of a dozen channels."""
 
@@ -714,6 +716,12 @@ class SessionFollower:
     def __init__(self, session: str | Path) -> None:
         self.session = Session.open(session, require_trials=False)
         self._journal: JournalFollower | None = None
+        self._idle = 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether nobody plays any more: as long as somebody may, a journal lies there, but for an instant."""
+        return self.session.info.profile.name == PASSIVE and self._idle >= LOOKS
 
     def poll(self) -> LiveView | None:
         """Return the present view; None before the first sample.
@@ -730,6 +738,7 @@ class SessionFollower:
                 part = self._journal.head.part(blocks, blocks[0].first_sample)
                 return self._view(replace(part, status="recording"), len(self.session.trials), zero)
         trials = self.session.trials
+        self._idle = 0 if journals or not (trials or self._journal) else self._idle + 1
         return self._view(trials[-1].read(), len(trials)) if trials else None
 
     def _view(self, data: TrialData, sealed: int, zero: NDArray[np.int64] | None = None) -> LiveView:
