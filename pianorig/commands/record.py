@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pianorig import workflows
-from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Profile, Rig, Selftests, Yes
+from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Profile, Rig, Selftests, Yes, refuse_beside
 from pianorig.console.output import tell
 from pianorig.console.progress import bar, recording_line
 from pianorig.console.terminal import operator as operator_at_terminal
@@ -18,7 +18,12 @@ if TYPE_CHECKING:
     from rig import FeltOrder, RoomInfo
 
 
+RECORDED = ("out", "trials", "backend", "rig", "operator", "action", "temperature", "humidity")
+"""What counts wherever no profile is played."""
+
+
 def command(
+    ctx: typer.Context,
     profile: Profile = "forte",
     out: Annotated[
         Path | None, typer.Option("--out", help="Session folder to create; default: sessions/<date>_<profile>.")
@@ -72,6 +77,8 @@ def command(
     """
     if dry_run and felt is not None:
         raise CommandInputError("--felt: a press is shaped from the ramp before it; not with --dry-run")
+    if plan is not None:
+        refuse_beside(ctx, "--plan", "has its own profiles and trials", *(ctx.params.keys() - {"profile", "trials"}))
     if dry_run and resume is not None:
         raise CommandInputError("--dry-run: rehearses --profile or --plan; --resume rehearses what is left by itself")
     if dry_run and not passive:
@@ -84,14 +91,12 @@ def command(
     if felt is None and (speed or peak):
         raise CommandInputError("--speed, --peak: go with --felt; a profile has its own forces")
     if felt is not None:
-        if passive or plan is not None or resume is not None or film:
-            raise CommandInputError("--felt: presses no key; not with --passive, --plan, --resume or --film")
+        refuse_beside(ctx, "--felt", "presses no key", "felt", "speed", "peak", "yes", "selftest", *RECORDED)
         order = workflows.felt_order(felt, speed, peak, trials)
         _press_felt(out, order, access, as_json, (operator, action), workflows.room_conditions(temperature, humidity))
         return
     if passive:
-        if plan is not None or resume is not None or film or dry_run:
-            raise CommandInputError("--passive: plays no profile; not with --plan, --resume, --film or --dry-run")
+        refuse_beside(ctx, "--passive", "plays no profile", "passive", "duration", "yes", "selftest", *RECORDED)
         target, count = out or workflows.new_session_folder("passive"), ""
         title = f"waiting for strokes on {backend}, into {target}; Ctrl-C ends"
         with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
@@ -108,12 +113,8 @@ def command(
             )
         rows = [{"trial": t.number, "status": t.status} for t in session.trials]
     elif resume is not None:
-        given = (profile, rig, operator, action, trials, plan, out, film or None, temperature, humidity)
-        if given != ("forte", "virtual", "unknown", "unknown", *[None] * 6):
-            raise CommandInputError(
-                "--resume: rig, profiles, plan, operator, action and room are the session's own; not with --plan, "
-                "--profile, --trials, --rig, --out, --film, --operator, --action, --temperature or --humidity"
-            )
+        own = "rig, profiles, plan, operator, action and room are the session's own"
+        refuse_beside(ctx, "--resume", own, "resume", "backend", "yes", "selftest")
         with workflows.interrupts_told(resume, resumed=True), recording_line(quiet=as_json) as progress:
             session, new = workflows.resume(resume, access, progress)
         rows = [{"trial": n, "status": (t := session.trial(n)).status, "condition": t.read().condition} for n in new]

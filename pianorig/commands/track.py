@@ -9,13 +9,17 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, write_table
-from pianorig.console.options import AsJson
+from pianorig.console.options import AsJson, refuse_beside
 from pianorig.console.output import tell
 from pianorig.console.progress import bar, say
 from pianorig.errors import CommandInputError
 
+READ = ("film", "out", "frame_rate", "allow_truncated", "channel")
+"""What counts however a film is read."""
+
 
 def command(
+    ctx: typer.Context,
     film: Annotated[
         Path, typer.Argument(help="Film (.mraw, .cine, .avi, .mp4, .tif and others) or folder of pictures.")
     ],
@@ -110,12 +114,14 @@ def command(
     ):
         check_writable(path, *endings)
     if propose_bodies is not None:
+        refuse_beside(ctx, "--propose-bodies", "tracks nothing", "propose_bodies", "film", *READ[3:])
         found = workflows.propose_outlines(film, propose_bodies, allow_truncated=allow_truncated, channel=channel)
         names = ", ".join(found["bodies"])
         tell(as_json, found, [f"{found['out']}: {names}; look at {found['picture']}, then correct and name them"])
         return
     filmed = workflows.SessionFilm(film, bodies, frame_rate, allow_truncated, channel)
     if marks is not None:
+        refuse_beside(ctx, "--marks", "follows points and lines, in pixels", "marks", "every", "n_still", *READ)
         with bar("following", quiet=as_json) as progress:
             followed = workflows.follow_marks_of(filmed, marks, every=every, n_still=n_still, progress=progress)
         write_table(target, followed.to_table())
@@ -126,6 +132,8 @@ def command(
     camera = workflows.camera_of(calibration, tilt, distortion)
     rows_per_s = workflows.rows_per_second(shutter, rows_per_second)
     if retrack:
+        whole = {"restart", "preview", "overlay", "contact_sheet", "figure"}
+        refuse_beside(ctx, "--retrack", "fits single frames only", *(ctx.params.keys() - whole))
         places = workflows.read_places(place or [])
         rows = workflows.retrack(
             filmed, target, retrack, places, method=method, n_still=n_still, camera=camera, rows_per_s=rows_per_s

@@ -92,7 +92,10 @@ def test_three_frames_are_shown_before_the_film_is_tracked(
 
 
 def test_marks_are_followed_instead_of_bodies(
-    filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    filmed: tuple[Path, Path, np.ndarray],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    refused: Callable[..., None],
 ) -> None:
     film, _, angle = filmed
     marks, out = tmp_path / "marks.toml", tmp_path / "marks.csv"
@@ -105,6 +108,9 @@ def test_marks_are_followed_instead_of_bodies(
     assert np.all(np.abs(error - error[:14].mean()) < 5.0 * table["end_u_y_px"])
     assert run("track", film, "--marks", marks, "--out", out, "--json") == 0
     assert json.loads(capsys.readouterr().out)["marks"]["end"]["lost"] == 0
+    for more in (("--calibration", tmp_path / "camera.toml"), ("--tilt", "1"), ("--overlay", tmp_path / "o.avi")):
+        refused(f"leave out {more[0]}", "track", film, "--marks", marks, "--out", out, *more)
+    refused("leave out --bodies", "track", film, "--propose-bodies", tmp_path / "p.toml", "--bodies", film)
 
 
 def test_the_rate_of_a_video_file_is_doubted(
@@ -178,6 +184,7 @@ def test_a_frame_again(filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, re
         (("--retrack", "3", "--place", "bar=1,2"), "ANGLE_DEG"),
         (("--retrack", "3", "--place", "beam=1,2,3"), "beam"),
         (("--place", "bar=1,2,3"), "--retrack"),
+        (("--retrack", "3", "--figure", "f.png"), "--retrack: fits single frames only; leave out --figure"),
     ):
         refused(words, *base, *wrong)
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pianorig.workflows.live_view import watch
 from rig.backend import Block, Timing
 from rig.configuration.rig_file import RigConfig, load_rig
 from rig.errors import HardwareFault, InputError
@@ -197,12 +198,21 @@ def test_a_second_program_sees_it_alive_between_strokes_and_within(tmp_path) -> 
         view = follower[0].poll()
         if view is not None:
             seen.append((at.time_s, view.trial, view.sealed))
+        assert not follower[0].ended
 
     record_passive(tmp_path / "s", backend=Player(), strokes=2, progress=progress)
     assert {trial for _, trial, _ in seen} == {1, 2}
     gaps = np.diff([time_s for time_s, _, _ in seen])
     assert gaps.max() < 0.1 + 1e-9  # ten times a second while nobody plays,
     assert np.isclose(gaps, 0.02).sum() > 20  # with every block of a stroke
+
+
+def test_who_watches_is_told_of_the_end_of_an_open_recording(tmp_path) -> None:
+    record_passive(tmp_path / "s", backend=Player(), duration_s=4.0)
+    looks = iter(range(5))  # then StopIteration
+    shown: list[int] = []
+    last = watch(tmp_path / "s", lambda view: shown.append(view.trial), wait=lambda _: [next(looks)])
+    assert last is not None and shown == [last.trial] and last.state == "complete" and last.sealed < last.trials
 
 
 def test_few_calls_are_made_while_nobody_plays(tmp_path) -> None:
@@ -245,6 +255,7 @@ def test_the_command_records_strokes_and_refuses_what_does_not_go_together(
     assert "trial 1: complete" in capsys.readouterr().out
     for more, words in {
         ("--film", "1"): "--passive: plays no profile",
+        ("--profile", "forte"): "--passive: plays no profile; leave out --profile",
         ("--for", "-1"): "duration_s = -1, allowed above 0",
         ("--trials", "0"): "strokes = 0, allowed 1 to 9999",
     }.items():
