@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Unpack
 
@@ -95,11 +95,8 @@ def retrack_frames(
                 angle, x, y = place[template.name]
                 phi = float(ccw_to_picture(angle)) + zero_rad
                 pose.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
-            first = min(max(frame - 1, 0), max(film.n_frames - 3, 0))
-            start = {**dict.fromkeys(range(first, min(first + 3, film.n_frames)), pose), **start, frame: pose}
-        rows = np.array(sorted(start), dtype=np.int64)
-        fitted = _fitted(ready, zero, (rows, (start[row] for row in rows.tolist())), time_s, settings, "retracked")
-        return _rows_of(fitted, np.searchsorted(rows, frames))
+            start[int(frame)] = pose
+        return _fitted(ready, zero, (frames, start), time_s, settings, "retracked")
 
 
 def preview(
@@ -123,9 +120,8 @@ def preview(
     Returns
     -------
     TrackResult
-        With the rows of these frames only. A quick walk finds where the bodies are; from where it loses one, all
-        further frames are lost. Terms of the budget that need neighbouring frames (shutter, synchronisation) are not
-        meaningful.
+        With the rows of these frames only, as of `retrack_frames`. A quick walk finds where the bodies are; from where
+        it loses one, all further frames are lost.
 
     Raises
     ------
@@ -146,26 +142,32 @@ def preview(
             raise VisionInputError(f"{film.path}: {count} frames to preview; allowed 1..{film.n_frames - 1}")
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
         chosen = np.unique(np.rint(np.linspace(0, film.n_frames - 1, count + 1)[1:]).astype(np.int64))
-        poses = (list(pose) for _, pose in starts(ready, np.arange(film.n_frames), (chosen + 1).tolist()))
-        return _fitted(ready, zero_of_still_frames(ready), (chosen, poses), time_s, settings, "preview")
+        walked = starts(ready, np.arange(film.n_frames), (chosen + 1).tolist())
+        start = {frame: list(pose) for frame, (_, pose) in zip(chosen.tolist(), walked, strict=False)}
+        return _fitted(ready, zero_of_still_frames(ready), (chosen, start), time_s, settings, "preview")
 
 
 def _fitted(
     ready: PreparedFilm,
     zero: Zero,
-    rows: tuple[NDArray[np.int64], Iterable[Sequence[NDArray[np.float64]]]],
+    asked: tuple[ArrayLike, Mapping[int, Sequence[NDArray[np.float64]]]],
     time_s: NDArray[np.float64],
     settings: FitSettings,
     what: str,
 ) -> TrackResult:
-    """Frames fitted each by itself from the poses of all bodies; those after the last poses are lost."""
-    frames, poses = rows
-    table = PoseTable.empty(frames, len(ready.bodies))
-    for row, pose in enumerate(poses):
-        fit_alone(ready, table, row, pose)
+    """Frames and those beside them fitted each by itself, from the poses of all bodies; one without poses is lost."""
+    frames, start, last = np.asarray(asked[0], dtype=np.int64), dict(asked[1]), time_s.size - 1
+    for frame, pose in asked[1].items():
+        first = min(max(frame - 1, 0), max(last - 2, 0))
+        start = dict.fromkeys(range(first, min(first + 2, last) + 1), pose) | start
+    rows = np.unique([*start, *frames])
+    table = PoseTable.empty(rows, len(ready.bodies))
+    for row in np.flatnonzero(np.isin(rows, list(start))).tolist():
+        fit_alone(ready, table, row, start[int(rows[row])])
     if settings.method == "icgn":
         confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
-    return assemble_result(ready, zero, table, time_s, settings, {what: frames.tolist()})
+    result = assemble_result(ready, zero, table, time_s, settings, {what: frames.tolist()})
+    return _rows_of(result, np.searchsorted(rows, frames))
 
 
 def _rows_of(result: TrackResult, rows: NDArray[np.intp]) -> TrackResult:

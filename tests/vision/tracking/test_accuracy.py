@@ -179,10 +179,14 @@ def test_positions_have_their_uncertainty(texture: str) -> None:
 
 def test_a_preview_is_what_the_whole_film_gives() -> None:
     known = two_body_film(90)
-    few, whole = preview(known.film, known.bodies, 4), track_film(known.film, known.bodies)
+    clock = {"frame_time_s": np.arange(90) / 2000.0, "u_time_s": 2e-4}
+    few, whole = preview(known.film, known.bodies, 4, **clock), track_film(known.film, known.bodies, **clock)
     assert few.frame.tolist() == [22, 44, 67, 89] and not few.failed.any()
     apart = np.abs(few.angle_rad - whole.angle_rad[few.frame])
     assert np.all(apart < 0.5 * whole.u_angle_rad[few.frame])
+    moved, truth = few.budget.absolute["synchronisation"], whole.budget.absolute["synchronisation"][few.frame]
+    assert np.ptp(truth) > 1e-4  # some frames are of fast motion, some of none
+    np.testing.assert_allclose(moved, truth, atol=0.1 * truth.max())
     with pytest.raises(InputError, match="0 frames to preview"):
         preview(known.film, known.bodies, 0)
 
