@@ -86,10 +86,10 @@ class FrameClock:
 
         The k-th exposure began within the sample interval in which the count passed k. Every straight line through
         all these intervals is possible: the middle one is taken, and the standard uncertainty is that of a time that
-        is anywhere between the extreme ones. Where no line fits, the camera was irregular and has no frame clock.
+        is anywhere between the extreme ones. Where no line fits, the camera was irregular and has no frame clock. When
+        those before the first sample began is not known: a counter without a start trigger counts once it is armed.
         """
-        before = np.concatenate(([0], count[:-1]))
-        at = np.flatnonzero(count > before)
+        at = np.flatnonzero(np.diff(count, prepend=count[:1]) > 0)
         number = (count[at] - 1).astype(float)
         if at.size < 3 or number[-1] <= number[0]:
             return None

@@ -228,8 +228,9 @@ def _begin_trial(device: DeviceState, task: SimulatedTask) -> None:
         device.trial, rate_hz, delay_s,
         by_operator=bool(written) and not any(v.any() for v in written), by_pianist=not written,
     )  # fmt: skip
-    for other in _waiting(device):
-        other.progress.trigger_edges = 0
+    for other in device.tasks.values():  # what is live already counts and waits from the new trial's first edge on
+        other.progress.trigger_edges = other.progress.initial_edges = 0
+        other.progress.live_since_s = 0.0
 
 
 def _waiting(device: DeviceState) -> list[SimulatedTask]:

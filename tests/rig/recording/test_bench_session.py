@@ -114,10 +114,13 @@ def test_the_motor_was_told_what_the_profile_says(forte) -> None:
 COUNTED = (('mode = "pulses"', 'mode = "counted"'), ('terminal = "/cDAQ1Mod4/PFI4"', 'terminal = "/cDAQ1Mod4/PFI0"'))
 
 
+@pytest.mark.parametrize("armed", ["by the start trigger", "before it"])
 def test_counted_exposures_give_the_frame_times_within_their_uncertainty(
-    edited_rig, make_backend, record_steps
+    armed, edited_rig, make_backend, record_steps
 ) -> None:
     rig = edited_rig(*COUNTED)
+    if armed == "before it":
+        rig = parse_rig(load_rig("chassis_and_card").text.replace("u_time_s = 1.0e-4", "u_time_s = 1.0e-6"))
     truths = []
     backend = make_backend(rig.config, noise_n=0.02)
     note = {"after_trial": lambda trial: truths.append(backend.device.bench.exposures)}
@@ -157,6 +160,8 @@ def test_too_few_exposures_are_no_frame_clock_and_a_line_is_fitted_exactly() -> 
     assert found.frame_rate_hz == pytest.approx(5000 / 3, rel=1e-6)
     assert found.first_frame_time_s == pytest.approx(3.5 / 5000 + 1e-4, abs=1e-7)
     assert found.u_time_s == pytest.approx(1e-4 / np.sqrt(3), rel=0.01)  # the phase within a sample stays unknown
+    early = clock.frames_counted(time_s, (np.arange(1000) + 1) // 3 + 152)  # counted since before the first sample
+    assert early.first_frame_time_s == pytest.approx((1.5 - 3 * 152) / 5000 + 1e-4, abs=1e-7)
     jumps = count + (np.arange(1000) > 500) * (count > 0)
     assert clock.frames_counted(time_s, jumps) is None  # a frame that was counted twice fits no line
     assert found.n_frames == count[-1]

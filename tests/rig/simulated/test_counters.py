@@ -29,6 +29,24 @@ def test_a_counter_measures_the_pulses_on_its_terminal(what, card) -> None:
     assert counter.read(20) == pytest.approx([value] * 20, rel=1e-12)
 
 
+def test_counters_that_wait_since_an_earlier_trial_begin_with_the_new_one(card) -> None:
+    train, long = card.pulses(800.0), card.inputs("Dev1/ai0", 3000)
+    train.start()
+    long.start()
+    long.read(3000)  # the trial before has 2400 pulses
+    train.stop()
+    long.stop()
+    edges, periods = card.task(), card.task()
+    edges.ci_channels.add_ci_count_edges_chan("Dev1/ctr1").ci_count_edges_term = "/Dev1/PFI12"
+    periods.ci_channels.add_ci_period_chan("Dev1/ctr2").ci_period_term = "/Dev1/PFI12"
+    periods.timing.cfg_implicit_timing(samps_per_chan=4)
+    edges.start()
+    periods.start()
+    train.start()
+    assert periods.read(4) == pytest.approx([1 / 800.0] * 4)
+    assert card.device.bench.now_s == pytest.approx(5 / 800.0, abs=2e-3) and edges.read() == 5
+
+
 def test_pairs_of_a_pulse_by_frequency_time_and_ticks(card) -> None:
     counters = [card.task() for _ in range(3)]
     adds = [counters[i].ci_channels for i in range(3)]
