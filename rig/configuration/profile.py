@@ -100,19 +100,16 @@ class Profile(ArrayRecord):
         worst = int(np.argmax(np.abs(self.force_n)))
         if abs(self.force_n[worst]) > force_limit_n:
             raise RigInputError(
-                f"{where}: points[{worst}].force_n = {self.force_n[worst]:g} N, allowed "
-                f"-{force_limit_n:g} to {force_limit_n:g} N; "
-                "lower it or raise motor.force_limit_n of the rig file"
+                f"{where}: points[{worst}].force_n = {self.force_n[worst]:g} N, allowed -{force_limit_n:g} to "
+                f"{force_limit_n:g} N; lower it or raise motor.force_limit_n of the rig file"
             )
         sampled = self.sample(sample_rate_hz)
         slew = np.abs(np.diff(sampled)) * sample_rate_hz
         steepest = int(np.argmax(slew))
         if slew[steepest] > slew_limit_n_per_s * (1 + 1e-9):
             raise RigInputError(
-                f"{where}: force changes by {slew[steepest]:.4g} N/s at "
-                f"{steepest / sample_rate_hz:.4g} s, allowed "
-                f"{slew_limit_n_per_s:g} N/s; spread the key points or raise "
-                "motor.slew_limit_n_per_s of the rig file"
+                f"{where}: force changes by {slew[steepest]:.4g} N/s at {steepest / sample_rate_hz:.4g} s, allowed "
+                f"{slew_limit_n_per_s:g} N/s; spread the key points or raise motor.slew_limit_n_per_s of the rig file"
             )
 
 

@@ -96,8 +96,7 @@ class ForceConfig(Table):
         return "mV/V" if self.kind == "bridge" else "V"
 
     def group_delay(self, sample_rate_hz: float) -> float:
-        """Delay from the force on the cell to its sample, s; from the module's data unless the rig file gives
-        it.
+        """Delay from the force on the cell to its sample, s; from the module's data unless the rig file gives it.
 
         NI 9237: (40 + 5/512)/fs + 4.5 µs (National Instruments, KB kA00Z0000004A0YSAU).
         """
@@ -256,9 +255,8 @@ class MotorConfig(Table):
         reach = self.force_per_volt_n * self.voltage_limit_v
         if self.force_limit_n > reach * (1 + 1e-9):
             raise ValueError(
-                f"motor.force_limit_n = {self.force_limit_n:g} N, allowed "
-                f"at most {reach:g} N (scale "
-                "times voltage_limit_v)"
+                f"motor.force_limit_n = {self.force_limit_n:g} N, allowed at most {reach:g} N "
+                "(force_per_volt_n times voltage_limit_v)"
             )
         return self
 

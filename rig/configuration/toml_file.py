@@ -7,7 +7,6 @@ key must not pass unnoticed), and NaN and infinity as a setting.
 from __future__ import annotations
 
 import json
-import math
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -161,7 +160,7 @@ def toml_value(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        return repr(value) if math.isfinite(value) else {"inf": "inf", "-inf": "-inf"}.get(repr(value), "nan")
+        return repr(float(value))  # a float64 of numpy is one, and says so of itself
     if isinstance(value, int):
         return str(value)
     if isinstance(value, str):

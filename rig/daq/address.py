@@ -99,7 +99,7 @@ def _server(url: str) -> tuple[grpc.Channel, str]:
         raise RigInputError(f"backend address {url!r}: {error}") from None
     if parts.scheme != "ni-grpc" or not parts.hostname:
         raise RigInputError(f"backend address {url!r}: allowed are ni://local and ni-grpc://host:{DEFAULT_PORT}")
-    target = f"{parts.hostname}:{port}"
+    target = f"[{parts.hostname}]:{port}" if ":" in parts.hostname else f"{parts.hostname}:{port}"
     options = [("grpc.max_receive_message_length", -1)]
     files = dict(parse_qsl(parts.query, keep_blank_values=True))
     if not files:

@@ -46,16 +46,10 @@ RESERVE = 0.5
 """Part of the watchdog's timeout that those calls may use."""
 RESETS_IN_TIMEOUT = 8
 """While blocks are read the watchdog is reset about so often in its timeout."""
-
-
 LENGTHENED_S = 0.05
 """Longest block that replaces a shorter ``recording.block_s`` without being asked for, s."""
-
-
 DEAR = 0.05
 """Part of a block's time that its calls may take before blocks are lengthened while the motor's command is 0 V."""
-
-
 LONGEST_USEFUL_S = 0.4
 """A longer block is not proposed: limits that act so late protect nothing."""
 
@@ -137,8 +131,6 @@ def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:
 
 SHUNT_S = 0.4
 READ_TIMEOUT_S = 5.0
-
-
 CLIENT_VERSION = version("nidaqmx")
 
 

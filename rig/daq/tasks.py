@@ -127,12 +127,8 @@ def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     """AI on the load cell and the further channels, in this order, continuous, on its own clock: the master."""
     task = force_task(new_task, config)
     for further in config.channels:
-        _add_voltage(
-            task,
-            further.channel,
-            further.name,
-            _on_line(np.array([further.least, further.most]), further.physical, further.electrical),
-        )
+        ends_v = _on_line(np.array([further.least, further.most]), further.physical, further.electrical)
+        _add_voltage(task, further.channel, further.name, ends_v)
     for device in config.devices:
         if device.clock_from is not None:
             task.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, device.clock_from)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import tomllib
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -129,6 +130,7 @@ def test_any_table_survives_a_round_trip(table) -> None:
 def test_none_is_left_out_and_nan_kept() -> None:
     read = tomllib.loads(dump_toml({"a": None, "b": math.nan}))
     assert set(read) == {"b"} and math.isnan(read["b"])
+    assert tomllib.loads(dump_toml({"c": np.float64(21.5), "d": -np.inf})) == {"c": 21.5, "d": -math.inf}
 
 
 @pytest.mark.parametrize("value", [float("nan"), "warm", -300.0, 61.0, True])

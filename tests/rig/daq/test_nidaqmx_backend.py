@@ -10,6 +10,7 @@ import pytest
 
 from rig.configuration.rig_file import load_rig
 from rig.daq import NidaqmxBackend, open_backend
+from rig.daq.address import _server
 from rig.daq.nidaqmx_backend import CallDelay, calm_block_s
 from rig.errors import DeviceNotFound, HardwareFault, InputError, NotSupported, ReadTimeout, SamplesLost
 from rig.simulated.signals import pulse_train
@@ -268,6 +269,12 @@ def test_what_answers_must_be_the_product_of_the_rig_file_and_says_whether_it_is
 def test_bad_addresses_are_refused(url, config) -> None:
     with pytest.raises(InputError):
         open_backend(url, config)
+
+
+def test_an_address_of_ipv6_keeps_its_brackets() -> None:
+    channel, target = _server("ni-grpc://[::1]:31764")
+    channel.close()
+    assert target == "[::1]:31764"
 
 
 def test_the_channel_is_closed_with_the_backend() -> None:
