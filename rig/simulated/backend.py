@@ -43,6 +43,7 @@ from rig.simulated.bench.sensors import SensorSet, load_sensors
 from rig.simulated.bench.wiring import Wiring, planted_wiring, usual_wiring
 from rig.simulated.device.state import DeviceState, FaultPlan, parse_faults
 from rig.simulated.product import PRODUCTS, Inventory
+from rig.simulated.rpc.messages import CALLS
 from rig.simulated.rpc.service import Service, in_process_channel
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
@@ -163,12 +164,17 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     >>> bench.close()
     """
     options = _options(url)
+    alone = [name for name in ("felt", "swing", "pose") if options.get(name)]
+    if len(alone) > 1 or ("pad" in options and alone != ["swing"]):
+        raise RigInputError(f"{url}: allowed one of felt, swing and pose, and pad beside swing")
     bench = Path(options["bench"]) if options.get("bench") else DEFAULT_BENCH
     if not bench.is_file():
         raise RigInputError(f"{url}: bench file {bench} does not exist")
     seed = _read(url, "seed", options["seed"]) if "seed" in options else None
     clock = _read(url, "clock", options.get("clock", "virtual"))
     faults = parse_faults(options.get("fault", ""))
+    if unknown := {fault.call for fault in faults if fault.call} - CALLS:
+        raise RigInputError(f"{url}: fault at {', '.join(sorted(unknown))}: no call of NI-DAQmx's gRPC service")
     sensors = load_sensors(bench, seed=seed)
     effects = [name for name in options.get("effects", "").split(",") if name]
     mechanics = load_plant(bench, seed, config.device.sample_rate_hz, effects, options.get("scene"))
@@ -185,6 +191,7 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     device.faults = FaultPlan(faults)
     device.call_delay_s = _read(url, "delay_ms", options.get("delay_ms", "0")) / 1e3
     hand = _read(url, "hand", options.get("hand", "no"))
+    device.bench.force_per_volt_n = mechanics.torque_per_volt_nm / mechanics.action["motor_arm.length"]
     device.bench.operator_acts, device.bench.pianist_plays = hand == "yes", hand == "plays"
     backend = SimulatedBackend(
         device,

@@ -28,6 +28,13 @@ from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice
 Kind = Literal["bridge", "voltage_in", "voltage_out", "counter", "line", "static_line"]
 
 
+UNSIMULATED = (
+    r"(ai|di|ao|do)/(ReferenceTrigger|PauseTrigger|SampleClockTimebase|ConvertClock|ConvertClockTimebase|HoldCompleteEvent)|"
+    r"Ctr[0-7](Source|Gate|Aux|A|B|Z|ArmStartTrigger|SampleClock)|PairedCtrInternalOutput|FrequencyOutput|"
+    r"10MHzRefClock|ChangeDetectionEvent|AnalogComparisonEvent|WatchdogExpiredEvent|WatchdogExpirationTrigger|APFI[01]"
+)
+
+
 @dataclass(frozen=True)
 class CounterPins:
     """Default terminals of counters 0 to 3; A, Z and B of an encoder are source, gate and auxiliary.
@@ -51,17 +58,17 @@ class Product:
     """(name relative to the device, kind, resource)"""
     terminals: tuple[str, ...]
     """Terminals by pattern, relative to the device."""
-    ao_range_v: float
-    ao_max_rate_hz: float
-    ai_max_rate_hz: float
     counter_timebase_hz: float
+    ao_range_v: float = 10.0
+    ao_max_rate_hz: float = 0.0
+    ai_max_rate_hz: float = 0.0
     modules: tuple[tuple[str, str], ...] = ()
     """Modules of a chassis: name behind the chassis's, product type."""
     lines_in_group: Mapping[str, int] = field(default_factory=dict)
     """Lines that have one direction together, by the stem of their pins; others have one each."""
     differential: tuple[int, ...] = ()
     """Numbers of the voltage inputs that can be the positive one of a pair."""
-    unsimulated: str = r"(?!)"
+    unsimulated: str = UNSIMULATED
     """Terminals that the product has and the virtual device does not, by pattern."""
     bridge_range_mv_per_v: float = 0.0
     bridge_bits: int = 24
@@ -106,13 +113,6 @@ class Product:
         return any(name.startswith("Mod") for name, _ in self.modules)
 
 
-UNSIMULATED = (
-    r"(ai|di|ao|do)/(ReferenceTrigger|PauseTrigger|SampleClockTimebase|ConvertClock|ConvertClockTimebase|HoldCompleteEvent)|"
-    r"Ctr[0-7](Source|Gate|Aux|A|B|Z|ArmStartTrigger|SampleClock)|PairedCtrInternalOutput|FrequencyOutput|"
-    r"10MHzRefClock|ChangeDetectionEvent|AnalogComparisonEvent|WatchdogExpiredEvent|WatchdogExpirationTrigger|APFI[01]"
-)
-
-
 def numbered(prefix: str, count: int, kind: Kind, resource: str) -> tuple[tuple[str, Kind, str], ...]:
     """Return channels ``prefix0`` … with resources ``resource0`` …"""
     return tuple((f"{prefix}{i}", kind, f"{resource}{i}") for i in range(count))
@@ -129,7 +129,6 @@ CDAQ_9189 = Product(
     },
     lines_in_group={"pin4": 4},  # NI 9401 data sheet: direction by nibble
     modules=(("Mod1", "NI 9237"), ("Mod2", "NI 9263"), ("Mod3", "NI 9411"), ("Mod4", "NI 9401")),
-    unsimulated=UNSIMULATED,
     channels=(
         *numbered("Mod1/ai", 4, "bridge", "bridge"),
         *numbered("Mod2/ao", 4, "voltage_out", "ao"),
@@ -138,7 +137,6 @@ CDAQ_9189 = Product(
         *numbered("Mod4/port0/line", 8, "line", "pin4."),
     ),
     terminals=(r"Mod3/PFI[0-5]", r"Mod4/PFI[0-7]"),
-    ao_range_v=10.0,
     ao_max_rate_hz=100e3,
     ai_max_rate_hz=50e3,
     counter_timebase_hz=80e6,
@@ -157,7 +155,6 @@ CDAQ_9189 = Product(
 PCIE_6363 = Product(
     name="PCIe-6363",
     differential=(*range(8), *range(16, 24)),
-    unsimulated=UNSIMULATED,
     channels=(
         *numbered("ai", 32, "voltage_in", "ai"),
         *numbered("ao", 4, "voltage_out", "ao"),
@@ -167,7 +164,6 @@ PCIE_6363 = Product(
         *((f"port2/line{i}", "static_line", f"PFI PFI{8 + i}") for i in range(8)),
     ),
     terminals=(r"PFI(1[0-5]|[0-9])", r"RTSI[0-7]"),
-    ao_range_v=10.0,
     ao_max_rate_hz=2.86e6,
     ai_max_rate_hz=2e6,
     counter_timebase_hz=100e6,
@@ -197,7 +193,6 @@ PCI_6034E = Product(
     name="PCI-6034E",
     rtsi=True,
     modules=(("SC1Mod1", "SCXI-1520"),),
-    unsimulated=UNSIMULATED,
     channels=(
         *numbered("SC1Mod1/ai", 8, "bridge", "bridge"),
         *numbered("ai", 16, "voltage_in", "ai"),
@@ -206,8 +201,6 @@ PCI_6034E = Product(
     ),
     terminals=(r"PFI[0-9]", r"RTSI[0-6]", r"Ctr[01]Out"),
     differential=tuple(range(8)),
-    ao_range_v=10.0,
-    ao_max_rate_hz=1.0,
     ai_max_rate_hz=200e3,
     ai_aggregate_rate_hz=200e3,
     ai_ranges_v=(0.05, 0.5, 5.0, 10.0),
@@ -226,15 +219,11 @@ PCI_6034E = Product(
 PCI_6602 = Product(
     name="PCI-6602",
     rtsi=True,
-    unsimulated=UNSIMULATED,
     channels=(
         *numbered("ctr", 8, "counter", "ctr"),
         *numbered("port0/line", 32, "static_line", "line"),
     ),
     terminals=(r"PFI([12][0-9]|3[0-9]|[0-9])", r"RTSI[0-6]"),
-    ao_range_v=10.0,
-    ao_max_rate_hz=1.0,
-    ai_max_rate_hz=1.0,
     counter_timebase_hz=80e6,
     counter_pins={
         "": CounterPins(
@@ -252,16 +241,13 @@ PCI_6602 = Product(
 PCI_6733 = Product(
     name="PCI-6733",
     rtsi=True,
-    unsimulated=UNSIMULATED,
     channels=(
         *numbered("ao", 8, "voltage_out", "ao"),
         *numbered("ctr", 2, "counter", "ctr"),
         *numbered("port0/line", 8, "static_line", "line"),
     ),
     terminals=(r"PFI[0-9]", r"RTSI[0-6]", r"Ctr[01]Out"),
-    ao_range_v=10.0,
     ao_max_rate_hz=1e6,
-    ai_max_rate_hz=1.0,
     counter_timebase_hz=20e6,
     counter_pins={"": CounterPins(source=("PFI8", "PFI3"), gate=("PFI9", "PFI4"), out=("Ctr0Out", "Ctr1Out"))},
     timebase_hz=20e6,

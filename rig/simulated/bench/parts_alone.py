@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
+from model.parameters.action import USUAL
 from rig.configuration.rig_file import RigConfig
 from rig.errors import RigInputError
 from rig.simulated.bench.plant import ActionPlant
@@ -79,12 +80,14 @@ def felt_law(action: model.Action, contact: str) -> FeltLaw:
     Raises
     ------
     RigInputError
-        The specimen has no such contact.
+        The specimen has no such contact, or its felt another law.
     """
     if contact == BLOCK:
         return FeltLaw(0.0, 0.0, BLOCK_N_PER_M, 0.0)
     if f"{contact}.normal.a" not in action.quantities:
         raise RigInputError(f"felt {contact}: not found; allowed contact01 to contact13, or {BLOCK}")
+    if (law := action.law(contact)) != USUAL:
+        raise RigInputError(f"felt {contact}: follows the law {law}, allowed {USUAL}, the only one pressed alone")
     return FeltLaw(*(action[f"{contact}.normal.{name}"] for name in "abcD"))
 
 
@@ -262,7 +265,7 @@ def pose_plant(bench: ActionPlant, text: str, where: str) -> PosePlant:
         angles = [float(one) for one in listed.split(",")]
     except ValueError:
         angles = []
-    if body not in ENCODED_BODIES or not angles:
+    if body not in ENCODED_BODIES or not angles or not np.isfinite(angles).all():
         raise RigInputError(f"{where}: pose = {text!r}, allowed as in key:0,0.01,0.02 with {', '.join(ENCODED_BODIES)}")
     rest = model.rest_state(bench.action).angle_rad
     encoded = np.array([rest[model.BODIES.index(name)] for name in ENCODED_BODIES])
@@ -360,7 +363,7 @@ def _pad(action: model.Action, text: str) -> Pad:
         contact, load, radius = text.split(":")
         load_n, radius_m = float(load), float(radius)
         a, b1, b2 = (action[f"{contact}.friction.{k}"] for k in ("A", "B1", "B2"))
-        if load_n <= 0 or radius_m <= 0:
+        if not (0 < load_n < math.inf and 0 < radius_m < math.inf):
             raise ValueError
     except (ValueError, KeyError, model.ModelError):
         raise RigInputError(f"pad {text}: allowed CONTACT:LOAD_N:RADIUS_M, as contact04:0.2:0.005") from None

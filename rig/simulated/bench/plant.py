@@ -218,6 +218,10 @@ def load_plant(
     given = model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {}))
     choice = _joined(model.choice_of(given, scene), model.scene_of({"effects": [*effects], **tables}, str(path)))
     scatter = bench_table(bench, "scatter", path)
+    known = {"seed", "specimen", "motor_arm", "motor", "scatter", "force_sensor", "encoders", "wiring", *EFFECTS}
+    unknown = [*(bench.keys() - known), *(f"specimen.{key}" for key in specimen.keys() - {"action", "set"})]
+    if unknown:
+        raise RigInputError(f"{path}: unknown key {min(unknown)}; correct its spelling or remove it")
     for key, value in scatter.items():
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 0.3:
             raise RigInputError(f"{path}: scatter.{key}: found {value!r}, allowed 0 to 0.3 (relative)")
@@ -240,6 +244,6 @@ def load_plant(
         choice,
         float(torque),
         scatter,
-        int(bench.get("seed", 1)) if seed is None else int(seed),
+        int(bench.get("seed", 0)) if seed is None else int(seed),
         sample_rate_hz,
     )

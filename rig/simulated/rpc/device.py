@@ -68,12 +68,13 @@ def _category(device: Inventory, name: str) -> int:
     return CHASSIS if product.chassis else CATEGORIES.get(product.name, X_SERIES)
 
 
-def _card(get: Callable[[Any], Any]) -> Property:
-    """A property that only a card has for itself; on a chassis it belongs to modules and tasks."""
+def _card(get: Callable[[Any], Any], kind: Kind | None = None) -> Property:
+    """A property that only a card with channels of this kind has; on a chassis it belongs to modules and tasks."""
 
     def find(device: Inventory, name: str) -> Any:
         product = device.product
-        return None if product.chassis else get(product)
+        has = kind is None or any(kind == one for _, one, _ in product.channels)
+        return get(product) if has and not product.chassis else None
 
     return find
 
@@ -107,19 +108,19 @@ _GETTERS: dict[str, Property] = {
     ),
     "COMPACT_DAQ_CHASSIS_DEV_NAME": _of_module(lambda device, name: device.name),
     "COMPACT_DAQ_SLOT_NUM": _of_module(lambda device, name: [module for module, _ in _modules(device)].index(name) + 1),
-    "ANLG_TRIG_SUPPORTED": _card(lambda product: True),
+    "ANLG_TRIG_SUPPORTED": _card(lambda product: product.apfi),
     "DIG_TRIG_SUPPORTED": _card(lambda product: True),
-    "AI_MAX_SINGLE_CHAN_RATE": _card(lambda product: product.ai_max_rate_hz),
-    "AI_MAX_MULTI_CHAN_RATE": _card(lambda product: product.ai_aggregate_rate_hz),
-    "AI_MIN_RATE": _card(lambda product: product.timebase_hz / 2**32),
-    "AI_SIMULTANEOUS_SAMPLING_SUPPORTED": _card(lambda product: False),
-    "AI_VOLTAGE_RNGS": _card(lambda product: _both_signs(product.ai_ranges_v)),
-    "AO_SAMP_CLK_SUPPORTED": _card(lambda product: True),
-    "AO_MAX_RATE": _card(lambda product: product.ao_max_rate_hz),
-    "AO_MIN_RATE": _card(lambda product: product.timebase_hz / 2**32),
-    "DI_MAX_RATE": _card(lambda product: DIGITAL_RATE_HZ),
-    "DO_MAX_RATE": _card(lambda product: DIGITAL_RATE_HZ),
-    "AO_VOLTAGE_RNGS": _card(lambda product: _both_signs((5.0, product.ao_range_v))),
+    "AI_MAX_SINGLE_CHAN_RATE": _card(lambda product: product.ai_max_rate_hz, "voltage_in"),
+    "AI_MAX_MULTI_CHAN_RATE": _card(lambda product: product.ai_aggregate_rate_hz, "voltage_in"),
+    "AI_MIN_RATE": _card(lambda product: product.timebase_hz / 2**32, "voltage_in"),
+    "AI_SIMULTANEOUS_SAMPLING_SUPPORTED": _card(lambda product: False, "voltage_in"),
+    "AI_VOLTAGE_RNGS": _card(lambda product: _both_signs(product.ai_ranges_v), "voltage_in"),
+    "AO_SAMP_CLK_SUPPORTED": _card(lambda product: True, "voltage_out"),
+    "AO_MAX_RATE": _card(lambda product: product.ao_max_rate_hz, "voltage_out"),
+    "AO_MIN_RATE": _card(lambda product: product.timebase_hz / 2**32, "voltage_out"),
+    "DI_MAX_RATE": _card(lambda product: DIGITAL_RATE_HZ, "line"),
+    "DO_MAX_RATE": _card(lambda product: DIGITAL_RATE_HZ, "line"),
+    "AO_VOLTAGE_RNGS": _card(lambda product: _both_signs((5.0, product.ao_range_v)), "voltage_out"),
     "CI_SAMP_CLK_SUPPORTED": _card(lambda product: True),
     "CI_MAX_SIZE": _card(lambda product: COUNTER_BITS),
     "CI_MAX_TIMEBASE": _card(lambda product: product.counter_timebase_hz),

@@ -24,6 +24,12 @@ from rig.simulated.rpc.messages import CALLS
         ("sim://?clock=fast", "allowed virtual, real, or a speed"),
         ("sim://?clock=nan", "allowed virtual, real, or a speed"),
         ("sim://?bench=/no/such/bench.toml", "does not exist"),
+        ("sim://?felt=block&swing=hammer", "one of felt, swing and pose"),
+        ("sim://?swing=key&pose=key:0,0.01", "one of felt, swing and pose"),
+        ("sim://?pad=contact04:0.2:0.005", "pad beside swing"),
+        ("sim://?swing=key&pad=contact04:nan:0.005", "allowed CONTACT:LOAD_N:RADIUS_M"),
+        ("sim://?pose=key:0,nan", "allowed as in key:0,0.01,0.02"),
+        ("sim://?fault=reserved@TaskControll%231", "TaskControll: no call"),
         ("sim://?effects=rail", "effects: found 'rail', allowed balance_rail, shank, motor_arm"),
         ("sim://?effect=shank", "with the options bench, seed, clock, fault, scene, effects"),
         ("sim://?scene=strung", r"scene 'strung': not found; did you mean string\?"),
@@ -34,6 +40,13 @@ from rig.simulated.rpc.messages import CALLS
 def test_bad_options_are_refused(url, said, config) -> None:
     with pytest.raises((InputError, model.InputError), match=said):
         open_backend(url, config)
+
+
+def test_a_felt_of_another_law_is_not_pressed_by_the_usual_one(config, tmp_path) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text('[contact02]\nlaw = "hysteresis"\n', "utf-8")
+    with pytest.raises(InputError, match="felt contact02: follows the law hysteresis, allowed hunt-crossley"):
+        open_backend(f"sim://?felt=contact02&scene={scene.as_posix()}", config)
 
 
 def test_the_whole_bench_records_a_blow_and_the_seed_decides_the_scatter(config, begin) -> None:

@@ -73,6 +73,19 @@ def test_a_drive_beside_a_torque_per_volt_is_refused(tmp_path: Path) -> None:
         load_plant(bench, seed=1, sample_rate_hz=5000.0)
 
 
+def test_a_hand_presses_the_same_on_every_motor(tmp_path: Path, config, begin) -> None:
+    pressed = []
+    for per_volt in (1.2, 0.48):
+        text = DEFAULT_BENCH.read_text("utf-8").replace("_volt_nm = 1.2 ", f"_volt_nm = {per_volt} ")
+        (tmp_path / "bench.toml").write_text(text.replace("noise_n = 0.02", "noise_n = 0.0"), "utf-8")
+        backend = open_backend(f"sim://?hand=yes&bench={(tmp_path / 'bench.toml').as_posix()}", config)
+        begin(backend, command=np.zeros(15_000))
+        pressed.append(np.concatenate([backend.read_block(1000, 1.0).force_n for _ in range(15)]))
+        backend.close()
+    assert np.median(pressed[0][13_600:]) == pytest.approx(2.5 + 0.05 + 0.15, abs=0.05)
+    np.testing.assert_allclose(pressed[1][13_600:], pressed[0][13_600:], atol=1e-3)
+
+
 @pytest.mark.slow
 def test_volts_become_force_through_the_drive(tmp_path: Path) -> None:
     bench = tmp_path / "bench.toml"
@@ -221,6 +234,8 @@ def test_command_can_change_while_under_way(plant: ActionPlant) -> None:
         ("torque_per_volt_nm = 1.2", "torque_per_volt_nm = 0", "motor.torque_per_volt_nm: found 0"),
         ('"contact04.friction.A" = 0.36', '"contact44.friction.A" = 0.36', "contact44.friction.A"),
         ("\n[scatter]", "\n[scattered]", "[scatter]: missing"),
+        ("# [balance_rail]", "[balance_rial]", "unknown key balance_rial"),
+        ('action = "hirschkorn2004"', 'actoin = "hirschkorn2004"', "unknown key specimen.actoin"),
         ("seed = 52", "seed = = 52", "not a TOML file"),
     ],
 )
@@ -232,6 +247,12 @@ def test_bad_bench_files_are_refused(tmp_path: Path, old: str, new: str, words: 
     with pytest.raises((InputError, model.InputError)) as caught:
         load_plant(path, None, RATE)
     assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_bench_file_without_a_seed_has_one_for_plant_and_sensors(tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(BENCH.read_text(encoding="utf-8").replace("seed = 52\n", ""), encoding="utf-8")
+    assert load_plant(path, None, RATE).seed == load_sensors(path).seed
 
 
 def test_the_specimen_is_declared_to_differ(plant: ActionPlant) -> None:

@@ -157,6 +157,10 @@ def test_every_device_answers_for_itself(thesis) -> None:
     assert of["Dev3"].ao_max_rate == 1e6  # 1 MS/s, as the card is specified
     assert len(of["Dev2"].ci_physical_chans) == 8 and len(of["Dev3"].ao_physical_chans) == 8
     assert all(channel.name.startswith("Dev2/") for channel in of["Dev2"].ci_physical_chans)
+    for card, has_not in (("Dev1", "ao_max_rate"), ("Dev2", "ai_max_single_chan_rate"), ("Dev3", "ai_voltage_rngs")):
+        with pytest.raises(DaqError, match="-200197|-200452"):
+            getattr(of[card], has_not)
+    assert not of["Dev1"].anlg_trig_supported  # the 6034E has no comparator
     with pytest.raises(DaqError):
         Device("Dev4", grpc_options=thesis.options).product_type  # noqa: B018
 
