@@ -51,8 +51,9 @@ def output_terminals(device: DeviceState, task: SimulatedTask) -> set[str]:
     return found
 
 
-def input_terminal(device: DeviceState, task: SimulatedTask, channel: Channel) -> str:
+def input_terminal(device: DeviceState, task: SimulatedTask) -> str:
     """Return the terminal whose edges a counter counts or measures."""
+    channel = task.channels[0]
     named = task.setting("Chan", channel.name, daqmx.CI_TERM[channel.settings["measures"]], "")
     if not named:
         raise DaqStatusError(
@@ -120,17 +121,15 @@ def edges_now(device: DeviceState, terminal: str) -> int:
     return int(edges_passed(device, terminal, np.array([device.bench.edge]))[0])
 
 
-def pulse_reading(
-    device: DeviceState, task: SimulatedTask, channel: Channel, edge: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def pulse_reading(device: DeviceState, task: SimulatedTask, edge: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return what a counter gives for the pulse that ends at each edge (n,) of the bench: (n, 1), (n, 2) for pairs."""
-    terminal, bench = input_terminal(device, task, channel), device.bench
-    train = pulses_on(device, terminal)
-    if train is None or not np.isfinite(train.next_after(bench.now_s)):
+    channel, bench, terminal = task.channels[0], device.bench, input_terminal(device, task)
+    train, buffer = pulses_on(device, terminal), task.buffer if task.timing.implicit else None
+    if train is None or (buffer is None and not np.isfinite(train.next_after(bench.now_s))):
         raise DaqStatusError(Code.SAMPLES_NOT_YET_AVAILABLE, f"Task: {task.name}: no edges", samples_read=0)
     timebase, settings = device.inventory.of(channel.physical.name).product.counter_timebase_hz, channel.settings
-    if task.timing.implicit and task.buffer is not None:  # each sample is the pulse after the last one's
-        first = train.passed_at(task.progress.live_since_s) + task.buffer.acquired
+    if buffer is not None:  # each sample is the pulse after the last one's
+        first = train.passed_at(task.progress.live_since_s) + buffer.acquired
         number = first + np.arange(edge.size)
     else:
         number = np.maximum(train.passed(edge / bench.rate_hz) - 2, 0)
@@ -188,12 +187,10 @@ def analog_reading(
     return physical * (NEWTON_IN[settings["physical_units"]] / NEWTON_IN[settings["units"]])
 
 
-def encoder_reading(
-    device: DeviceState, task: SimulatedTask, channel: Channel, quarter: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Return what a counter gives for the encoder wired to its A and B terminals, in its task's units."""
+def encoder_counts(device: DeviceState, task: SimulatedTask, quarter: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the counts (X4) since the trial began of the encoder wired to a counter's A and B terminals, (n,)."""
     named = [
-        task.setting("Chan", channel.name, attribute, "")
+        task.setting("Chan", task.channels[0].name, attribute, "")
         for attribute in (daqmx.CI_ENCODER_A_INPUT_TERM, daqmx.CI_ENCODER_B_INPUT_TERM)
     ]
     terminals = tuple(device.inventory.terminal(name) for name in named)
@@ -205,7 +202,12 @@ def encoder_reading(
             counts = quarter[:, column]
         elif terminals == wired[::-1]:  # A and B exchanged count backwards
             counts = -quarter[:, column]
-    settings = channel.settings
+    return counts
+
+
+def encoder_reading(device: DeviceState, task: SimulatedTask, quarter: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return what a counter gives for its encoder since it was started, in its task's units."""
+    counts, settings = encoder_counts(device, task, quarter) - task.progress.initial_edges, task.channels[0].settings
     edges = {daqmx.X1: 1, daqmx.X2: 2, daqmx.X4: 4}[settings["decoding_type"]]
     ticks = (counts * edges) // 4
     turning = "pulses_per_rev" in settings
@@ -231,18 +233,18 @@ def latch(
     channel = task.channels[0]
     if task.measures != daqmx.EDGES:
         if task.measures is None:
-            reading = encoder_reading(device, task, channel, quarter)[:, None]
+            reading = encoder_reading(device, task, quarter)[:, None]
         else:
-            reading = pulse_reading(device, task, channel, edge)
+            reading = pulse_reading(device, task, edge)
         scale = channel.settings.get("scale")
         return reading if scale is None else scale.scaled(reading)
-    passed = edges_passed(device, input_terminal(device, task, channel), edge) - task.progress.initial_edges
+    passed = edges_passed(device, input_terminal(device, task), edge) - task.progress.initial_edges
     return (channel.settings["initial_count"] + channel.settings["step"] * passed)[:, None].astype(np.float64)
 
 
 def latch_now(device: DeviceState, task: SimulatedTask) -> NDArray[np.float64]:
     """Return what an input task reads on demand, shape (1, channels or lines), without letting time pass."""
-    cell, quarter = device.bench.present()
+    cell, quarter = device.faults.change(device.trial, np.array([device.bench.now_s]), *device.bench.present())
     if task.type == "DI":
         return np.array([[float(device.lines.get(name, False)) for name in task.lines]])
     device.bench.settle_motor_volts(device.output_v.get(device.motor, 0.0))
@@ -267,7 +269,7 @@ def set_outputs(device: DeviceState, task: SimulatedTask, row: NDArray[np.float6
     before = dict(device.lines)
     open_ = tristate_lines(task)
     device.lines.update({name: bool(level) and name not in open_ for name, level in zip(names, row, strict=True)})
-    changed = {name for name in names if device.lines[name] != before.get(name, False)}
+    changed = {(name, device.lines[name]) for name in names if device.lines[name] != before.get(name, False)}
     for other in device.tasks.values():
         if other.progress.live and other.buffer is not None and changed & other.timing.change_lines:
             other.buffer.put(latch_now(device, other))
@@ -295,6 +297,6 @@ def set_clocked_lines(
         levels = np.zeros(rows.shape[0]) if name in open_ else rows[:, column]
         after = np.where(last_row >= 0, levels[np.maximum(last_row, 0)], before)
         device.line_history[name] = np.concatenate(([before], after))
-    detected = any(other.progress.live and other.timing.change_lines & set(names) for other in device.tasks.values())
+    detected = any(name in names for other in device.tasks.values() for name, _ in other.timing.change_lines)
     for row in rows if detected else rows[-1:]:
         set_outputs(device, task, row)

@@ -43,6 +43,7 @@ from rig.simulated.signals import (
     analog_reading,
     edges_now,
     edges_passed,
+    encoder_counts,
     input_terminal,
     latch,
     level_on,
@@ -108,7 +109,7 @@ def drift(device: DeviceState, task: SimulatedTask) -> float:
 
 def _engine_of_pulses(device: DeviceState, task: SimulatedTask) -> Engine | None:
     """Return the engine of a counter that takes one sample from each pulse: it ticks with the edge that ends it."""
-    train = pulses_on(device, input_terminal(device, task, task.channels[0]))
+    train = pulses_on(device, input_terminal(device, task))
     clock, since_s = task.timing.clock, task.progress.live_since_s
     if train is None or not task.progress.live or clock is None:
         return None
@@ -206,10 +207,15 @@ def go_live(device: DeviceState, task: SimulatedTask) -> None:
         load(task, 0)
         task.pulses.passed, task.pulses.next_s, task.pulses.drift = 0, None, drift(device, task)
         task.pulses.end_s = pulse_train(task).end_s
+    channel, clock = task.channels[0], task.timing.clock
+    owner, wired = device.inventory.of(channel.physical.name), device.inventory.full_name(device.wiring.force)
     if task.measures == daqmx.EDGES:
-        progress.initial_edges = edges_now(device, input_terminal(device, task, task.channels[0]))
+        progress.initial_edges = edges_now(device, input_terminal(device, task))
+    elif "decoding_type" in channel.settings:
+        progress.initial_edges = int(encoder_counts(device, task, device.bench.quarter)[0])
+    if clock is not None and (cell := next((c for c in task.channels if c.physical.name == wired), None)):
+        device.bench.delay_force(owner.input_delay_s(cell.physical.kind, clock.rate_hz))
     if task.timing.own_clock:
-        owner = device.inventory.of(task.channels[0].physical.name)
         trigger = device.inventory.known_as(owner, f"{str(task.type).lower()}/StartTrigger")
         for other in _waiting(device):
             if device.carried(other.triggers.begin) == trigger:
@@ -222,10 +228,9 @@ def _begin_trial(device: DeviceState, task: SimulatedTask) -> None:
     device.trial += 1
     device.handed_out = 0
     device.timebase = device.inventory.of(task.channels[0].physical.name)
-    delay_s = device.timebase.input_delay_s(task.channels[0].physical.kind, rate_hz)
     written = [t.output.samples for t in device.tasks.values() if t.type == "AO" and t.output.samples is not None]
     bench.begin(
-        device.trial, rate_hz, delay_s,
+        device.trial, rate_hz,
         by_operator=bool(written) and not any(v.any() for v in written), by_pianist=not written,
     )  # fmt: skip
     for other in device.tasks.values():  # what is live already counts and waits from the new trial's first edge on
@@ -310,13 +315,14 @@ def pass_edges(device: DeviceState, n: int) -> None:
         for task in device.tasks.values()
         if task.progress.live and task.type != "CO" and (engine := engine_of(device, task)) is not None
     ]
-    command_v = np.full(n, device.output_v.get(device.motor, 0.0))
+    volts = np.full(n + 1, device.output_v.get(device.motor, 0.0))  # just before the edges, then from each of them on
+    command_v = volts[1:]
     device.line_history.clear()
     for task, engine in clocked:
         if task.type in ("AO", "DO"):
             _generate(device, task, engine, command_v)
     at_s = (edge + np.arange(n)) / bench.rate_hz
-    bench.set_motor_volts(command_v)
+    bench.set_motor_volts(volts)
     cell, quarter = bench.step(command_v if device.drive_enabled() else np.zeros(n))
     cell, quarter = device.faults.change(device.trial, at_s, cell, quarter)
     for task, engine in clocked:

@@ -193,13 +193,12 @@ _CAMERA_STREAM = 4
 
 
 class BenchTime:
-    """Plant, sensors and clock of the virtual bench, at edge ``edge`` of trial ``trial``."""
+    """Plant, sensors and clock of the virtual bench, at edge ``edge`` of a trial."""
 
     def __init__(self, plant: Plant, sensors: SensorSet, clock: VirtualClock) -> None:
         self.plant = plant
         self.sensors = sensors
         self.clock = clock
-        self.trial = 0
         self.edge = 0
         self._delay = DelayLine(0.0)
         self._force: ForceSignal | None = None
@@ -219,7 +218,8 @@ class BenchTime:
         self._a_passed = np.zeros((1, 3), dtype=np.int64)
         self._a_first = 0
         self._motor_v = np.zeros(1)
-        self._quarter = np.zeros((1, 3), dtype=np.int64)
+        self.quarter = np.zeros((1, 4), dtype=np.int64)
+        """Counts at the last edge."""
         self._last_force_n = np.zeros(1)
         self._last_angle_rad = np.zeros((1, 3))
         self._last_lift_m: NDArray[np.float64] | None = None
@@ -234,23 +234,26 @@ class BenchTime:
         """Time since the trial began, s."""
         return self.edge / self.rate_hz
 
-    def begin(
-        self, trial: int, rate_hz: float, input_delay_s: float, *, by_operator: bool = False, by_pianist: bool = False
-    ) -> None:
+    def begin(self, trial: int, rate_hz: float, *, by_operator: bool = False, by_pianist: bool = False) -> None:
         """Put the bench at rest for a new trial whose edges come at ``rate_hz``."""
-        self.trial, self.edge, self._by_operator = trial, 0, by_operator and self.operator_acts
+        self.edge, self._by_operator = 0, by_operator and self.operator_acts
         self._pianist = VirtualPianist(self.sensors.seed, trial) if by_pianist and self.pianist_plays else None
         self.plant.sample_rate_hz = rate_hz
         self.plant.start_trial(trial)
         self.clock.begin()
         self._force = ForceSignal(self.sensors.force, self.sensors.seed, trial)
         self._encoders = EncoderSignals(self.sensors.encoders, self.sensors.seed, trial)
-        self._delay = DelayLine(input_delay_s * rate_hz)
-        self._a_passed, self._a_first, self._quarter = np.zeros((1, 3), dtype=np.int64), 0, self._quarter[:1] * 0
+        self._delay = DelayLine(0.0)
+        self._a_passed, self._a_first, self.quarter = np.zeros((1, 3), dtype=np.int64), 0, self.quarter * 0
         self._motor_v = np.zeros(1)
         if self.camera_rate_hz > 0:
             phase = np.random.default_rng([self.sensors.seed, trial, _CAMERA_STREAM]).uniform()
             self.exposures = PulseTrain(self.camera_rate_hz, phase / self.camera_rate_hz, float("inf"), 0.0)
+
+    def delay_force(self, delay_s: float) -> None:
+        """Let the force be read so much later from here on, s: the filter of the input that samples it."""
+        if delay_s * self.rate_hz != self._delay.delay_samples:
+            self._delay = DelayLine(delay_s * self.rate_hz)
 
     def step(self, command_v: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Let n edges pass; return the cell's output at each, mV/V (n,), and the counts (n, 4)."""
@@ -264,8 +267,9 @@ class BenchTime:
             command_v = command_v + self._pianist.press_n(time_s) / self.force_per_volt_n
         block = self.plant.advance(command_v)
         felt_n = np.where(lifted(time_s), 0.0, block.force_n) if self._by_operator else block.force_n
-        cell = self._force.millivolts_per_volt(self._delay.push(felt_n + self.hung_n), time_s)
-        self._last_force_n, self._last_angle_rad = block.force_n[-1:], block.angle_rad[-1:]
+        felt_n = felt_n + self.hung_n
+        cell = self._force.millivolts_per_volt(self._delay.push(felt_n), time_s)
+        self._last_force_n, self._last_angle_rad = felt_n[-1:], block.angle_rad[-1:]
         self._last_lift_m = None if block.key_lift_m is None else block.key_lift_m[-1:]
         quarter = self._counts(block.angle_rad, block.key_lift_m)
         self._count_a_edges(quarter)
@@ -273,9 +277,9 @@ class BenchTime:
         self.clock.advance(n / self.rate_hz)
         return cell, quarter
 
-    def set_motor_volts(self, command_v: NDArray[np.float64]) -> None:
-        """Take what the motor's output is at from each of the next edges on, V, for an input wired to it."""
-        self._motor_v = np.concatenate((self._motor_v[-1:], command_v))
+    def set_motor_volts(self, volts: NDArray[np.float64]) -> None:
+        """Take what the motor's output is at before the next edges and from each on, V, for an input wired to it."""
+        self._motor_v = volts
 
     def settle_motor_volts(self, volts: float) -> None:
         """Take what the motor's output is at now, V: a reading on demand comes after it has settled."""
@@ -292,19 +296,18 @@ class BenchTime:
 
     def _count_a_edges(self, quarter: NDArray[np.int64]) -> None:
         # A rises where the position passes a multiple of 4 upwards, or 2 more than one downwards
-        quarter = quarter[:, :3]
-        line = np.concatenate((self._quarter, quarter))
+        line = np.concatenate((self.quarter, quarter))[:, :3]
         step = np.diff(line, axis=0)
         up = line[1:] // 4 - line[:-1] // 4
         down = (line[:-1] - 2) // 4 - (line[1:] - 2) // 4
         passed = np.cumsum(np.where(step > 0, up, np.where(step < 0, down, 0)), axis=0)
         self._a_passed = self._a_passed[-1:] + passed
-        self._a_first, self._quarter = self.edge, quarter[-1:]
+        self._a_first, self.quarter = self.edge, quarter[-1:]
 
     def present(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return what stands at the terminals now, (1,) and (1, 4), without letting time pass."""
         if self._force is None or self._encoders is None:
-            self.begin(0, self.rate_hz, 0.0)
+            self.begin(0, self.rate_hz)
             return self.step(np.zeros(1))
         cell = self._force.millivolts_per_volt(self._last_force_n, np.array([self.now_s]))
         return cell, self._counts(self._last_angle_rad, self._last_lift_m)

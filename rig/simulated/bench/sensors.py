@@ -31,18 +31,18 @@ class DelayLine:
     """A signal known at sample edges, read ``delay_samples`` (≥ 0, need not be whole) earlier."""
 
     def __init__(self, delay_samples: float) -> None:
-        self._delay = delay_samples
+        self.delay_samples = delay_samples
         self._history: NDArray[np.float64] | None = None
 
     def push(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Take the next n values and return the n delayed ones."""
-        if values.size == 0 or self._delay == 0.0:
+        if values.size == 0 or self.delay_samples == 0.0:
             return values
-        length = int(np.ceil(self._delay)) + 1
+        length = int(np.ceil(self.delay_samples)) + 1
         if self._history is None:
             self._history = np.full(length, values[0])
         line = np.concatenate((self._history, values))
-        position = np.arange(self._history.size, line.size) - self._delay
+        position = np.arange(self._history.size, line.size) - self.delay_samples
         self._history = line[-length:]
         return np.interp(position, np.arange(line.size), line)
 

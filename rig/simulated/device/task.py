@@ -276,8 +276,8 @@ class Timing:
     clock: SampleClock | None = None
     implicit: bool = False
     """The pulses a counter measures are its sample clock."""
-    change_lines: frozenset[str] = frozenset()
-    """Lines whose changes are the sample clock."""
+    change_lines: frozenset[tuple[str, bool]] = frozenset()
+    """Lines whose changes to these levels are the sample clock."""
 
     @property
     def finite(self) -> bool:
@@ -303,7 +303,7 @@ class Progress:
     first_tick: int = 0
     """Tick of its clock at which it became live."""
     initial_edges: int = 0
-    """Edges that had passed on the terminal of an edge counter when it became live."""
+    """Edges that had passed on a counter's terminal, or its encoder's count, when it became live."""
     trigger_edges: int = 0
     """Edges that had passed on the trigger's terminal when the task began to wait for it."""
     samples_before_trigger: int = 0

@@ -23,6 +23,7 @@ from rig.simulated.driver import add_channels, add_lines, start_task
 from rig.simulated.product import Kind
 from rig.simulated.rpc.data import refuse_other_type
 from rig.simulated.rpc.messages import Fields, TaskHandler, enum
+from rig.simulated.rpc.properties import note_edge
 from rig.simulated.signals import NEWTON_IN, pulse_train
 from rig.simulated.status import UNSUPPORTED, Code, DaqStatusError, NotImplementedByDevice, one_of, refuse_any
 
@@ -108,6 +109,7 @@ def ci_count_edges(device: DeviceState, task: SimulatedTask, request: Any) -> No
     one_of(direction, (COUNT_UP, COUNT_DOWN), "Count direction")
     settings = {"initial_count": int(request.initial_count), "step": 1 if direction == COUNT_UP else -1}
     _add(device, task, request, "CI", measures=daqmx.EDGES, edge=edge, count_direction=direction, **settings)
+    note_edge(task, "counted edge", edge)
     _set_terminal(device, task, daqmx.CI_TERM[daqmx.EDGES], "source")
 
 

@@ -353,7 +353,7 @@ def set_limit(device: DeviceState, task: SimulatedTask, channel: Channel, attrib
             raise Unsupported(f"Property: 0x{attribute:04X} of {channel.name}")
         channel.settings["range_v"] = device.inventory.of(channel.physical.name).voltage_range(-abs(value), abs(value))
         return
-    if task.type != wanted or channel.physical.kind not in ("voltage_in", "voltage_out"):
+    if task.type != wanted or not channel.physical.kind.startswith("voltage") or "scale" in channel.settings:
         raise Unsupported(f"Property: 0x{attribute:04X} of {channel.name}")
     limits = {**channel.settings, limit: float(value)}
     if not np.isfinite(value):
@@ -427,6 +427,7 @@ _STORED: dict[tuple[str, str], Stored] = {
     ("Trig", "DIG_EDGE_START_TRIG_DIG_FLTR_ENABLE"): Stored(False),
     ("Trig", "DIG_EDGE_START_TRIG_DIG_FLTR_TIMEBASE_RATE"): Stored(0.0, harmless=True),
     ("Trig", "DIG_EDGE_START_TRIG_DIG_FLTR_TIMEBASE_SRC"): Stored("", harmless=True),
+    ("Trig", "DIG_EDGE_ARM_START_TRIG_EDGE"): Stored(daqmx.RISING),
     ("Trig", "PAUSE_TRIG_TYPE"): Stored(daqmx.NO_TRIGGER, harmless=True),
     ("Trig", "DIG_LVL_PAUSE_TRIG_SRC"): Stored("", harmless=True),
     ("Trig", "DIG_LVL_PAUSE_TRIG_WHEN"): Stored(daqmx.HIGH, harmless=True),
@@ -462,6 +463,13 @@ def note_unsimulated(task: SimulatedTask, key: tuple[str, int], channel: str, va
         task.unsimulated[what] = str(value)
 
 
+def note_edge(task: SimulatedTask, what: str, edge: int) -> None:
+    """Note, or take back, that a task is to act on falling edges, with which it cannot run."""
+    task.unsimulated.pop(what, None)
+    if edge == daqmx.FALLING:
+        task.unsimulated[what] = "falling edge"
+
+
 BUILT = ("analog edge", "analog window")
 DIGITAL_LEVEL = 10152
 PAUSE_TYPE = property_number("Trig", "PAUSE_TRIG_TYPE")
@@ -473,6 +481,8 @@ def settle_triggers(device: DeviceState, task: SimulatedTask) -> None:
     for what in ("pause trigger", "start trigger on", "reference trigger on"):
         task.unsimulated.pop(what, None)
     task.triggers.analog_start = _shape(device, task, kinds.get("start trigger", ""), "START")
+    if task.triggers.analog_start and task.setting("Trig", "", daqmx.START_TRIG_RETRIGGERABLE, False):
+        task.unsimulated["start trigger on"] = "a level, again and again"
     task.triggers.analog_reference = _shape(device, task, kinds.get("reference trigger", ""), "REF")
     task.triggers.pause, task.triggers.pause_high = _pause(device, task)
 
@@ -559,7 +569,6 @@ SETTABLE: dict[Key, tuple[type, tuple[str, ...]]] = {
     ("Chan", daqmx.CO_PULSE_TERM): (str, ("CO",)),
     ("Chan", daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE): (bool, ("AI",)),
     ("Trig", daqmx.ARM_START_TRIG_TYPE): (int, ANY),
-    ("Trig", daqmx.DIG_EDGE_ARM_START_TRIG_EDGE): (int, ANY),
     ("Trig", daqmx.DIG_EDGE_ARM_START_TRIG_SRC): (str, ANY),
     ("Trig", daqmx.START_TRIG_RETRIGGERABLE): (bool, ANY),
 }

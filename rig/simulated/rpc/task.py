@@ -13,7 +13,7 @@ from rig.simulated.device.state import DeviceState, commit, release, verify
 from rig.simulated.device.task import LOG, LOG_AND_READ, OFF, OPEN, LogSettings, SampleClock, SimulatedTask, Timing
 from rig.simulated.driver import clear_task, configure_clock, open_log, start_task, stop_task
 from rig.simulated.rpc.messages import Fields, TaskHandler, enum, property_number
-from rig.simulated.rpc.properties import STORED
+from rig.simulated.rpc.properties import STORED, note_edge
 from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice, Unsupported, one_of
 from rig.simulated.timing import wait_until_done
 
@@ -139,6 +139,7 @@ def _sample_clock(device: DeviceState, task: SimulatedTask, request: Any) -> Non
     if mode not in (daqmx.FINITE, daqmx.CONTINUOUS):
         raise NotImplementedByDevice(f"sample mode {mode}")
     configure_clock(device, task, SampleClock(request.rate, request.source, mode, int(request.samps_per_chan)))
+    note_edge(task, "sample clock", daqmx.RISING if task.timing.own_clock else enum(request, "active_edge"))
 
 
 def _implicit(device: DeviceState, task: SimulatedTask, request: Any) -> None:
@@ -159,12 +160,12 @@ def _implicit(device: DeviceState, task: SimulatedTask, request: Any) -> None:
 def _change_detection(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     if task.type != "DI" or not device.inventory.of(task.channels[0].physical.name).product.change_detection:
         raise Unsupported(f"Task: {task.name}: change detection")
-    named = [text for text in (request.rising_edge_chan, request.falling_edge_chan) if text]
-    lines = [line for text in named for line in device.inventory.lines(text)]
-    if not lines or any(line.kind != "line" for line in lines):
+    named = ((request.rising_edge_chan, True), (request.falling_edge_chan, False))
+    lines = {(line, level) for text, level in named if text for line in device.inventory.lines(text)}
+    if not lines or any(line.kind != "line" for line, _ in lines):
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, "Change detection needs lines that support it")
     clock = SampleClock(1.0, "", enum(request, "sample_mode"), max(int(request.samps_per_chan), 1))
-    task.timing = Timing(clock, change_lines=frozenset(line.name for line in lines))
+    task.timing = Timing(clock, change_lines=frozenset((line.name, level) for line, level in lines))
 
 
 def _start_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
@@ -172,6 +173,7 @@ def _start_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> No
         raise Unsupported(f"Task: {task.name}: counters are armed, not started")
     terminal = device.inventory.terminal(request.trigger_source)
     task.forget_trigger("start trigger")
+    note_edge(task, "start trigger", enum(request, "trigger_edge"))
     task.triggers.start = terminal
 
 
@@ -232,6 +234,7 @@ def _reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -
     terminal = device.inventory.terminal(request.trigger_source)
     if device.inventory.own_name(terminal) in device.inventory.of(request.trigger_source).product.internal:
         raise NotImplementedByDevice(f"reference trigger on {request.trigger_source}")
+    note_edge(task, "reference trigger", enum(request, "trigger_edge"))
     task.triggers.reference = terminal
     _keep_pretrigger(task, request)
 

@@ -47,6 +47,33 @@ def test_counters_that_wait_since_an_earlier_trial_begin_with_the_new_one(card) 
     assert card.device.bench.now_s == pytest.approx(5 / 800.0, abs=2e-3) and edges.read() == 5
 
 
+def test_the_last_period_of_a_train_is_measured_too(card) -> None:
+    train, counter = card.pulses(800.0, count=4), card.task()
+    counter.ci_channels.add_ci_period_chan("Dev1/ctr1").ci_period_term = "/Dev1/PFI12"
+    counter.timing.cfg_implicit_timing(samps_per_chan=3)
+    counter.start()
+    train.start()
+    assert counter.read(3, timeout=1.0) == pytest.approx([1 / 800.0] * 3)
+
+
+def test_an_encoder_counts_from_the_start_of_its_task(cdaq, encoder, bridge) -> None:
+    cdaq.device.lines["cDAQ1Mod4/port0/line7"] = True
+    force, counts = cdaq.task(), cdaq.task()
+    bridge(force)
+    force.timing.cfg_samp_clk_timing(5000, sample_mode=ni.AcquisitionType.CONTINUOUS)
+    encoder(counts, initial_angle=7.0)
+    counts.timing.cfg_samp_clk_timing(5000, source="/cDAQ1/ai/SampleClock", sample_mode=ni.AcquisitionType.CONTINUOUS)
+    force.start()
+    for volts in (0.0, 1.0, 0.5):  # the hammer is at 0.3 rad a volt, an edge later
+        cdaq.device.output_v["cDAQ1Mod2/ao0"] = volts
+        force.read(10)
+    counts.start()
+    cdaq.device.output_v["cDAQ1Mod2/ao0"] = 1.0
+    force.read(10)
+    read = counts.read(10)
+    assert read[0] == 7.0 and read[5] == pytest.approx(7.0 - 163840 / (2 * np.pi) * 0.3 * 0.5, abs=1.0)
+
+
 def test_pairs_of_a_pulse_by_frequency_time_and_ticks(card) -> None:
     counters = [card.task() for _ in range(3)]
     adds = [counters[i].ci_channels for i in range(3)]

@@ -18,6 +18,7 @@ from nidaqmx.errors import DaqError, DaqReadError
 
 from rig.configuration.rig_file import load_rig
 from rig.simulated.bench.bench_time import PacedClock
+from rig.simulated.device.state import FaultPlan, parse_faults
 
 
 @pytest.fixture
@@ -45,6 +46,37 @@ def test_what_is_written_on_demand_is_read_on_demand_at_once(card) -> None:
         assert read.read() == pytest.approx(volts, abs=1e-3)
         assert several.read() == pytest.approx([volts, 0.0], abs=1e-3)
         assert read.read(3) == pytest.approx([volts] * 3, abs=1e-3)
+
+
+def test_the_first_sample_of_a_loop_is_what_the_output_was_at(card) -> None:
+    out, read = card.task(), card.inputs("Dev1/ai1", 3)
+    out.ao_channels.add_ao_voltage_chan("Dev1/ao0")
+    out.write(2.5)
+    assert read.read(3) == pytest.approx([2.5] * 3, abs=1e-3)
+
+
+def test_an_input_on_demand_reads_what_the_cell_feels_and_what_is_wrong_with_it(cdaq, bridge) -> None:
+    cell = cdaq.task()
+    bridge(cell)
+    cdaq.device.bench.hung_n = 7.0
+    assert cell.read() == pytest.approx(7.05, abs=1e-3)
+    assert cell.read() == pytest.approx(7.05, abs=1e-3)
+    cdaq.device.faults = FaultPlan(parse_faults("bridge-open@0/0"))
+    assert cell.read() > 1000.0
+
+
+def test_the_filter_of_the_bridge_delays_whatever_began_the_trial(cdaq, bridge) -> None:
+    cdaq.device.lines["cDAQ1Mod4/port0/line7"] = True
+    step, cell = cdaq.task(), cdaq.task()
+    step.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0")
+    step.timing.cfg_samp_clk_timing(5000.0, sample_mode=CONTINUOUS, samps_per_chan=1000)
+    step.write(np.repeat([0.0, 1.0], [100, 900]))
+    bridge(cell)
+    cell.timing.cfg_samp_clk_timing(5000.0, samps_per_chan=200)
+    step.start()
+    cell.start()
+    force = np.array(cell.read(200))  # felt from edge 101 on, 40.03 samples later
+    np.testing.assert_allclose(force[[140, 143]], [0.05, 12.05], atol=1e-3)
 
 
 def test_an_input_on_demand_follows_the_bench_behind_an_output_on_demand(cdaq, bridge) -> None:
@@ -214,6 +246,31 @@ def test_what_cannot_pause_is_refused_by_name(card: Any, refused) -> None:
     with pytest.raises(DaqError, match="pause trigger") as refused:
         counted.start()
     assert refused.value.error_code == -200452
+
+
+COUNTED, CLOCK = "Dev1/ctr1", "/Dev1/Ctr0InternalOutput"
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        lambda task: task.triggers.start_trigger.cfg_dig_edge_start_trig(CLOCK, ni.Edge.FALLING),
+        lambda task: task.triggers.reference_trigger.cfg_dig_edge_ref_trig("/Dev1/PFI8", 30, ni.Edge.FALLING),
+        lambda task: task.timing.cfg_samp_clk_timing(100.0, CLOCK, ni.Edge.FALLING),
+        lambda task: setattr(task.triggers.arm_start_trigger, "dig_edge_edge", ni.Edge.FALLING),
+        lambda task: setattr(task.triggers.start_trigger, "retriggerable", True),
+        lambda task: task.ci_channels.add_ci_count_edges_chan(COUNTED, edge=ni.Edge.FALLING),
+    ],
+    ids=["start", "reference", "clock", "arm", "level again", "count"],
+)
+def test_what_would_happen_with_every_rise_instead_is_refused(what: Any, card: Any, request: Any) -> None:
+    counts = request.node.callspec.id == "count"
+    task = card.task() if counts else inputs(card, 100)
+    if request.node.callspec.id == "level again":
+        task.triggers.start_trigger.cfg_anlg_edge_start_trig("Dev1/ai1", ni.Slope.RISING, 0.3)
+    what(task)
+    with pytest.raises(DaqError, match="-200452"):
+        task.start()
 
 
 def test_the_trigger_configured_last_is_the_one_that_counts(card: Any) -> None:

@@ -132,7 +132,7 @@ def test_an_encoder_is_read_on_the_clock_of_the_analog_input(card) -> None:
     inputs.start()
     assert len(inputs.read(100)) == len(angle.read(100)) == 100
     # edges on A alone, counted: one per four counts
-    card.device.bench._count_a_edges(np.array([[0, 0, 0], [41, -41, 3], [80, -80, 4], [70, -70, 4]]))
+    card.device.bench._count_a_edges(np.array([[0, 0, 0, 9], [41, -41, 3, 0], [80, -80, 4, 9], [70, -70, 4, 0]]))
     assert [card.device.bench._a_passed[-1, body] for body in range(3)] == [20 + 2, 20 + 2, 1]
 
 
@@ -196,6 +196,7 @@ def test_lines_and_ports_are_written_and_read_and_changes_are_detected(card) -> 
     assert port.read() == 0b1101
     out.write([True, False, False, True], auto_start=True)  # line 2 is not watched
     out.write([True, True, False, True], auto_start=True)
+    out.write([True, False, False, True], auto_start=True)  # line 1 falls, and only its rise is watched
     assert changes.read(2, timeout=0.1) == [[True, True], [False, True]]
     with pytest.raises(DaqReadError, match="-200284"):
         changes.read(1, timeout=0.1)
