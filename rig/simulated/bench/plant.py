@@ -212,12 +212,10 @@ def load_plant(
     """
     path = Path(bench_path)
     bench = read_bench(path)
-    specimen = bench_table(bench, "specimen", path)
-    bench_table(bench, "motor_arm", path)
+    specimen, _, scatter = (bench_table(bench, name, path) for name in ("specimen", "motor_arm", "scatter"))
     tables = {effect: bench[effect] for effect in EFFECTS if effect in bench}
     given = model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {}))
     choice = _joined(model.choice_of(given, scene), model.scene_of({"effects": [*effects], **tables}, str(path)))
-    scatter = bench_table(bench, "scatter", path)
     known = {"seed", "specimen", "motor_arm", "motor", "scatter", "force_sensor", "encoders", "wiring", *EFFECTS}
     unknown = [*(bench.keys() - known), *(f"specimen.{key}" for key in specimen.keys() - {"action", "set"})]
     if unknown:
