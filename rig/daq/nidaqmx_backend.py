@@ -263,9 +263,8 @@ class NidaqmxBackend(SafeBench, Backend):
             scaling = tasks.device_scaling(inputs)
         if abs(rate - config.device.sample_rate_hz) > 1e-6 * rate:
             raise RigInputError(
-                f"device.sample_rate_hz = {config.device.sample_rate_hz:g} Hz: "
-                f"{config.force.module} gives {rate:.6g} Hz; "
-                "write a rate the module has"
+                f"device.sample_rate_hz = {config.device.sample_rate_hz:g} Hz: {config.force.module} gives {rate:.6g} "
+                "Hz; write a rate the module has"
             )
         for encoder in config.encoders:
             with translated("configure", encoder.counter):

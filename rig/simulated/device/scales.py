@@ -77,20 +77,17 @@ class CustomScale:
             self._check_table(own["TABLE_PRE_SCALED_VALS"], own["TABLE_SCALED_VALS"])
 
     def _check_table(self, prescaled: Sequence[float], scaled: Sequence[float]) -> None:
+        detail = f"Scale: {self.name}"
         refuse_any(
             (
                 len(prescaled) != len(scaled),
                 Code.TABLE_SCALE_NUM_PRE_SCALED_AND_SCALED_VALS_NOT_EQUAL,
-                f"Scale: {self.name}: {len(prescaled)} and {len(scaled)} values",
+                f"{detail}: {len(prescaled)} and {len(scaled)} values",
             ),
-            (len(prescaled) < 2, Code.FEWER_THAN_2_PRE_SCALED_VALS, f"Scale: {self.name}"),
+            (len(prescaled) < 2, Code.FEWER_THAN_2_PRE_SCALED_VALS, detail),
+            (len(set(prescaled)) < len(prescaled), Code.REPEATED_NUMBER_IN_PRE_SCALED_VALUES, detail),
+            (len(set(scaled)) < len(scaled), Code.REPEATED_NUMBER_IN_SCALED_VALUES, detail),
         )
-        for values, code in (
-            (prescaled, Code.REPEATED_NUMBER_IN_PRE_SCALED_VALUES),
-            (scaled, Code.REPEATED_NUMBER_IN_SCALED_VALUES),
-        ):
-            if len(set(values)) < len(values):
-                raise DaqStatusError(code, f"Scale: {self.name}")
 
 
 def _mapped(x: Array, old: tuple[float, float], new: tuple[float, float]) -> Array:

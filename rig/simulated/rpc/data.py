@@ -19,7 +19,7 @@ from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask, TaskType
 from rig.simulated.driver import all_has_come, read_samples, write_levels, write_volts
 from rig.simulated.rpc.messages import Fields, TaskHandler, enum
-from rig.simulated.rpc.properties import volts_per_code
+from rig.simulated.rpc.properties import most_lines, volts_per_code
 from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice
 
 _BY_SCAN = 1
@@ -85,12 +85,12 @@ def _read(type_: str, convert: Converter, *, as_bytes: bool = False) -> TaskHand
     def read(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
         refuse_other_type(task, type_)
         by_line = convert is lines_by_channel
-        wanted = samples_to_read(task, request, _most_lines(task) * len(task.channels) if by_line else None)
+        wanted = samples_to_read(task, request, most_lines(task) * len(task.channels) if by_line else None)
         values = convert(task, read_samples(device, task, wanted, request.timeout))
         flat = _laid_out(values, wanted, _by_scan(request, "fill_mode"))
         fields = {
             "read_array": bytes(flat.astype(np.uint8)) if as_bytes else flat,
-            **({"num_bytes_per_samp": _most_lines(task)} if by_line else {}),
+            **({"num_bytes_per_samp": most_lines(task)} if by_line else {}),
         }
         return {**fields, **came(task, values, wanted)}
 
@@ -107,10 +107,6 @@ def came(task: SimulatedTask, values: NDArray[Any], wanted: int) -> Fields:
         "status": 0 if n >= wanted or all_has_come(task) else Code.SAMPLES_NOT_YET_AVAILABLE,
         "samps_per_chan_read": n,
     }
-
-
-def _most_lines(task: SimulatedTask) -> int:
-    return max(len(channel.settings["lines"]) for channel in task.channels)
 
 
 def _read_scalar(type_: str, convert: Converter) -> TaskHandler:
@@ -137,7 +133,7 @@ def _as_is(task: SimulatedTask, values: NDArray[np.float64]) -> NDArray[np.float
 
 def lines_by_channel(task: SimulatedTask, levels: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (n, channels, lines of the largest channel); a smaller channel is filled up with low."""
-    out = np.zeros((levels.shape[0], len(task.channels), _most_lines(task)))
+    out = np.zeros((levels.shape[0], len(task.channels), most_lines(task)))
     column = 0
     for index, channel in enumerate(task.channels):
         n = len(channel.settings["lines"])
@@ -191,7 +187,7 @@ def _one_value(device: DeviceState, task: SimulatedTask, request: Any) -> NDArra
 
 def _line_levels(device: DeviceState, task: SimulatedTask, request: Any) -> NDArray[np.float64]:
     states = np.array([bool(value) for value in request.write_array], dtype=np.float64)
-    n, most, channels = _wanted(request), _most_lines(task), len(task.channels)
+    n, most, channels = _wanted(request), most_lines(task), len(task.channels)
     if n < 1 or n * most * channels != states.size:
         detail = f"{states.size} levels for {channels} channels of {most} lines"
         raise DaqStatusError(Code.WRITE_NUM_CHANS_MISMATCH, detail)

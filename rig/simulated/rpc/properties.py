@@ -620,7 +620,8 @@ def _start_trigger_terminal(device: DeviceState, task: SimulatedTask) -> str:
     return _terminal(device, device.inventory.known_as(owner, f"{task.type.lower()}/StartTrigger"))
 
 
-def _most_lines(device: DeviceState, task: SimulatedTask) -> int:
+def most_lines(task: SimulatedTask) -> int:
+    """Return the lines of the largest channel of a task."""
     return max((len(channel.settings.get("lines", "1")) for channel in task.channels), default=0)
 
 
@@ -659,14 +660,14 @@ _TASK_GETTERS: dict[tuple[str, str], Getter] = {
     ("Buffer", "INPUT_BUF_SIZE"): lambda device, task: task.input_buffer_size,
     ("Read", "CHANNELS_TO_READ"): _channel_names,
     ("Read", "NUM_CHANS"): lambda device, task: len(task.channels),
-    ("Read", "DIGITAL_LINES_BYTES_PER_CHAN"): _most_lines,
+    ("Read", "DIGITAL_LINES_BYTES_PER_CHAN"): lambda device, task: most_lines(task),
     ("Read", "RAW_DATA_WIDTH"): _raw_width,
     ("Read", "AVAIL_SAMP_PER_CHAN"): _counted("available"),
     ("Read", "TOTAL_SAMP_PER_CHAN_ACQUIRED"): _counted("acquired"),
     ("Read", "CURR_READ_POS"): _counted("read"),
     ("Read", "OVERWRITE"): lambda device, task: task.setting("Read", "", READ_OVERWRITE, DO_NOT_OVERWRITE),
     ("Write", "NUM_CHANS"): lambda device, task: len(task.channels),
-    ("Write", "DIGITAL_LINES_BYTES_PER_CHAN"): _most_lines,
+    ("Write", "DIGITAL_LINES_BYTES_PER_CHAN"): lambda device, task: most_lines(task),
     ("Write", "REGEN_MODE"): lambda device, task: task.setting(
         "Write", "", daqmx.WRITE_REGEN_MODE, daqmx.ALLOW_REGENERATION
     ),
