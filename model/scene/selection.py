@@ -65,6 +65,8 @@ class SceneChoice:
             for item in found:
                 if item not in allowed:
                     raise InputError(f"scene: {name}: found {item!r}, allowed {', '.join(allowed)}")
+        # in which order a file names them says nothing; columns are read by that of `BODIES`
+        object.__setattr__(self, "bodies", tuple(body for body in BODIES if body in self.bodies))
         for child in ("jack", "repetition"):
             if child in self.bodies and "whippen" not in self.bodies:
                 raise InputError(f"scene: bodies: {child} hangs from the whippen; add whippen or leave out {child}")
