@@ -6,7 +6,8 @@ numbers hold no blanks, so blanks separate and nothing inside needs a quote.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -75,7 +76,16 @@ def _changed(
         loaded = model.load_scene(scene).on(loaded)
     changed = loaded.with_laws(laws).with_values(values)
     model.choice_of(changed).check(changed)
+    say_idle(changed, [*values, *factors])
     return model.scaled(changed, factors)
+
+
+def say_idle(action: model.Action, names: Iterable[str]) -> None:
+    """Warn of each D among names whose felt follows a law without one: it stays in the action and changes nothing."""
+    for path in names:
+        if not action.felt_has(path):
+            law = action.law(path.partition(".")[0])
+            warnings.warn(f"{path}: changes nothing, the law of this felt ({law}) has no D", stacklevel=2)
 
 
 def in_scene(action: model.Action, scene: str | None) -> model.Action:

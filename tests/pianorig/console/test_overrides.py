@@ -75,3 +75,13 @@ def test_a_chosen_scene_is_in_the_name_of_a_report_s_model():
         "hirschkorn2004 (scene string, hammer.mass=0.01)"
     )
     assert load_model("hirschkorn2004").name == "hirschkorn2004"
+
+
+def test_a_d_that_the_felts_law_has_not_is_said_to_change_nothing(recwarn):
+    said = "contact02.normal.D: changes nothing, the law of this felt (stulov) has no D"
+    for settings, scale in ((["contact02.normal.D=5"], []), ([], ["contact02.normal.D=2"])):
+        with pytest.warns(UserWarning) as told:
+            load_changed("hirschkorn2004", ["contact02.law=stulov", *settings], scale)
+        assert [str(one.message) for one in told] == [said]
+    load_changed("hirschkorn2004", ["contact02.law=stulov", "contact01.normal.D=5", "contact02.normal.a=1e9"])
+    assert not list(recwarn)
