@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.errors import InputError
 from model.files.time_table import two_columns
 from model.parameters.action import BACK_CHECK, LEVER_KNUCKLE, STRING, Action
 from model.simulation.solution import Solution
@@ -67,7 +68,7 @@ def measure_blow(action: Action, solution: Solution, force_n: ArrayLike) -> Blow
 
     Raises
     ------
-    InputError : not one force for each time of the solution
+    InputError : not one force for each time of the solution, or a solution without contact forces
 
     Examples
     --------
@@ -79,7 +80,8 @@ def measure_blow(action: Action, solution: Solution, force_n: ArrayLike) -> Blow
     """
     time, force_n = two_columns(solution.time_s, force_n, "force of the blow")
     normal = solution.contact_normal_n
-    assert normal is not None, "a blow is measured with its contact forces"
+    if normal is None:
+        raise InputError("blow: found a solution without contact forces; simulate with contact_forces=True")
     height = solution.hammer_height_m(action)
     met = touches(height) if STRING in solution.contacts else np.empty(0, dtype=np.int64)
     strike = speed = math.nan

@@ -239,7 +239,7 @@ def with_usual_felts(action: Action) -> Action:
 
 def loaded_as_at_rest(action: Action) -> Action:
     """The action with the loads of its joints, and of its rail, at which it rests as it does on rigid joints."""
-    still = simulate(action, np.array([0.0, 1e-3]), np.zeros(2), inside=True).inside
+    still = simulate(action, np.array([0.0, 1e-3]), np.zeros(2), scene=PLAIN, inside=True).inside
     assert still is not None
     loads = {
         f"{pin}.load.{axis}": float(still.joint_n[0, still.bodies.index(body), k])

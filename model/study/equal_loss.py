@@ -88,7 +88,7 @@ def presses(action: Action, solution: Solution, contacts: Sequence[str]) -> dict
     scene, normal = build_scene(action), solution.contact_normal_n
     assert normal is not None
     out = {}
-    for contact in contacts:
+    for contact in (name for name in contacts if name in scene.contacts):
         c = scene.contacts.index(contact)
         near = np.flatnonzero(np.convolve(normal[:, c] > 0.0, np.ones(3), "same") > 0.0)
         states = solution.angle_rad[near], solution.speed_rad_per_s[near]

@@ -19,7 +19,7 @@ from pianorig import workflows
 from pianorig.console.column_file import make_folder, write_rows
 from pianorig.console.options import DEFAULT_ACTION, AsJson, Scale, Scene, Settings
 from pianorig.console.output import file_lines, tell
-from pianorig.console.overrides import in_scene, load_changed, read_variant
+from pianorig.console.overrides import in_scene, load_changed, read_variant, say_idle
 from pianorig.console.progress import working
 from pianorig.errors import CommandInputError
 
@@ -104,6 +104,8 @@ def command(
         if scene is not None and action != "thesis":
             raise CommandInputError(f"study {action}: has its own scenes; leave out --scene or name an action")
         chosen = in_scene(load_changed(of or DEFAULT_ACTION, set_, scale, scene), scene)
+        if force is None or action != "friction-limit":  # blows on the key; that one takes what drives its scene
+            model.choice_of(chosen).need_played_key(chosen.name)
         words, study, forte = STUDIES[action]
     else:
         if of is not None:
@@ -117,6 +119,7 @@ def command(
             )
         chosen = in_scene(load_changed(action, set_, scale, scene), scene)
         variants = [model.study.Variant(*read_variant(text)) for text in variant or []]
+        say_idle(chosen, [name for one in variants for name in (*one.values, *one.factors)])
         words, study, forte = f"simulating {len(variants) + 1} blows", partial(_variants, variants), ""
     driving = None if force is None else workflows.read_driving_force(force, model.choice_of(chosen).input_column)
     blow = model.force_table(forte) if driving is None else (driving.time_s, driving.force_n)

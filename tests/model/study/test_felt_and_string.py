@@ -87,3 +87,10 @@ def test_at_equal_loss_the_memory_of_the_hammers_felt_is_hardly_felt() -> None:
         assert effect.value["rebound"] == pytest.approx(base.value["rebound"], abs=0.01)
         assert abs(effect.value["check_mm"] - base.value["check_mm"]) < 0.1
         assert effect.u["share"] > 0.05  # from tau or eta, fitted again
+
+
+def test_a_felt_that_is_switched_off_was_never_pressed() -> None:
+    action = model.load_action("hirschkorn2004-regulated").with_values({"contact12": 0})
+    at = BLOW[0] < 0.13
+    moved = model.simulate(action, BLOW[0][at], BLOW[1][at], contact_forces=True)
+    assert list(equal_loss.presses(action, moved, ["contact12", "contact02"])) == ["contact02"]

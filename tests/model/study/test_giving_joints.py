@@ -53,3 +53,13 @@ def test_the_command_prints_and_writes_it(tmp_path: Path, capsys: pytest.Capture
     assert run("study", "joints", "--of", "hirschkorn2004-regulated", "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert [row["of"] for row in facts["effects"]][:2] == ["none", "key_pin"] and len(facts["stiffness"]) == 8
+
+
+@pytest.mark.parametrize("scene", ["motor-arm", "lifting-key"])
+def test_loads_are_those_of_the_action_by_itself(scene: str) -> None:
+    """Whatever scene it carries: the arm's preload made the key's joint bear 0.1 N more, a lifting key was refused."""
+    action = model.load_action("hirschkorn2004-regulated")
+    alone, carried = (loaded_as_at_rest(a) for a in (action, model.load_scene(scene).on(action)))
+    paths = [f"{pin}.load.{axis}" for pin in PINS for axis in "xy"]
+    assert len({alone[path] for path in paths}) == 10
+    assert [carried[path] for path in paths] == [alone[path] for path in paths]

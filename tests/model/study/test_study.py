@@ -156,3 +156,9 @@ def test_variants_that_never_strike_count_as_farthest(action: model.Action) -> N
     changed = {o.statement: o for o in _strike(study, 1.0, 1.0)}
     found = changed["none of the changes touches the initial strike: its time"]
     assert not found.holds and "lead" in found.judged_by
+
+
+def test_a_blow_without_contact_forces_is_refused(action: model.Action) -> None:
+    blow = model.simulate(action, TIME[:10], FORCE[:10])
+    with pytest.raises(model.InputError, match="found a solution without contact forces; simulate with"):
+        measure_blow(action, blow, FORCE[:10])

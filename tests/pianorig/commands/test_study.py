@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import model
+from model.parameters.action import find_action
 from pianorig.console.overrides import read_variant
 from tests.command_line import run
 from tests.pianorig.test_commands import DATA
@@ -104,3 +105,11 @@ def test_friction_limit_in_words_and_files(tmp_path: Path, capsys: pytest.Captur
     away = [row["differs_rad"] for row in facts["friction"]]
     assert away[0] > away[1] > away[2] > away[3] > away[4] == 0.0
     assert {p.name for p in (tmp_path / "f").iterdir()} == {"friction_limit.svg", "friction_limit.csv"}
+
+
+@pytest.mark.parametrize("word", ["friction-limit", "string", "felt-law", "joints", "thesis"])
+def test_a_blow_on_the_key_does_not_drive_a_motor(word: str, tmp_path: Path, refused: Callable[..., None]) -> None:
+    """Newtons of the built-in table would be taken for the newton metres of the action's scene, or the other way."""
+    own = tmp_path / "own.toml"
+    own.write_text(find_action("hirschkorn2004").read_text() + '\n[scene]\neffects = ["motor_arm"]\n')
+    refused("driven by torque_nm, allowed one with all bodies driven by force_n", "study", word, "--of", str(own))
