@@ -15,18 +15,17 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from model.arrays import as_numbers
-from model.derived.columns import DEPTH
-from model.derived.observe import contacts_at
 from model.errors import InputError
-from model.force_driven import simulate
-from model.parameters.action import BODIES, USUAL, Action
+from model.files.force_table import check_force_table
+from model.force_driven import output_times, simulate
+from model.observables import head_approach_m_per_s
+from model.parameters.action import STRING, USUAL, Action
 from model.scene.build import build_scene
 from model.scene.selection import choice_of
 from model.string.blow import Hammer, String, strike
 
-STRING_CONTACT = "contact12"
 LOUDEST_HZ = 5000.0
-_NUDGE = 1e-6  # rad, for the lever of the contact
+RATE_HZ = 5000.0  # at which the blow is looked at, however coarse its table
 
 Array = NDArray[np.float64]
 
@@ -69,7 +68,8 @@ def hammer_at_the_string(action: Action, time_s: ArrayLike, force_n: ArrayLike) 
 
     Raises
     ------
-    InputError : the hammer does not reach the string, its felt follows another law, its shank or its joint gives
+    InputError : the hammer does not reach the string, its felt follows another law, its shank or its joint gives; or a
+        scene that lacks a body or the string, or is not driven by a force
 
     Examples
     --------
@@ -78,32 +78,29 @@ def hammer_at_the_string(action: Action, time_s: ArrayLike, force_n: ArrayLike) 
     >>> 0.005 < hammer.mass_kg < 0.012
     True
     """
-    effects = choice_of(action).effects
-    found: list[str] = [name for name in ("shank", "hammer_pin") if name in effects]
-    found += [action.law(STRING_CONTACT)] if action.law(STRING_CONTACT) != USUAL else []
+    choice = choice_of(action)
+    choice.need_played_key(action.name)
+    found: list[str] = [name for name in ("shank", "hammer_pin") if name in choice.effects]
+    found += [action.law(STRING)] if action.law(STRING) != USUAL else []
     if found:
         raise InputError(
             f"hammer at the string: found {', '.join(found)}, allowed a stiff hammer on a rigid pin whose felt "
-            f"({STRING_CONTACT}.law) is {USUAL}; take another scene or law, or simulate the scene string"
+            f"({STRING}.law) is {USUAL}; take another scene or law, or simulate the scene string"
         )
-    blow = simulate(action, time_s, force_n)
-    scene = build_scene(action)
-    at = scene.contacts.index(STRING_CONTACT)
-
-    def depth(q: Array) -> Array:
-        return contacts_at(scene.static_tables, scene.vector, q, np.zeros_like(q))[:, at, DEPTH]
-
-    pressed = depth(blow.angle_rad) > 0.0
-    if not pressed.any():
+    if STRING not in build_scene(action).contacts:
+        raise InputError(f"string: found a scene without {STRING}, allowed one in which the hammer meets it")
+    times, forces = check_force_table(time_s, force_n)
+    blow = simulate(action, times, forces, output_time_s=output_times(times[0], times[-1], RATE_HZ))
+    met = np.flatnonzero(blow.hammer_height_m(action) < 0.0)
+    if not len(met):
         raise InputError("string: the hammer does not reach it under this force; allowed a blow that strikes")
-    k, hammer = int(np.argmax(pressed)), BODIES.index("hammer")
-    here = np.repeat(blow.angle_rad[k : k + 1], 2, axis=0)
-    here[1, hammer] += _NUDGE
-    lever = abs(float(np.diff(depth(here))[0])) / _NUDGE
+    turning = (np.array(blow.bodies) == "hammer").astype(float)
+    lever = float(head_approach_m_per_s(action, blow.bodies, blow.angle_rad[met[0]], turning))
+    before = blow.speed_rad_per_s[max(met[0] - 1, 0)] @ turning
     x, y = action["hammer.center_of_mass.x"], action["hammer.center_of_mass.y"]
     inertia = action["hammer.inertia"] + action["hammer.mass"] * (x * x + y * y)
-    law = [action[f"{STRING_CONTACT}.normal.{name}"] for name in ("a", "b", "c", "D")]
-    return Hammer(inertia / lever**2, *law), lever * abs(float(blow.speed_rad_per_s[k - 1, hammer]))
+    law = [action[f"{STRING}.normal.{name}"] for name in ("a", "b", "c", "D")]
+    return Hammer(inertia / lever**2, *law), lever * float(before)
 
 
 def strike_bar(hammer: Hammer, speed_m_per_s: float) -> StringBlow:

@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import model
@@ -60,6 +61,27 @@ def test_the_actions_own_hammer() -> None:
 def test_a_hammer_that_is_no_mass_on_the_thesis_felt_is_refused(given: model.Action, found: str) -> None:
     with pytest.raises(InputError, match=f"hammer at the string: found {found}, allowed a stiff hammer"):
         hammer_at_the_string(given, *model.force_table("forte"))
+
+
+def test_a_table_of_four_rows_is_the_blow_that_it_describes() -> None:
+    """The motion was looked at where the table has rows: between them the hammer came and went unseen."""
+    action = model.load_action("hirschkorn2004-regulated")
+    fine = model.output_times(0.0, 0.3, 5000.0)
+    corners = [0.0, 0.02, 0.075, 0.3], [0.0, 10.0, 9.0, 0.0]
+    hammer, speed = hammer_at_the_string(action, *corners)
+    same, as_fast = hammer_at_the_string(action, fine, np.interp(fine, *corners))
+    assert 3.0 < speed < 4.0
+    assert (speed, hammer.mass_kg) == (pytest.approx(as_fast, rel=1e-5), pytest.approx(same.mass_kg, rel=1e-5))
+    given = model.SceneChoice(effects=("key_pin",)).on(action)
+    assert hammer_at_the_string(given, *corners)[1] == pytest.approx(speed, rel=0.02)
+
+
+def test_a_hammer_without_string_or_force_is_refused() -> None:
+    action = model.load_action()
+    with pytest.raises(InputError, match="found a scene without contact12, allowed one in which the hammer meets it"):
+        hammer_at_the_string(action.with_values({"contact12": 0}), *model.force_table("forte"))
+    with pytest.raises(InputError, match="driven by torque_nm, allowed one with all bodies driven by force_n"):
+        hammer_at_the_string(model.load_scene("motor-arm").on(action), *model.force_table("forte"))
 
 
 def test_study_string(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
