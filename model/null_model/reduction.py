@@ -17,7 +17,7 @@ Let-off is where the jack meets the button on the joined path. Tables over sigma
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from model.derived.observe import contacts_at
 from model.observables import hammer_height_from_angle
 from model.parameters.action import BACK_CHECK, BODIES, BUTTON, CONTACTS, USUAL, Action
 from model.scene.build import Scene, build_scene
+from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.statics import balance, solve_rest
 
@@ -181,6 +182,7 @@ def reduce_action(action: Action) -> Reduced:
 
     Raises
     ------
+    InputError : a scene that lacks a body
     StaticsError : no balance at some position of the key
 
     Examples
@@ -190,8 +192,10 @@ def reduce_action(action: Action) -> Reduced:
     >>> reduced.rest_rad.shape
     (5,)
     """
-    scene = build_scene(action.with_laws(dict.fromkeys(CONTACTS, USUAL)))  # the yardstick knows one law
-    rest = hand_set_rest(action)
+    choice = replace(choice_of(action), effects=())  # the yardstick knows no effects and one law
+    choice.need_played_key(action.name)
+    action = choice.on(replace(action, changed={})).with_laws(dict.fromkeys(CONTACTS, USUAL))
+    scene, rest = build_scene(action), hand_set_rest(action)
     lever = balance(scene, rest, 1.0)[0][KEY] - balance(scene, rest, 0.0)[0][KEY]
     sense = 1.0 if lever > 0.0 else -1.0  # of the key's angle as its front goes down
     up, string = _string(action, float(rest[HAMMER]))

@@ -25,6 +25,7 @@ from model.force_driven import check_output_times
 from model.null_model.reduction import HAMMER, KEY, Path, Reduced, reduce_action
 from model.null_model.time_stepping import Constants, integrate
 from model.parameters.action import BODIES, STRING, Action
+from model.scene.selection import choice_of
 from model.simulation.solution import Solution
 from model.simulation.statics import RestState
 
@@ -72,7 +73,7 @@ def simulate(
 
     Raises
     ------
-    InputError : table or times cannot be used
+    InputError : table or times cannot be used; or the scene lacks a body or is not driven by a force
     StaticsError : the action does not balance somewhere along the key's travel
     IntegrationError : the key turns further than its stops were computed for; the message says when
 
@@ -86,13 +87,14 @@ def simulate(
     >>> model.null_model.simulate(model.load_action(), *model.force_table("forte")).angle_rad.shape
     (3501, 5)
     """
+    choice_of(action).need_played_key(action.name)
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(output_time_s, times)
     reduced = _reduced(_ByContent(action.content(), action))
     sense = 1.0 if reduced.joined.ratio[0, KEY] > 0.0 else -1.0
     start = 0.0
     if initial is not None:
-        if np.shape(initial.angle_rad) != (len(BODIES),):
+        if np.ndim(initial.angle_rad) != 1 or len(initial.angle_rad) < len(BODIES):  # those of effects follow
             raise InputError(f"initial state: {np.shape(initial.angle_rad)} angles found, allowed ({len(BODIES)},)")
         start = sense * float(initial.angle_rad[KEY] - reduced.rest_rad[KEY])
     end = float(outputs[-1]) if len(outputs) else float(times[0])

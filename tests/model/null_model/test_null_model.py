@@ -241,3 +241,24 @@ def test_hammer_that_misses_the_check_lies_on_the_lever_until_the_jack_is_back(a
 def test_key_beyond_its_stops_is_an_error_not_a_number(action: model.Action) -> None:
     with pytest.raises(model.ModelError, match="cannot predict this blow: key turns .* its stops allow"):
         null_model.simulate(action, [0.0, 0.001, 0.5], [0.0, 900.0, 900.0])
+
+
+@pytest.mark.parametrize("scene", ["lifting-key", "giving-joints", "string"])
+def test_the_yardstick_is_the_same_in_every_scene_a_force_drives(action: model.Action, scene: str) -> None:
+    """It knows no effects: reports of these scenes had none, for a rest of six angles or rows of what is remembered."""
+    times, force = [0.0, 0.05, 0.12, 0.3], [0.0, 6.0, 7.0, 0.0]
+    of_scene = model.load_scene(scene).on(action)
+    plain = null_model.simulate(action, times, force, output_time_s=np.linspace(0.0, 0.3, 61))
+    found = null_model.simulate(of_scene, times, force, output_time_s=plain.time_s)
+    np.testing.assert_array_equal(found.angle_rad, plain.angle_rad)
+    rest = model.rest_state(of_scene, 0.39)
+    begun = null_model.simulate(of_scene, times, force, output_time_s=plain.time_s, initial=rest)
+    assert begun.angle_rad[0, KEY] == pytest.approx(rest.angle_rad[KEY], abs=1e-9)
+
+
+def test_the_yardstick_has_one_law_and_says_what_it_cannot_follow(action: model.Action) -> None:
+    felt = action.with_laws({"contact12": "stulov"}).with_values({"contact12.stulov.tau": 1e-4})
+    np.testing.assert_array_equal(null_model.reduce_action(felt).sigma, reduction(action).sigma)
+    for scene, words in (("motor-arm", "driven by torque_nm"), ("key-whippen", "found a scene of key, whippen driven")):
+        with pytest.raises(model.InputError, match=words):
+            null_model.simulate(model.load_scene(scene).on(action), [0.0, 0.1], [0.0, 1.0])
