@@ -20,7 +20,7 @@ from model.derived.columns import HELD, JOINT_Y
 from model.derived.observe import bodies_at
 from model.integrators.methods import DEFAULT_METHOD
 from model.parameters.action import BODIES, Action
-from model.parameters.effects import ARM, FINGER, KEY_LIFT, MOTOR, SHANK, STRING_EFFECT
+from model.parameters.effects import ARM, FINGER, KEY_LIFT, MOTOR, SHANK
 from model.scene.build import Scene, build_scene
 from model.scene.key_motion import KeyMotion, acceleration_of_input, angle_at_height, with_moved
 from model.scene.selection import SceneChoice, choice_of
@@ -102,8 +102,7 @@ def run_prescribed(
     """
     choice = choice_of(action, choice)
     action = choice.on(action)
-    if STRING_EFFECT in choice.effects:
-        action = with_modes(action, tolerance)
+    action = with_modes(action, tolerance)
     # from zero on: a clock that has run for days has few digits left for a step
     start = float(motion.break_s[0])
     motion, times = KeyMotion(motion.break_s - start, motion.coefficient), output_time_s - start

@@ -15,6 +15,7 @@ from model.errors import InputError
 from model.kernels.workspace import MOST_MODES
 from model.parameters.action import STRING as CONTACT
 from model.parameters.action import USUAL, Action
+from model.parameters.effects import STRING_EFFECT
 from model.parameters.string import String
 
 LEFT_OUT = 20_000  # modes up to which those left out are summed as a spring
@@ -46,8 +47,8 @@ def modes_asked(action: Action, tolerance: float = USUAL_TOLERANCE) -> int:
 
 
 def with_modes(action: Action, tolerance: float, share: float = 1.0) -> Action:
-    """The action with the number of modes that a tolerance asks, where it leaves that open, or a share of it."""
-    if round(action["string.modes"]) != 0:
+    """The action with the modes that a tolerance asks, or a share of them, where its scene's string leaves it open."""
+    if STRING_EFFECT not in action.scene.get("effects", ()) or round(action["string.modes"]) != 0:
         return action
     return action.with_effects({"string.modes": max(1.0, float(round(share * modes_asked(action, tolerance))))})
 

@@ -29,6 +29,7 @@ from model.integrators.methods import DEFAULT_METHOD
 from model.parameters.action import Action
 from model.scene.build import build_scene
 from model.scene.selection import choice_of
+from model.scene.string_terms import with_modes
 from model.screening.blow_marks import MARKS, blow_marks
 from model.sensitivity.parameter_names import Parameter, changed_by
 from model.simulation.statics import solve_rest
@@ -68,7 +69,8 @@ class Variants(ArrayRecord):
 
     def marks(self, values: ArrayLike) -> Array:
         """Marks (m, len(MARKS)) of members with values (m, P); a row of NaN where one cannot rest or be simulated."""
-        action, values, choice = self.action, self._of_members(values), choice_of(self.action)
+        values, choice = self._of_members(values), choice_of(self.action)
+        action = with_modes(self.action, self.tolerance)
         out = np.full((len(values), len(MARKS)), np.nan)
         times = output_times(float(self.time_s[0]), float(self.time_s[-1]), RATE_HZ)
         start = solve_rest(build_scene(action, choice), self.rest_input)

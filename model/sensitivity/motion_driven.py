@@ -17,7 +17,7 @@ from model.force_driven import check_output_times
 from model.motion_driven.prescribed_key import LONGEST_STEP_S, key_load, moved_angle
 from model.motion_driven.spline_fit import fit_key_motion
 from model.parameters.action import Action, load_action
-from model.parameters.effects import ARM, FINGER, MOTOR, STRING_EFFECT
+from model.parameters.effects import ARM, FINGER, MOTOR
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion, with_moved
 from model.scene.selection import check_prescribed
@@ -80,8 +80,7 @@ def motion_sensitivities(
     _check(options)
     action, choice = options.of(load_action(action) if isinstance(action, str) else action)
     check_prescribed(choice)
-    if STRING_EFFECT in choice.effects:
-        action = with_modes(action, options.tolerance)
+    action = with_modes(action, options.tolerance)
     named = find_parameters(action, parameters)
     free = build_scene(action, choice)
     fitted, table_s = _fitted(motion)

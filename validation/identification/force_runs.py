@@ -26,7 +26,6 @@ import numpy as np
 
 import model
 from model.errors import InputError, ModelError
-from model.parameters.effects import STRING_EFFECT
 from model.scene.string_terms import with_modes
 from model.sensitivity.parameter_names import directions
 from model.simulation.options import ForceDrivenOptions
@@ -272,8 +271,7 @@ class PlacedRuns(ABC, Generic[Member]):
         tolerance: float | None = None,
         executor: Executor | None = None,
     ) -> None:
-        strung = STRING_EFFECT in model.choice_of(action).effects
-        self.action = with_modes(action, MODES_RAD) if strung else action
+        self.action = with_modes(action, MODES_RAD)
         self.parameters = tuple(parameters)
         self.trials: tuple[ObservedTrial, ...] = tuple(trials)
         self.tolerance, self.executor = TOLERANCE if tolerance is None else tolerance, executor

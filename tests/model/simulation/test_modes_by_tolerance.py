@@ -7,6 +7,9 @@ import pytest
 
 import model
 from model.scene.string_terms import LEFT_OUT_ERROR, modes_asked
+from model.screening import Variants, members
+from model.sensitivity import differentiate
+from model.simulation.string_motion import modes_of
 from model.string import C4, C4_HAMMER, strike
 
 ACTION = model.load_action("hirschkorn2004-regulated")
@@ -70,3 +73,22 @@ def test_mistuning_hardly_reaches_the_hammer(speed: float) -> None:
     tuned, off = (strike(C4, C4_HAMMER, speed, cents, tolerance=1e-4) for cents in ((0.0,) * 3, (-1.0, 0.0, 1.0)))
     assert off.rebound == pytest.approx(tuned.rebound, rel=1e-5)
     assert off.contact_time_s == pytest.approx(tuned.contact_time_s, rel=1e-5)
+
+
+def test_every_job_takes_the_modes_that_its_tolerance_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Members of a screening and derivatives of a blow took those of 1e-5 rad, whatever was asked."""
+    strung, seen = model.load_scene("string").on(ACTION), list[int]()
+
+    def noted(scene: model.Scene) -> None:
+        seen.append(modes_of(scene)["string_modes"])
+        raise model.ModelError("seen")
+
+    monkeypatch.setattr(members, "_computed", lambda jobs: noted(jobs[0].run.scene))
+    monkeypatch.setattr(differentiate, "Recorded", lambda slopes, *_: noted(slopes.scene))
+    for tolerance in (1e-3, 1e-4, 1e-5):
+        with pytest.raises(model.ModelError, match="seen"):
+            Variants(strung, *FORTE, (), tolerance=tolerance).marks(np.zeros((1, 0)))
+        with pytest.raises(model.ModelError, match="seen"):
+            options = model.SensitivityOptions(tolerance=tolerance)
+            model.sensitivities(strung, FORTE, ["hammer.mass"], options=options)
+    assert seen == [8, 8, 24, 24, 75, 75]
