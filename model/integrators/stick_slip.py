@@ -30,7 +30,7 @@ class Forcing(NamedTuple):
 
 
 class FrictionLimits(NamedTuple):
-    """Parameter vector, the same with all friction taken out, and static over kinetic coefficient (c,) of contacts.
+    """Parameter vector, the same with all friction taken out, static over kinetic value of contacts, then joints.
 
     ``start`` is where the contacts' numbers begin.
     """
@@ -168,7 +168,7 @@ def bounded(pairs, pressed, inverse, h, limits):
     """Directions of all pairs and bounds of their impulses in a step, from what the contacts press with."""
     p, _, static_ratio, start = limits
     along, given, own, bound, impulse, sticks = pairs
-    n, c = along.shape[1], static_ratio.shape[0]
+    n, c = along.shape[1], pressed.shape[0]
     for j in range(along.shape[0]):
         bound[j] = 0.0
         if j < c:
@@ -180,12 +180,13 @@ def bounded(pairs, pressed, inverse, h, limits):
                 sticks[j] = 0
                 impulse[j] = 0.0
                 continue
-            bound[j] = h * mu * fn * (static_ratio[j] if sticks[j] else 1.0)
+            bound[j] = h * mu * fn
             along[j] = pressed[j, 1:]
         else:
             bound[j] = h * p[GLOBALS + BODY_SIZE * (j - c) + JF_A]
             along[j] = 0.0
             along[j, j - c] = 1.0
+        bound[j] *= static_ratio[j] if sticks[j] else 1.0
         own[j] = 0.0
         for i in range(n):
             given[j, i] = 0.0
@@ -222,7 +223,7 @@ def step_along(state, forcing, limits, marched, places, rows):
     u, h, every = forcing
     smooth = limits.frictionless
     at_q, at_v, bodies, first, memories, modes, ways, struck = places
-    n, c, k_modes = at_q.shape[0], limits.static_ratio.shape[0], modes.shape[1]
+    n, c, k_modes = at_q.shape[0], limits.static_ratio.shape[0] - bodies, modes.shape[1]
     count, last = c + bodies, n + n * n + c * (1 + n)
     given_input, found = np.zeros(1), np.zeros(last + 3 * memories)
     a, inverse, pressed = found[:n], found[n : n + n * n].reshape(n, n), found[n + n * n : last].reshape(c, 1 + n)

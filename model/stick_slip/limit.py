@@ -5,6 +5,7 @@ The thesis does not print v_t and omega_t; this project takes 1e-3 m/s and 1e-2 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,6 +53,7 @@ def draw(limit: Limit, path: str | Path) -> None:
 
 THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)
 TOLERANCE = 1e-7
+RATE_HZ = 5000.0
 CREEP_S = 0.05
 
 
@@ -141,6 +143,10 @@ def compare(
     """
     speeds = tuple(as_numbers(thresholds, "threshold speeds", 1).tolist())
     times, forces = check_force_table(time_s, force_n)
+    # events are read from rows at the table's times, which may be coarse
+    parts = max(1, math.ceil((times[-1] - times[0]) / (len(times) - 1) * RATE_HZ - 1e-6))
+    rows = np.arange((len(times) - 1) * parts + 1) / parts
+    times, forces = (np.interp(rows, np.arange(len(times)), column) for column in (times, forces))
     marched, coarse = (simulate(action, times, forces, step) for step in (step_s, 2.0 * step_s))  # refuses at once
     ratio = action["friction_threshold.omega_t"] / action["friction_threshold.v_t"]
     smoothed = []

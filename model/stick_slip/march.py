@@ -142,10 +142,11 @@ def _without_friction(scene: Scene) -> Array:
 
 
 def _static_ratio(scene: Scene) -> Array:
-    """Static over kinetic coefficient (c,): the peak of eq. 2.10, which stays when its width goes to zero."""
-    start, rows = int(scene.tables.offset[1]), range(len(scene.contacts))
-    numbers = [scene.vector[start + L.CONTACT_SIZE * c + L.MU_A :][1:3].tolist() for c in rows]
-    return np.array([peak_ratio(b1, b2) for b1, b2 in numbers])
+    """Static over kinetic value (c + n,) of contacts and joints: the peak of eq. 2.10, which stays at any width."""
+    start = int(scene.tables.offset[1])
+    places = [start + L.CONTACT_SIZE * c + L.MU_B1 for c in range(len(scene.contacts))]
+    places += [L.GLOBALS + L.BODY_SIZE * i + L.JF_B1 for i in range(scene.size)]
+    return np.array([peak_ratio(*scene.vector[k : k + 2].tolist()) for k in places])
 
 
 def _places(scene: Scene) -> Places:

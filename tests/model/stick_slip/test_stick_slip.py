@@ -154,3 +154,25 @@ def test_without_friction_felt_and_string_follow_as_in_the_smooth_motion() -> No
             for h in (1e-5, 5e-6)
         ]
         assert errors[1] < 5e-5 and errors[0] / errors[1] > 1.7
+
+
+def test_a_joint_that_stuck_holds_up_to_its_static_torque() -> None:
+    """2 N at 0.23 m on a joint of 0.3 N m: it slides, unless eq. 2.12's hump raises what holds to twice that."""
+    t = np.arange(0.0, 0.02, 2e-4)
+    values = FREE | {"key.joint_friction.A": 0.3, "key.joint_friction.B2": 1.0}
+    turned = [
+        np.ptp(simulate(ACTION.with_values(values | {"key.joint_friction.B1": b1}), t, np.full(len(t), 2.0), 2e-5)
+               .solution.angle_rad[:, 0])
+        for b1 in (0.0, 1.78)
+    ]  # fmt: skip
+    assert turned[0] > 1e-3 and turned[1] < 1e-9
+
+
+def test_a_coarse_table_is_compared_by_what_happens_between_its_rows() -> None:
+    """Rows of the table alone, 20 ms apart, gave a strike up to as far off."""
+    t, f = np.array([0.0, 0.02, 0.04, 0.06, 0.08]), np.array([0.0, 20.0, 25.0, 25.0, 25.0])
+    fine = model.output_times(0.0, 0.08, 5000.0)
+    coarse, every = (compare(ACTION, *table, (1e-3,), step_s=2e-5) for table in ((t, f), (fine, np.interp(fine, t, f))))
+    for one, other in zip(coarse.measures, every.measures, strict=True):
+        assert 0.02 < one.strike_s == pytest.approx(other.strike_s, abs=1e-7)
+        assert one.strike_m_per_s == pytest.approx(other.strike_m_per_s, rel=1e-5)
