@@ -314,7 +314,10 @@ def write_levels(
     if task.timing.clock is None:
         _write_on_demand(device, task, values[-1], auto_start)
     elif task.state != "running":
-        task.output.samples = values.copy()
+        before, room = task.output.samples, int(task.setting("Buffer", "", daqmx.BUF_OUTPUT_BUF_SIZE, 0))
+        if before is not None and not task.output.generated and before.shape[0] + values.shape[0] <= room:
+            values = np.concatenate((before, values))  # each write begins where the one before left off
+        task.output.samples, task.output.generated = values.copy(), 0
         if auto_start:
             start_task(device, task)
     elif task.progress.error:

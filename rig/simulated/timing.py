@@ -323,7 +323,8 @@ def pass_edges(device: DeviceState, n: int) -> None:
             _generate(device, task, engine, command_v)
     at_s = (edge + np.arange(n)) / bench.rate_hz
     bench.set_motor_volts(volts)
-    cell, quarter = bench.step(command_v if device.drive_enabled() else np.zeros(n))
+    enable = device.line_history.get(device.inventory.full_name(device.wiring.drive_enable or ""))
+    cell, quarter = bench.step(np.where(device.drive_enabled() if enable is None else enable[1:] > 0, command_v, 0.0))
     cell, quarter = device.faults.change(device.trial, at_s, cell, quarter)
     for task, engine in clocked:
         if task.buffer is None:

@@ -37,7 +37,7 @@ class VirtualClock:
     """Whether the clock follows the wall clock."""
 
     def __init__(self) -> None:
-        self._now_s = 0.0
+        self._now_s, self.made_s = 0.0, time.time()
 
     @property
     def now_s(self) -> float:

@@ -7,7 +7,6 @@ of the bench's clock, counted from the moment the device was made.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -40,16 +39,12 @@ def _by_scan(request: Any, field: str) -> bool:
     return field in request.DESCRIPTOR.fields_by_name and enum(request, field) == _BY_SCAN
 
 
-def _wanted(request: Any) -> int:
-    return int(request.num_samps_per_chan)
-
-
 def samples_to_read(task: SimulatedTask, request: Any, values_per_sample: int | None = None) -> int:
     """Return the samples per channel to read; refuses more than the client has room for.
 
     ``values_per_sample`` counts all channels of the task; by default there is one value a channel.
     """
-    wanted, fields = _wanted(request), request.DESCRIPTOR.fields_by_name
+    wanted, fields = int(request.num_samps_per_chan), request.DESCRIPTOR.fields_by_name
     needed = max(wanted, 0) * (values_per_sample or len(task.channels))
     sizes = [name for name in ("array_size_in_samps", "array_size_in_bytes") if name in fields]
     room = min([MOST_VALUES, *(getattr(request, name) for name in sizes)])
@@ -156,20 +151,18 @@ def _write(type_: TaskType, parse: Parser, *, counts: bool = True) -> TaskHandle
 
 
 def _table(device: DeviceState, task: SimulatedTask, request: Any) -> NDArray[Any]:
-    values, n, columns = np.array(list(request.write_array)), _wanted(request), len(task.channels)
+    values, n, columns = np.array(list(request.write_array)), int(request.num_samps_per_chan), len(task.channels)
     if n < 1 or n * columns != values.size:
         detail = f"{values.size} values for {columns} channels and {n} samples"
         raise DaqStatusError(Code.WRITE_NUM_CHANS_MISMATCH, detail)
     return values.reshape(n, columns) if _by_scan(request, "data_layout") else values.reshape(columns, n).T
 
 
-def _volts(device: DeviceState, task: SimulatedTask, request: Any) -> NDArray[np.float64]:
-    return _table(device, task, request).astype(np.float64)
-
-
 def _converter_codes(device: DeviceState, task: SimulatedTask, request: Any) -> NDArray[np.float64]:
     """Codes of 16-bit converters, in the order of the channels, scan by scan."""
     codes = np.frombuffer(request.write_array, dtype="<i2")
+    if any("scale" in channel.settings for channel in task.channels):
+        raise NotImplementedByDevice(f"raw samples of a channel with a custom scale in {task.name}")
     n, columns = int(request.num_samps), len(task.channels)
     if n < 1 or n * columns > codes.size:
         detail = f"{codes.size} codes for {columns} channels and {n} samples"
@@ -187,7 +180,7 @@ def _one_value(device: DeviceState, task: SimulatedTask, request: Any) -> NDArra
 
 def _line_levels(device: DeviceState, task: SimulatedTask, request: Any) -> NDArray[np.float64]:
     states = np.array([bool(value) for value in request.write_array], dtype=np.float64)
-    n, most, channels = _wanted(request), most_lines(task), len(task.channels)
+    n, most, channels = int(request.num_samps_per_chan), most_lines(task), len(task.channels)
     if n < 1 or n * most * channels != states.size:
         detail = f"{states.size} levels for {channels} channels of {most} lines"
         raise DaqStatusError(Code.WRITE_NUM_CHANS_MISMATCH, detail)
@@ -255,7 +248,6 @@ NI_EPOCH_S = 2_082_844_800
 """Seconds from 1904, where NI's time begins, to 1970."""
 TIMING, EXTENDED = 1, 2
 """Bits of the waveform attribute mode."""
-_MADE_S = time.time()
 
 
 def _times(device: DeviceState, task: SimulatedTask, n: int) -> dict[str, Any]:
@@ -264,7 +256,7 @@ def _times(device: DeviceState, task: SimulatedTask, n: int) -> dict[str, Any]:
         return {}
     first = task.buffer.read - n - progress.samples_before_trigger
     since_s = progress.live_since_s - device.bench.now_s + device.bench.clock.now_s
-    at_s = _MADE_S + since_s + first / clock.rate_hz + NI_EPOCH_S
+    at_s = device.bench.clock.made_s + since_s + first / clock.rate_hz + NI_EPOCH_S
     whole = int(np.floor(at_s))
     t0 = {"seconds": whole, "fractional_seconds": min(int((at_s - whole) * 2.0**64), 2**64 - 1)}
     return {"t0": t0, "dt": 1 / clock.rate_hz}
@@ -343,7 +335,7 @@ DATA_CALLS: dict[str, TaskHandler] = {
     "ReadDigitalU8": _read("DI", _words, as_bytes=True),
     "ReadDigitalScalarU32": _read_scalar("DI", _words),
     "ReadDigitalLines": _read("DI", lines_by_channel, as_bytes=True),
-    "WriteAnalogF64": _write("AO", _volts),
+    "WriteAnalogF64": _write("AO", _table),
     "WriteAnalogScalarF64": _write("AO", _one_value, counts=False),
     "WriteAnalogWaveforms": _write("AO", _waveform_samples),
     "WriteRaw": _write("AO", _converter_codes),

@@ -120,7 +120,7 @@ _GETTERS: dict[str, Property] = {
     "AO_MIN_RATE": _card(lambda product: product.timebase_hz / 2**32, "voltage_out"),
     "DI_MAX_RATE": _card(lambda product: DIGITAL_RATE_HZ, "line"),
     "DO_MAX_RATE": _card(lambda product: DIGITAL_RATE_HZ, "line"),
-    "AO_VOLTAGE_RNGS": _card(lambda product: _both_signs((5.0, product.ao_range_v)), "voltage_out"),
+    "AO_VOLTAGE_RNGS": _card(lambda product: _both_signs((5.0, 10.0) if product.apfi else (10.0,)), "voltage_out"),
     "CI_SAMP_CLK_SUPPORTED": _card(lambda product: True),
     "CI_MAX_SIZE": _card(lambda product: COUNTER_BITS),
     "CI_MAX_TIMEBASE": _card(lambda product: product.counter_timebase_hz),

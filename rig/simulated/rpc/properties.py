@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from rig.simulated import daqmx
-from rig.simulated.device.scales import find_scale
+from rig.simulated.device.scales import scale_of
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import AnalogShape, Channel, SampleClock, SimulatedTask, Timing
 from rig.simulated.driver import configure_clock, find_task
@@ -239,10 +239,10 @@ def _voltage_units(device: DeviceState, task: SimulatedTask, channel: Channel) -
 
 def set_scale(device: DeviceState, channel: Channel, name: str) -> None:
     """Give a voltage channel another custom scale, or none for an empty name."""
-    if not channel.physical.kind.startswith("voltage"):
+    if not channel.physical.kind.startswith("voltage") or "thermocouple_type" in channel.settings:
         raise Unsupported(f"custom scale of {channel.name}")
     if name:
-        channel.settings["scale"] = find_scale(device.scales, name)
+        channel.settings["scale"] = scale_of(device.scales, name, (daqmx.VOLTS,))
     else:
         channel.settings.pop("scale", None)
 

@@ -160,6 +160,7 @@ def test_every_device_answers_for_itself(thesis) -> None:
     for card, has_not in (("Dev1", "ao_max_rate"), ("Dev2", "ai_max_single_chan_rate"), ("Dev3", "ai_voltage_rngs")):
         with pytest.raises(DaqError, match="-200197|-200452"):
             getattr(of[card], has_not)
+    assert of["Dev3"].ao_voltage_rngs == [-10.0, 10.0]
     assert not of["Dev1"].anlg_trig_supported  # the 6034E has no comparator
     with pytest.raises(DaqError):
         Device("Dev4", grpc_options=thesis.options).product_type  # noqa: B018

@@ -79,6 +79,45 @@ def test_the_filter_of_the_bridge_delays_whatever_began_the_trial(cdaq, bridge) 
     np.testing.assert_allclose(force[[140, 143]], [0.05, 12.05], atol=1e-3)
 
 
+def test_a_drive_that_a_clocked_line_enables_follows_edge_by_edge(cdaq, bridge) -> None:
+    enable, out, cell = cdaq.task(), cdaq.task(), cdaq.task()
+    enable.do_channels.add_do_chan("cDAQ1Mod4/port0/line7")
+    enable.timing.cfg_samp_clk_timing(5000.0, "/cDAQ1/ai/SampleClock", samps_per_chan=300)
+    enable.write([False] * 100 + [True] * 100 + [False] * 100)
+    out.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0")
+    out.write(1.0)
+    bridge(cell)
+    cell.timing.cfg_samp_clk_timing(5000.0, samps_per_chan=300)
+    enable.start()
+    cell.start()
+    force = np.array(cell.read(300))  # an edge and 40.03 samples later
+    np.testing.assert_allclose(force[[139, 143, 239, 243]], [0.05, 12.05, 12.05, 0.05], atol=1e-3)
+
+
+def test_what_is_written_before_the_start_follows_what_was_written_before_it(card) -> None:
+    task = card.task()
+    task.ao_channels.add_ao_voltage_chan("Dev1/ao1")
+    task.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS, samps_per_chan=200)
+    task.out_stream.output_buf_size = 200
+    for run, (first, second) in enumerate(((1.0, 2.0), (3.0, 4.0))):
+        task.write(np.full(100, first), auto_start=False)
+        task.write(np.full(100, second), auto_start=False)
+        task.start()
+        card.advance(50)
+        assert card.device.output_v["Dev1/ao1"] == first, run
+        card.advance(100)
+        assert card.device.output_v["Dev1/ao1"] == second, run
+        task.control(ni.TaskMode.TASK_UNRESERVE) if run else task.stop()
+
+
+def test_a_waveform_begins_so_long_after_its_device_was_made(card) -> None:
+    card.device.bench.clock.made_s = 1.7e9  # 2023-11-14 22:13:20 UTC
+    task = card.inputs("Dev1/ai0")
+    task.start()
+    task.read(500)
+    assert str(task.read_waveform(10).timing.start_time) == "2023-11-14 22:13:20.500000+00:00"
+
+
 def test_an_input_on_demand_follows_the_bench_behind_an_output_on_demand(cdaq, bridge) -> None:
     out, cell = cdaq.task(), cdaq.task()
     bridge(cell)

@@ -195,6 +195,29 @@ def test_what_is_written_in_a_scale_is_read_in_it(card, options) -> None:
     assert card.device.output_v["Dev1/ao0"] == pytest.approx((50.0 + 3.0) / 12.0)
 
 
+def test_codes_of_a_converter_have_no_scale(card, options, refused) -> None:
+    Scale.create_lin_scale("newtons", 12.0, -3.0, grpc_options=options)
+    task = card.task()
+    task.ao_channels.add_ao_voltage_chan("Dev1/ao0", **in_scale("newtons", -60.0, 60.0))
+    with refused(-200452):
+        task.out_stream.write(np.array([2**13], dtype=np.int16))
+    assert card.device.output_v.get("Dev1/ao0", 0.0) == 0.0
+
+
+def test_a_scale_of_other_units_or_none_does_not_take_the_place_of_a_channels_own(card, options, refused) -> None:
+    of_amperes = Scale.create_lin_scale("a", 2.0, 0.5, UnitsPreScaled.AMPS, grpc_options=options)
+    channel = card.task().ai_channels.add_ai_voltage_chan("Dev1/ai0")
+    with refused(-200077):
+        channel.ai_custom_scale = of_amperes
+    hot = card.task()
+    thermocouple = hot.ai_channels.add_ai_thrmcpl_chan(
+        "Dev1/ai2", cjc_source=ni.CJCSource.CONSTANT_USER_VALUE, cjc_val=21.0
+    )
+    with refused(-200452):
+        del thermocouple.ai_custom_scale
+    assert hot.read() == pytest.approx(21.0, abs=10.0)
+
+
 def test_a_value_beyond_the_outputs_volts_is_refused(card, options, refused) -> None:
     Scale.create_lin_scale("newtons", 12.0, -3.0, grpc_options=options)
     with refused(-200077):
