@@ -146,7 +146,7 @@ def trials_of(folder: str | Path, split: str = "open", part: str | None = None) 
     Raises
     ------
     ValidationInputError
-        The data set has no such split, or a trial cannot be read.
+        The data set has no such split or part, or a trial cannot be read.
     """
     return [read_netcdf(Path(folder) / row["file"]) for row in _rows(folder, split, part)]
 
@@ -155,6 +155,8 @@ def _rows(folder: str | Path, split: str, part: str | None) -> list[dict[str, An
     splits = read_index(folder)["trials"]
     if split not in splits:
         raise ValidationInputError(f"{folder}: no split {split!r}; there are {', '.join(splits)}")
+    if part not in (None, "train", "test"):
+        raise ValidationInputError(f"{folder}: no part {part!r}; allowed train or test")
     return [row for row in splits[split] if part is None or row["part"] == part]
 
 
@@ -181,7 +183,7 @@ def load(
     Raises
     ------
     ValidationInputError
-        The folder is no data set, or has no such split.
+        The folder is no data set, or has no such split or part.
 
     Examples
     --------

@@ -72,6 +72,10 @@ def score(folder: str | Path, predictions: str | Path | pd.DataFrame) -> Scores:
         raise ValidationInputError(
             f"{where}: no column {missing[0]!r}; found {list(table.columns)}, needed trial, time, {', '.join(SCORED)}"
         )
+    try:
+        table = table[["trial", "time", *SCORED]].astype(float)
+    except (TypeError, ValueError) as error:
+        raise ValidationInputError(f"{where}: {error}; allowed numbers") from None
     curves = {}
     for trial in scored_trials(folder):
         number = int(trial.facts["trial"])

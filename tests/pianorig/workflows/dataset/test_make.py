@@ -204,6 +204,7 @@ def test_scores_of_known_predictions(made, tmp_path, capsys) -> None:
         (lambda t: t.drop(columns="hammer_angle"), "no column 'hammer_angle'"),
         (lambda t: t[t["trial"] != t["trial"].iloc[0]], "missing; every test trial must be predicted"),
         (lambda t: t.assign(key_angle=np.nan), "row 1 of it holds a value that is not finite"),
+        (lambda t: t.assign(key_angle="1 mrad"), "could not convert string to float: '1 mrad'; allowed numbers"),
         (lambda t: t[t["time"] < 0.4], "times 0 to 0.3"),
         (lambda t: t[np.arange(len(t)) % 100 != 50], "allowed 1 ms"),
     ],
@@ -226,6 +227,8 @@ def test_what_cannot_be_made_or_read_is_refused(made, tmp_path, capsys) -> None:
     capsys.readouterr()
     with pytest.raises(ValidationInputError, match="no split 'secret'"):
         validation.dataset.load(folder, "secret")
+    with pytest.raises(ValidationInputError, match="no part 'tset'; allowed train or test"):
+        validation.dataset.load(folder, part="tset")
     with pytest.raises(ValidationInputError, match="name a folder that pianorig dataset make wrote"):
         validation.dataset.load(tmp_path)
     damaged = tmp_path / "damaged"
