@@ -78,16 +78,12 @@ def skill_lines(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
     """The skill of every channel in one line."""
     if not skill:
         return ()
-    of = [
-        f"{channel} {one.skill:.2f}{one.interval} ({CALLED[one.rival].removeprefix('the ')})"
-        for channel, one in skill.items()
-    ]
-    n = min(one.strokes for one in skill.values())
-    few = f"; {n} trial{'s' if n > 1 else ''}: no interval" if n < FEWEST else ""
-    return (
-        f"Skill, 1 − RMSE over that of the best rival (null model, unfitted set, black boxes fitted to {fitted}"
-        f"{few}): {', '.join(of)}.",
-    )
+    of = []
+    for channel, one in skill.items():
+        n = "" if one.interval else f"; {one.strokes} trial{'s' if one.strokes > 1 else ''}: no interval"
+        of.append(f"{channel} {one.skill:.2f}{one.interval} ({CALLED[one.rival].removeprefix('the ')}{n})")
+    rivals = f"null model, unfitted set, black boxes fitted to {fitted}"
+    return (f"Skill, 1 − RMSE over that of the best rival ({rivals}): {', '.join(of)}.",)
 
 
 def nearer(errors: pd.DataFrame, without: Collection[tuple[int, str]] = ()) -> str:

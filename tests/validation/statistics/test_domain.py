@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from validation.statistics.domain import features_of, left_out_distances, place
-from validation.statistics.skill import skill_of
+from validation.statistics.skill import skill_lines, skill_of
 
 TIME_S = np.arange(0.0, 2.0, 2e-4)
 
@@ -85,4 +85,6 @@ def test_skill_is_against_the_best_rival_paired_by_stroke():
     few = skill_of(model[:3], {"fir": 0.5 * model[:3]})
     assert few.skill == pytest.approx(-1.0) and np.isnan(few.low)
     assert "100 % larger than that of the FIR filter" in few.words and "3 strokes: no interval" in few.words
+    (line,) = skill_lines({"key": found, "jack": few}, "the other trials")  # of a film in fewer trials than the encoder
+    assert line.endswith(f": key 0.50{found.interval} (FIR filter), jack -1.00 (FIR filter; 3 trials: no interval).")
     assert skill_of(model, {}) is None and skill_of(np.full(2, np.nan), {"fir": model[:2]}) is None
