@@ -372,7 +372,9 @@ def retrack(
             table.loc[row, name] = new.loc[number, name]
     write_table(table_file, table)
     if film.owner is not None:
-        film.store_angles(table, {**attributes, "retracked_frames": ", ".join(map(str, frames))})
+        before = [int(number) for number in str(attributes.get("retracked_frames", "")).split(", ") if number]
+        every = ", ".join(map(str, sorted({*before, *frames})))
+        film.store_angles(table, {**attributes, "retracked_frames": every})
     return new
 
 

@@ -123,6 +123,8 @@ def test_a_frame_is_fitted_again_as_its_film_was_tracked(filmed: Path, writing: 
     after, again = Session.open(session).read_derived("angles", 1)
     assert stated["method"] == again["method"] == "ecc" and again["retracked_frames"] == "30"
     np.testing.assert_array_equal(after["time_s"], before["time_s"])
+    assert writing.ask(f"{HERE}/frame", "POST", {**sent, "frame": 20}).status == 200
+    assert Session.open(session).read_derived("angles", 1)[1]["retracked_frames"] == "20, 30"
     for option in ("--tilt", "2"), ("--shutter", "global"):
         assert run("track", film, *option, "--every", "30", "--out", film.with_suffix(".angles.csv")) == 0
         answer = writing.ask(f"{HERE}/frame", "POST", sent)
