@@ -78,8 +78,12 @@ export async function showLive(main, values) {
     const other = !state || !state.recording || now.trial !== state.trial || now.started_utc !== state.started_utc;
     if (now.recording && (other || !ring)) {
       ring = new Ring(now.channels.length, now.rate_hz);
-      scale = now.channels.map(() => null);
-      scales.replaceChildren(...now.channels.map((channel, i) => scaleOf(channel, i)));
+      const names = now.channels.map(({ name }) => name).join();
+      if (scales.dataset.names !== names) { // what was typed stays from trial to trial
+        scales.dataset.names = names;
+        scale = now.channels.map(() => null);
+        scales.replaceChildren(...now.channels.map((channel, i) => scaleOf(channel, i)));
+      }
     }
     state = now;
     lamp.textContent = now.recording ? "● recording" : "○ nothing is being recorded";

@@ -140,6 +140,20 @@ def test_a_recording_rolls_by_pauses_and_is_found_again(browser: Any, folder: Pa
         assert made.writer.committed_samples == 2500
 
 
+def test_a_scale_that_was_typed_stays_from_trial_to_trial(browser: Any, folder: Path, looking: Page) -> None:
+    root = folder / "example_forte"
+    with opened(browser, looking, f"{looking.address}#live") as tab:
+        for number in (4, 5):
+            with recording(root, number) as made:
+                made.append(400)
+                tab.get_by_text(f"trial {number} ", exact=False).first.wait_for()
+                if number == 4:
+                    tab.get_by_text("Scale of each channel").click()
+                    tab.get_by_label("Force, lower end, N").fill("-7")
+                    tab.get_by_label("Force, upper end, N").fill("70")
+        assert tab.get_by_label("Force, upper end, N").input_value() == "70"
+
+
 def recorded(folder: Path, name: str, during: Any = None) -> list[Any]:
     """Arrays of the trials that a recorder of its own process records; `during()` once the first runs.
 
