@@ -157,11 +157,11 @@ def make_target(
         if bottom is None:
             raise RigInputError(f"{name}: no spike at key bottom was found; say when it is with --key-bottom SECONDS")
     else:
-        bottom = int(round(key_bottom_s * sample_rate_hz))
-        if not quiet < bottom < force.size:
+        if not quiet < key_bottom_s * sample_rate_hz <= force.size - 1:
             raise RigInputError(
                 f"{name}: key bottom at {key_bottom_s:g} s, allowed {QUIET_S:g} to {force.size / sample_rate_hz:g} s"
             )
+        bottom = round(key_bottom_s * sample_rate_hz)
     peak = float(np.max(force[:bottom]))
     if peak <= 0:
         raise RigInputError(f"{name}: no push before key bottom at {bottom / sample_rate_hz:.4f} s")

@@ -281,8 +281,9 @@ def calibrate_contact(
     """
     record = _record_beside(out, "pad")
     _check_swings(order.body, order.swings)
-    if not (order.load_n > 0 and order.radius_m > 0 and order.u_load_n >= 0 and order.u_radius_m >= 0):
-        raise CommandInputError("--load and --radius: allowed above 0; --u-load and --u-radius: from 0")
+    u = order.u_load_n, order.u_radius_m
+    if not (order.load_n > 0 and order.radius_m > 0 and min(u) >= 0 and math.isfinite(sum(u))):
+        raise CommandInputError("--load and --radius: allowed above 0; --u-load and --u-radius: from 0, finite")
     given, rig_file = model.load_action(action), load_rig(rig)
     path = f"{order.contact}.friction.A"
     if path not in given.quantities or given[path] == 0.0:

@@ -266,8 +266,8 @@ def film_angles(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tu
     if missing:
         raise TrialError(f"derived film angles: column {missing[0]!r} is missing; track the film again")
     time = table["time_s"].to_numpy(dtype=float)
-    if not np.all(np.diff(time) > 0):
-        raise TrialError("derived film angles: time_s must increase from row to row; track the film again")
+    if time.size < 2 or not np.all(np.diff(time) > 0):
+        raise TrialError("derived film angles: time_s must increase over two rows or more; track the film again")
     change = {name: table[f"{name}_relative_rad"].to_numpy(dtype=float) for name in FILM_CHANNELS}
     u = {name: table[_u_column(table, name)].to_numpy(dtype=float) for name in FILM_CHANNELS}
     noise = {name: table[f"{name}_relative_u_rad"].to_numpy(dtype=float) for name in FILM_CHANNELS}

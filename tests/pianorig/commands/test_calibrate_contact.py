@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,11 @@ def measured_off(contact: str, planted: float, seed: int, **stated: float) -> fl
 
 def test_what_is_wrong_about_the_pad_is_in_the_uncertainty() -> None:
     assert abs(measured_off("contact10", 0.28, 4, load_n=0.1, radius_m=0.014)) < 3
+
+
+def test_weights_known_to_nothing_are_refused(tmp_path: Path, refused: Callable[..., None]) -> None:
+    pad = ("--load", "0.1", "--u-load", "inf", "--radius", "0.012")
+    refused("finite", "calibrate-contact", "--contact", "contact04", *pad, "--out", tmp_path / "a.toml")
 
 
 @pytest.mark.slow

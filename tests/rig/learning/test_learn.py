@@ -153,6 +153,7 @@ def test_scale_rest_and_key_bottom_are_taken_as_given() -> None:
         (pianist()[:100], {}, "lasts 0.02 s"),
         (pianist(), {"scale": -1.0}, "scale = -1"),
         (pianist(), {"key_bottom_s": 9.0}, "key bottom at 9 s"),
+        (pianist(), {"key_bottom_s": float("nan")}, "key bottom at nan s"),
         (-pianist(), {}, "does not begin with|before a push"),
     ],
 )

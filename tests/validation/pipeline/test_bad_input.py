@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rig.session import Session
@@ -32,6 +33,17 @@ def reasons(session):
     for line in result.warnings:
         assert "\n" not in line
     return result, result.trials.set_index("trial")["reason"]
+
+
+@pytest.mark.parametrize("rows", [0, 1])
+def test_a_film_of_one_frame_leaves_the_other_trials(make, strokes, tmp_path, rows):
+    session = Session.create(tmp_path / "s", make.info())
+    for number in (1, 2):
+        session.add_trial(make.trial(number, *strokes))
+    columns = ("time_s", *(f"{body}_relative{tail}" for body in ("jack", "repetition") for tail in ("_rad", "_u_rad")))
+    session.write_derived("angles", 1, pd.DataFrame(dict.fromkeys(columns, [0.5] * rows)))
+    result, reason = reasons(session)
+    assert list(result.traces) == [2] and "time_s must increase over two rows or more" in reason[1]
 
 
 @pytest.mark.parametrize(
