@@ -253,10 +253,8 @@ def _string(action: model.Action, time_s: Any, force_n: Any) -> Found:
 
 
 def _felt_law(action: model.Action, time_s: Any, force_n: Any) -> Found:
-    effects, equal = (
-        model.study.felt_law_effects(action, time_s, force_n),
-        model.study.effects_at_equal_loss(action, time_s, force_n),
-    )
+    effects = model.study.felt_law_effects(action, time_s, force_n)
+    equal = model.study.effects_at_equal_loss(action, time_s, force_n)
     lines = [
         f"{action.name}: the law of felt changed, slow loading curves and everything else as they are;",
         "+- standard uncertainty from the declared numbers of the law",

@@ -159,14 +159,8 @@ def _rows(part: TrialData, first_count: Any) -> np.ndarray:
 
 def _figures(number: int, path: Path) -> dict[str, Any]:
     """Key figures of a sealed trial; only its status where it cannot be read."""
-    nothing: dict[str, Any] = {
-        "status": "unreadable",
-        "reason": "",
-        "peak_force_n": None,
-        "rest_force_n": None,
-        "turned_deg": {},
-    }
-    row: dict[str, Any] = {"trial": number, **nothing}
+    row: dict[str, Any] = {"trial": number, "status": "unreadable", "reason": ""}
+    row |= {"peak_force_n": None, "rest_force_n": None, "turned_deg": {}}
     try:
         if path.stat().st_size > LARGEST_TRIAL_BYTES:
             return row

@@ -202,8 +202,7 @@ def load(
 
 def to_table(trials: list[DataTrial]) -> pd.DataFrame:
     """Trials as one table on the force's clock."""
-    import numpy as np  # start-up: pandas and numpy together cost 0.5 s
-    import pandas as pd  # start-up: see above
+    import pandas as pd  # start-up: 0.4 s
 
     parts = []
     for trial in trials:

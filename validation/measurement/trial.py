@@ -2,8 +2,6 @@
 
 Conventions: angles are changes since rest in rad, counter-clockwise; everything on the DAQ clock; encoder
 order key, whippen, hammer whatever the order in the file; jack and repetition lever relative to the whippen.
-
-Conventions: as in `validation.measurement.trial`; all of the force is NaN, the preload none.
 """
 
 from __future__ import annotations

@@ -62,17 +62,9 @@ def channel_tables(
         for name in names:
             frames, state = pooled(every, name, without), state_of(every, name, without)
             if not frames:
-                nothing = dict.fromkeys(COLUMNS, np.nan) | {"judgement": NOT_JUDGED}
-                state = state or "not filmed"
+                head = {"channel": name, "source": source, "n_trials": 0}
                 rows.append(
-                    {
-                        "channel": name,
-                        "source": source,
-                        "n_trials": 0,
-                        **nothing,
-                        "judgement": NOT_JUDGED,
-                        "state": state,
-                    }
+                    {**head, **dict.fromkeys(COLUMNS, np.nan), "judgement": NOT_JUDGED, "state": state or "not filmed"}
                 )
                 if every:  # recorded, and wired wrong in all trials
                     spread |= {f"{name}_{part}_rad": np.full(base.shape, np.nan) for part in SPREAD}

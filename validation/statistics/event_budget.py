@@ -149,10 +149,8 @@ def _row(row: Any, groups: dict[str, list[float]]) -> dict[str, object]:
     numerics = np.array(groups.get("numerics", [])) - base
     u_num = float(np.nanmax(np.abs(numerics))) if np.isfinite(numerics).any() else float("nan")
     u_force = float(np.sqrt(sum(spread(group) ** 2 for group in FORCE)))
-    u_parameters, u_assumed = (
-        float(np.hypot(spread("stated parameters"), spread(IDENTIFIED))),
-        spread("assumed parameters"),
-    )
+    u_parameters = float(np.hypot(spread("stated parameters"), spread(IDENTIFIED)))
+    u_assumed = spread("assumed parameters")
     u_input = float(np.sqrt(u_force**2 + u_parameters**2 + u_assumed**2))
     n = int(row.n_both)
     u_repeat = float(row.difference_s) / np.sqrt(n) if n > 1 else 0.0

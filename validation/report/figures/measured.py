@@ -3,9 +3,7 @@
 Conventions: the thesis's signs (key, hammer, jack, repetition lever: rest − angle; whippen: angle − rest),
 degrees, seconds; Okabe–Ito colours and a dash pattern per line, so that nothing depends on colour alone; at
 most two points per pixel column. A channel without data gets no figure.
-Source: thesis Figures 3.9–3.12.
-
-Conventions: as `validation.report.figures.overlays`. Source: thesis Figure 3.13.
+Source: thesis Figures 3.9–3.13.
 """
 
 from __future__ import annotations
@@ -244,16 +242,9 @@ def force_of_all_trials(view: SessionView) -> ReportFigure:
         draw_quantiles(axes, quantiles(base, curves))
     for i, (number, frame) in enumerate(result.traces.items() if not several else ()):
         f = window(result, frame)
-        force = f["force_n"].to_numpy()
+        at, force = f["force_time_s"].to_numpy(), f["force_n"].to_numpy()
         peak = max(peak, float(force.max(initial=0.0)))
-        draw(
-            axes,
-            f["force_time_s"].to_numpy(),
-            force,
-            f"trial {number}",
-            columns=columns_for(len(result.traces)),
-            **line_style(i),
-        )
+        draw(axes, at, force, f"trial {number}", columns=columns_for(len(result.traces)), **line_style(i))
     finish_axes(axes, "force (N)")
     n = len(result.traces)
     legend(axes, 3 if several else n)
@@ -276,16 +267,9 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
             draw_quantiles(top, quantiles(result.base_s, curves))
     for i, (trial, frame) in enumerate(result.traces.items() if not several else ()):
         f = window(result, frame)
+        at, rotation = f["time_s"].to_numpy(), degrees(channel, f[f"{channel}_measured_rad"])
         for top in grid[0]:
-            rotation = degrees(channel, f[f"{channel}_measured_rad"])
-            draw(
-                top,
-                f["time_s"].to_numpy(),
-                rotation,
-                f"trial {trial}",
-                columns=columns_for(len(result.traces)),
-                **line_style(i),
-            )
+            draw(top, at, rotation, f"trial {trial}", columns=columns_for(len(result.traces)), **line_style(i))
     s_r = np.degrees(result.spread[f"{channel}_s_r_rad"].to_numpy())
     known = bool(np.isfinite(s_r).any())
     base = result.spread["time_s"].to_numpy()

@@ -61,15 +61,8 @@ def force_of_one_trial(view: SessionView) -> ReportFigure:
     figure = Figure(figsize=(WIDTH_IN, 3.0))
     axes, zoom = figure.subplots(1, 2, width_ratios=(2.2, 1))
     for i, panel in enumerate((axes, zoom)):
-        draw(
-            panel,
-            f["time_s"].to_numpy(),
-            f["raw_force_n"].to_numpy(),
-            "as recorded",
-            color=SKY,
-            linewidth=0.8,
-            gid=f"raw-{i}",
-        )
+        raw, at = f["raw_force_n"].to_numpy(), f["time_s"].to_numpy()
+        draw(panel, at, raw, "as recorded", color=SKY, linewidth=0.8, gid=f"raw-{i}")
         force, at = f["force_n"].to_numpy(), f["force_time_s"].to_numpy()
         draw(panel, at, force, "corrected", color=BLACK, linewidth=1.1, gid=f"trial-{i}")
         finish_axes(panel, "force (N)")

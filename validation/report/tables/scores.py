@@ -332,6 +332,4 @@ def scorecard_table(result: ValidationResult) -> PageTable:
 
 
 def _cell(unit: str, value: float) -> str:
-    if not math.isfinite(value):
-        return DASH
     return degrees(value) if unit == "rad" else number(value, 3)
