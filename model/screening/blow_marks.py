@@ -117,6 +117,8 @@ def _hold(time: Array, checked_n: Array, height: Array, strike: int) -> tuple[fl
     every = max(1, round(HOLD_SAMPLE_S / float(np.median(np.diff(time)))))
     at = np.arange(strike, len(time), every)
     held = at[checked_n[at] > 0.0]
+    again = _first_fall(height[held[0] :]) if len(held) else -1
+    held = held[held <= held[0] + again] if again >= 0 else held  # what is held after another strike is that one's
     if not len(held) or time[held[-1]] - time[held[0]] < SHORTEST_HOLD_S:
         return float("nan"), float("nan")
     middle = 0.5 * float(time[held[0]] + time[held[-1]])

@@ -99,10 +99,10 @@ def local_table(found: Sensitivities) -> LocalTable:
     'hammer.mass'
     """
     events = {name: value for name, value in found.events.items() if not np.isnan(value)}
-    slopes = [found.d_events[name] * found.values for name in events]
+    slopes = [found.d_events[name] for name in events]
     values = list(events.values())
     if "onset_s" in events:
-        onset, d_onset = events["onset_s"], found.d_events["onset_s"] * found.values
+        onset, d_onset = events["onset_s"], found.d_events["onset_s"]
         start = float(found.time_s[0])
         for k, name in enumerate(events):
             if name == "onset_s":
@@ -112,25 +112,24 @@ def local_table(found: Sensitivities) -> LocalTable:
     names, units = list(events), [unit_of(name) for name in events]
     for i, body in enumerate(found.angle_names):
         turn = found.angles_rad[:, i] - found.angles_rad[0, i]
-        change = (found.d_angles[:, i] - found.d_angles[0, i]) * found.values
+        change = found.d_angles[:, i] - found.d_angles[0, i]
         names.append(f"{body} curve")
         units.append("m" if body == "key_lift" else "rad")
         values.append(float(np.sqrt(np.mean(turn**2))))
         slopes.append(np.sqrt(np.mean(change**2, axis=0)))
-    value, slope = np.array(values), np.array(slopes).T  # slope: (P, Q), per 100 % of each parameter
-    percent = np.divide(slope, value, out=np.zeros_like(slope), where=value != 0.0)
+    value, slope = np.array(values), np.array(slopes).T  # slope: (P, Q), per SI unit of each parameter
+    whole = slope * found.values[:, None]  # per 100 % of it
+    whole[:, len(events) :] = np.abs(whole[:, len(events) :])
+    percent = np.divide(whole, value, out=np.zeros_like(whole), where=value != 0.0)
     order = np.argsort(-np.max(np.abs(percent), axis=1, initial=0.0), kind="stable")
-    relative = np.divide(
-        found.uncertainties, np.abs(found.values), out=np.full(len(found.values), np.nan), where=found.values != 0.0
-    )
     return LocalTable(
         tuple(found.parameters[i] for i in order),
         tuple(names),
         tuple(units),
         value,
         percent[order],
-        0.01 * slope[order],
-        (slope * relative[:, None])[order],
+        0.01 * whole[order],
+        (slope * found.uncertainties[:, None])[order],
     )
 
 

@@ -186,7 +186,9 @@ class Events:
         if not self._first("check_s", partial(self._depth, BACK_CHECK), True, strike, "the back check does not touch"):
             self.absent["check_m"] = self.absent["drop_s"] = "the back check does not touch"
             return
-        pressed = self._depth(BACK_CHECK, *self.motion) > 0.0
+        pressed, y = self._depth(BACK_CHECK, *self.motion) > 0.0, self._height(action, *self.motion)
+        again = (y[:-1] > 0.0) & (y[1:] <= 0.0) & (self.times[1:] > self.at["check_s"])
+        pressed[1:] &= np.cumsum(again) == 0  # what is held after another strike is that one's
         k = int(np.flatnonzero(pressed)[-1])
         last = float(self.times[k])
         if last - self.at["check_s"] < SHORTEST_HOLD_S:

@@ -32,6 +32,21 @@ def test_percent_per_percent(found: model.Sensitivities) -> None:
     assert table.values[late] == pytest.approx(found.events["strike_s"] - found.events["onset_s"])
 
 
+def test_one_uncertainty_of_a_value_that_is_zero_or_negative(action: model.Action) -> None:
+    """A percent of it is nothing, or moves it the other way; an uncertainty is neither."""
+    found = model.sensitivities(action, model.force_table("forte"), ["key.pivot.y", "whippen.pivot.x", "hammer.mass"])
+    assert found.values[0] == 0.0 > found.values[1]
+    table = local_table(found)
+    for j, name in enumerate(found.parameters):
+        i = table.parameters.index(name)
+        for event in ("strike_m_per_s", "let_off_m"):
+            expected = found.d_events[event][j] * found.uncertainties[j]
+            assert expected != 0.0 and table.per_u[i, table.quantities.index(event)] == pytest.approx(expected)
+        assert table.per_u[i, table.quantities.index("hammer curve")] > 0.0
+        assert table.percent[i, table.quantities.index("hammer curve")] >= 0.0
+    assert table.strongest(3)[0] == "key.pivot.y" != table.parameters[0]
+
+
 def test_a_curve_changes_as_a_second_run_does(action: model.Action, found: model.Sensitivities) -> None:
     table = local_table(found)
     q = table.quantities.index("hammer curve")

@@ -50,6 +50,23 @@ def test_marks_are_the_events_of_each_variant(action: model.Action, values: np.n
             assert mark == pytest.approx(events[name], abs=accuracy[unit] if name != "drop_s" else 1e-4), name
 
 
+def test_the_hold_of_a_double_blow_is_that_of_its_first_strike() -> None:
+    """Held from the first check to the last release the hammer was taken for 5.8 mm below the string, not 13.5."""
+    action, blow = model.load_action("hirschkorn2004-regulated"), model.force_table("double")
+    events = model.sensitivities(action, blow, ["hammer.mass"]).events
+    run = model.simulate(action, *blow)
+    height = model.observables.head_height_m(action, model.BODIES, run.angle_rad)
+    first, second = run.time_s[:-1][(height[:-1] > 0.0) & (height[1:] <= 0.0)]
+    held = float(np.median(height[(run.time_s > first + 0.02) & (run.time_s < 0.165)]))
+    drops = float(run.time_s[(run.time_s > 0.15) & (height > held + 5e-4)][0])
+    assert drops < second and held > 1e-2
+    (mass,) = spreads(action, ["hammer.mass"])
+    (row,) = Variants(action, *blow, (mass.parameter,)).marks([[mass.parameter.value]])
+    for found in (events, dict(zip(MARKS, row, strict=True))):
+        assert found["check_m"] == pytest.approx(held, abs=2e-4)
+        assert found["drop_s"] == pytest.approx(drops, abs=5e-3)
+
+
 def test_units_are_kept_and_not_computed_again(
     variants: Variants, values: np.ndarray, marks: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
