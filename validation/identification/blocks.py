@@ -36,7 +36,7 @@ class Block:
     moved : (3 m, p) columns of what the fit moves
     held : (3 m, h) columns of laws that are fixed, and scatter from trial to trial all the same
     instrument : (3 m, 8) columns of `INSTRUMENT`
-    own : (3 m, k) columns of the trial's own force: its offset, and its noise in parts; of its film's reference
+    own : (3 m, k) columns of the trial's own force: its offset, and its noise in parts; of its sensors' zeros
     white : (3 m,) variance of sensor noise, rad²
     size : (3, m) size of the response: root of the sum of squares of the columns of laws
     load : (m,) force on the key, of its greatest
@@ -96,7 +96,7 @@ def make_blocks(
         there = rows(np.isfinite(t.change_rad))
         moved = rows(jacobian[k]) * there[:, None]
         fixed = rows(held[k]) * there[:, None] if held else np.zeros((c * m, 0))
-        encoder, film = _sensors(t)
+        instrument, zeros = _sensors(t)
         white = np.where(there, rows(np.broadcast_to(t.u_white_rad, (m, c))) ** 2, LOST_RAD**2)
         out.append(
             Block(
@@ -104,8 +104,8 @@ def make_blocks(
                 time_s=t.time_s,
                 moved=moved,
                 held=fixed,
-                instrument=encoder,
-                own=np.hstack([rows(force_columns[k]) * there[:, None], film]),
+                instrument=instrument,
+                own=np.hstack([rows(force_columns[k]) * there[:, None], zeros]),
                 white=white,
                 size=_size(np.hstack([moved[:, laws], fixed]), m),
                 load=_load(t),
@@ -117,21 +117,20 @@ def make_blocks(
 
 
 def _sensors(t: ObservedTrial) -> tuple[Array, Array]:
-    """Columns of `INSTRUMENT` (c m, 8), and of the references of the trial's own film (c m, films)."""
+    """Columns of `INSTRUMENT` (c m, 8), and of the trial's own zeros (c m, c)."""
     m = t.time_s.size
     out = np.zeros((len(t.channels) * m, len(INSTRUMENT)))
-    film = np.zeros((len(t.channels) * m, sum(c in FILM for c in t.channels)))
+    own = np.zeros((len(t.channels) * m, len(t.channels)))
     for k, c in enumerate(t.channels):
         part, turned = slice(k * m, (k + 1) * m), np.nan_to_num(t.change_rad[:, k])
+        moved = -np.expm1(-np.abs(turned) / MOVED_RAD)
+        own[part, k] = t.u_zero_rad[k] * moved
         if c == 0 and t.key_moves:  # errors of the key's encoder move like a parameter
             continue
         out[part, c] = turned * t.u_scale[k]
-        zero = t.u_steady_rad[k] * -np.expm1(-np.abs(turned) / MOVED_RAD)
-        if c in FILM:
-            film[part, c - FILM[0]] = zero
-        else:
-            out[part, len(SCALES) + c] = zero
-    return out, film
+        if c not in FILM:
+            out[part, len(SCALES) + c] = t.u_steady_rad[k] * moved
+    return out, own
 
 
 def _load(t: ObservedTrial) -> Array:

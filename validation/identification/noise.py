@@ -452,8 +452,8 @@ class OwnModes:
         for b, part in zip(self.marginal.blocks, self.marginal.parts[1], strict=True):
             laws = law_columns(b, self.marginal.sizes).shape[1]
             wander = part.columns[:, laws:] * size[part.place[laws:]]
-            film = b.own[:, b.driven :]
-            out.append(cholesky(np.diag(b.white) + wander @ wander.T + film @ film.T, lower=True))
+            zeros = b.own[:, b.driven :]
+            out.append(cholesky(np.diag(b.white) + wander @ wander.T + zeros @ zeros.T, lower=True))
         return out
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,7 +117,8 @@ class ObservedTrial:
     time_s : (m,) when angles are compared
     change_rad : (m, c) of ``channels`` since rest; NaN where a film lost a body
     u_white_rad : (c,) or (m, c) from sample to sample
-    u_steady_rad, u_scale : (c,) not growing with the angle; relative
+    u_zero_rad : (c,) of the trial's own zero: its rounding; of a film its reference
+    u_steady_rad, u_scale : (c,) alike in all trials: not growing with the angle; relative
     preload_n, u_preload_n, u_offset_n, u_gain, u_delay_s : of the force
     noise_n : standard deviation of one force sample
     channels : what is compared, as places in `CHANNEL_NAMES`
@@ -135,6 +137,7 @@ class ObservedTrial:
     time_s: Array
     change_rad: Array
     u_white_rad: Array
+    u_zero_rad: Array
     u_steady_rad: Array
     u_scale: Array
     preload_n: float
@@ -194,12 +197,23 @@ def observe(
     Raises
     ------
     ValidationInputError
-        The trials have no span in common: they are not of one kind of stroke.
+        The trials have no span in common: they are not of one kind of stroke; or an encoder stands still.
     """
+    _refuse_still(name, trials)
     spans = [_span(m) for m in trials]
     at = common_phases(name, trials, spans, phases)
     seen = [_observed(name, session, m, s, at) for m, s in zip(trials, spans, strict=True)]
     return [with_film(t, m) for t, m in zip(seen, trials, strict=True)] if film else seen
+
+
+def _refuse_still(name: str, trials: Sequence[MeasuredTrial]) -> None:
+    for m in trials:
+        still = np.flatnonzero(np.ptp(m.change_rad, axis=0) == 0.0)
+        if still.size:
+            raise ValidationInputError(
+                f"{name}, trial {m.number}: the {ENCODER_CHANNELS[still[0]]} encoder stands still; reject the trial "
+                "(pianorig annotate), or check the encoder's cable and record again"
+            )
 
 
 def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Span], phases: int) -> Array:
@@ -235,7 +249,8 @@ def with_film(trial: ObservedTrial, m: MeasuredTrial) -> ObservedTrial:
         trial,
         change_rad=np.hstack([trial.change_rad, seen.change_rad]),
         u_white_rad=np.hstack([white, seen.u_white_rad]),
-        u_steady_rad=np.append(trial.u_steady_rad, seen.u_zero_rad),
+        u_zero_rad=np.append(trial.u_zero_rad, seen.u_zero_rad),
+        u_steady_rad=np.append(trial.u_steady_rad, np.zeros(len(FILM))),
         u_scale=np.append(trial.u_scale, seen.u_scale),
         channels=(*trial.channels, *FILM),
         film_time_s=seen.time_s,
@@ -249,10 +264,12 @@ def sampled(m: MeasuredTrial, span: Span, phases: Array) -> Array:
     return np.asarray(np.clip(nearest, 0, m.time_s.size - 1), dtype=int)
 
 
-def encoder_noise(m: MeasuredTrial) -> tuple[Array, Array]:
-    """Standard uncertainty of one sample's rounding (3,), and what does not change from sample to sample (3,), rad."""
-    white = np.abs(np.asarray(m.resolution_rad, dtype=float)) / np.sqrt(12.0)
-    return white, np.sqrt(np.maximum(np.asarray(m.u_rad) ** 2 - 2.0 * white**2, 0.0))
+def encoder_noise(m: MeasuredTrial) -> dict[str, Any]:
+    """Standard uncertainties (3,), rad, of one sample (its rounding, jitter), of the zero, and alike in all trials."""
+    zero = np.abs(np.asarray(m.resolution_rad, dtype=float)) / np.sqrt(12.0)
+    white = np.hypot(zero, m.change_rad[: m.quiet.stop].std(axis=0, ddof=1))
+    steady = np.sqrt(np.maximum(np.asarray(m.u_rad) ** 2 - white**2 - zero**2, 0.0))
+    return {"u_white_rad": white, "u_zero_rad": zero, "u_steady_rad": steady}
 
 
 def _apart(times: Array, least_s: float) -> Array:
@@ -287,7 +304,6 @@ def _observed(name: str, session: int, m: MeasuredTrial, span: Span, phases: Arr
     force_n[force_s < m.quiet.onset_s - 2e-3] = (
         f.preload_n
     )  # the baseline's mean is the preload; its noise is not force
-    white, steady = encoder_noise(m)
     offset = f.hum.u_offset_n if np.isfinite(f.hum.u_offset_n) else 0.0
     return ObservedTrial(
         label=f"{name}, trial {m.number}",
@@ -297,8 +313,7 @@ def _observed(name: str, session: int, m: MeasuredTrial, span: Span, phases: Arr
         force_n=force_n,
         time_s=time,
         change_rad=m.change_rad[index],
-        u_white_rad=np.hypot(white, white),
-        u_steady_rad=steady,
+        **encoder_noise(m),
         u_scale=np.asarray(m.scale_relative_u, dtype=float),
         preload_n=f.preload_n,
         u_preload_n=f.channel.u_preload_n,
@@ -327,8 +342,9 @@ def observe_driven(
     Raises
     ------
     ValidationInputError
-        The trials have no span in common, or a key's angles are no motion.
+        The trials have no span in common, an encoder stands still, or a key's angles are no motion.
     """
+    _refuse_still(name, trials)
     spans = [_driven_span(m) for m in trials]
     at = common_phases(name, trials, spans, phases)
     seen = [_observed_driven(name, session, m, s, at) for m, s in zip(trials, spans, strict=True)]
@@ -351,8 +367,7 @@ def _observed_driven(name: str, session: int, m: MeasuredTrial, span: Span, phas
         key = fit_key_motion(m.time_s[inside], m.change_rad[inside, 0], resolution_rad=float(m.resolution_rad[0]))
     except ModelError as error:
         raise ValidationInputError(f"{name}, trial {m.number}: {error}") from None
-    white, steady = encoder_noise(m)
-    measured = list(WITHOUT_KEY)
+    noise, measured = encoder_noise(m), list(WITHOUT_KEY)
     scale = np.asarray(m.scale_relative_u, dtype=float)
     force = m.force.channel
     return ObservedTrial(
@@ -363,8 +378,7 @@ def _observed_driven(name: str, session: int, m: MeasuredTrial, span: Span, phas
         force_n=np.empty(0),
         time_s=time,
         change_rad=m.change_rad[index][:, measured],
-        u_white_rad=np.hypot(white, white)[measured],
-        u_steady_rad=steady[measured],
+        **{name: u[measured] for name, u in noise.items()},
         u_scale=scale[measured],
         preload_n=force.preload_n,
         u_preload_n=force.u_preload_n,
@@ -374,7 +388,7 @@ def _observed_driven(name: str, session: int, m: MeasuredTrial, span: Span, phas
         noise_n=0.0,
         channels=WITHOUT_KEY,
         key=key,
-        u_key_rad=float(steady[0]),
+        u_key_rad=float(noise["u_steady_rad"][0]),
         u_key_scale=float(scale[0]),
         key_moves=True,
     )

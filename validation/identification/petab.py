@@ -34,7 +34,7 @@ OBSERVABLE_IDS = tuple(f"{channel}_rad" for channel in ENCODER_CHANNELS)
 TIME, MEASUREMENT, CONDITION = "time", "measurement", "simulationConditionId"
 OF_TRIAL = ("session", "number", "preload_n", "u_preload_n", "u_offset_n", "u_gain", "u_delay_s", "noise_n")
 SEAL = "trial_sha256"
-OF_CHANNEL = ("u_white_rad", "u_steady_rad", "u_scale")
+OF_CHANNEL = ("u_white_rad", "u_zero_rad", "u_steady_rad", "u_scale")
 DOT = "__"
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from validation.errors import ValidationInputError
 from validation.identification.fit import fit
 from validation.identification.force_runs import Own
 from validation.identification.identify import bounds_not_run, identify, look_before
+from validation.identification.observations import observe, observe_driven
 from validation.identification.problem import Columns, Problem
 from validation.identification.sources import IdentifyOptions, _names, _refuse_other_actions, collect
 from validation.identification.unknowns import expand, unknowns
@@ -92,6 +94,17 @@ def test_trials_with_neither_force_nor_key_motion_are_refused_with_the_reason() 
     said = refused(error)
     assert "a fit needs measured key, whippen and hammer angles" in said
     assert said.count("neither force") == 1 and "trials 2, 3" in said  # one reason is said once
+
+
+@pytest.mark.parametrize("see", [observe, observe_driven])
+def test_an_encoder_that_stands_still_is_refused_by_name(see: Callable[..., Any]) -> None:
+    """A broken cable ended in an index that was out of bounds."""
+    first, second, *_ = collect([SESSIONS / "example_forte"], ACTION, IdentifyOptions(phases=5)).measured
+    for place, channel in enumerate(("key", "whippen", "hammer")):
+        dead = replace(second, change_rad=second.change_rad * (np.arange(3) != place))
+        with pytest.raises(ValidationInputError, match=f"one, trial 2: the {channel} encoder stands still") as error:
+            see("one", 0, [first, dead], 5)
+        refused(error)
 
 
 @pytest.mark.parametrize("what", ["name", "key"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,12 +13,12 @@ from scipy.optimize import lsq_linear
 import model
 from tests.validation.identification import toy
 from validation.conventions import Array
-from validation.identification.blocks import residuals, rows
+from validation.identification.blocks import make_blocks, residuals, rows
 from validation.identification.fit import fit
 from validation.identification.force_runs import Case, ForceRuns, noise_knots, slow_noise_n
 from validation.identification.minima import search
 from validation.identification.noise import Marginal, Sizes, box_step, learn
-from validation.identification.observations import ObservedTrial, observe_driven
+from validation.identification.observations import ObservedTrial, encoder_noise, observe_driven
 from validation.identification.problem import Problem
 from validation.identification.sources import IdentifyOptions, collect
 from validation.identification.unknowns import unknowns
@@ -50,6 +51,27 @@ def test_a_key_drives_from_rest_however_few_phases_are_compared() -> None:
     assert trial.key is not None
     (rests, moves), _ = trial.key.at([trial.key.time_s[0], trial.time_s[0]])
     assert abs(rests[0]) < 1e-5 < 1e-3 < abs(moves[0])
+
+
+def test_the_zero_of_an_encoder_is_rounded_once_in_a_trial_and_jitter_in_each_sample() -> None:
+    """Counted as noise of each sample, the zero left the mean of a channel over its phases five times too certain."""
+    count, still, rng = np.array([1e-4, 3e-4, 2e-4]), 4000, np.random.default_rng(4)
+    at, jitter = np.linspace(0.02, 0.3, 60)[:, None] * [1.0, -2.1, 3.7], np.array([0.0, 4e-4, 1e-4])
+    rest = jitter * rng.standard_normal((still, 3))
+    u = np.hypot(np.hypot(count / np.sqrt(12), rest.std(axis=0, ddof=1)), np.hypot(count / np.sqrt(12), 2e-5))
+    m = SimpleNamespace(resolution_rad=count, quiet=SimpleNamespace(stop=still), change_rad=rest, u_rad=u)
+    noise = encoder_noise(m)  # type: ignore[arg-type]
+    np.testing.assert_allclose(noise["u_white_rad"], np.hypot(count / np.sqrt(12), jitter), rtol=0.03)
+    np.testing.assert_allclose(noise["u_steady_rad"], 2e-5, rtol=1e-6)
+    many = 4000
+    begins = rng.uniform(size=(many, 1, 3))
+    read = count * (np.floor(at / count + begins) - np.floor(begins)) + jitter * rng.standard_normal((many, 60, 3))
+    mean = (read - at).mean(axis=1).std(axis=0)
+    trial = replace(toy.trial(1, at), time_s=np.linspace(0.0, 0.3, 60), **noise)
+    nothing = np.zeros((60, 3, 1))
+    (block,) = make_blocks([trial], [nothing], [nothing], np.ones(1, dtype=bool))
+    stated = (np.diag(block.white) + block.own @ block.own.T).reshape(3, 60, 3, 60)
+    np.testing.assert_allclose(np.sqrt([stated[c, :, c].mean() for c in range(3)]), mean, rtol=0.05)
 
 
 def test_parts_of_force_noise_begin_with_the_force_and_keep_its_impulse() -> None:

@@ -78,9 +78,9 @@ def trial(number: int, change: Array, session: int = 0) -> ObservedTrial:
     """A trial with these curves."""
     return ObservedTrial(
         label=f"toy {session}, trial {number}", session=session, number=number, force_time_s=TIME, force_n=0 * TIME,
-        time_s=TIME, change_rad=change, u_white_rad=np.full(3, 1e-5), u_steady_rad=np.full(3, 1e-6),
-        u_scale=np.full(3, 1e-4), preload_n=0.0, u_preload_n=0.01, u_offset_n=1e-3, u_gain=1e-3, u_delay_s=1e-5,
-        noise_n=0.01,
+        time_s=TIME, change_rad=change, u_white_rad=np.full(3, 1e-5), u_zero_rad=np.zeros(3),
+        u_steady_rad=np.full(3, 1e-6), u_scale=np.full(3, 1e-4), preload_n=0.0, u_preload_n=0.01, u_offset_n=1e-3,
+        u_gain=1e-3, u_delay_s=1e-5, noise_n=0.01,
     )  # fmt: skip
 
 
