@@ -48,16 +48,16 @@ class Drive:
         """Motion of the key since rest, with the errors of its encoder taken off."""
         fit = trial.key
         assert fit is not None
-        c = fit.coefficients
+        # control points of knots at every sample stand next to the curve
+        c, turned = fit.coefficients, fit.coefficients + fit.offset_rad
+        moved = -np.expm1(-np.abs(turned) / MOVED_RAD)
         for draw, weight in self.draws:
             random = np.random.default_rng([DRAW_SEED, trial.session, trial.number, draw])
-            c = c + weight * solve_banded((0, DEGREE), fit.factor, random.standard_normal(len(c)))
-        if self.scale or self.zero:
-            # control points of knots at every sample stand next to the curve
-            turned = c + fit.offset_rad
-            zero = self.zero * trial.u_key_rad * -np.expm1(-np.abs(turned) / MOVED_RAD)
-            c = (turned - zero) / (1.0 + self.scale * trial.u_key_scale) - fit.offset_rad
-        return fit.motion(c)
+            away = solve_banded((0, DEGREE), fit.factor, random.standard_normal(len(c)))
+            rounded = fit.resolution_rad / np.sqrt(12.0) * random.standard_normal()  # of the trial's zero
+            c = c + weight * (away + rounded * moved)
+        off = c + fit.offset_rad - self.zero * trial.u_key_rad * moved
+        return fit.motion(off / (1.0 + self.scale * trial.u_key_scale) - fit.offset_rad)
 
 
 def driven_tangents(
@@ -71,11 +71,12 @@ def driven_tangents(
         The derivatives cannot be carried on.
     """
     action, names, drive, trial, *_ = task
-    options = tangent_options(trial, trial.preload_n, trial.model_time_s())
+    late = drive.film_late_s
+    options = tangent_options(trial, trial.preload_n, trial.model_time_s(late))
     found = model.motion_sensitivities(action.with_values(drive.changed), drive.motion(trial), names, options=options)
     order = [found.angle_names.index(body) for body in BODIES]
     turn = (found.d_angles - found.d_rest[None])[:, order]
-    return np.stack([trial.seen(turn[:, :, i]) for i in range(len(names))], axis=-1)
+    return np.stack([trial.seen(turn[:, :, i], late) for i in range(len(names))], axis=-1)
 
 
 def driven_curve(job: tuple[model.Action, Drive, ObservedTrial, float]) -> Array | None:
@@ -95,9 +96,9 @@ def driven_curve(job: tuple[model.Action, Drive, ObservedTrial, float]) -> Array
 class MotionRuns(PlacedRuns[Drive]):
     """The project's model under measured motions of the key; see `PlacedRuns` for the parameters.
 
-    What the encoder leaves open of a motion (rounding, jitter, smoothing) is carried by whole motions drawn from the
-    posterior of its fit: each is a column, divided by the root of their number, so that the columns together have the
-    covariance of the predicted curves.
+    What the encoder leaves open of a motion (rounding, also of its zero, jitter, smoothing) is carried by whole motions
+    drawn from the posterior of its fit: each is a column, divided by the root of their number, so that the columns
+    together have the covariance of the predicted curves.
     """
 
     errors = frozenset((KEY_SCALE, KEY_ZERO))

@@ -13,7 +13,7 @@ from tests.validation.identification import toy
 from validation.conventions import ENCODER_BODIES
 from validation.errors import ValidationInputError
 from validation.identification.blocks import INSTRUMENT, make_blocks
-from validation.identification.motion_runs import DRAWS, MixedRuns, MotionRuns, response_to
+from validation.identification.motion_runs import DRAWS, Drive, MixedRuns, MotionRuns, driven_tangents, response_to
 from validation.identification.observations import (
     ObservedTrial,
     observe_driven,
@@ -77,6 +77,27 @@ def test_derivatives_and_what_the_encoder_leaves_open(turn: np.ndarray) -> None:
     assert own.shape[2] == DRAWS
     spread = np.sqrt((own**2).sum(axis=2)).max(axis=0)  # of whippen and hammer: a fraction of a count, magnified
     assert np.all(spread > 0.01 * COUNT_RAD) and np.all(spread < 30 * COUNT_RAD)
+
+
+def test_the_zero_of_the_key_is_rounded_in_each_trial(turn: np.ndarray) -> None:
+    """It moves whippen and hammer as an error of the encoder's zero does, which all trials share."""
+    trial = replace(seen(turn), u_key_rad=COUNT_RAD / np.sqrt(12.0))
+    runs = MotionRuns(ACTION, KEY, [trial])
+    (found,) = runs.jacobian(np.zeros(2), [1], driven=True)
+    zero, own = np.moveaxis(found, 2, 0)[0], found[:, :, 1:]
+    share = np.einsum("tc,tci->i", zero, own) / np.sum(zero**2)
+    assert 0.7 < np.sqrt(np.sum(share**2)) < 1.4  # 24 draws know it to 15 %
+
+
+def test_derivatives_are_of_what_a_film_sees_by_its_late_clock(turn: np.ndarray) -> None:
+    """Frames 1 ms late are compared with the motion then, and with its derivatives then."""
+    trial, late = seen(turn), 1e-3
+    film = replace(trial, channels=(1, 2, 3, 4), film_time_s=trial.time_s + 4e-5)
+    lines = [driven_tangents((ACTION, ("hammer.mass",), Drive({}, film_late_s=s), film)) for s in (late, 0.0)]  # type: ignore[arg-type]
+    shifted = replace(film, film_time_s=film.film_time_s + late)  # type: ignore[operator]
+    then = driven_tangents((ACTION, ("hammer.mass",), Drive({}), shifted))  # type: ignore[arg-type]
+    np.testing.assert_allclose(lines[0], then, rtol=1e-3, atol=1e-3 * np.abs(then).max())
+    assert np.max(np.abs(lines[1] - then)[:, 2:]) > 5e-3 * np.abs(then[:, 2:]).max()
 
 
 def test_errors_of_the_key_are_one_thing_where_both_kinds_are_fitted(turn: np.ndarray) -> None:
