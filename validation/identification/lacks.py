@@ -281,6 +281,7 @@ def shows_in(problem: Problem, lack: Sequence[Array]) -> str:
     """
     first = [t for t in problem.trials if t.session == problem.trials[0].session]
     size = np.abs(np.mean(lack[: len(first)], axis=0)) / np.mean([t.u_white_rad for t in first], axis=0)
+    size = np.nan_to_num(size)  # what a film lost
     there = np.flatnonzero(np.any(size > SHOWS, axis=1))
     if there.size == 0:
         return "is below the sensors' noise"
@@ -324,5 +325,5 @@ def telling(let_in: Sequence[LetIn], trials: Sequence[ObservedTrial]) -> Array:
             curves += [] if found is None else found
         if len(curves) == len(let_in):
             apart = np.ptp(curves, axis=0) / trial.u_white_rad
-            out[k] = float(np.sqrt(np.mean(np.square(apart))))
+            out[k] = float(np.sqrt(np.nanmean(np.square(apart))))  # without what a film lost
     return out

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,17 +12,22 @@ import pytest
 import model
 from benchmarks.identification_coverage import Sensors, observed, played
 from tests.validation.identification import toy
+from validation.conventions import ENCODER_BODIES
 from validation.identification import lacks
 from validation.identification.estimates import IDENTIFIED, LACKING
 from validation.identification.fit import fit
 from validation.identification.force_runs import ForceRuns
-from validation.identification.lacks import LetIn, Supported, shows_in, supported
+from validation.identification.further import Candidate, Prospect
+from validation.identification.lacks import LetIn, Supported, shows_in, supported, telling
 from validation.identification.minima import search
+from validation.identification.page import _apart
 from validation.identification.problem import at_start
 from validation.identification.scatter import lacking
+from validation.identification.sources import IdentifyOptions, collect
 from validation.identification.unknowns import unknowns
 
 TRUTH = np.array([0.4, -0.3, 0.2])
+ACTION, EXAMPLE = model.load_action(), Path(__file__).parents[3] / "sessions" / "example_forte"
 
 
 def let_in(change: float, gain: float = 0.0) -> LetIn:
@@ -55,6 +62,43 @@ def test_where_a_lack_shows_is_told_by_the_blow() -> None:
     said = f"shows from {3 * step:.0f} ms after the blow on, most {step * (toy.M - 1 - blow):.0f} ms after the blow"
     assert shows_in(problem, 3 * [after]) == said
     assert shows_in(problem, 3 * [0.0 * after]) == "is below the sensors' noise"
+
+
+def test_what_a_film_lost_does_not_say_where_a_lack_shows() -> None:
+    problem = toy.problem(toy.made(TRUTH, 3, np.random.default_rng(3)))
+    noise, lack = np.full((toy.M, 3), 1e-5), np.zeros((toy.M, 3))
+    lack[[5, 9], 1] = [1e-3, 2e-3]
+    plain = shows_in(problem, 3 * [lack])
+    noise[2, 0] = np.nan
+    filmed = replace(problem, trials=tuple(replace(t, u_white_rad=noise) for t in problem.trials))
+    assert shows_in(filmed, 3 * [lack]) == plain
+
+
+def test_the_stroke_in_which_fits_differ_most_tells_best_what_is_lacking() -> None:
+    first, second, *_ = collect([EXAMPLE], ACTION, IdentifyOptions(phases=20)).fitted
+    soft = replace(second, force_n=second.preload_n + 0.5 * (second.force_n - second.preload_n))
+    lost = np.outer(np.arange(20) != 7, np.ones(3))
+    filmed = replace(first, u_white_rad=np.where(lost, [1e-5, 2e-5, 3e-5], np.nan))
+    both = let_in(0.0), let_in(2.5)
+    apart = []
+    for trial in (filmed, soft):
+        curves = []
+        for one in both:
+            moved = [p.values(ACTION, z) for p, z in zip(one.problem.unknowns.asked, one.fitted.z, strict=True)]
+            action = ACTION.with_values({path: v for values in moved for path, v in values.items()})
+            rest = model.rest_state(action, force_n=trial.preload_n)
+            run = model.simulate(
+                action, trial.force_time_s, trial.force_n, tolerance=1e-7, output_time_s=trial.time_s, initial=rest
+            )
+            curves.append((run.angle_rad - rest.angle_rad)[:, ENCODER_BODIES])
+        apart.append(np.sqrt(np.nanmean(((curves[0] - curves[1]) / trial.u_white_rad) ** 2)))
+    np.testing.assert_allclose(telling(both, [filmed, soft]), apart, rtol=1e-3)
+    ranked = [Prospect("hammer encoder known twice as well", {})]
+    ranked += [Prospect(name, {}, Candidate(name, t), 5) for name, t in (("forte", filmed), ("piano", soft))]
+    found = SimpleNamespace(details=SimpleNamespace(supported=Supported(both, (), (), 7, "")))
+    best = int(np.argmax(apart))
+    (said,) = _apart(found, ranked)  # type: ignore[arg-type]
+    assert f"told best by 5 {('forte', 'piano')[best]}: " in said and f"by {apart[best]:.0f} times" in said
 
 
 def test_lines_name_what_takes_the_lack_away_and_what_is_known() -> None:
