@@ -295,7 +295,8 @@ def prospects(
     -------
     prospects, refused : lists
     """
-    make = respond or (lambda some: ForceRuns(problem.action, problem.unknowns.moved, some))
+    held = problem.unknowns.held[: problem.held[0].shape[2] if problem.held else 0]
+    make = respond or (lambda some: ForceRuns(problem.action, (*problem.unknowns.moved, *held), some))
     names = [p.name for p in problem.unknowns.asked]
     found: list[Prospect] = []
     made: dict[str, Block] = {}
@@ -329,7 +330,7 @@ def prospects(
         assert p.candidate is not None
         block = made[p.name]
         planned = further(fitted, block, trials)
-        then = rehearsed(fitted, planned, block, _player(problem, p.candidate.trial, make), trials) or planned
+        then = rehearsed(fitted, planned, block, _player(make([p.candidate.trial])), trials) or planned
         shrink = ratio(then)
         apart = [np.log(shrink[name] / p.shrink[name]) for name in names]
         other = 0.0 if p.name in again else OF_ANOTHER_KIND
@@ -354,15 +355,9 @@ def _with_the_best_told(found: Sequence[Prospect], told: Callable[[Prospect], Pr
         done += 1
 
 
-def _player(problem: Problem, trial: ObservedTrial, make: Respond) -> Play:
+def _player(response: Response) -> Play:
     """What the model does in one stroke, with what moves and fixed laws elsewhere."""
-    held = problem.unknowns.held[: problem.held[0].shape[2] if problem.held else 0]
-    runs = ForceRuns(problem.action, (*problem.unknowns.moved, *held), [trial]) if held else make([trial])
-
-    def play(points: Sequence[Array]) -> list[Array | None]:
-        return [None if curves is None else curves[0] for curves in runs.curves(points)]
-
-    return play
+    return lambda points: [None if curves is None else curves[0] for curves in response.curves(points)]
 
 
 def of_sizes(fitted: Fitted, marginal: Marginal) -> Array:
@@ -387,14 +382,10 @@ def of_sizes(fitted: Fitted, marginal: Marginal) -> Array:
 
 def block_of(problem: Problem, z: Array, trial: ObservedTrial, respond: Respond) -> Block:
     """The linear model of a trial that has not been recorded."""
-    response = respond([trial])
-    (found,) = response.jacobian(z, range(z.size), driven=True)
-    held: tuple[Array, ...] = ()
-    if problem.held:
-        runs = ForceRuns(problem.action, problem.unknowns.held, [trial])
-        held = tuple(runs.jacobian(np.zeros(len(problem.unknowns.held)), range(len(problem.unknowns.held))))
-    columns, force = found[:, :, : z.size], found[:, :, z.size :]
-    return make_blocks([trial], [columns], [force], problem.laws[: z.size], held)[0]
+    p, every = z.size, problem.families.size
+    (found,) = respond([trial]).jacobian(z, range(every), driven=True)
+    columns, held, force = np.split(found, [p, every], axis=2)
+    return make_blocks([trial], [columns], [force], problem.laws[:p], (held,))[0]
 
 
 def further(fitted: Fitted, block: Block, trials: int) -> Marginal:

@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import model
 import rig
 from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
+from validation.identification.blocks import rows
 from validation.identification.fit import Fitted, fit
-from validation.identification.force_runs import Own
+from validation.identification.force_runs import ForceRuns, Own
 from validation.identification.further import (
     Candidate,
     Prospect,
@@ -26,9 +28,12 @@ from validation.identification.further import (
     write_plan,
 )
 from validation.identification.observations import ObservedTrial
-from validation.identification.problem import Problem
+from validation.identification.problem import Problem, at_start
+from validation.identification.sources import IdentifyOptions, collect
+from validation.identification.unknowns import unknowns
 
 TRUTH = np.array([0.8, -0.5, 0.3])
+EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
 AGAIN = 6
 
 
@@ -69,6 +74,22 @@ def first(rng: np.random.Generator, n: int = 8) -> tuple[Problem, Fitted]:
 def usual() -> tuple[Problem, Fitted]:
     """A fit of the usual strokes, for all who only read it."""
     return first(np.random.default_rng(12))
+
+
+def test_a_fixed_law_acts_in_a_stroke_to_come_as_it_does_where_the_fit_ended() -> None:
+    """Its column was that of the values before the fit."""
+    start = model.load_action()
+    free = unknowns(start, ["contact07.friction"], ["*"])
+    law = next(p for p in free.held if p.name == "hammer.joint_friction.A")
+    (trial, *_) = collect([EXAMPLE], start, IdentifyOptions(phases=15)).fitted
+    runs = ForceRuns(start, (*free.moved, law), [trial], 1e-8)
+    z = np.array([3.0, 0.0, 0.0, 0.0])
+    problem, _ = at_start(start, replace(free, held=(law,)), [trial], runs)
+    block = block_of(problem, z, trial, lambda some: runs)
+    steps = [(runs.curves([np.append(at, s)])[0] or [])[0] for at in (z, 0 * z) for s in (0.02, -0.02)]
+    there, before = (rows(a - b) / 0.04 for a, b in (steps[:2], steps[2:]))
+    size = np.max(np.abs(there))
+    assert np.max(np.abs(block.held[:, 0] - there)) < 0.03 * size < 0.1 * size < np.max(np.abs(before - there))
 
 
 def test_what_is_predicted_is_realised_within_a_fifth() -> None:
