@@ -114,7 +114,8 @@ def read_petab(folder: str | Path) -> PetabTables:
     Raises
     ------
     ValidationInputError
-        A table or column is missing, a number is none, or a condition has no force or not all three angles.
+        A table or column is missing, a number is none, a condition has no force or not all three angles, or those of
+        one session have different numbers of times.
 
     Examples
     --------
@@ -132,6 +133,13 @@ def read_petab(folder: str | Path) -> PetabTables:
         _trial(place, str(name), k, tables, known.get(str(name)))
         for k, name in enumerate(tables[CONDITIONS]["conditionId"])
     ]
+    lead = {t.session: t for t in trials[::-1]}
+    for t in trials:
+        if t.time_s.size != lead[t.session].time_s.size:
+            raise ValidationInputError(
+                f"{place / MEASUREMENTS}: {t.label}: found {t.time_s.size} times, {lead[t.session].label} has "
+                f"{lead[t.session].time_s.size}; allowed as many in all conditions of one session ({TRIALS})"
+            )
     seals = tuple(_seal(known.get(str(name))) for name in tables[CONDITIONS]["conditionId"])
     return PetabTables(tuple(_parameter(row) for _, row in tables[PARAMETERS].iterrows()), tuple(trials), seals)
 

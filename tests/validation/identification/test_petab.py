@@ -102,6 +102,11 @@ def test_tables_of_others_need_no_table_of_ours(folder: Path) -> None:
         ("measurements.tsv", lambda t: t.drop(columns="time"), "column time is missing"),
         ("measurements.tsv", lambda t: t[t["observableId"] != "hammer_rad"], "hammer_rad found at 0 times"),
         ("measurements.tsv", lambda t: t.assign(measurement="much"), "holds text"),
+        (
+            "measurements.tsv",
+            lambda t: t[(t["time"] < 0.2) | (t["simulationConditionId"] == "session1_trial1")],
+            "trial 2: found 20 times, toy 0, trial 1 has 24",
+        ),
         ("measurements.tsv", lambda t: t.assign(measurement=np.nan), "value that is missing"),
         ("forces.tsv", lambda t: t[::-1], "increasing time"),
         ("parameters.tsv", lambda t: t.assign(objectivePriorParameters="0.1"), "allowed mean;standard deviation"),
