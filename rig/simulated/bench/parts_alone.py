@@ -351,10 +351,12 @@ def swing_plant(bench: ActionPlant, body: str, pad: str = "") -> SwingPlant:
     Raises
     ------
     RigInputError
-        No body with an encoder, or no such pad.
+        No body with an encoder, a joint whose friction is not dry, or no such pad.
     """
     if body not in ENCODED_BODIES:
         raise RigInputError(f"swing {body}: not found; allowed {', '.join(ENCODED_BODIES)}")
+    if b1 := bench.action[f"{body}.joint_friction.B1"]:
+        raise RigInputError(f"swing {body}: joint_friction.B1 = {b1:g}, allowed 0: it swings on dry friction")
     return SwingPlant(bench.action, body, bench.sample_rate_hz, _pad(bench.action, pad) if pad else None)
 
 

@@ -194,6 +194,13 @@ def test_a_lifted_body_is_let_go_after_600_ms_and_swings_whatever_the_blocks(pla
     np.testing.assert_array_equal(swung(100), whole)
 
 
+def test_a_joint_with_more_than_dry_friction_does_not_swing_on_dry_friction(plant: ActionPlant, monkeypatch) -> None:
+    monkeypatch.setattr(plant, "action", plant.action.with_values({"hammer.joint_friction.B1": 0.4}))
+    with pytest.raises(RigInputError, match="joint_friction.B1 = 0.4, allowed 0"):
+        swing_plant(plant, "hammer")
+    assert swing_plant(plant, "whippen").truth()[0] == plant.action["whippen.joint_friction.A"]
+
+
 def test_same_seed_same_trial_other_trial_differs_as_declared(plant: ActionPlant, forte: PlantTruth) -> None:
     np.testing.assert_array_equal(play(plant, "forte").angle_rad, forte.angle_rad)
     draws = [plant.draw(k) for k in range(1, 401)]
