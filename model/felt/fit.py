@@ -50,7 +50,8 @@ class LawFit:
     ----------
     kind : name of the law
     law : with the fitted parameters
-    names, units, values, u : of the parameters; ``u`` is the jackknife over presses, NaN with fewer than three
+    names, units, values, u : of the parameters, a, b, c as ``contact02.normal.a`` and so on take them; ``u`` is the
+        jackknife over presses, NaN with fewer than three
     misfit : (m,) root mean square residual of each press as a share of its peak force
     """
 
@@ -94,7 +95,7 @@ def _search(kind: str, presses: Sequence[Pressing]) -> Search:
             (20.0, 20.0, 20.0, 1.0, LONGEST_REACH),
             lambda s: Hysteresis(*_cubic(s, depth, force), (s[3],), (s[4],)), ("a", "b", "c", "beta", "eta"),
             (*CUBIC_UNITS, "1", "1"),
-            lambda law: (law.a, law.b, law.c, law.beta[0], law.eta[0]),  # type: ignore[attr-defined]
+            lambda law: (*law._pressed()[2], law.beta[0], law.eta[0]),  # type: ignore[attr-defined]
         )  # fmt: skip
     if kind != "stulov":
         return _search_of(kind, depth, force, speed)

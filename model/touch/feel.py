@@ -142,6 +142,7 @@ def fastest_repetition(action: Action, peaks_n: ArrayLike = PEAKS) -> float:
 
     Raises
     ------
+    InputError : the scene lacks a body or is not driven by a force
     StaticsError, IntegrationError : the action has no rest state or cannot be simulated
 
     Examples
@@ -150,6 +151,7 @@ def fastest_repetition(action: Action, peaks_n: ArrayLike = PEAKS) -> float:
     >>> model.touch.fastest_repetition(model.load_action("hirschkorn2004"))
     4.5
     """
+    choice_of(action).need_played_key(action.name)
     peaks, rest = as_numbers(peaks_n, "strengths of the blows", 1).tolist(), hand_set_rest(action)
 
     def follows(rate: float) -> bool:

@@ -77,7 +77,7 @@ def test_the_law_of_the_felt_is_the_one_supported(kind: str) -> None:
     [
         ("hunt-crossley", (A, B, C, 0.6)),
         ("stulov", (1e9, 2.5, 0.02, 0.02)),
-        ("hysteresis", (A, B, C, 0.2, 0.25)),
+        ("hysteresis", (1.2 * A, 1.2 * B, 1.2 * C, 0.2, 0.25)),  # the curve at first touch, where z = 1
     ],
 )
 def test_planted_parameters_are_found_again(kind: str, true: tuple[float, ...]) -> None:
@@ -86,7 +86,12 @@ def test_planted_parameters_are_found_again(kind: str, true: tuple[float, ...]) 
     for value, u, planted in zip(fit.values, fit.u, true, strict=True):
         assert abs(value - planted) < 5.0 * u + 1e-6 * abs(planted)
         assert u < 0.05 * abs(planted)
-    if kind != "stulov":  # its numbers are not its fields
+    if kind == "hysteresis":  # in a contact of an action they are the same felt; it was a sixth too soft
+        contact = NamedLaw(kind, *fit.values[:3], values=dict(zip(fit.names[3:], fit.values[3:], strict=True)))
+        one = presses(FELTS[kind])[0]
+        ours, theirs = (felt.response(one.time_s, one.depth_m).force_n for felt in (contact, fit.law))
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12)
+    if kind == "hunt-crossley":  # its numbers are its fields
         left_out = np.array([np.hstack(astuple(law)) for law in without])
         np.testing.assert_allclose(fit.u, np.sqrt(8.0 * left_out.var(axis=0)), rtol=1e-9)  # the jackknife of nine
 
@@ -108,7 +113,7 @@ def test_a_law_that_a_program_adds_is_fitted_with_its_numbers() -> None:
 @pytest.mark.parametrize("kind", ["hunt-crossley", "hysteresis"])
 def test_jackknife_intervals_cover(kind: str) -> None:
     inside, rounds = 0, 40
-    truth = {"hunt-crossley": (A, B, C, 0.6), "hysteresis": (A, B, C, 0.2, 0.25)}[kind]
+    truth = {"hunt-crossley": (A, B, C, 0.6), "hysteresis": (1.2 * A, 1.2 * B, 1.2 * C, 0.2, 0.25)}[kind]
     for seed in range(rounds):
         fit, _ = fit_law(kind, presses(FELTS[kind], seed, 0.05))
         factor = float(stats.t.ppf(0.975, len(DEPTHS) * len(SPEEDS) - 1))

@@ -110,3 +110,9 @@ def test_figure_shows_every_action(action: model.Action, tmp_path: Path) -> None
     assert (tmp_path / "f.svg").read_text(encoding="utf-8").rstrip().endswith("</svg>")
     with pytest.raises(model.InputError, match=r"ending found '\.jpeg'"):
         draw([one], tmp_path / "f.jpeg")
+
+
+def test_repetition_of_a_key_that_no_force_drives_is_refused(action: model.Action) -> None:
+    """Newtons of the pulses would be taken for newton metres of the motor."""
+    with pytest.raises(model.InputError, match="driven by torque_nm, allowed one with all bodies driven by force_n"):
+        fastest_repetition(model.load_scene("motor-arm").on(action))
