@@ -24,11 +24,13 @@ def input_between(t, k, first, last, drive):
         k += 1
     while k > first and t < time[k] - early:
         k -= 1
+    while k < last - 1 and time[k + 1] - time[k] <= early and t >= time[k] - early:  # a jump: what is behind it
+        k += 1
     if held:
         return value[last] if t >= time[last] else value[k], 0.0, k
     if t < time[first]:
         return value[first], 0.0, k
-    if t >= time[last] - early:
+    if t >= time[last] - early or time[last] - time[k] <= early:
         return value[last], 0.0, k
     slope = (value[k + 1] - value[k]) / (time[k + 1] - time[k])
     return value[k] + slope * (t - time[k]), slope, k
