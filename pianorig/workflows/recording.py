@@ -48,6 +48,7 @@ from rig.daq.task_plan import recording_plan
 from rig.recording.options import RecordingKeywords, RecordingOptions
 from rig.session.info import PASSIVE
 from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, PlantTruth, film_bodies, film_trial
+from rig.simulated.backend import SimulatedBackend
 
 
 @dataclass(frozen=True)
@@ -134,11 +135,12 @@ def action_geometry(truth: PlantTruth) -> ActionGeometry:
 
 
 def film_virtual_trial(
-    session: Session, trial: Trial, truth: PlantTruth, progress: Callable[[int, int], None] | None = None
+    session: Session, trial: Trial, bench: SimulatedBackend, progress: Callable[[int, int], None] | None = None
 ) -> FilmTruth:
-    """Render the film of one recorded trial from the plant's truth and put it beside the trial.
+    """Render the film of the trial just recorded from the plant's truth and put it beside the trial.
 
-    Frames start `STILL_BEFORE_S` before the blow; the trial's number is the seed of the camera's noise.
+    Frames start `STILL_BEFORE_S` before the blow; the trial's number is the seed of the camera's noise. A camera that
+    runs by itself exposes when the bench says, not when the trial believes.
 
     Raises
     ------
@@ -149,7 +151,9 @@ def film_virtual_trial(
     if camera is None:
         raise CommandInputError(f"{trial.path}: has no frame clock; add a [camera] to the rig file to film")
     settings = replace(CameraSettings(), frame_rate_hz=camera.frame_rate_hz, exposure_s=camera.exposure_s)
-    times = camera.frame_time_s
+    times, truth, exposures = camera.frame_time_s, bench.plant.truth(), bench.device.bench.exposures
+    if exposures is not None:
+        times = exposures.first_s + np.arange(times.size) / exposures.rate_hz + camera.exposure_s / 2
     filmed = (times >= data.blow_start_s - STILL_BEFORE_S) & (times <= data.time_s[-1] - camera.exposure_s)
     geometry = action_geometry(truth)
     film = film_trial(
@@ -261,11 +265,10 @@ def record(
     with closing(open_backend(access.backend, rig_file.config)) as bench:
 
         def after_trial(trial: Trial) -> None:
-            if trial.number in film:
-                truth = bench.plant.truth()  # type: ignore[attr-defined]
-                films[trial.number] = film_virtual_trial(Session.open(out), trial, truth, film_progress)
+            if isinstance(bench, SimulatedBackend) and trial.number in film:
+                films[trial.number] = film_virtual_trial(Session.open(out), trial, bench, film_progress)
 
-        if film and not hasattr(bench, "plant"):
+        if film and not isinstance(bench, SimulatedBackend):
             raise CommandInputError(
                 f"--film: {access.backend} has no virtual camera; save the real film beside the trial instead"
             )

@@ -113,18 +113,14 @@ def check_watchdogs(device: DeviceState) -> None:
         states = {line: level for line, level in timer.levels.items() if level != daqmx.NO_CHANGE}
         device.lines |= {line: level == daqmx.HIGH for line, level in states.items()}  # tri-stated, it is pulled down
         if device.inventory.of(timer.device).product.expiry_locks:
-            _lock(device)
+            device.locked = True
+            for task in device.tasks.values():
+                if task.state == "running" and task.name not in device.watchdogs:
+                    task.progress.live, task.progress.error = False, Code.CHASSIS_WATCHDOG_TIMER_EXPIRED
             continue
         for task in device.tasks.values():
             if task.type in ("AO", "DO") and any(timer.controls(channel.physical.name) for channel in task.channels):
                 task.progress.live = False
-
-
-def _lock(device: DeviceState) -> None:
-    device.locked = True
-    for task in device.tasks.values():
-        if task.state == "running" and task.name not in device.watchdogs:
-            task.progress.live, task.progress.error = False, Code.CHASSIS_WATCHDOG_TIMER_EXPIRED
 
 
 def refuse_locked(device: DeviceState, call: str) -> None:

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from pianorig.errors import InputError
+from pianorig.workflows import recording
 from pianorig.workflows.attach import HEADERS, attach_film
 from pianorig.workflows.session_film import SessionFilm
 from pianorig.workflows.session_paths import session_folder
 from rig.configuration.profile import load_profile
+from rig.configuration.rig_file import load_rig
 from rig.recording.recorder import record_session
 from rig.session import Session, Trial
 from rig.session.film_record import read_record
@@ -177,3 +179,18 @@ def test_the_session_is_the_one_named_the_working_folder_or_the_newest(session, 
     assert session_folder(None, tmp_path) == session.path
     monkeypatch.chdir(session.path)
     assert session_folder(None) == Path()
+
+
+def test_the_film_of_a_virtual_camera_that_runs_by_itself_shows_when_it_exposed(tmp_path, monkeypatch) -> None:
+    filmed, benches = [], []
+    monkeypatch.setattr(recording, "film_trial", lambda path, times, *rest, **more: filmed.append(times))
+    opened = recording.open_backend
+    monkeypatch.setattr(recording, "open_backend", lambda *given: benches.append(opened(*given)) or benches[-1])
+    text = load_rig("virtual").text.replace('mode = "pulses"', 'mode = "counted"').replace("Mod4/PFI4", "Mod4/PFI0")
+    (tmp_path / "rig.toml").write_text(text, "utf-8")
+    access = recording.BenchAccess(tmp_path / "rig.toml")
+    session, _ = recording.record(tmp_path / "s", access, profile=load_profile(STEP), trials=1, film=[1])
+    camera, exposures = session.trial(1).read().camera, benches[0].device.bench.exposures
+    number = (filmed[0] - camera.exposure_s / 2 - exposures.first_s) * exposures.rate_hz
+    np.testing.assert_allclose(number, np.rint(number[0]) + np.arange(number.size), atol=1e-6)
+    assert np.abs(filmed[0] - camera.frame_time_s[np.rint(number).astype(int)]).max() > 1e-6  # what is believed
