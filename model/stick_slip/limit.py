@@ -17,6 +17,7 @@ from model.files.figure_sheet import new_sheet
 from model.files.force_table import check_force_table
 from model.force_driven import simulate as simulate_smoothed
 from model.parameters.action import Action
+from model.scene.string_terms import with_modes
 from model.simulation.solution import Solution
 from model.stick_slip.march import Marched, simulate
 from model.study.blow_measures import BlowMeasures, measure_blow
@@ -142,6 +143,7 @@ def compare(
     (0.001,)
     """
     speeds = tuple(as_numbers(thresholds, "threshold speeds", 1).tolist())
+    action = with_modes(action, TOLERANCE)  # the same string in both
     times, forces = check_force_table(time_s, force_n)
     # events are read from rows at the table's times, which may be coarse
     parts = max(1, math.ceil((times[-1] - times[0]) / (len(times) - 1) * RATE_HZ - 1e-6))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -144,7 +144,7 @@ def string_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> lis
     >>> string.value["contact_ms"] > 2.0 * bar.value["contact_ms"]
     True
     """
-    blow = check_force_table(time_s, force_n)
+    action, blow = _in_any_scene(action), check_force_table(time_s, force_n)
     strung, paths = load_scene("string"), [[f"string.{name}"] for name in OF_THE_STRING]
     return [
         effect_of("string", "bar", [action], lambda a: _of_felt(a, blow, PLAIN)),
@@ -234,11 +234,17 @@ def joint_sweep(
 
 def with_usual_felts(action: Action) -> Action:
     """The action by itself, without effects, with the thesis's law for every felt."""
-    return PLAIN.on(action).with_laws(dict.fromkeys(CONTACTS, USUAL))
+    return PLAIN.on(_in_any_scene(action)).with_laws(dict.fromkeys(CONTACTS, USUAL))
+
+
+def _in_any_scene(action: Action) -> Action:
+    """The action whose own values of effects and laws wait where a scene of the study has none of these."""
+    return replace(action, changed={})
 
 
 def loaded_as_at_rest(action: Action) -> Action:
     """The action with the loads of its joints, and of its rail, at which it rests as it does on rigid joints."""
+    action = _in_any_scene(action)
     still = simulate(action, np.array([0.0, 1e-3]), np.zeros(2), scene=PLAIN, inside=True).inside
     assert still is not None
     loads = {

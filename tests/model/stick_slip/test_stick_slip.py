@@ -176,3 +176,14 @@ def test_a_coarse_table_is_compared_by_what_happens_between_its_rows() -> None:
     for one, other in zip(coarse.measures, every.measures, strict=True):
         assert 0.02 < one.strike_s == pytest.approx(other.strike_s, abs=1e-7)
         assert one.strike_m_per_s == pytest.approx(other.strike_m_per_s, rel=1e-5)
+
+
+def test_a_string_has_as_many_modes_in_the_march_as_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def marched(action: model.Action, *_: object) -> None:
+        raise model.ModelError(f"{action['string.modes']:g} modes")
+
+    monkeypatch.setattr("model.stick_slip.limit.simulate", marched)
+    with pytest.raises(
+        model.ModelError, match="100 modes"
+    ):  # what `model.simulate` takes at the tolerance of the limit
+        compare(model.load_scene("string").on(ACTION), [0.0, 0.1], [0.0, 0.0])

@@ -94,3 +94,14 @@ def test_a_felt_that_is_switched_off_was_never_pressed() -> None:
     at = BLOW[0] < 0.13
     moved = model.simulate(action, BLOW[0][at], BLOW[1][at], contact_forces=True)
     assert list(equal_loss.presses(action, moved, ["contact12", "contact02"])) == ["contact02"]
+
+
+def test_numbers_of_a_law_that_is_set_aside_wait_for_it() -> None:
+    """A tau that was set with its law had the whole study refused."""
+    own = model.load_action().with_laws({"contact12": "stulov"}).with_values({"contact12.stulov.tau": 1e-4})
+    plain, stulov = (
+        equal_loss.with_usual_felts(own).with_laws({"contact12": law}) for law in ("hunt-crossley", "stulov")
+    )
+    numbers = [model.build_scene(action).vector for action in (model.load_action(), plain, own, stulov)]
+    np.testing.assert_array_equal(numbers[0], numbers[1])
+    np.testing.assert_array_equal(numbers[2], numbers[3])

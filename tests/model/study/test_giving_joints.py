@@ -63,3 +63,4 @@ def test_loads_are_those_of_the_action_by_itself(scene: str) -> None:
     paths = [f"{pin}.load.{axis}" for pin in PINS for axis in "xy"]
     assert len({alone[path] for path in paths}) == 10
     assert [carried[path] for path in paths] == [alone[path] for path in paths]
+    assert loaded_as_at_rest(action.with_values({"key_pin.stiffness": 2e6}))["key_pin.stiffness"] == 2e6
