@@ -105,7 +105,11 @@ class Profile(ArrayRecord):
             )
         sampled = self.sample(sample_rate_hz)
         slew = np.abs(np.diff(sampled)) * sample_rate_hz
-        steepest = int(np.argmax(slew))
+        # between two samples a force within the limit moves by half a sample's change at most
+        missed = np.abs(self.force_n - np.interp(self.time_s, np.arange(sampled.size) / sample_rate_hz, sampled))
+        steepest, lost = int(np.argmax(slew)), int(np.argmax(missed))
+        if 2 * sample_rate_hz * missed[lost] > slew_limit_n_per_s * (1 + 1e-9):
+            raise RigInputError(f"{where}: {missed[lost]:.4g} N of points[{lost}] lie between two samples; spread them")
         if slew[steepest] > slew_limit_n_per_s * (1 + 1e-9):
             raise RigInputError(
                 f"{where}: force changes by {slew[steepest]:.4g} N/s at {steepest / sample_rate_hz:.4g} s, allowed "
@@ -253,9 +257,8 @@ def motor_command(profile: Profile, config: RigConfig) -> MotorCommand:
         raise RigInputError(f"{profile.name}: needs {np.max(np.abs(volts)):g} V, allowed {motor.voltage_limit_v:g} V")
     quiet = int(np.ceil(config.recording.quiet_s * rate))
     start_s = quiet / rate
-    return MotorCommand(
-        np.concatenate((np.zeros(quiet), volts)), start_s + profile.onset_s, start_s + profile.duration_s
-    )
+    volts = np.concatenate((np.zeros(quiet), volts))
+    return MotorCommand(volts, start_s + profile.onset_s, start_s + profile.duration_s)
 
 
 def rms_force_n(force_n: NDArray[np.float64], sample_rate_hz: float, over_s: float) -> float:

@@ -124,6 +124,11 @@ def test_limits_of_force_and_slew_name_value_and_limit() -> None:
     with pytest.raises(InputError, match=r"changes by 1e\+04 N/s .* allowed 2000 N/s"):
         steep.check_limits(*LIMITS)
     steep.check_limits(120.0, 10_000.0)
+    short = parse_profile(
+        profile_text([(0, 0), (0.1, 0), (0.10005, 8), (0.1001, 0), (0.2, 0.5), (0.3, 0)]), "short.toml"
+    )
+    with pytest.raises(InputError, match=r"8 N of points\[2\] lie between two samples"):
+        short.check_limits(*LIMITS)
 
 
 def test_an_unknown_name_and_an_unreadable_path_are_refused(tmp_path) -> None:
