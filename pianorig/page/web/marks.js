@@ -106,7 +106,8 @@ export function marksPart({ panel, known, base, kept, ended, reload, rate, edito
   /** Where a followed mark is in a frame: its places, or null. */
   function placesOf(mark, index) {
     const one = found.get(mark.name), row = one ? one.frame.indexOf(index) : -1;
-    if (row < 0) return null;
+    const asFollowed = known.marks.find(({ name }) => name === mark.name); // what was found of a mark drawn elsewhere is not of this one
+    if (row < 0 || JSON.stringify(asFollowed?.points) !== JSON.stringify(mark.points)) return null;
     if (mark.kind === "point") return { lost: one.lost[row] || !one.x_px, places: one.x_px ? [[one.x_px[row], one.y_px[row]]] : [], words: one.x_px ? `${mark.name} x ${one.x_px[row].toFixed(2)} ± ${one.u_x_px[row].toFixed(2)}, y ${one.y_px[row].toFixed(2)} ± ${one.u_y_px[row].toFixed(2)} px` : "" };
     if (!one.offset_px) return null;
     const [[ax, ay], [bx, by]] = mark.points, long = Math.hypot(bx - ax, by - ay), off = one.offset_px[row], nx = (by - ay) / long, ny = -(bx - ax) / long;
@@ -156,7 +157,7 @@ export function marksPart({ panel, known, base, kept, ended, reload, rate, edito
       known.problem ? make("p", { class: "notice" }, known.problem) : "", rows, follow, told,
       make("p", { class: "hint" }, `A point: click its middle; its disc should hold the whole spot. A line: click two places on it; it is followed across itself. While one is chosen, clicks, arrow keys and Enter (sets it without a pointer) are its own; Escape gives them back to the outlines. In ${known.file}.`)),
     /** What following has found, read again. */
-    set(now) { found = unpacked(now.found); panel.draw(panel.shown); },
+    set(now) { known = now; found = unpacked(now.found); panel.draw(panel.shown); },
     /** An outline was chosen, so no mark is. */
     release() { if (chosen >= 0) { chosen = -1; list(); } },
     close() { document.removeEventListener("keydown", keys, true); canvas.removeEventListener("pointerdown", down, true); canvas.removeEventListener("pointermove", move, true); },

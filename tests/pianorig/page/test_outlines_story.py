@@ -209,3 +209,21 @@ def test_points_are_added_moved_deleted_and_taken_back(browser: Any, filmed: Pat
             tab.get_by_role("button", name="Undo", exact=True).click()
         assert tab.evaluate("window.benchEditor.bodies.length") == 3
         assert tab.get_by_role("button", name="Save", exact=True).is_disabled()  # looking only
+
+
+def test_a_mark_drawn_anew_has_nothing_of_the_old_one(browser: Any, filmed: Path, looking: Page) -> None:
+    session = filmed / "example_forte"
+    (session / "marks.toml").write_text(
+        '[[line]]\nname = "line1"\nfrom_px = [20, 10]\nto_px = [100, 12.5]\nwidth_px = 8\n'
+    )
+    row = ",".join(f"line1_{name}" for name in ("offset_px", "u_offset_px", "turn_rad", "u_turn_rad", "flag"))
+    (session / "trial_0001.marks.csv").write_text(f"time_s,frame,{row}\n0,0,0,.1,0,.1,0\n0,1,7.25,.1,0,.1,0\n")
+    with opened(browser, looking, f"{looking.address}#outlines?film=example_forte&trial=1&frame=1") as tab:
+        tab.get_by_text("line1 +7.25").wait_for()
+        tab.get_by_role("button", name="Delete line1").click()
+        tab.get_by_role("button", name="To the still frames").click()
+        tab.get_by_role("button", name="New line").click()
+        assert tab.get_by_label("Name of mark 1").input_value() == "line1"
+        tab.get_by_label("Frame", exact=True).fill("1")
+        until(tab, "document.querySelector('.film canvas').dataset.frame === '1'")
+        assert tab.get_by_text("7.25").count() == 0
