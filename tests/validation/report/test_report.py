@@ -70,6 +70,7 @@ def test_every_figure_of_the_thesis_is_there_with_title_and_description(page):
 
 def test_the_verdict_comes_first_and_limits_and_provenance_are_there(page, compared):
     assert page.index(compared.sentence) < page.index("<table") < page.index("Model hirschkorn2004 against 5 trials")
+    assert page.count(compared.advice[0]) == 1
     assert "What this report cannot claim" in page
     assert "action.values_sha256" in page
     assert all(seal in page for seal in compared.trials["seal"])
