@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -88,6 +89,7 @@ def _plain(value: Any) -> Any:
 
 
 MOST_TRIALS = 8
+CURVES = re.compile(rf"curves(_\d+)?\.nc|curves/(s\d+-)?({'|'.join(('force', *BODIES))})\.(csv|json)")
 DIGITS = 9  # after the point, in rad and N: far below a count
 SPREAD = ("mean_rad", "s_r_rad", "band95_rad", "difference_rad", "difference_u95_rad", "difference_band95_rad")
 
@@ -183,7 +185,7 @@ def write_report(result: ValidationResult | SideBySide, folder: str | Path) -> V
 
 
 def write_side_by_side(side: SideBySide, folder: Path) -> SideBySide:
-    """Write the page, the results for programs, every table and the curves."""
+    """Write the page, the results for programs, every table and the curves; curves of an older report do not stay."""
     check_folder(folder)
     texts: dict[str, str | bytes] = {f"tables/{name}.csv": table_csv(table) for name, table in side.tables.items()}
     texts.update(curve_files(side))
@@ -191,4 +193,8 @@ def write_side_by_side(side: SideBySide, folder: Path) -> SideBySide:
     texts["report.html"] = render_html(
         side, animation=(folder / ANIMATION).is_file()
     )  # last: a page never points at tables that are not there yet
-    return side.with_files(write_files(folder, texts))
+    files = write_files(folder, texts)
+    for path in (*folder.glob("curves*.nc"), *folder.glob("curves/*")):
+        if CURVES.fullmatch(name := path.relative_to(folder).as_posix()) and name not in texts:
+            path.unlink()
+    return side.with_files(files)

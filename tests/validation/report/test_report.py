@@ -96,6 +96,16 @@ def lonely(make, shared):
     return Session.open(path), result
 
 
+def test_curves_of_an_older_report_do_not_stay_beside_a_new_one(lonely, tmp_path):
+    (tmp_path / "curves").mkdir()
+    older = ("curves_1.nc", "curves_2.nc", "curves/s2-hammer.csv", "curves/jack.json", "curves/key.csv")
+    for name in (*older, "curves/mine.csv", "curves_of_mine.nc"):
+        (tmp_path / name).write_text("older")
+    written = write_report(lonely[1], tmp_path).files
+    left = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()} - set(written)
+    assert left == {"curves/mine.csv", "curves_of_mine.nc"} and written["curves/key.csv"].read_text() != "older"
+
+
 def test_text_from_a_session_is_escaped(lonely):
     _, result = lonely
     text = result.files["report.html"].read_text(encoding="utf-8")
