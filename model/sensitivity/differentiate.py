@@ -13,7 +13,6 @@ from model.errors import InputError
 from model.files.force_table import check_force_table
 from model.force_driven import check_output_times
 from model.parameters.action import Action, load_action
-from model.scene.string_terms import with_modes
 from model.sensitivity.events import Events
 from model.sensitivity.options import SensitivityOptions
 from model.sensitivity.parameter_names import described, directions, find_parameters, refuse_idle
@@ -98,7 +97,6 @@ def _differentiate(
     times, forces = check_force_table(*blow)
     outputs = check_output_times(options.output_time_s, times)
     action, choice = options.of(action)
-    action = with_modes(action, options.tolerance)
     named = find_parameters(action, parameters) if len(parameters) or inputs is None else []
     slopes = directions(action, choice, named)
     if inputs is not None:
