@@ -183,15 +183,13 @@ def effect_on_angles(
     """Largest angle error without correction, and largest standard uncertainty with it, of a turning block, rad."""
     x, y = np.meshgrid(np.linspace(-0.5, 0.5, 13) * BLOCK_PX[0], np.linspace(-0.5, 0.5, 5) * BLOCK_PX[1])
     block = np.stack([x.ravel(), y.ravel()], axis=-1)
-    nominal = projection_of(camera.parameters, camera.width, camera.height)
-    variants = camera.variants(camera.width, camera.height)
+    size = camera.width, camera.height
+    seen_by = [projection_of(camera.parameters, *size), *(one.projection for one in camera.variants(*size))]
     worst = u_worst = 0.0
     for place in (low_px + (high_px - low_px) * np.array([u, v]) for u in (0.15, 0.5, 0.85) for v in (0.15, 0.5, 0.85)):
         for start in np.radians([0.0, 45.0, 90.0, 135.0]):
             before, after = (place + block @ turn_matrix(a).T for a in (start, start + turn_rad))
-            errors = []
-            for projection in (nominal, *(variant.projection for variant in variants)):
-                errors.append(_rigid_turn(projection.seen(before), projection.seen(after)) - turn_rad)
+            errors = [_rigid_turn(view.seen(before), view.seen(after)) - turn_rad for view in seen_by]
             worst = max(worst, abs(errors[0]))
             u_worst = max(u_worst, float(np.sqrt(np.sum((np.array(errors[1:]) - errors[0]) ** 2))))
     return worst, u_worst
@@ -203,14 +201,13 @@ def _fit(
     """The camera, the residual of a point (px), and those of all, shape (views, points, 2)."""
     board = target.points_m() - target.points_m().mean(axis=0)
     centre = projection_of(np.zeros(5), film.width, film.height).centre_px
-    start = [np.zeros(5)]
     scales, places = [], []
     for points in seen:
         flat = board @ np.linalg.lstsq(board, points - points.mean(axis=0), rcond=None)[0]
         turn = _rigid_turn(board, flat)
         scales.append(float(np.sum((board @ turn_matrix(turn).T) * flat) / np.sum(board**2)))
         places.append(np.array([turn, *(points.mean(axis=0) - centre)]))
-    start += [np.array([np.mean(scales)]), *places]
+    start = [np.zeros(5), np.array([np.mean(scales)]), *places]
 
     def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
         projection = projection_of(np.array([*x[:4], np.clip(x[4], -0.2, 0.2)]), film.width, film.height)

@@ -1,11 +1,10 @@
 """AVI, MP4 and similar films, decoded by OpenCV.
 
 Frames are decoded in order and counted, since a seek inside a compressed film may land on another frame; going back
-reopens the file. Colour is converted to grey with OpenCV's weights, or one channel
-is taken. An unreadable file, or one that ends before the
-number of frames it announces, raises `FilmError`. Codecs that predict a frame from its neighbours draw a
-`VisionWarning`: they hide noise on still frames and bias moving ones (errors of 9 to 55 mdeg where raw film gives 2,
-measured with H.264).
+reopens the file. Colour is converted to grey with OpenCV's weights, or one channel is taken. An unreadable file, or one
+that ends before the number of frames it announces, raises `FilmError`. Codecs that predict a frame from its neighbours
+draw a `VisionWarning`: they hide noise on still frames and bias moving ones (errors of 9 to 55 mdeg where raw film
+gives 2, measured with H.264).
 
 Whether an MP4 or MOV file is as long as its container says is asked by a walk through its top-level boxes, before
 decoding, because decoders hide a missing end: they fill up half a frame silently. Only sizes are read, nothing is

@@ -60,8 +60,7 @@ def jpeg_steps(data: bytes) -> NDArray[np.float64] | None:
         return None
     values = np.frombuffer(data, dtype=kind, count=64, offset=at + 5)
     steps = np.empty((8, 8))
-    for (row, column), value in zip(ZIGZAG, values, strict=True):
-        steps[row, column] = value
+    steps[tuple(np.transpose(ZIGZAG))] = values
     return steps
 
 

@@ -30,11 +30,11 @@ NO_REGION = -1
 class Fit:
     """Result of fitting one body in one frame.
 
-    ``covariance`` (3, 3) is from this frame's noise only, in rad and px. ``zncc`` is the correlation of fitted and
-    observed grey values over the pixels in use, ``inlier`` the fraction of the template's pixels that agree with the
-    fit, ``seen`` the fraction that is inside the picture and not covered. Where ``converged`` is False the other values
-    mean nothing. ``coherence`` tells how far the residuals are from white noise; ``level`` is the mean grey value of
-    the pixels in use, where it is known.
+    ``covariance`` (3, 3) is from this frame's noise only, in rad and px, its shift along the body's own axes. ``zncc``
+    is the correlation of fitted and observed grey values over the pixels in use, ``inlier`` the fraction of the
+    template's pixels that agree with the fit, ``seen`` the fraction that is inside the picture and not covered. Where
+    ``converged`` is False the other values mean nothing. ``coherence`` tells how far the residuals are from white
+    noise; ``level`` is the mean grey value of the pixels in use, where it is known.
     """
 
     pose: NDArray[np.float64]

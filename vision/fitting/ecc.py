@@ -40,8 +40,7 @@ class EccFitter(Fitter):
         # pixels lie at whole numbers plus one common fraction, which the crop keeps as its origin
         self._origin = (template.box_px[0], template.box_px[2])
         corner = np.array(self._origin, dtype=np.float32)[:, None]
-        cols, rows = np.rint(template.offset_px - corner).astype(int)
-        self._cols, self._rows = cols, rows
+        self._cols, self._rows = cols, rows = np.rint(template.offset_px - corner).astype(int)
         shape = (int(rows.max()) + 1, int(cols.max()) + 1)
         self._picture = np.full(shape, template.mean_grey, dtype=np.float32)
         self._picture[rows, cols] = template.columns[3] + np.float32(template.mean_grey)

@@ -220,14 +220,10 @@ class LightField:
         return _by_square(self._cell, self._middle_grey.size, self._cell.size)
 
     @cached_property
-    def _pairs(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """Neighbouring pixels."""
-        return _pairs(self._template)
-
-    @cached_property
-    def _neighbours(self) -> list[NDArray[np.intp]]:
-        """Pairs that begin in each square."""
-        return [_by_square(self._cell[one], self._middle_grey.size, one.size) for one, _ in self._pairs]
+    def _pairs(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]]:
+        """Neighbouring pixels, and which pairs of them begin in each square."""
+        n = self._middle_grey.size
+        return [(one, other, _by_square(self._cell[one], n, one.size)) for one, other in _pairs(self._template)]
 
     def shown(
         self, visible: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise: float
@@ -308,7 +304,7 @@ class LightField:
     def _roughness(self, left: F64) -> F64:
         """Noise of each square by the differences of neighbours, along the way in which they are larger."""
         rough = np.zeros(self._members.shape[0])
-        for (one, other), squares in zip(self._pairs, self._neighbours, strict=True):
+        for one, other, squares in self._pairs:
             apart = np.append(np.abs(left[one] - left[other]), np.nan)[squares]
             known = np.isfinite(apart).any(axis=1)
             rough[known] = np.maximum(rough[known], 1.4826 / np.sqrt(2.0) * row_median(apart[known]))
@@ -432,8 +428,6 @@ SUSPECTED = 2.0
 ALIKE = 0.7
 """Correlation of the changes that two fits show, from which they are the same light."""
 LEAST_NOISE_GREY = 0.5
-
-
 MEAN_NOISE_GAIN = float(noise_gain().mean())
 """Frozen into compiled code."""
 

@@ -20,15 +20,15 @@ from vision.angles import picture_to_ccw
 from vision.arrays import ArrayRecord
 from vision.errors import TrackingError, VisionInputError
 from vision.film.open import film_of
-from vision.film.source import FrameSource, Repeats
-from vision.fitting.base import region_of
+from vision.film.source import FrameSource
 from vision.fitting.frame_spline import FrameSpline
 from vision.marks.mark import LineMark, Mark
 from vision.marks.mark_fitter import UNTURNED, MarkFitter, mark_template
 from vision.reference.still_average import average_still_frames, still_count
 from vision.results.flags import FrameFlag, is_failed
-from vision.results.pose_table import PoseTable
+from vision.results.pose_table import PoseTable, turned_covariance
 from vision.tracking.body_tracker import BodyTracker
+from vision.tracking.film_tracker import repeats_around
 from vision.tracking.prepare import FIRST_AVERAGED, frame_times
 from vision.uncertainty.coherence import variance_factor, widened
 
@@ -212,9 +212,7 @@ def _follow(
     progress: Callable[[int, int], None] | None,
 ) -> None:
     """Fill the table, row by row."""
-    boxes = [region_of(t.template, np.zeros(3), film.height, film.width, 4) for t in trackers]
-    low, high = np.min([box for box in boxes if box], axis=0), np.max([box for box in boxes if box], axis=0)
-    repeats = Repeats(film, (int(low[0]), int(high[1]), int(low[2]), int(high[3])))
+    repeats = repeats_around(film, [tracker.template for tracker in trackers], n_still)
     for row, index in enumerate(table.frame.tolist()):
         repeated = index >= n_still and repeats.at(index)
         for i, tracker in enumerate(trackers):
@@ -252,11 +250,13 @@ def _result(
             turned = np.stack([c * normal[0] - s * normal[1], s * normal[0] + c * normal[1]], axis=1)
             # where the line now crosses its normal through the middle
             columns["offset"][:, i] = np.sum(pose[:, 1:] * turned, axis=1) / (turned @ normal)
-            columns["u_offset"][:, i] = np.sqrt(np.einsum("i,nij,j->n", normal, own[:, 1:, 1:], normal))
+            variance = np.einsum("i,nij,j->n", normal, own[:, 1:, 1:], normal)
+            columns["u_offset"][:, i] = np.sqrt(variance) / (turned @ normal)
         else:
             x, y = tracker.template.centre_px
             columns["x"][:, i], columns["y"][:, i] = x + pose[:, 1], y + pose[:, 2]
-            columns["u_x"][:, i], columns["u_y"][:, i] = np.sqrt(own[:, 1, 1]), np.sqrt(own[:, 2, 2])
+            seen = turned_covariance(own, pose[:, 0])
+            columns["u_x"][:, i], columns["u_y"][:, i] = np.sqrt(seen[:, 1, 1]), np.sqrt(seen[:, 2, 2])
     return MarkResult(
         marks=tuple(marks),
         frame=table.frame,

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.angles import turn_matrix
 from vision.errors import BodyError
 from vision.film.source import FrameSource
 from vision.fitting.assessment import blocks_of, ratios_of
@@ -93,6 +94,8 @@ class MarkFitter(Fitter):
 
     def __init__(self, template: Template, motions: F64, frames: FrameSpline) -> None:
         self.template, self.motions = template, motions
+        is_line = motions.shape[1] == 2 and motions[0, 0] != 0.0
+        self._along = np.array([-motions[2, 1], motions[1, 1]]) if is_line else None
         self._frames = frames
         self._design = np.vstack([template.columns, np.ones(template.n_pixels)]).astype(float)
         self._reduced = _expanded(motions).T @ self._design  # (k + 2, n)
@@ -155,6 +158,10 @@ class MarkFitter(Fitter):
             rate, before = max(min(size / before, 0.95), 0.7 * rate), size
             small = max(abs(step[0]) * template.radius_px, abs(step[1]), abs(step[2])) < TOLERANCE_PX
             if iteration > 1 and (small or (size < 1.0 and size * rate / (1.0 - rate) < STOP_U)):
+                if self._along is not None:
+                    # left free, a line slides along itself ever faster, as it is predicted to go on
+                    slide = turn_matrix(pose[0]) @ self._along
+                    pose[1:] += slide * ((start - pose)[1:] @ self._along) / (slide @ self._along)
                 return self._assess(pose, gain, scale, mean_noise_gain(places, visible, noise_gain()), iteration)
         return FAILED
 

@@ -8,6 +8,7 @@ so that a short motion in a long film is not stepped over.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +24,8 @@ MOST_FRAMES = 60
 ACTIVITY_FRAMES = 400
 WINDOW_PX = 21
 SMOOTH_PX = 1.0
+BLACK = 0.05
+"""Of the brightest grey values."""
 BACK_PX = 0.7
 """Distance by which a point may miss its place when followed back."""
 TEXTURE = 0.5
@@ -80,11 +83,11 @@ def track_points(film: FrameSource) -> PointTracks:
     noise = float(1.4826 * np.median(np.abs(second - first))) / np.sqrt(2.0) * factor
     noise = max(noise / (2.0 * np.sqrt(np.pi) * SMOOTH_PX), 0.3)
     frame = frames_by_activity(film)
-    middle = float(np.median(first))
+    light = _light_by(first)
     pictures = []
     for index in frame:
         grey = film.read(int(index)).astype(np.float32)
-        pictures.append(stretched(grey * (middle / max(float(np.median(grey)), 1e-6))))
+        pictures.append(stretched(grey * (float(light(first)) / max(float(light(grey)), 1e-6))))
     points, spacing = _chosen_points(reference, noise)
     place = np.full((len(points), frame.size, 2), np.nan)
     place[:, 0] = points
@@ -105,11 +108,12 @@ def frames_by_activity(film: FrameSource) -> NDArray[np.intp]:
     looked_at = np.unique(np.linspace(0, film.n_frames - 1, ACTIVITY_FRAMES).astype(int))
     if looked_at.size <= MOST_FRAMES:
         return looked_at
-    change, before = [0.0], None
+    change, before, light = [0.0], None, None
     for index in looked_at:
         grey = film.read(int(index)).astype(np.float32)
         small = np.asarray(cv2.resize(grey, None, fx=0.125, fy=0.125, interpolation=cv2.INTER_AREA), dtype=np.float32)
-        small /= max(float(np.median(small)), 1e-6)
+        light = light or _light_by(small)
+        small /= max(float(light(small)), 1e-6)
         if before is not None:
             change.append(float(np.abs(small - before).mean()))
         before = small
@@ -117,6 +121,12 @@ def frames_by_activity(film: FrameSource) -> NDArray[np.intp]:
     steps = np.maximum(steps - 1.2 * np.quantile(steps, 0.2), 0.02 * steps.max() + 1e-12)
     way = np.concatenate([[0.0], np.cumsum(steps)])
     return np.unique(np.rint(np.interp(np.linspace(0.0, way[-1], MOST_FRAMES), way, looked_at)).astype(int))
+
+
+def _light_by(first: NDArray[Any]) -> Callable[[NDArray[Any]], Any]:
+    """What tells the light of pictures like the first: the median, which hardly follows what moves, or the mean where
+    most of the picture is black."""
+    return np.median if np.median(first) > BLACK * np.quantile(first, 0.998) else np.mean
 
 
 def _chosen_points(reference: Picture, noise: float) -> tuple[NDArray[np.float64], float]:

@@ -63,7 +63,9 @@ def left_over(tracks: PointTracks, groups: Groups) -> NDArray[np.float32]:
     for motion in groups.motions:
         most = DIFFERENT * tracks.noise_grey
         frames = [
-            _smooth(np.minimum(np.abs(turned_back(tracks.pictures[step], matrix) - reference), most))
+            cv2.GaussianBlur(
+                np.minimum(np.abs(turned_back(tracks.pictures[step], matrix) - reference), most), (0, 0), SMOOTH_PX
+            )
             for step, matrix in zip(groups.key, motion.matrices(), strict=True)
         ]
         left.append(np.quantile(np.stack(frames), 1.0 - HIDDEN, axis=0) / tracks.noise_grey)
@@ -181,10 +183,6 @@ def _opened(mask: Mask, size: int) -> Mask:
 
 def _disc(size: int) -> Mask:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
-
-
-def _smooth(picture: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.asarray(cv2.GaussianBlur(picture, (0, 0), SMOOTH_PX))
 
 
 PINNED_PX = 1.5
@@ -323,7 +321,8 @@ def propose_bodies(film: FrameSource) -> list[Body]:
     tracks = track_points(film)
     whole = _attempt(tracks, USUAL)
     others = [_attempt(tracks.beginning(n), USUAL) for n in _shorter(tracks)]
-    if not whole.bodies and not any(other.bodies for other in others) and _rests(tracks, whole.groups):
+    rests = len(whole.groups.motions) == 1 and np.count_nonzero(whole.groups.group == 0) > 0.5 * len(tracks.place_px)
+    if rests and not whole.bodies and not any(other.bodies for other in others):
         within = USUAL.scaled(_finer(tracks))
         if not _shakes(tracks, within.rests_px):
             others.append(_attempt(tracks, within))
@@ -371,10 +370,6 @@ def _shorter(tracks: PointTracks) -> list[int]:
         return []
     ends = {int(np.count_nonzero(followed > share)) for share in STILL_FOLLOWED}
     return sorted(n for n in ends if LEAST_FRAMES <= n < tracks.frame.size)
-
-
-def _rests(tracks: PointTracks, groups: Groups) -> bool:
-    return len(groups.motions) == 1 and bool(np.count_nonzero(groups.group == 0) > 0.5 * len(tracks.place_px))
 
 
 def _shakes(tracks: PointTracks, rests_px: float) -> bool:

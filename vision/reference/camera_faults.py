@@ -39,6 +39,9 @@ LEAST_GREY = 12.0
 """Smallest such difference, of 255."""
 FRAMES, AGREE = 6, 5
 """Frames that are looked at, and how many must show a defect."""
+MORE_FRAMES, CHANGED, OUT = 48, 4, 0.3
+"""Frames that are looked at again, those of them in which its neighbours have changed most, and the share of what a
+defect differs from them by in the first frame that it must differ by in most of these."""
 MOST_SHARE = 0.01
 """Of all pixels; more are a texture, not defects."""
 NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=np.uint8)
@@ -59,10 +62,14 @@ class WithoutDefects(Corrected):
         inside = (self.rows >= y0) & (self.rows < y1) & (self.columns >= x0) & (self.columns < x1)
         rows, columns = self.rows[inside] - y0, self.columns[inside] - x0
         if rows.size:
-            last_y, last_x = grey.shape[0] - 1, grey.shape[1] - 1
-            near = [grey[np.clip(rows + dy, 0, last_y), np.clip(columns + dx, 0, last_x)] for dy, dx in AROUND]
-            grey[rows, columns] = np.median(np.stack(near), axis=0)
+            grey[rows, columns] = np.median(_beside(grey, rows, columns), axis=0)
         return grey
+
+
+def _beside(grey: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[Any]:
+    """The eight neighbours of each pixel, (8, k)."""
+    last_y, last_x = grey.shape[0] - 1, grey.shape[1] - 1
+    return np.stack([grey[np.clip(rows + dy, 0, last_y), np.clip(columns + dx, 0, last_x)] for dy, dx in AROUND])
 
 
 def without_defects(film: FrameSource) -> FrameSource:
@@ -72,11 +79,26 @@ def without_defects(film: FrameSource) -> FrameSource:
     if not 0 < count <= MOST_SHARE * first.size:
         return film
     # of a film that must be decoded in order only the beginning is near
-    last = FRAMES - 1 if getattr(film, "in_order", True) else film.n_frames - 1
-    frames = np.unique(np.linspace(0, min(last, film.n_frames - 1), FRAMES).astype(int))
+    last = min(FRAMES if getattr(film, "in_order", True) else film.n_frames, film.n_frames) - 1
+    frames = np.unique(np.linspace(0, last, FRAMES).astype(int))
     alike = sum((_apart(film.read(int(k)), film.bit_depth) == first).astype(int) for k in frames)
     rows, columns = np.nonzero((first != 0) & (alike >= min(AGREE, frames.size)))
-    return WithoutDefects(film, rows, columns) if rows.size else film
+    stays = _stays(film, rows, columns, last) if rows.size else np.zeros(0, dtype=bool)
+    return WithoutDefects(film, rows[stays], columns[stays]) if stays.any() else film
+
+
+def _stays(film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.intp], last: int) -> NDArray[np.bool_]:
+    """Which pixels still differ from their neighbours where these have changed: texture of a body that rests in most
+    frames goes with them."""
+    beside, off = [], []
+    for k in np.unique(np.linspace(0, last, MORE_FRAMES).astype(int)):
+        grey = film.read(int(k))
+        light = float(np.median(grey[::8, ::8])) + 1.0
+        beside.append(_beside(grey, rows, columns) / light)
+        off.append(grey[rows, columns] / light - np.median(beside[-1], axis=0))
+    out = np.array(off) * np.sign(off[0]) > OUT * np.abs(off[0])
+    most = np.argsort(-np.abs(np.array(beside) - beside[0]).sum(axis=1), axis=0, kind="stable")[:CHANGED]
+    return np.asarray(2 * np.take_along_axis(out, most, axis=0).sum(axis=0) > len(most))
 
 
 def _apart(frame: NDArray[Any], bit_depth: int) -> NDArray[np.int8]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.angles import turn_matrix
 from vision.fitting.assessment import N_LEVELS
 from vision.fitting.base import Fit
 from vision.results.flags import FAILURE, FrameFlag, is_failed
@@ -26,7 +27,7 @@ class PoseTable:
     pose : ndarray, shape (n, m, 3)
         Turn (rad, clockwise to the eye) and shift (px).
     covariance : ndarray, shape (n, m, 3, 3)
-        Of the pose, from that frame's noise.
+        Of the pose, from that frame's noise; its shift is along the body's own axes, which turn with it.
     zncc, inlier, noise_grey, gain : ndarray, shape (n, m)
     flag : ndarray of uint16, shape (n, m)
     ratio, blocks : ndarray, shape (n, m, 3, 3)
@@ -90,3 +91,17 @@ class PoseTable:
         """Take rows, or a row of one body, of another table."""
         for name in (field.name for field in fields(self)[1:]):
             getattr(self, name)[at] = getattr(other, name)[there]
+
+
+def turned_covariance(covariance: NDArray[np.float64], turn_rad: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    """Covariances (..., 3, 3) of (turn, x, y) along a body's own axes as along the picture's, where the body has turned
+    by ``turn_rad`` (...)."""
+    whole = np.zeros(covariance.shape)
+    whole[..., 0, 0], whole[..., 1:, 1:] = 1.0, turn_matrix(turn_rad)
+    return np.asarray(whole @ covariance @ np.swapaxes(whole, -1, -2))
+
+
+def apart(pose: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A pose (3,) of a body less another, the shift along the body's own axes."""
+    off = pose - other
+    return np.array([off[0], *(off[1:] @ turn_matrix(other[0]))])

@@ -28,7 +28,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.angles import ccw_to_picture
+from vision.angles import ccw_to_picture, turn_matrix
 from vision.bodies.outlines import signed_distance
 from vision.camera.model import Projection
 from vision.errors import VisionInputError
@@ -71,8 +71,7 @@ def thick_line(points: ArrayLike, thickness: float | ArrayLike) -> NDArray[np.fl
 
 def turned(points: ArrayLike, phi_rad: float, pivot: tuple[float, float]) -> NDArray[np.float64]:
     """Points turned by ``[[cos, -sin], [sin, cos]]`` about the origin and moved to a pivot."""
-    c, s = np.cos(phi_rad), np.sin(phi_rad)
-    return np.asarray(points, dtype=float) @ np.array([[c, s], [-s, c]]) + np.asarray(pivot, dtype=float)
+    return np.asarray(points, dtype=float) @ turn_matrix(phi_rad).T + np.asarray(pivot, dtype=float)
 
 
 OVERSAMPLING = 4

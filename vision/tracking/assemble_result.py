@@ -16,7 +16,7 @@ from vision.fitting.pose_covariance import predicted_u_angle
 from vision.reference.camera_faults import in_coarse_steps
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
-from vision.results.pose_table import PoseTable
+from vision.results.pose_table import PoseTable, turned_covariance
 from vision.results.track_result import TrackResult
 from vision.tracking.film_tracker import FilmTracker, first_poses
 from vision.tracking.options import FitSettings
@@ -162,7 +162,7 @@ def assemble_result(
         noise_grey=table.noise_grey,
         flag=flag,
         predicted_u_rad=predicted,
-        covariance=table.covariance,
+        covariance=turned_covariance(table.covariance, table.pose[..., 0]),
         budget=budget_of(ready, settings.camera_model, tracked, settings.u_time_s, settings.rows_per_s, each),
         n_still=reference.n_averaged,
         method=ready.method,

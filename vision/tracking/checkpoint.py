@@ -56,6 +56,7 @@ class Checkpoint:
     def save(self, rows: int, table: PoseTable, tracker: FilmTracker) -> None:
         """Write the first ``rows`` rows and the state of the trackers; raises `VisionInputError` where it cannot."""
         arrays: dict[str, NDArray[Any]] = {"job": np.array(self.job), "rows": np.array(rows)}
+        arrays["searches"] = np.array(tracker.searches())
         arrays |= {f"table_{field.name}": getattr(table, field.name)[:rows] for field in fields(table)[1:]}
         for i, body in enumerate(tracker.trackers):
             arrays |= {f"body{i}_{name}": value for name, value in _state(body).items()}
@@ -70,7 +71,7 @@ class Checkpoint:
                 arrays = {name: stored[name] for name in stored.files}
             if str(arrays["job"]) != self.job:
                 return 0
-            rows = int(arrays["rows"])
+            rows, tracker.searches_before = int(arrays["rows"]), int(arrays["searches"])
             for field in fields(table)[1:]:
                 getattr(table, field.name)[:rows] = arrays[f"table_{field.name}"]
             for i, body in enumerate(tracker.trackers):
@@ -89,7 +90,7 @@ class Checkpoint:
 def _state(body: BodyTracker) -> dict[str, NDArray[Any]]:
     arrays: dict[str, NDArray[Any]] = {
         "figures": body.usual,
-        "counts": np.array([body.lost_in_a_row, body.searches]),
+        "lost_in_a_row": np.array(body.lost_in_a_row),
     }
     for name, history in (("absolute", body.absolute), ("relative", body.relative)):
         arrays |= {f"{name}_{part}": values for part, values in history.kept._asdict().items()}
@@ -98,7 +99,7 @@ def _state(body: BodyTracker) -> dict[str, NDArray[Any]]:
 
 def _restore(body: BodyTracker, arrays: dict[str, NDArray[Any]]) -> None:
     body.usual[:] = arrays["figures"]
-    body.lost_in_a_row, body.searches = (int(v) for v in arrays["counts"])
+    body.lost_in_a_row = int(arrays["lost_in_a_row"])
     for name, history in (("absolute", body.absolute), ("relative", body.relative)):
         for part, values in history.kept._asdict().items():
             values[:] = arrays[f"{name}_{part}"]

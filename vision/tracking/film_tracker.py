@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.bodies.outlines import parents_first
-from vision.film.source import Repeats, saturated_grey
+from vision.film.source import FrameSource, Repeats, saturated_grey
 from vision.fitting.base import Fit, region_of
 from vision.fitting.ecc import EccFitter
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import Begun, IcgnFitter
+from vision.fitting.template import Template
 from vision.frame_fit.compiled import DOUBTFUL, NOT_BEGUN, OUTSIDE, Film, History, Rows
 from vision.frame_fit.frame_fit import FrameFit, Watch, frames_around
 from vision.reference.prepared_film import PreparedFilm
@@ -37,13 +38,12 @@ class FilmTracker:
         self.ready = ready
         self.order, self._parents = parents_first(ready.bodies), ready.parents
         self._frames = FrameSpline(ready.film)
-        self._searches = 0
         self.trackers: list[BodyTracker] = []
         self.restart()
 
     def restart(self) -> None:
         """Put every body back to its place in the reference."""
-        self._searches += sum(tracker.searches for tracker in self.trackers)
+        self.searches_before = 0  # of trackers whose work this one goes on with
         parents = self._parents
         self._together: FrameFit | None = None
         if self.ready.method == "ecc":
@@ -166,16 +166,7 @@ class FilmTracker:
 
     def repeats(self) -> Repeats:
         """Finds repeated frames by the pixels around the bodies' places in the reference."""
-        film = self.ready.film
-        boxes = [region_of(t, np.zeros(3), film.height, film.width, 0) for t in self.ready.templates]
-        known = np.array([box for box in boxes if box is not None] or [(0, film.height, 0, film.width)])
-        low, high = known.min(axis=0), known.max(axis=0)
-        repeats = Repeats(film, (int(low[0]), int(high[1]), int(low[2]), int(high[3])))
-        # still frames that are equal show that the film has no noise by which exposures would differ
-        first = range(1, min(self.ready.reference.n_averaged, NOISE_SHOWN_BY))
-        if any(repeats.at(index) for index in first) and all(repeats.at(index) for index in first):
-            repeats.meaningful = False
-        return repeats
+        return repeats_around(self.ready.film, self.ready.templates, self.ready.reference.n_averaged)
 
     def _covered(self, i: int, step: int, expected: list[NDArray[np.float64]]) -> NDArray[np.uint8] | None:
         """Template pixels of a body that the bodies in front hide, at their poses where known, else as expected."""
@@ -193,11 +184,7 @@ class FilmTracker:
 
     def searches(self) -> int:
         """Number of wide searches."""
-        return self._searches + sum(tracker.searches for tracker in self.trackers)
-
-    def searched_before(self, other: FilmTracker) -> None:
-        """Count the searches of another tracker of the same film, too."""
-        self._searches += other.searches()
+        return self.searches_before + sum(tracker.searches for tracker in self.trackers)
 
     def info(self) -> dict[str, Any]:
         """Counts and settings that go into the result."""
@@ -223,6 +210,19 @@ def trackers_in(together: FrameFit, frames: FrameSpline) -> list[BodyTracker]:
         facts.append((fitter.blocks, tracker.least_zncc, tracker.common_contrast))
     together.know(facts)
     return trackers
+
+
+def repeats_around(film: FrameSource, templates: Sequence[Template], n_still: int) -> Repeats:
+    """Finds frames that repeat the one before, by the pixels around the templates' places in the reference."""
+    boxes = [region_of(t, np.zeros(3), film.height, film.width, 0) for t in templates]
+    known = np.array([box for box in boxes if box is not None] or [(0, film.height, 0, film.width)])
+    low, high = known.min(axis=0), known.max(axis=0)
+    repeats = Repeats(film, (int(low[0]), int(high[1]), int(low[2]), int(high[3])))
+    # still frames that are equal show that the film has no noise by which exposures would differ
+    first = range(1, min(n_still, NOISE_SHOWN_BY))
+    if any(repeats.at(index) for index in first) and all(repeats.at(index) for index in first):
+        repeats.meaningful = False
+    return repeats
 
 
 def first_poses(tracker: FilmTracker, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

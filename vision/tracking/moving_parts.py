@@ -31,7 +31,7 @@ from vision.fitting.kernels import Places, Region, Subset, place_pixels, sample
 from vision.fitting.template import Template
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
-from vision.results.pose_table import PoseTable
+from vision.results.pose_table import PoseTable, apart
 from vision.uncertainty.coherence import widened
 
 TILE_PX = 24
@@ -318,13 +318,13 @@ def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bo
             again = _without_squares(ready, table, int(row), i, (*fitters, square))
             if again is None:
                 continue
-            apart = again.pose - table.pose[row, i]
+            off = apart(again.pose, table.pose[row, i])
             variance = again.covariance.diagonal()
-            if np.any(apart**2 > AGREE_SIGMA**2 * variance):
-                table.covariance[row, i] += np.diag(apart**2)
+            if np.any(off**2 > AGREE_SIGMA**2 * variance):
+                table.covariance[row, i] += np.diag(off**2)
             elif again.seen - again.inlier < STILL_COVERED and not doubted[i]:
                 own = table.covariance[row, i]
-                table.covariance[row, i] = widened(own, np.maximum(apart**2 / own.diagonal(), 1.0))
+                table.covariance[row, i] = widened(own, np.maximum(off**2 / own.diagonal(), 1.0))
                 table.flag[row, i] &= ~np.uint16(int(FrameFlag.COVERED))
                 cleared += 1
     return cleared

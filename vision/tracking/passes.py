@@ -32,7 +32,7 @@ from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import Template, build_template
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
-from vision.results.pose_table import PoseTable
+from vision.results.pose_table import PoseTable, apart, turned_covariance
 from vision.tracking.body_tracker import BodyTracker
 from vision.tracking.checkpoint import EVERY_ROWS, Checkpoint
 from vision.tracking.film_tracker import FilmTracker
@@ -96,11 +96,10 @@ def track_forward(
                 go_on(start, end)
                 continue
             table.take(slice(start, end), stretch.table, slice(SHARED_ROWS, None))
-            stretch.tracker.searched_before(newest)
+            stretch.tracker.searches_before = newest.searches()
             newest = stretch.tracker
             keeper.rows_done(end, newest)
-    if newest is not tracker:
-        tracker.searched_before(newest)
+    tracker.searches_before += newest.searches() - tracker.searches()
     return done
 
 
@@ -223,14 +222,14 @@ def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px
         table.take((row, body), back, (row, body))
         table.flag[row, body] |= np.uint16(int(FrameFlag.REACQUIRED))
         return
-    apart = table.pose[row, body] - back.pose[row, body]
-    if backward_lost or abs(apart[0]) * radius_px + np.hypot(apart[1], apart[2]) > SAME_PX:
+    off = apart(table.pose[row, body], back.pose[row, body])
+    if backward_lost or abs(off[0]) * radius_px + np.hypot(off[1], off[2]) > SAME_PX:
         if backward_lost or not agree(table, row, back, row, body, radius_px):
             table.reject(row, body, FrameFlag.UNCONFIRMED)
     elif not agree(table, row, back, row, body, radius_px):
         if back.zncc[row, body] > table.zncc[row, body]:
             table.take((row, body), back, (row, body))
-        table.covariance[row, body] += np.outer(apart, apart)
+        table.covariance[row, body] += np.outer(off, off)
 
 
 LEAST_ROWS = 3
@@ -333,9 +332,9 @@ def _followed(ready: PreparedFilm, table: PoseTable, i: int, reference: tuple[in
         if tracker.flag & FAILURE:
             return now
         pose = _seen_from(template, ready.templates[i], None, fit.pose, table.pose[row, i])
-        table.store(
-            now, i, replace(fit, pose=pose, covariance=fit.covariance + drift), tracker.flag | FrameFlag.RENEWED
-        )
+        # the axes of the template are the picture's of that row
+        own = turned_covariance(fit.covariance, -table.pose[row, i, 0]) + drift
+        table.store(now, i, replace(fit, pose=pose, covariance=own), tracker.flag | FrameFlag.RENEWED)
     return table.frame.size
 
 

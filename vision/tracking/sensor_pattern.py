@@ -27,6 +27,7 @@ from vision.film.source import Corrected, FrameSource, saturated_grey
 from vision.fitting.base import region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.pose_covariance import PATTERN_EXCESS
+from vision.fitting.template import Template, noise_normal_of
 from vision.reference.camera_faults import in_coarse_steps
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.pose_table import PoseTable
@@ -48,6 +49,8 @@ AT_FIRST = (0.5 * POWER, 0.6 * COMMON)
 REACH_PX = 4
 SOON = 3.0
 """Rows that have moved by up to this many times `MOVED_PX` have only just begun to move."""
+LEAST_NOISE = 0.3
+"""What rounding to whole grey values leaves."""
 HELD_PX = 0.5
 """How far a picture of pure noise that stands still can hold a body back."""
 LEFT_OVER = 1.25
@@ -83,7 +86,7 @@ def moved_rows(ready: PreparedFilm, table: PoseTable) -> NDArray[np.bool_]:
 def residual_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
     """Median variance of the noise in the rows that have moved, over that of the still frames, per body."""
     moved = moved_rows(ready, table)
-    still = max(ready.reference.noise_grey, 0.3) ** 2 * (
+    still = max(ready.reference.noise_grey, LEAST_NOISE) ** 2 * (
         float(noise_gain().mean()) ** 2 + 1.0 / ready.reference.n_averaged
     )
     counts = moved.sum(axis=0)
@@ -128,22 +131,22 @@ def held_back(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
         return added  # the budget's term for the codec has it
     for i, template in enumerate(ready.templates):
         if excess[i] > PATTERN_EXCESS:
-            still = max(template.noise_grey, 0.3) ** 2 / template.n_averaged
-            part = template.noise_normal.diagonal()[:3] * (0.5 * (excess[i] - 1.0) * template.noise_grey**2 / still)
-            share = np.minimum(part / template.normal.diagonal()[:3], 1.0)
+            share = _share(template, 0.5 * (excess[i] - 1.0) * max(template.noise_grey, LEAST_NOISE) ** 2)
             reach = HELD_PX * np.array([2.0 / template.radius_px, 1.0, 1.0])
-            added[:, i] = np.where(near[:, i, None], (share * reach) ** 2, 0.0)
+            added[:, i] = np.where(near[:, i, None], (np.minimum(share, 1.0) * reach) ** 2, 0.0)
     return added
+
+
+def _share(template: Template, variance: float) -> NDArray[np.float64]:
+    """Part of a body's squared slopes for (turn, x, y), (3,), that noise of a variance makes in the template."""
+    part = noise_normal_of(*template.offset_px.astype(float), variance)
+    return np.asarray(part.diagonal()[:3] / template.normal.diagonal()[:3])
 
 
 def left_over(ready: PreparedFilm, pattern_grey: float) -> NDArray[np.float64]:
     """Factor of the variances of (turn, x, y), (m, 3), for what is left of a pattern of a given rms after it was taken
     off: the more of a body's slopes the pattern made up, the more of it the poses had in them when it was estimated."""
-    share = []
-    for template in ready.templates:
-        part = template.noise_normal * (pattern_grey**2 * template.n_averaged / max(template.noise_grey, 0.3) ** 2)
-        share.append(part.diagonal()[:3] / template.normal.diagonal()[:3])
-    return 1.0 + LEFT_OVER * np.array(share)
+    return 1.0 + LEFT_OVER * np.array([_share(template, pattern_grey**2) for template in ready.templates])
 
 
 def sensor_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> NDArray[np.float32] | None:
@@ -151,7 +154,7 @@ def sensor_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> 
 
     ``ready`` may be the film less an earlier estimate of its pattern.
     """
-    noise2 = max(ready.reference.noise_grey, 0.3) ** 2
+    noise2 = max(ready.reference.noise_grey, LEAST_NOISE) ** 2
     few = _sums(film, ready, table, MOST_ROWS // 4)
     if few is None or _believed(few, noise2, AT_FIRST) is None:
         return None

@@ -24,7 +24,7 @@ from vision.fitting.template import thinned
 from vision.frame_fit.frame_fit import watch
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
-from vision.results.pose_table import PoseTable
+from vision.results.pose_table import PoseTable, apart
 from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.workers import Workers
 
@@ -125,10 +125,10 @@ def forward_rows(
 
 def agree(one: PoseTable, row: int, other: PoseTable, other_row: int, body: int, radius_px: float) -> bool:
     """Whether two tables have a body at the same place; never where one of them lost it."""
-    apart = np.abs(one.pose[row, body] - other.pose[other_row, body])
+    off = np.abs(apart(one.pose[row, body], other.pose[other_row, body]))
     u = np.sqrt(np.diag(one.covariance[row, body]))
     least = np.array([AGREE_PX / radius_px, AGREE_PX, AGREE_PX])
-    return bool(np.all(apart <= np.maximum(AGREE_SIGMA * u, least)))
+    return bool(np.all(off <= np.maximum(AGREE_SIGMA * u, least)))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 Tilt and distortion bend both bodies of a relative angle alike, so there their differences count; all other
 terms of the two bodies are independent.
 
-Shutter: a speed step D within the exposure T_e, anywhere within a frame T, shifts the mean by a root mean
+Shutter: a speed step D within the exposure T_e, anywhere between two rows T apart, shifts the mean by a root mean
 square of ``D T_e sqrt(T_e / (320 T))``; steady acceleration shifts it by less. D is taken from the second
 difference of the angles, less what noise alone gives.
 
@@ -237,7 +237,7 @@ def expected_budget(
     motion = motion or ExpectedMotion()
     m = len(ready.bodies)
     u = np.array([predicted_u_angle(t, ready.reference.noise_grey) for t in ready.templates])
-    n_still = ready.reference.n_averaged
+    n_still, frame_s = ready.reference.n_averaged, 1.0 / (ready.film.frame_rate_hz or math.inf)
     common = u / math.sqrt(n_still + 1.0)
     pose = np.zeros((2, m, 3))
     pose[:, :, 0] = np.array([-motion.turn_rad, motion.turn_rad])[:, None]
@@ -246,7 +246,7 @@ def expected_budget(
         "reference": common,
         "codec": _codec(ready, u),
         "synchronisation": np.full(m, u_time_s * motion.speed_rad_per_s),
-        "shutter": np.full(m, motion.acceleration_rad_per_s2 * _shutter_factor(ready.film)),
+        "shutter": np.full(m, motion.acceleration_rad_per_s2 * _shutter_factor(ready.film, frame_s)),
     }
     own = {name: np.tile(values, (2, 1)) for name, values in single.items()}
     speed = np.zeros_like(pose)
@@ -271,11 +271,13 @@ def budget_of(
         "codec": np.where(np.isfinite(u_noise_rad), _codec(ready, typical), np.nan),
     }
     against: dict[str, NDArray[np.float64]] = {}
+    # of what is tracked, which may be one frame out of many
+    apart_s = np.gradient(tracked.time_s)[:, None] if len(tracked.time_s) > 1 else 0.0
     relative_rad, u_relative_rad = _paired(angle_rad, ready.parents, np.subtract), _paired(u_noise_rad, ready.parents)
     for terms, angle, u in ((own, angle_rad, u_noise_rad), (against, relative_rad, u_relative_rad)):
         speed, acceleration = _speed_and_acceleration(tracked.time_s, angle, u)
         terms["synchronisation"] = u_time_s * speed
-        terms["shutter"] = acceleration * _shutter_factor(ready.film)
+        terms["shutter"] = acceleration * _shutter_factor(ready.film, apart_s)
     speed = np.zeros_like(tracked.pose)
     if len(tracked.time_s) > 1:
         # zero where a neighbour is lost, as in the terms above
@@ -314,12 +316,10 @@ def _row_terms(
     return np.abs(off), np.abs(_paired(off, ready.parents, np.subtract))
 
 
-def _shutter_factor(film: FrameSource) -> float:
-    """Standard uncertainty per acceleration, s^2: ``T T_e sqrt(T_e / (320 T))``."""
-    if not film.exposure_s or not film.frame_rate_hz:
-        return 0.0
-    frame_s, exposure_s = 1.0 / film.frame_rate_hz, min(film.exposure_s, 1.0 / film.frame_rate_hz)
-    return frame_s * exposure_s * math.sqrt(exposure_s / (320.0 * frame_s))
+def _shutter_factor(film: FrameSource, apart_s: Any) -> Any:
+    """Standard uncertainty per acceleration, s^2, of rows so far apart: ``T T_e sqrt(T_e / (320 T))``."""
+    exposure_s = np.minimum(film.exposure_s or 0.0, apart_s)
+    return exposure_s * np.sqrt(exposure_s * apart_s / 320.0)
 
 
 def _speed_and_acceleration(

@@ -95,6 +95,34 @@ def test_an_edge_moves_across_itself(angle: float, texture: float) -> None:
     assert np.median(result.u_offset_px) < 0.1
 
 
+def test_a_line_at_rest_does_not_slide_along_itself() -> None:
+    """Three pixels beyond the drawn band the line ends; noise alone must not carry the band there."""
+    height, width, n = 50, 64, 500
+    y, x = np.mgrid[0:height, 0:width].astype(float)
+    light = 70.0 + 90.0 * edge(y - 25.4 - 0.1 * (x - 32.0) - np.where(np.abs(x - 32.0) < 23.0, 0.0, 4.0))
+    noise = np.random.default_rng(3).normal(0.0, 8.0, (n, height, width))
+    frames = np.clip(np.rint(light + noise), 0, 255).astype(np.uint8)
+    result = follow_marks(ArrayFilm(frames, 2000.0), [LineMark("rim", (12.0, 23.4), (52.0, 27.4), 10.0)])
+    assert result.n_still > 32 and not result.failed.any()
+    z = (result.offset_px[:, 0] - result.offset_px[: result.n_still, 0].mean()) / result.u_offset_px[:, 0]
+    assert 0.8 < np.sqrt(np.mean(z**2)) < 1.2
+    assert result.inlier[-100:].mean() > result.inlier[:100].mean() - 0.01
+
+
+def test_a_line_along_the_rows_has_still_frames() -> None:
+    rng, light = np.random.default_rng(4), 70.0 + 90.0 * edge(Y[:50, :64] - 25.4)
+    frames = np.rint(light + rng.normal(0.0, 2.0, (10, 50, 64))).astype(np.uint8)
+    thin = LineMark("string", (12.0, 25.0), (52.0, 25.0), 4.0)
+    assert follow_marks(ArrayFilm(frames, 2000.0), [thin]).n_still == 10
+
+
+def test_the_smallest_mark_in_a_film_without_noise() -> None:
+    """Frames at rest are equal there, and are no repeated ones."""
+    frames = np.rint([dot(60.0 + 0.5 * max(i - 24, 0), 56.0, 2.5) for i in range(40)]).astype(np.uint8)
+    result = follow_marks(ArrayFilm(frames, 2000.0), [PointMark("dot", (60.0, 56.0), 3.0)], n_still=12)
+    assert not result.failed[:25].any()
+
+
 def test_textured_spot_gives_its_turn_and_lost_frames_are_flagged() -> None:
     s = smooth_step((np.arange(80) - 16) / 50)
     pose = np.column_stack([0.3 * s, PIVOT[0] + 5.0 * s, PIVOT[1] - 4.0 * s])[:, None, :]

@@ -127,6 +127,18 @@ def test_the_bodies_of_the_bench_can_be_tracked_as_proposed(bench_film: tuple[Pa
     assert np.abs(error / u).max() < 5.0
 
 
+@pytest.mark.usefixtures("few_frames")
+def test_bodies_before_a_black_background() -> None:
+    frames, outlines, _ = film_of_two()
+    light = np.maximum(frames.astype(float) - 66.0, 0.0) * (1.0 + 0.1 * np.cos(0.9 * np.arange(80)))[:, None, None]
+    black = np.rint(light).clip(0, 255).astype(np.uint8)
+    assert np.median(black) == 0.0
+    bodies = propose_bodies(ArrayFilm(black, 2000.0))
+    assert len(bodies) == 2
+    covered, right = best_shares(bodies, signed_distance(outlines[1], 170, 230) > 0)
+    assert covered > 0.6 and right > 0.85
+
+
 def test_a_real_ball_that_never_rests() -> None:
     film = Path(__file__).resolve().parents[4] / "shared" / "data" / "ball_12bit.mraw"
     if not film.is_file():

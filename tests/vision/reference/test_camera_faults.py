@@ -62,6 +62,19 @@ def test_other_films_are_left_alone(kind: str) -> None:
     assert without_defects(film) is film
 
 
+def test_texture_of_a_body_that_rests_in_most_frames_is_no_defect() -> None:
+    paint = PAINT.copy()
+    paint[np.random.default_rng(8).uniform(size=paint.shape) < 0.001] = 255.0
+    frames = shifted(5, paint=paint)[0][[*range(STILL)] * 4 + [*range(22, N)]]
+    film = ArrayFilm(frames, 2000.0)
+    assert without_defects(film) is film
+    planted = [40, 90], [50, 70]
+    frames[:, *planted] = 255
+    found = without_defects(ArrayFilm(frames, 2000.0))
+    assert isinstance(found, WithoutDefects)
+    np.testing.assert_array_equal((found.rows, found.columns), planted)
+
+
 def test_squares_left_out_are_noticed() -> None:
     frames, _ = shifted(3)
     box = (10, 120, 10, 150)

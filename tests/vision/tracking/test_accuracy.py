@@ -177,6 +177,20 @@ def test_positions_have_their_uncertainty(texture: str) -> None:
         assert np.median(result.u_position_px[:, 0, 0]) > 2.0 * np.median(result.u_position_px[:, 0, 1])
 
 
+def test_position_uncertainty_of_a_turned_body_is_along_the_picture() -> None:
+    """Scatter of the places of a wooden bar that rests at 40 degrees, whose grain says less along itself."""
+    n, still = 180, 14
+    turn = np.radians(40.0) * smooth_step((np.arange(n) - still) / 60)
+    pose = np.column_stack([turn, np.full(n, 100.0), np.full(n, 80.0)])[:, None, :]
+    result = track_film((known := film_of(bar_scene("wood"), pose)).film, known.bodies)
+    late = slice(still + 60, n)
+    found = np.cov(result.x_px[late, 0], result.y_px[late, 0])
+    stated = result.covariance[late, 0, 1:, 1:].mean(axis=0)
+    np.testing.assert_allclose(np.sqrt(np.diag(stated)), np.sqrt(np.diag(found)), rtol=0.3)
+    np.testing.assert_allclose(np.median(result.u_position_px[late, 0], axis=0), np.sqrt(np.diag(found)), rtol=0.3)
+    assert stated[0, 1] == pytest.approx(found[0, 1], rel=0.5) and stated[0, 1] < 0.0
+
+
 def test_a_preview_is_what_the_whole_film_gives() -> None:
     known = two_body_film(90)
     clock = {"frame_time_s": np.arange(90) / 2000.0, "u_time_s": 2e-4}

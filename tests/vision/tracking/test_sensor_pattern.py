@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vision.tracking.track_film
-from tests.vision.known_films import PIVOT, bar_motion, bar_scene, film_of, sliding_bar, z_of
+from tests.vision.known_films import PIVOT, bar_motion, bar_scene, film_of, sliding_bar, smooth_step, z_of
 from vision.film.source import ArrayFilm
 from vision.tracking.sensor_pattern import WithoutPattern
 from vision.tracking.track_film import track_film
@@ -35,6 +35,17 @@ def test_a_fixed_pattern_is_taken_off(texture: str) -> None:
     plain = track_film(known.film, known.bodies)
     assert plain.info["pattern_grey"] == 0.0
     assert np.median(result.u_angle_rad) < 2.0 * np.median(plain.u_angle_rad)
+
+
+def test_a_body_held_back_by_a_pattern_in_a_quiet_film() -> None:
+    """It moves too little for the pattern to be taken off; noise far below a grey level leaves less of u than that."""
+    s = smooth_step((np.arange(90) - 20) / 60)
+    pose = np.column_stack([0.03 * s, PIVOT[0] + 2.0 * s, PIVOT[1] + 0.5 * s])[:, None, :]
+    known = film_of(bar_scene("wood"), pose, noise_grey=0.1)
+    result = track_film(with_pattern(known.film, 2.5)[0], known.bodies)
+    assert result.info["pattern_grey"] == 0.0
+    z = z_of(result, pose)[result.n_still :]
+    assert np.abs(z).max() < 5.0 and np.sqrt(np.mean(z**2)) < 2.5
 
 
 @pytest.mark.parametrize("disturbed", ["pattern", "bar", "nothing"])

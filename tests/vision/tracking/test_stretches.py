@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import vision.tracking.body_tracker
+import vision.tracking.passes
 import vision.tracking.stretches
 from tests.vision.known_films import PIVOT, bar_motion, bar_scene, dark, film_of, same_bits, sliding_bar, z_of
 from vision.errors import InputError
@@ -94,6 +97,23 @@ def test_darkness_across_a_seam() -> None:
     results = [track_film(known.film, known.bodies, threads=threads) for threads in (1, 2)]
     same_bits(*results)
     np.testing.assert_array_equal(np.flatnonzero(results[0].failed[:, 0]), np.arange(55, 64))
+
+
+def test_each_wide_search_is_counted_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    hidden = (*range(26, 29), *range(73, 76))  # the quick walk steps over them
+    known = film_of(bar_scene("speckle"), bar_motion(N, PIVOT, 0.2), cover=dark(hidden))
+    parts = track_film(known.film, known.bodies, confirm="none")
+    assert parts.info["wide_searches"] == len(hidden)
+    monkeypatch.setattr(vision.tracking.passes, "EVERY_ROWS", 16)
+
+    def stop(done: int, _: int) -> None:
+        if done == 90:
+            raise InputError("stopped")
+
+    with pytest.raises(InputError, match="stopped"):
+        track_film(known.film, known.bodies, checkpoint=tmp_path / "kept.npz", progress=stop)
+    resumed = track_film(known.film, known.bodies, checkpoint=tmp_path / "kept.npz", confirm="none")
+    assert resumed.info["rows_resumed"] == 90 and resumed.info["wide_searches"] == len(hidden)
 
 
 def test_an_error_in_a_thread_ends_the_run() -> None:
