@@ -61,8 +61,7 @@ class WithoutDefects(Corrected):
         grey = np.array(self.film.read_region(index, y0, y1, x0, x1))
         inside = (self.rows >= y0) & (self.rows < y1) & (self.columns >= x0) & (self.columns < x1)
         rows, columns = self.rows[inside] - y0, self.columns[inside] - x0
-        if rows.size:
-            grey[rows, columns] = np.median(_beside(grey, rows, columns), axis=0)
+        grey[rows, columns] = np.median(_beside(grey, rows, columns), axis=0)
         return grey
 
 
