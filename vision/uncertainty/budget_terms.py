@@ -47,8 +47,6 @@ CELL_PX = 12
 CORRECTION_ROUNDS = 3
 ROWS_AT_ONCE = 256
 """Poses worked on together: bounds the memory on a long film and stays in the processor's cache."""
-
-
 Both = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Along x and along y."""
 
@@ -271,17 +269,16 @@ def budget_of(
         "codec": np.where(np.isfinite(u_noise_rad), _codec(ready, typical), np.nan),
     }
     against: dict[str, NDArray[np.float64]] = {}
-    # of what is tracked, which may be one frame out of many
-    apart_s = np.gradient(tracked.time_s)[:, None] if len(tracked.time_s) > 1 else 0.0
+    # one frame out of many may be tracked; zero where a neighbour is lost, as in the terms below
+    apart_s, speed = np.zeros((1, 1)), np.zeros_like(tracked.pose)
+    if len(tracked.time_s) > 1:
+        apart_s = np.gradient(tracked.time_s)[:, None]
+        speed = np.nan_to_num(np.gradient(tracked.pose, tracked.time_s, axis=0))
     relative_rad, u_relative_rad = _paired(angle_rad, ready.parents, np.subtract), _paired(u_noise_rad, ready.parents)
     for terms, angle, u in ((own, angle_rad, u_noise_rad), (against, relative_rad, u_relative_rad)):
-        speed, acceleration = _speed_and_acceleration(tracked.time_s, angle, u)
-        terms["synchronisation"] = u_time_s * speed
+        turning, acceleration = _speed_and_acceleration(tracked.time_s, angle, u)
+        terms["synchronisation"] = u_time_s * turning
         terms["shutter"] = acceleration * _shutter_factor(ready.film, apart_s)
-    speed = np.zeros_like(tracked.pose)
-    if len(tracked.time_s) > 1:
-        # zero where a neighbour is lost, as in the terms above
-        speed = np.nan_to_num(np.gradient(tracked.pose, tracked.time_s, axis=0))
     return _budget(ready, camera, tracked.pose, speed, own, against, rows_per_s, each)
 
 
