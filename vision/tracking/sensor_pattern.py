@@ -139,8 +139,8 @@ def held_back(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
 
 def _share(template: Template, variance: float) -> NDArray[np.float64]:
     """Part of a body's squared slopes for (turn, x, y), (3,), that noise of a variance makes in the template."""
-    part = noise_normal_of(*template.offset_px.astype(float), variance)
-    return np.asarray(part.diagonal()[:3] / template.normal.diagonal()[:3])
+    dx, dy = template.offset_px.astype(float)
+    return np.asarray((noise_normal_of(dx, dy, variance).diagonal() / template.normal.diagonal())[:3])
 
 
 def left_over(ready: PreparedFilm, pattern_grey: float) -> NDArray[np.float64]:
