@@ -136,11 +136,6 @@ class FrameFit:
         """Track rows of a film; returns how many were done. `stop` says where in the next one it ended."""
         return int(walk(film, self._settings, self._bodies, self.states, self.found, rows, self.stop))
 
-    def region(self, body: int) -> tuple[int, int, int, int]:
-        """Rectangle (y0, y1, x0, x1) of the frame that holds one expected body."""
-        y0, y1, x0, x1 = self.found.region[body].tolist()
-        return y0, y1, x0, x1
-
     def begun(self, body: int) -> Begun:
         """The fit of a body that Python has to judge."""
         found = self.found
@@ -211,8 +206,6 @@ MOST_ROWS = 16
 """Tracked by one compiled call, so that it is heard soon when a run is to end."""
 MOST_BYTES = 32 * 1024 * 1024
 NEVER = 2**62
-
-
 Watch = tuple[int, int, tuple[int, int, int]]
 """Which frames compiled code must not take for new ones, ``(n_still, first, (y, x0, x1))``: from frame ``first`` on
 those whose pixels x0 .. x1 - 1 of row y are those of the frame before; ``n_still`` frames at the start are at rest."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.angles import picture_to_ccw
+from vision.angles import picture_to_ccw, turn_matrix
 from vision.arrays import ArrayRecord
 from vision.errors import TrackingError, VisionInputError
 from vision.film.open import film_of
@@ -238,37 +238,29 @@ def _result(
     moving = table.frame >= n_still
     typical = np.nanmedian(covariance[moving] if moving.any() else covariance, axis=0)
     covariance = covariance + np.nan_to_num(typical) / n_still
-    nothing = np.full(table.flag.shape, np.nan)
-    columns = {name: nothing.copy() for name in ("x", "y", "u_x", "u_y", "offset", "u_offset", "turn", "u_turn")}
+    names = ("x_px", "y_px", "u_x_px", "u_y_px", "offset_px", "u_offset_px", "turn_rad", "u_turn_rad")
+    columns = {name: np.full(table.flag.shape, np.nan) for name in names}
     for i, (mark, tracker) in enumerate(zip(marks, trackers, strict=True)):
         pose, own = table.pose[:, i], covariance[:, i]
         if own[:, 0, 0][np.isfinite(own[:, 0, 0])].min(initial=np.inf) > 2.0 * UNTURNED * (1.0 + 1.0 / n_still):
-            columns["turn"][:, i], columns["u_turn"][:, i] = picture_to_ccw(pose[:, 0]), np.sqrt(own[:, 0, 0])
+            columns["turn_rad"][:, i], columns["u_turn_rad"][:, i] = picture_to_ccw(pose[:, 0]), np.sqrt(own[:, 0, 0])
         if isinstance(mark, LineMark):
             normal = mark.normal
-            c, s = np.cos(pose[:, 0]), np.sin(pose[:, 0])
-            turned = np.stack([c * normal[0] - s * normal[1], s * normal[0] + c * normal[1]], axis=1)
+            turned = turn_matrix(pose[:, 0]) @ normal
             # where the line now crosses its normal through the middle
-            columns["offset"][:, i] = np.sum(pose[:, 1:] * turned, axis=1) / (turned @ normal)
+            columns["offset_px"][:, i] = np.sum(pose[:, 1:] * turned, axis=1) / (turned @ normal)
             variance = np.einsum("i,nij,j->n", normal, own[:, 1:, 1:], normal)
-            columns["u_offset"][:, i] = np.sqrt(variance) / (turned @ normal)
+            columns["u_offset_px"][:, i] = np.sqrt(variance) / (turned @ normal)
         else:
             x, y = tracker.template.centre_px
-            columns["x"][:, i], columns["y"][:, i] = x + pose[:, 1], y + pose[:, 2]
+            columns["x_px"][:, i], columns["y_px"][:, i] = x + pose[:, 1], y + pose[:, 2]
             seen = turned_covariance(own, pose[:, 0])
-            columns["u_x"][:, i], columns["u_y"][:, i] = np.sqrt(seen[:, 1, 1]), np.sqrt(seen[:, 2, 2])
+            columns["u_x_px"][:, i], columns["u_y_px"][:, i] = np.sqrt(seen[:, 1, 1]), np.sqrt(seen[:, 2, 2])
     return MarkResult(
         marks=tuple(marks),
         frame=table.frame,
         time_s=time_s[table.frame],
-        x_px=columns["x"],
-        y_px=columns["y"],
-        u_x_px=columns["u_x"],
-        u_y_px=columns["u_y"],
-        offset_px=columns["offset"],
-        u_offset_px=columns["u_offset"],
-        turn_rad=columns["turn"],
-        u_turn_rad=columns["u_turn"],
+        **columns,
         zncc=table.zncc,
         inlier=table.inlier,
         flag=table.flag,

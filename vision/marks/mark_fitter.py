@@ -151,8 +151,7 @@ class MarkFitter(Fitter):
             if not (abs(step[0]) < 1.0 and np.abs(step[1:]).max() < 100.0):
                 return FAILED
             pose[0] -= step[0]
-            c, s = math.cos(pose[0]), math.sin(pose[0])
-            pose[1:] -= (c * step[1] - s * step[2], s * step[1] + c * step[2])
+            pose[1:] -= (turned := turn_matrix(pose[0])) @ step[1:]
             variance = float(np.sum(weight * residual**2) / max(weight.sum(), 1.0))
             size = float(np.max(np.abs(q[:-2]) / np.sqrt(np.maximum(np.diag(inverse)[:-2] * variance, 1e-30))))
             rate, before = max(min(size / before, 0.95), 0.7 * rate), size
@@ -160,7 +159,7 @@ class MarkFitter(Fitter):
             if iteration > 1 and (small or (size < 1.0 and size * rate / (1.0 - rate) < STOP_U)):
                 if self._along is not None:
                     # left free, a line slides along itself ever faster, as it is predicted to go on
-                    slide = turn_matrix(pose[0]) @ self._along
+                    slide = turned @ self._along
                     pose[1:] += slide * ((start - pose)[1:] @ self._along) / (slide @ self._along)
                 return self._assess(pose, gain, scale, mean_noise_gain(places, visible, noise_gain()), iteration)
         return FAILED

@@ -46,18 +46,15 @@ def _width_flags(
     """`WIDENED` and `IMPRECISE` of standard uncertainties (n, m)."""
     film_tells = np.array([not in_coarse_steps(template, ready.grey_step) for template in ready.templates])
     film_tells &= not ready.skips_blocks
-    usual = USUAL_SHARE * usual_u(u_rad)
+    # what the best quarter of a body's rows have at most; 0 where it is lost in all of them
+    best = [np.quantile(u[np.isfinite(u)], 0.25) if np.isfinite(u).any() else 0.0 for u in u_rad.T]
+    usual = USUAL_SHARE * np.array(best)
     linear = LINEAR_PX / np.array([template.radius_px for template in ready.templates])
     limit = widened_from(predicted_u_rad)
     wide = u_rad > np.where(film_tells, np.maximum(limit, np.minimum(usual, linear)), limit)
     usable = film_tells & (u_rad <= MOST_PRECISE_U_RAD)
     widened, imprecise = np.uint16(int(FrameFlag.WIDENED)), np.uint16(int(FrameFlag.IMPRECISE))
     return np.where(wide, np.where(usable, widened, imprecise), np.uint16(0))
-
-
-def usual_u(u_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What the best quarter of a body's rows have at most, (m,); 0 where it is lost in all of them."""
-    return np.array([np.quantile(u[np.isfinite(u)], 0.25) if np.isfinite(u).any() else 0.0 for u in u_rad.T])
 
 
 @dataclass(frozen=True)

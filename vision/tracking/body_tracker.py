@@ -233,7 +233,8 @@ MAX_SEARCHED_IN_A_ROW = 60
 @dataclass
 class BodyTracker:
     """State of one body while a film is tracked: ``absolute`` in the picture, ``relative`` in its parent's axes;
-    ``usual`` correlation and gain; ``looks_far``: whether it is looked for in the whole picture once it is lost."""
+    ``usual`` correlation (0 before the first fit) and gain, running means; ``looks_far``: whether it is looked for in
+    the whole picture once it is lost."""
 
     fitter: Fitter
     parent: BodyTracker | None = None
@@ -270,16 +271,6 @@ class BodyTracker:
         if not isinstance(self._fit, Fit):
             self._fit = self._fit()
         return self._fit
-
-    @property
-    def usual_zncc(self) -> float:
-        """Running mean of the correlation, 0 before the first fit."""
-        return float(self.usual[0])
-
-    @property
-    def usual_gain(self) -> float:
-        """Running mean of the gain."""
-        return float(self.usual[1])
 
     def start(self) -> None:
         """Place the body where it is in the reference, at rest."""
@@ -371,7 +362,7 @@ class BodyTracker:
         for start in far_candidates(film, index, self.template, float(newest[0])):
             # what hides it where it was says nothing of it here
             fit, flag = self._fit_anew(film, index, start, None)
-            if not flag & FAILURE and fit.zncc > max(best.zncc, FAR_SHARE * self.usual_zncc):
+            if not flag & FAILURE and fit.zncc > max(best.zncc, FAR_SHARE * self.usual[0]):
                 best, best_flag = fit, flag | FrameFlag.REACQUIRED
         return best, best_flag
 
@@ -394,7 +385,7 @@ class BodyTracker:
         # residuals that are the still frames' noise need no better correlation, however low that noise makes it
         noise_only = fit.noise_grey <= NOISE_ONLY * self.template.noise_grey * max(fit.gain, 1.0)
         other_light = self._odd_gain(fit) and self._is_itself(fit)
-        usual = noise_only or other_light or fit.zncc >= USUAL_SHARE * self.usual_zncc
+        usual = noise_only or other_light or fit.zncc >= USUAL_SHARE * self.usual[0]
         if not (fit.zncc >= (self._chance if other_light else self.least_zncc) and usual):
             flag |= FrameFlag.LOW_CORRELATION
         if self._odd_gain(fit) and not other_light:
@@ -412,17 +403,17 @@ class BodyTracker:
     def _odd_gain(self, fit: Fit) -> bool:
         """Whether the contrast has changed by more than lamps usually do."""
         least = MIN_GAIN * self.common_contrast
-        return not least <= fit.gain / self.usual_gain <= 1.0 / least
+        return not least <= fit.gain / self.usual[1] <= 1.0 / least
 
     def _is_itself(self, fit: Fit) -> bool:
         """Whether a fit of odd gain is as good as the body's would be, were it only lit otherwise: where light falls,
         what is wrong with the fit falls with it, but the noise stays."""
-        if not (LEAST_LIGHT <= fit.gain / self.usual_gain <= 1.0 / LEAST_LIGHT and fit.inlier >= SAME_INLIER):
+        if not (LEAST_LIGHT <= fit.gain / self.usual[1] <= 1.0 / LEAST_LIGHT and fit.inlier >= SAME_INLIER):
             return False
         if not 1.0 / SAME_LEVEL <= fit.level / (fit.gain * self.template.mean_grey) <= SAME_LEVEL:
             return False
-        noise = self._noise_share * max(1.0 / fit.gain**2 - 1.0 / self.usual_gain**2, 0.0)
-        expected = 1.0 / math.sqrt(1.0 / (self.usual_zncc or 1.0) ** 2 + noise)
+        noise = self._noise_share * max(1.0 / fit.gain**2 - 1.0 / self.usual[1] ** 2, 0.0)
+        expected = 1.0 / math.sqrt(1.0 / (self.usual[0] or 1.0) ** 2 + noise)
         return fit.zncc >= USUAL_SHARE * expected
 
     def _parent_placement(self, step: int) -> Placement | None:

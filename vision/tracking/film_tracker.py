@@ -99,7 +99,7 @@ class FilmTracker:
                     position, ended = together.go_on(part, start, step)
                 self._fitted(together, self.order[start:position])
             if ended == OUTSIDE:
-                self._frames.part(index, together.region(self.order[position]))
+                self._frames.part(index, tuple(together.found.region[self.order[position]].tolist()))
             elif position < len(self.order):
                 i = self.order[position]
                 self._step_alone(i, index, step, search, expected, together.begun(i) if ended == DOUBTFUL else None)
@@ -163,10 +163,6 @@ class FilmTracker:
         """Pass over a frame that says nothing, with a flag for all bodies."""
         for i in self.order:
             self.trackers[i].skip(step, flag)
-
-    def repeats(self) -> Repeats:
-        """Finds repeated frames by the pixels around the bodies' places in the reference."""
-        return repeats_around(self.ready.film, self.ready.templates, self.ready.reference.n_averaged)
 
     def _covered(self, i: int, step: int, expected: list[NDArray[np.float64]]) -> NDArray[np.uint8] | None:
         """Template pixels of a body that the bodies in front hide, at their poses where known, else as expected."""

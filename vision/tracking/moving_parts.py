@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.angles import turn_matrix
 from vision.fitting.assessment import blocks_of
 from vision.fitting.base import Fit, region_of
 from vision.fitting.frame_spline import FrameSpline
@@ -257,9 +258,7 @@ class _Tile:
     def _fit(self, region: Region, pose: F64, place: F64) -> tuple[F64, float] | None:
         """Step from a place towards a better one, and mean square of what is left; None where the tile fits nowhere."""
         value, visible = self._work[0], self._work[1]
-        c, s = np.cos(place[2]), np.sin(place[2])
-        turned = np.array([[c, -s], [s, c]]) @ self._inside
-        offset = (turned + (self.middle + place[:2])[:, None]).astype(np.float32)
+        offset = (turn_matrix(place[2]) @ self._inside + (self.middle + place[:2])[:, None]).astype(np.float32)
         subset = Subset(offset, self._columns, self._nothing, *self._template.centre_px, self._template.radius_px)
         places = Places(self._work[2], self._work[3], self._at)
         place_pixels(region, subset, pose, places, visible)

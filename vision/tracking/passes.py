@@ -18,7 +18,7 @@ templates. Such rows have the flag `RENEWED`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ from vision.results.flags import FAILURE, FrameFlag
 from vision.results.pose_table import PoseTable, apart, turned_covariance
 from vision.tracking.body_tracker import BodyTracker
 from vision.tracking.checkpoint import EVERY_ROWS, Checkpoint
-from vision.tracking.film_tracker import FilmTracker
+from vision.tracking.film_tracker import FilmTracker, repeats_around
 from vision.tracking.stretches import (
     SHARED_ROWS,
     agree,
@@ -78,7 +78,7 @@ def track_forward(
     newest = tracker
 
     def go_on(start: int, end: int) -> None:
-        repeats = newest.repeats()
+        repeats = repeats_around(ready.film, ready.templates, n_still)
         row = max(start, done)
         while row < end:
             crew.check()
@@ -103,21 +103,19 @@ def track_forward(
     return done
 
 
+@dataclass
 class _Keeper:
     """Tells of the rows that are done, and keeps them."""
 
-    def __init__(
-        self,
-        table: PoseTable,
-        done: int,
-        n_still: int,
-        checkpoint: Checkpoint | None,
-        progress: Callable[[int, int], None] | None,
-        at_rest: Callable[[], None] | None,
-    ) -> None:
-        self._table, self._kept, self._n_still = table, done, n_still
-        self._checkpoint, self._progress, self._at_rest = checkpoint, progress, at_rest
-        self._call_at_rest(done)
+    _table: PoseTable
+    _kept: int
+    _n_still: int
+    _checkpoint: Checkpoint | None
+    _progress: Callable[[int, int], None] | None
+    _at_rest: Callable[[], None] | None
+
+    def __post_init__(self) -> None:
+        self._call_at_rest(self._kept)
 
     def rows_done(self, rows: int, tracker: FilmTracker, new: int = 1) -> None:
         """The first ``rows`` rows are in the table, of which ``new`` are told of, and the tracker is where they end."""

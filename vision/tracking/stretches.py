@@ -25,7 +25,7 @@ from vision.frame_fit.frame_fit import watch
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
 from vision.results.pose_table import PoseTable, apart
-from vision.tracking.film_tracker import FilmTracker
+from vision.tracking.film_tracker import FilmTracker, repeats_around
 from vision.tracking.workers import Workers
 
 PIXELS = 1500
@@ -96,8 +96,6 @@ STRETCH_ROWS = 150
 SHARED_ROWS = 6
 """Rows that a stretch has in common with the one before; the weights have settled after the first few."""
 COMPARED_ROWS = 3
-
-
 AGREE_SIGMA = 2.0
 """Two trackings fit the same pixels, so they differ by how far each has converged, not by noise."""
 AGREE_PX = 0.02
@@ -187,7 +185,7 @@ def _tracked(
     for back, pose in zip((2, 1), start, strict=True):
         tracker.place(from_row - back, pose)
     table = PoseTable.empty(frame[from_row:], len(ready.bodies))
-    repeats = tracker.repeats()
+    repeats = repeats_around(ready.film, ready.templates, n_still)
     row, joining = 0, slice(SHARED_ROWS - COMPARED_ROWS, SHARED_ROWS)
     while row < table.frame.size:
         crew.check()

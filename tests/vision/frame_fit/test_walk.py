@@ -21,7 +21,7 @@ from vision.frame_fit.frame_fit import NEVER, FrameFit, frames_around, watch
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle
-from vision.tracking.film_tracker import FilmTracker
+from vision.tracking.film_tracker import FilmTracker, repeats_around
 from vision.tracking.track_film import track_film
 
 pytestmark = pytest.mark.processor
@@ -150,7 +150,7 @@ def test_a_body_that_was_never_placed_is_left_to_python(lever_scene: Scene) -> N
     known = film_of(lever_scene, lever_motion()[:16], parents={"finger": "beam"})
     tracker = FilmTracker(vision.tracking.track_film.prepare(known.film, known.bodies, STILL))
     tracker.clear_histories()
-    table, repeats = PoseTable.empty(np.arange(4), 3), tracker.repeats()
+    table, repeats = PoseTable.empty(np.arange(4), 3), repeats_around(known.film, tracker.ready.templates, STILL)
     assert tracker.walk(table, range(0, 4), 0, watch(repeats, 0)) == 0
     tracker.place(-1, np.zeros((3, 3)))
     done = tracker.walk(table, range(0, 4), 0, watch(repeats, 0))
