@@ -24,10 +24,8 @@ RESULTS, PAGE = ROOT / "benchmarks" / "results.jsonl", ROOT / "docs" / "figures.
 HEAD = """# Figures
 
 Made by `python -m benchmarks figures` from `benchmarks/results.jsonl`: do not edit. The command in each row reproduces
-its figure; `python -m benchmarks` lists all benchmarks with their claims. Machine: 2 cores at 2.5 GHz unless said;
-busy: it did other work as well. **Older than its code** marks a figure that was measured before the last change of what
-it measures, by the commit named. Up to 2026-11-26 a row's commit is the one that wrote its figure down on that date, or
-the last of that day.
+its figure. Machine: 2 cores at 2.5 GHz unless said; busy: it did other work as well. **stale**: measured before the
+last change of what it measures, by the commit named. Up to 2026-11-26 a row's commit is the one that wrote it down.
 
 ![Time of a blow, a batch, derivatives, a fit, a film and a report beside peers and floors](images/diagrams.svg)
 
