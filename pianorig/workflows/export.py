@@ -38,9 +38,8 @@ def export_session(path: Path, form: str, *, trials: list[int] | None = None, ou
     files: list[Path] = []
     for trial in chosen:
         if form == FORCE:
-            files.append(
-                _write_force(trial, folder / (f"force_{trial.number:04d}.csv" if len(chosen) > 1 else "force.csv"))
-            )
+            name = f"force_{trial.number:04d}.csv" if len(chosen) > 1 else "force.csv"
+            files.append(_write_force(trial, folder / name))
         else:
             files += export_trial(trial.read(), folder / f"{trial.path.stem}.{form}")
     return files

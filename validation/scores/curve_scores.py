@@ -163,23 +163,18 @@ def all_scores(
         return out
     t, m = trial[both], model[both]
     out["sg_magnitude"], out["sg_phase"], out["sg_combined"] = sprague_geers(t, m)
-    if iso and both.mean() >= 1 - MOST_CUT_FOR_ISO:
-        out |= _iso(t, m, float(np.median(np.diff(time))))
+    if iso and t.size >= FEWEST_SAMPLES and both.mean() >= 1 - MOST_CUT_FOR_ISO:
+        step_s = float(np.median(np.diff(time)))
+        s = iso_score(t, m, step_s)
+        out |= {
+            "iso_overall": s.overall,
+            "iso_corridor": s.corridor,
+            "iso_phase": s.phase,
+            "iso_magnitude": s.magnitude,
+            "iso_slope": s.slope,
+            "iso_shift_s": s.shift_samples * step_s,
+        }
     return out
-
-
-def _iso(trial: Array, model: Array, step_s: float) -> dict[str, float]:
-    if trial.size < FEWEST_SAMPLES:
-        return {}
-    s = iso_score(trial, model, step_s)
-    return {
-        "iso_overall": s.overall,
-        "iso_corridor": s.corridor,
-        "iso_phase": s.phase,
-        "iso_magnitude": s.magnitude,
-        "iso_slope": s.slope,
-        "iso_shift_s": s.shift_samples * step_s,
-    }
 
 
 def pooled_score(name: str, values: Array) -> float:

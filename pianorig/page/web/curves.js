@@ -55,7 +55,6 @@ export class Curves {
       for (const grid of plot.center) if ("grid_line_color" in grid) grid.grid_line_color = style("--shade");
       plot.left[0].ticker.desired_num_ticks = panel.height > 80 ? 5 : 3;
       if (last) plot.below[0].axis_label = "time, s"; else plot.below[0].visible = false;
-      self.sources = self.sources || [];
       const sources = panel.lines.map((line) => {
         if (line.live) return null; // drawn over the plot: Bokeh would draw axes and labels again for each new value
         const source = new ColumnDataSource({ data: { x: line.time, y: line.value } });
@@ -65,12 +64,10 @@ export class Curves {
       const values = make("span", { class: "values" });
       const figure = make("figure", { class: "plot", role: "img", "aria-label": `${panel.title} over time` });
       place.append(make("div", { class: "head" }, make("span", { class: "title" }, `${panel.title}, ${panel.unit}`), values), figure);
-      self.views.push({ view: await Plotting.show(plot, figure), panel, values, sources, figure, over: null });
       const over = panel.lines.some((line) => line.live) ? make("canvas", { class: "over", "aria-hidden": "true" }) : null;
-      if (over) figure.append(over);
-      const one = self.views[self.views.length - 1];
-      one.over = over;
-      if (over) plot.y_range.change.connect(() => self.paint(one));
+      const one = { view: await Plotting.show(plot, figure), panel, values, sources, figure, over };
+      self.views.push(one);
+      if (over) { figure.append(over); plot.y_range.change.connect(() => self.paint(one)); }
     }
     self.listen();
     for (const range of self.ranges) range.change.connect(() => self.follow(range));

@@ -78,7 +78,7 @@ export async function showLive(main, values) {
     const other = !state || !state.recording || now.trial !== state.trial || now.started_utc !== state.started_utc;
     if (now.recording && (other || !ring)) {
       ring = new Ring(now.channels.length, now.rate_hz);
-      const names = now.channels.map(({ name }) => name).join();
+      const names = now.channels.map((channel) => channel.name).join();
       if (scales.dataset.names !== names) { // what was typed stays from trial to trial
         scales.dataset.names = names;
         scale = now.channels.map(() => null);

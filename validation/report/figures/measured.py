@@ -78,8 +78,7 @@ def control_charts(view: SessionView) -> ReportFigure | None:
     charts: list[tuple[str, Array, Array]] = [("peak force (N)", numbers, np.array(peaks))]
     rmse = result.scores[result.scores["channel"] == "hammer"].dropna(subset=["rmse_rad"])
     charts.append(("hammer RMSE (°)", rmse["trial"].to_numpy(), np.degrees(rmse["rmse_rad"].to_numpy(dtype=float))))
-    for name in CHARTS:
-        charts.append((EVENTS[name].label, *_of_event(result.events, name)))
+    charts += [(EVENTS[name].label, *_of_event(result.events, name)) for name in CHARTS]
     charts = [chart for chart in charts if chart[1].size]
     figure = Figure(figsize=(WIDTH_IN, 1.25 * len(charts) + 0.3))
     panels = figure.subplots(len(charts), 1, sharex=True, squeeze=False)[:, 0]
