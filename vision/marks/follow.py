@@ -29,6 +29,7 @@ from vision.results.flags import FrameFlag, is_failed
 from vision.results.pose_table import PoseTable, turned_covariance
 from vision.tracking.body_tracker import BodyTracker
 from vision.tracking.film_tracker import repeats_around
+from vision.tracking.options import check_count
 from vision.tracking.prepare import FIRST_AVERAGED, frame_times
 from vision.uncertainty.coherence import variance_factor, widened
 
@@ -158,8 +159,7 @@ def follow_marks(
     with film_of(path_or_source) as film:
         if not marks:
             raise VisionInputError(f"{film.path}: no marks given; name at least one point or line")
-        if isinstance(every, bool) or every < 1:
-            raise VisionInputError(f"every = {every!r}; needs a whole number of at least 1")
+        check_count("every", every)
         time_s = frame_times(film, frame_time_s)
         trackers, n_still = _prepared(film, marks, n_still)
         table = PoseTable.empty(np.arange(0, film.n_frames, every), len(marks))

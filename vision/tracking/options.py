@@ -42,6 +42,12 @@ class TrackOptions(FitOptions, total=False):
     progress: Callable[[int, int], None] | None
 
 
+def check_count(name: str, value: object) -> None:
+    """Refuse what is no whole number of at least 1."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise VisionInputError(f"{name} = {value!r}; needs a whole number of at least 1")
+
+
 @dataclass(frozen=True)
 class FitSettings:
     """Checked `FitOptions`."""
@@ -58,6 +64,8 @@ class FitSettings:
             raise VisionInputError(f"method {self.method!r} is not known; choose {' or '.join(METHODS)}")
         if not 0.0 <= self.u_time_s < np.inf:
             raise VisionInputError(f"u_time_s = {self.u_time_s!r}; needs a standard uncertainty of at least 0 s")
+        if self.max_pixels is not None:
+            check_count("max_pixels", self.max_pixels)
         if self.rows_per_s is not None and not self.rows_per_s > 0.0:
             raise VisionInputError(
                 f"rows_per_s = {self.rows_per_s!r}; needs the rows that a rolling shutter reads per second, above 0, "
@@ -83,8 +91,7 @@ class TrackSettings(FitSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if isinstance(self.every, bool) or not isinstance(self.every, int | np.integer) or self.every < 1:
-            raise VisionInputError(f"every = {self.every!r}; needs a whole number of at least 1")
+        check_count("every", self.every)
         if self.threads is not None and (
             isinstance(self.threads, bool) or not isinstance(self.threads, int) or not 1 <= self.threads <= MOST_THREADS
         ):

@@ -90,9 +90,10 @@ def retrack_frames(
         for frame, place in zip(frames, places, strict=True):
             pose = []
             for template, zero_rad in zip(ready.templates, zero.turn_rad, strict=True):
-                if template.name not in place or not np.all(np.isfinite(place[template.name])):
+                there = np.ravel(place.get(template.name, ()))
+                if there.size != 3 or not np.all(np.isfinite(there)):
                     raise VisionInputError(f"{film.path}: frame {frame}: no place given for body {template.name}")
-                angle, x, y = place[template.name]
+                angle, x, y = there.tolist()
                 phi = float(ccw_to_picture(angle)) + zero_rad
                 pose.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
             start[int(frame)] = pose

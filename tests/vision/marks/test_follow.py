@@ -147,6 +147,8 @@ def test_what_shows_no_motion_is_refused() -> None:
         follow_marks(still, [PointMark("p", (60.0, 56.0)), PointMark("q", (400.0, 56.0))])
     with pytest.raises(VisionInputError, match="no mark"):
         follow_marks(still, [])
+    with pytest.raises(VisionInputError, match=r"every = 1\.5"):
+        follow_marks(still, [PointMark("dot", (60.0, 56.0))], every=1.5)
     with pytest.raises(VisionInputError, match="'r' was not followed"):
         follow_marks(still, [PointMark("dot", (60.0, 56.0))], every=20).column("r")
 

@@ -72,6 +72,11 @@ def test_a_frame_alone_gives_what_the_film_gave() -> None:
         retrack_frames(known.film, known.bodies, [70], [near])
     with pytest.raises(InputError, match="body bar"):
         retrack_frames(known.film, known.bodies, [50], [{}])
+    with pytest.raises(InputError, match="body bar"):
+        retrack_frames(known.film, known.bodies, [50], [{"bar": near["bar"][1:]}])
+    for none in (0, -3, 2.5):
+        with pytest.raises(InputError, match="max_pixels"):
+            track_film(known.film, known.bodies, max_pixels=none)
 
 
 def test_frames_alone_know_their_motion() -> None:
