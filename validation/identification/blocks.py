@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from validation.conventions import Array
@@ -150,10 +151,5 @@ def bend(blocks: Sequence[Block], here: Sequence[Array], there: Sequence[Array],
 def _size(columns: Array, m: int) -> Array:
     """Size of the response by channel and phase, largest of its neighbours so that no crossing of zero shows."""
     size = np.sqrt((columns**2).sum(axis=1)).reshape(-1, m)
-    around = np.stack([np.roll(size, shift, axis=1) for shift in range(-SMOOTH, SMOOTH + 1)])
-    for i, shift in enumerate(range(-SMOOTH, SMOOTH + 1)):  # no wrapping round the ends
-        if shift > 0:
-            around[i, :, :shift] = 0.0
-        elif shift < 0:
-            around[i, :, shift:] = 0.0
-    return np.maximum(around.max(axis=0), FLOOR_RAD)
+    around = sliding_window_view(np.pad(size, ((0, 0), (SMOOTH, SMOOTH))), 2 * SMOOTH + 1, axis=1)
+    return np.maximum(around.max(axis=2), FLOOR_RAD)

@@ -184,7 +184,8 @@ def rehearsed(fitted: Fitted, planned: Marginal, block: Block, play: Play, trial
     rng, sizes = np.random.default_rng(SEED), planned.sizes
     new = replace(block, session=len(sizes.common) - 1)
     here = np.concatenate([fitted.z, np.zeros(len(sizes.families) - fitted.z.size)])
-    away = sizes.scatter * _as_large_as_said(rng.standard_normal((trials, here.size)))
+    drawn = rng.standard_normal((trials, here.size))
+    away = sizes.scatter * drawn / np.sqrt(np.mean(drawn**2, axis=0))  # as large as said: a rehearsal is no die
     curves = [None if c is None else rows(np.asarray(c)) for c in play([here, *(here + step for step in away)])]
     still, moved = curves[0], [c for c in curves[1:] if c is not None]
     if still is None or len(moved) < trials:
@@ -210,11 +211,6 @@ def _lacking(planned: Marginal, new: Block) -> Array:
     size[first : first + common.size] = common
     columns, laws = part.columns * size[part.place], law_columns(new, sizes)
     return np.asarray(columns[laws.shape[1] :] + laws @ columns[: laws.shape[1]])
-
-
-def _as_large_as_said(drawn: Array) -> Array:
-    """Draws (trials, laws) of root mean square 1 for each law: a rehearsal is no die."""
-    return np.asarray(drawn / np.sqrt(np.mean(drawn**2, axis=0)))
 
 
 TRIALS = 5

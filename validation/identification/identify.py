@@ -91,7 +91,8 @@ def identify(
     try:
         problem, columns = at_start(start, asked, sources.fitted, response)
     except ModelError as error:
-        raise _cannot_run(start, error) from None
+        why = str(error).removeprefix("identification: ")
+        raise ValidationInputError(f"identify: {start.name}: {why}; use other values with --set") from None
     before = look_before(problem, columns)
     stuck = bounds_not_run(problem)
     for line in [*stuck, *before]:
@@ -166,11 +167,6 @@ def look_before(problem: Problem, columns: Columns) -> list[str]:
     usual = tight.grown(EXPECTED / float(tight.discrepancy.max()))
     at_best, expected = (Marginal(blocks, sizes).covariance[:n, :n] for sizes in (tight, usual))
     return warnings_before(names, at_best, expected)
-
-
-def _cannot_run(action: model.Action, error: ModelError) -> ValidationInputError:
-    why = str(error).removeprefix("identification: ")
-    return ValidationInputError(f"identify: {action.name}: {why}; use other values with --set")
 
 
 def bounds_not_run(problem: Problem) -> list[str]:

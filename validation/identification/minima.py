@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 from scipy.stats import norm, qmc
@@ -290,6 +291,7 @@ def _fitted(problem: Problem, before: Fitted, place: _Place, steps: int, converg
 
 
 START_SEED = 125
+_badness = attrgetter("badness")
 
 
 def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns: Columns | None) -> list[Fitted]:
@@ -360,10 +362,6 @@ def _ended(problem: Problem, found: Fitted, say: Callable[[str], None] | None) -
     if not found.slight or not bends(problem, found):
         return fit(problem, found.z, say) if found.left else found
     return refine(problem, found, say)
-
-
-def _badness(found: Fitted) -> float:
-    return found.badness
 
 
 def _others(fits: Sequence[Fitted], best: Fitted) -> list[Fitted]:

@@ -8,7 +8,7 @@ A film has a clock of its own: of each phase its nearest frame is compared, at i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -181,6 +181,10 @@ class Span:
     end_s: float
 
 
+_SpanOf = Callable[[MeasuredTrial], Span]
+_Seen = Callable[[str, int, MeasuredTrial, Span, Array], ObservedTrial]
+
+
 def observe(
     name: str, session: int, trials: Sequence[MeasuredTrial], phases: int = PHASES, film: bool = False
 ) -> list[ObservedTrial]:
@@ -199,14 +203,13 @@ def observe(
     ValidationInputError
         The trials have no span in common: they are not of one kind of stroke; or an encoder stands still.
     """
-    _refuse_still(name, trials)
-    spans = [_span(m) for m in trials]
-    at = common_phases(name, trials, spans, phases)
-    seen = [_observed(name, session, m, s, at) for m, s in zip(trials, spans, strict=True)]
-    return [with_film(t, m) for t, m in zip(seen, trials, strict=True)] if film else seen
+    return _thinned(name, session, trials, (_span, _observed), phases, film)
 
 
-def _refuse_still(name: str, trials: Sequence[MeasuredTrial]) -> None:
+def _thinned(
+    name: str, session: int, trials: Sequence[MeasuredTrial], ways: tuple[_SpanOf, _Seen], phases: int, film: bool
+) -> list[ObservedTrial]:
+    """Trials as `observe` has them, by what tells their spans, and what sees them at common phases."""
     for m in trials:
         still = np.flatnonzero(np.ptp(m.change_rad, axis=0) == 0.0)
         if still.size:
@@ -214,6 +217,10 @@ def _refuse_still(name: str, trials: Sequence[MeasuredTrial]) -> None:
                 f"{name}, trial {m.number}: the {ENCODER_CHANNELS[still[0]]} encoder stands still; reject the trial "
                 "(pianorig annotate), or check the encoder's cable and record again"
             )
+    spans = [ways[0](m) for m in trials]
+    at = common_phases(name, trials, spans, phases)
+    seen = [ways[1](name, session, m, s, at) for m, s in zip(trials, spans, strict=True)]
+    return [with_film(t, m) for t, m in zip(seen, trials, strict=True)] if film else seen
 
 
 def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Span], phases: int) -> Array:
@@ -301,9 +308,7 @@ def _observed(name: str, session: int, m: MeasuredTrial, span: Span, phases: Arr
     # from where it begins to act, not from the first phase, which may be later: what moved the key till then counts
     inside = (f.time_s > span.start_s - LEAD_S) & (f.time_s <= time[-1] + 2e-3)
     force_s, force_n = f.time_s[inside], f.force_n[inside].copy()
-    force_n[force_s < m.quiet.onset_s - 2e-3] = (
-        f.preload_n
-    )  # the baseline's mean is the preload; its noise is not force
+    force_n[force_s < m.quiet.onset_s - 2e-3] = f.preload_n  # the baseline's mean; its noise is not force
     offset = f.hum.u_offset_n if np.isfinite(f.hum.u_offset_n) else 0.0
     return ObservedTrial(
         label=f"{name}, trial {m.number}",
@@ -344,11 +349,7 @@ def observe_driven(
     ValidationInputError
         The trials have no span in common, an encoder stands still, or a key's angles are no motion.
     """
-    _refuse_still(name, trials)
-    spans = [_driven_span(m) for m in trials]
-    at = common_phases(name, trials, spans, phases)
-    seen = [_observed_driven(name, session, m, s, at) for m, s in zip(trials, spans, strict=True)]
-    return [with_film(t, m) for t, m in zip(seen, trials, strict=True)] if film else seen
+    return _thinned(name, session, trials, (_driven_span, _observed_driven), phases, film)
 
 
 def _driven_span(m: MeasuredTrial) -> Span:

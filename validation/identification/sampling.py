@@ -269,10 +269,6 @@ def sample_posterior(
     chains = sample(_density(problem, fitted, axes, progress), len(told), CHAINS, DRAWS, rng)
     free[:, :, told] = 0.0
     z = _inside(problem, fitted.z + chains.draws @ axes.T + (free * width) @ vectors.T)
-    return _draws(z, chains, bent)
-
-
-def _draws(z: Array, chains: Chains, bent: list[str]) -> Draws:
     most = float(np.max(chains.r_hat))
     return Draws(z, chains.log_density, tuple(bent), True, chains.draws.shape[2], chains.accepted, most, chains.mixed)
 
