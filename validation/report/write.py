@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -196,5 +197,6 @@ def write_side_by_side(side: SideBySide, folder: Path) -> SideBySide:
     files = write_files(folder, texts)
     for path in (*folder.glob("curves*.nc"), *folder.glob("curves/*")):
         if CURVES.fullmatch(name := path.relative_to(folder).as_posix()) and name not in texts:
-            path.unlink()
+            with suppress(OSError):  # another program reads it
+                path.unlink()
     return side.with_files(files)
