@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from vision.errors import FilmError
 from vision.film.mmap_window import FileWindow
-from vision.film.source import Film, NewestFrame, grey_of, jpeg_compression
+from vision.film.source import Film, NewestFrame, grey_of, jpeg_compression, jpeg_segments
 
 GREY_CODES = (b"Y800", b"GREY", b"Y8  ")
 MAX_DEPTH = 4
@@ -128,13 +128,10 @@ class AviFilm(Film):
 
     def _fits(self, data: NDArray[np.uint8]) -> bool:
         """Whether a JPEG states the film's size: a decoder would believe any other and allocate for it."""
-        at = 2
-        while at + 9 <= data.size and data[at] == 0xFF:
-            kind, length = int(data[at + 1]), int(data[at + 2]) * 256 + int(data[at + 3])
-            if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
-                height, width = (int(data[i]) * 256 + int(data[i + 1]) for i in (at + 5, at + 7))
+        for kind, at in jpeg_segments(data):
+            if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC) and at + 5 <= data.size:
+                height, width = (int(data[i]) * 256 + int(data[i + 1]) for i in (at + 1, at + 3))
                 return (height, width) == (self.height, self.width)
-            at += 1 if kind == 0xFF else 2 + length
         return False
 
     def _check_frames(self) -> None:

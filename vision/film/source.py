@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -50,15 +50,22 @@ class Compression:
     steps: NDArray[np.float64] | None
 
 
+def jpeg_segments(data: bytes | NDArray[np.uint8]) -> Iterator[tuple[int, int]]:
+    """Kind and place of what stands before the picture of a JPEG, each as a whole: one may hold a smaller JPEG."""
+    at = 2
+    while at + 4 <= len(data) and data[at] == 0xFF:
+        kind = int(data[at + 1])
+        yield kind, at + 4
+        at += 1 if kind == 0xFF else 2 + int(data[at + 2]) * 256 + int(data[at + 3])
+
+
 def jpeg_steps(data: bytes) -> NDArray[np.float64] | None:
     """Luminance steps of a JPEG picture, shape (8, 8); None when it holds no table."""
-    at = data.find(b"\xff\xdb")
-    if at < 0 or len(data) < at + 5:
+    at = next((at for kind, at in jpeg_segments(data) if kind == 0xDB), len(data))
+    number = np.dtype(">u2") if data[at : at + 1] > b"\x0f" else np.dtype(np.uint8)
+    if len(data) < at + 1 + 64 * number.itemsize:
         return None
-    kind = np.dtype(">u2") if data[at + 4] >> 4 else np.dtype(np.uint8)
-    if len(data) < at + 5 + 64 * kind.itemsize:
-        return None
-    values = np.frombuffer(data, dtype=kind, count=64, offset=at + 5)
+    values = np.frombuffer(data, dtype=number, count=64, offset=at + 1)
     steps = np.empty((8, 8))
     steps[tuple(np.transpose(ZIGZAG))] = values
     return steps

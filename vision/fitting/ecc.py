@@ -60,11 +60,10 @@ class EccFitter(Fitter):
             mask = self._mask.copy()
             mask[self._rows[covered != 0], self._cols[covered != 0]] = 0
         warp = self._warp_of(pose, x0, y0)
-        everywhere = np.full(view.shape, 255, dtype=np.uint8)
         criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, MAX_ITERATIONS, STEP_TOLERANCE)
         try:
             correlation, found = cv2.findTransformECCWithMask(
-                self._picture, view, mask, everywhere, warp, cv2.MOTION_EUCLIDEAN, criteria, 1
+                self._picture, view, mask, np.full_like(view, 255, np.uint8), warp, cv2.MOTION_EUCLIDEAN, criteria, 1
             )
         except cv2.error:
             return FAILED
@@ -125,5 +124,4 @@ def _bilinear(view: NDArray[np.float32], x: NDArray[np.float64], y: NDArray[np.f
     fx, fy = x - left, y - top
     upper = (1.0 - fx) * view[top, left] + fx * view[top, left + 1]
     lower = (1.0 - fx) * view[top + 1, left] + fx * view[top + 1, left + 1]
-    result: NDArray[np.float64] = (1.0 - fy) * upper + fy * lower
-    return result
+    return np.asarray((1.0 - fy) * upper + fy * lower)

@@ -88,9 +88,8 @@ def regions(tracks: PointTracks, groups: Groups) -> list[tuple[Motion, Mask]]:
     marks = np.zeros(best.shape, dtype=np.int32)
     near = np.zeros(best.shape, dtype=np.uint8)
     for i in range(1, len(groups.motions)):
-        own = _opened(np.asarray(best == i, dtype=np.uint8), 3)
         points = tracks.place_px[groups.group == i, 0]
-        own = _with_points(own, points, tracks.spacing_px)
+        own = _with_points(_opened(np.asarray(best == i, dtype=np.uint8), 3), points, tracks.spacing_px)
         if np.count_nonzero(own) < MIN_AREA_PX // 8:
             continue
         marks[own > 0] = i + 1

@@ -51,7 +51,6 @@ BEFORE, AFTER = 12, 4
 """Rows before and after a doubtful row that are confirmed with it."""
 INLIER_CHANGE = 0.12
 """Share of the pixels that may stop agreeing from one row to the next; more means that something covers the body."""
-
 SAME_PX = 0.5
 """Furthest that two fits of the same pixels are apart at the rim of a body."""
 
