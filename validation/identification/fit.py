@@ -62,7 +62,7 @@ class Fitted:
     left : whether it was left near the minimum, to go on otherwise
     own : what each trial has of its own where the linear model was made; None: made where all trials are alike
     before : badness of the fit that this went on from, if it is the end of one
-    wanted : (p,) what a last step that gained nothing would still have changed z by
+    wanted : (p,) what a last step that gained nothing would still have changed z by; part of the uncertainty
     forks : trials at a fork of their motion, with the first phase that was left out
     """
 
@@ -197,7 +197,9 @@ def fit(
             break
         floor = max(FLOOR, 0.5 * (worth if taken else min(worth, floor)))
         damping = damping / 10.0 if damping > LEAST_DAMPING and worth > FLOOR else 0.0
-    return Fitted(z, curves, marginal, linear, marginal.objective(here, z), steps, converged, tight, left)
+    wanted = box_step(marginal, here, z, (low, high), 0.0) if converged and largest >= CLOSE else None
+    objective = marginal.objective(here, z)
+    return Fitted(z, curves, marginal, linear, objective, steps, converged, tight, left, wanted=wanted)
 
 
 @dataclass(frozen=True)

@@ -105,13 +105,9 @@ def identify(
     covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
     names = [p.name for p in asked.asked]
     undetermined, determined = directions(names, covariance)
-    scores = {FITTED: score(sources.fitted, {"before": start, "identified": found}, options.tolerance)}
-    for name, trials in sources.held.items():
-        scores[name] = score(trials, {"before": start, "identified": found}, options.tolerance)
-    events = {
-        name: score_events(trials, {"before": start, "identified": found}, EVENT_TOLERANCE)
-        for name, trials in sources.measured_held.items()
-    }
+    both, of = {"before": start, "identified": found}, {FITTED: sources.fitted, **sources.held}
+    scores = {name: score(trials, both, options.tolerance) for name, trials in of.items()}
+    events = {name: score_events(some, both, EVENT_TOLERANCE) for name, some in sources.measured_held.items()}
     fitted, risen = scores[FITTED], []
     if fitted["before"] is not None and fitted["identified"] is not None:
         risen = why_it_rises(fitted["before"], fitted["identified"], by_channel(sources.fitted, best.curves))

@@ -14,12 +14,14 @@ import model
 from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.identification.blocks import make_blocks, residuals, rows
+from validation.identification.estimates import estimate_all
 from validation.identification.fit import fit
 from validation.identification.force_runs import Case, ForceRuns, noise_knots, slow_noise_n
 from validation.identification.minima import search
 from validation.identification.noise import Marginal, Sizes, box_step, learn
 from validation.identification.observations import ObservedTrial, encoder_noise, observe_driven
 from validation.identification.problem import Problem
+from validation.identification.scatter import jackknife, widened
 from validation.identification.sources import IdentifyOptions, collect
 from validation.identification.unknowns import unknowns
 
@@ -169,6 +171,18 @@ def test_a_fit_settles_at_a_kink() -> None:
     found = fit(Problem(model.load_action(), toy.free(), tuple(trials), Kinked(trials)))
     width = np.sqrt(np.diag(found.covariance))
     assert found.converged and np.all(np.abs(found.z - truth) < 4 * width)
+
+
+def test_what_a_fit_that_ends_at_a_kink_would_still_change_is_part_of_u() -> None:
+    trials = toy.made(np.array([0.8, -0.5, 0.3]), 5, np.random.default_rng(5), scatter=0.02)
+    p = Problem(model.load_action(), toy.free(), tuple(trials), Kinked(trials))
+    found = fit(p)
+    here = residuals(trials, p.response.curves([found.z])[0] or [])
+    step = np.linalg.solve(found.marginal.curvature, found.marginal.slope(here, found.z))
+    width = np.sqrt(np.diag(found.covariance))
+    assert np.max(np.abs(step) / width) > 0.1
+    u = [e.z_u for e in estimate_all(p, found, (), lambda text: None)]
+    assert u == pytest.approx(np.hypot(widened(width, jackknife(found), 5), step), rel=1e-9)
 
 
 def test_the_step_ends_at_the_least_value_in_the_box() -> None:
