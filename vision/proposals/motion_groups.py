@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from vision.angles import turn_matrix
 from vision.errors import BodyError
 from vision.film.source import ArrayFilm
-from vision.fitting.base import Fit
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template, build_template
 from vision.proposals.point_tracks import PointTracks
@@ -228,15 +227,11 @@ def _refined(tracks: PointTracks, groups: Groups, i: int) -> Motion | None:
         pose[step] = moved
         for guess in (moved, 2.0 * pose[step - 1] - pose[max(step - 2, 0)]):
             fit = fitter.fit(film, step, guess, None)
-            if _holds(fit):
+            if fit.converged and fit.zncc > LEAST_ZNCC and fit.inlier > LEAST_INLIER:
                 pose[step], found[step] = fit.pose, True
                 break
             fitter.reset(cautious=True)
     return _motion(template, pose[groups.key]) if found.mean() > FOUND else None
-
-
-def _holds(fit: Fit) -> bool:
-    return fit.converged and fit.zncc > LEAST_ZNCC and fit.inlier > LEAST_INLIER
 
 
 def _moved_on(
