@@ -124,7 +124,7 @@ def frames_by_activity(film: FrameSource) -> NDArray[np.intp]:
 
 
 def _light_by(first: NDArray[Any]) -> Callable[[NDArray[Any]], Any]:
-    """What tells the light: the median, which hardly follows what moves, or the mean where the first is mostly black."""
+    """What tells the light: the median, which hardly follows what moves, or the mean if the first is mostly black."""
     return np.median if np.median(first) > BLACK * np.quantile(first, 0.998) else np.mean
 
 
