@@ -185,7 +185,9 @@ def test_the_whole_demo_has_figures_and_says_what_explains_the_difference(tmp_pa
     for figure in demo.figures.tracking:
         assert figure.ratio < 1.5 and figure.lost == 0, figure
     assert len(re.findall("<svg [^>]*data-panels", page)) == 9
-    assert any("none of the causes that were tried explains the difference" in text for text in demo.result.warnings)
+    assert any(
+        "none of the causes that were tried explains the mean difference" in text for text in demo.result.warnings
+    )
     assert not any("not a fault of the session" in text for text in demo.result.warnings)
 
 

@@ -56,6 +56,7 @@ ENOUGH = 0.05  # of the squared difference between trials: a set that leaves les
 SMALLEST_CHANGE = 0.5  # of how far off a value may be: 2.5 % of the force, 15 % of a law; less is scatter of the blows
 SMALLEST_DIFFERENCE = 4e-3  # of the range of a channel, root mean square: below, nothing is looked for
 MINOR = 0.1  # of the log odds that a cause gains: what others gain beside it
+MORE_LEFT = 2.0  # times what the best set leaves of a squared difference
 FAR = 3.0  # times the margin: a fourth change that promises so much is not looked at more closely
 ABOUT = "about the model, not a fault of the session: "
 MODEL = "about the model: "
@@ -277,6 +278,7 @@ class Answer:
 
 
 Around = Callable[[Followed, Followed, Search | None, int], Search]
+Sets = dict[int, list[Followed]]
 
 
 def decide(around: Around, nothing: Followed, numbers: Sequence[int], between: bool = False) -> Explained:
@@ -322,11 +324,11 @@ def decide(around: Around, nothing: Followed, numbers: Sequence[int], between: b
     return Explained(sentence, (*apart, *rows), shared.nothing and not apart, found)
 
 
-def _answer(around: Around, search: Search, most: int) -> Answer:
-    """The sets that explain what is asked, up to so many changes."""
+def _sought(around: Around, search: Search, most: int) -> tuple[Search, Sets]:
+    """The last search, and the sets it found by size, up to so many changes."""
     margin, start, asked = math.log(ODDS), search.start, search.asked
-    sets: dict[int, list[Followed]] = {0: [start]}
-    best, lacks, scores = _weighed(search, sets)
+    sets: Sets = {0: [start]}
+    best, _, scores = _weighed(search, sets)
     for size in range(1, most + 1):
         first = size == 1 and (asked == BETWEEN or search.fits(start))
         if search.promised(best) < (LOOK if first else margin):
@@ -335,21 +337,30 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
         if not found:
             break
         sets[size] = found
-        best, lacks, scores = _weighed(search, sets)
         if size == 1 and asked == MEAN:
             search = search.with_effects()
             sets[1] += search.effects(sets[1])
-            best, lacks, scores = _weighed(search, sets)
-        best, lacks, scores = _pared(search, sets)
+        best, _, scores = _pared(search, sets)
+        if asked == BETWEEN and search.own(best.members) and search.log_evidence(best) > max(scores[0]) + SURE:
+            n = len(search.own(best.members))
+            sets[n] = search.better([*sets[n], *_large(search, search.twins(best))])
+            best, _, scores = _pared(search, sets)
         enough = asked == BETWEEN and search.left(best) < ENOUGH
         if size == most and search.promised(best) > FAR * margin:
             break
         if search.own(best.members):  # what is known, and the sizes of the changes, look otherwise from there
             search = around(start, best, search, asked)
             sets = {n: _large(search, moved) if n else moved for n, moved in search.again(sets).items()}
-            best, lacks, scores = _weighed(search, sets)
+            best, _, scores = _weighed(search, sets)
         if enough:
             break
+    return search, sets
+
+
+def _answer(around: Around, search: Search, most: int) -> Answer:
+    """The sets that explain what is asked, up to so many changes."""
+    margin, start, asked = math.log(ODDS), search.start, search.asked
+    search, sets = _sought(around, search, most)
     best, lacks, scores = _pared(search, sets)
     top = max(max(score) for score in scores.values() if score)
     gained = top - max(scores[0])
@@ -374,9 +385,13 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
     if size == 0:
         return Answer((), search, nothing=asked == BETWEEN or top == max(scores[0]) or search.fits(start))
     best_of = max(scores[size])
-    near = [s for score, s in zip(scores[size], sets[size], strict=True) if score >= best_of - margin]
+    near = [  # a set is no worse by what its own runs scatter by
+        s
+        for score, s in zip(scores[size], sets[size], strict=True)
+        if score >= best_of - max(margin, min(s.rough, SURE))
+    ]
     near = [s for s in near if search.shown(s)]
-    if not near:
+    if not near or (asked == BETWEEN and _contradicted(search, sets, max(near, key=search.log_evidence))):
         return Answer((), search, gained=gained)
     if size < most:  # a larger set that holds none of these is no less compatible for being larger
         near += _large(search, search.without(size + 1, [s.members for s in near]))
@@ -399,6 +414,17 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
             if not any(set(other.members) < set(s.members) for other, _ in more)
         ]
     return Answer(tuple(sorted(kept, key=lambda pair: (len(pair[0].members), -pair[1]))), search)
+
+
+def _contradicted(search: Search, sets: Mapping[int, Sequence[Followed]], best: Followed) -> bool:
+    """Whether other causes that leave far more of what trials differ by are no less likely: odds say little there."""
+    own = {search.responses.candidates[j].source for j in search.own(best.members)}
+    least, left = search.log_evidence(best) - SURE, search.left(best)
+    others = [s for n, found in sets.items() if n for s in found if search.log_evidence(s) > least]
+    return any(
+        search.left(s) > MORE_LEFT * left and own.isdisjoint(search.responses.candidates[j].source for j in s.members)
+        for s in others
+    )
 
 
 def _main(search: Search, sets: Mapping[int, Sequence[Followed]], best: Followed) -> list[Followed]:
@@ -434,7 +460,7 @@ def _weighed(search: Search, sets: Mapping[int, Sequence[Followed]]) -> tuple[Fo
     return best, max(search.log_evidence(s, lacking=True) for _, s in every), scores
 
 
-def _pared(search: Search, sets: dict[int, list[Followed]]) -> tuple[Followed, float, dict[int, list[float]]]:
+def _pared(search: Search, sets: Sets) -> tuple[Followed, float, dict[int, list[float]]]:
     """`_weighed`, sets added that the best was found together with what they do not need."""
     found = _weighed(search, sets)
     while (size := len(search.own((best := found[0]).members))) > 1:
@@ -507,7 +533,8 @@ def _finding(rows: Sequence[CompatibleChange], text: str) -> SessionFinding:
 def _sentence(rows: Sequence[CompatibleChange], where: str, shared: Answer) -> str:
     """What is said of what all trials share."""
     sets = _sets(rows)
-    what = f"the difference of {where} until the key is let go"
+    mean = "mean difference" if where.startswith("trials") else "difference"  # of some trials alone it shows here, too
+    what = f"the {mean} of {where} from the model until the key is let go"
     if shared.nothing:
         return (
             f"until the key is let go, {where} and model differ by no more than force, sensors and stated "

@@ -43,7 +43,7 @@ from validation.prediction.many_runs import Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import posterior_of, principal_axes
 
-MASS_WRONG, LENGTH_WRONG_M = 0.1, 1e-3
+MASS_WRONG, LENGTH_WRONG_M, DRIVE_WRONG_M = 0.1, 1e-3, 5e-3  # the arm is set on the key by hand
 GAIN_WRONG, LEVEL_WRONG_N, DELAY_WRONG_S = 0.05, 0.1, 1e-3
 LAWS = (".friction.A", ".joint_friction.A", ".normal.D", ".torque", ".stiffness")
 MASSES = (".mass", ".inertia")
@@ -51,9 +51,9 @@ STEP_SIZE, SMALL_STEP = 0.33, 0.1  # of ``wrong``, for differences
 
 
 # from trial to trial, in units of ``wrong``: 2 % of a law, 0.3 % of the force (a bench's blows), 0.01 N, 0.05 ms,
-# 0.1 % of a scale, 0.01 mm
+# 0.1 % of a scale; m
 LAW_SCATTER, GAIN_SCATTER, LEVEL_SCATTER, DELAY_SCATTER = 0.07, 0.06, 0.1, 0.05
-SCALE_SCATTER, LENGTH_SCATTER = 0.02, 0.01
+SCALE_SCATTER, LENGTH_SCATTER_M = 0.02, 1e-5
 CLOCK = "clock rate"
 ENCODER_SCALES = tuple(f"{name} encoder scale" for name in ENCODER_CHANNELS)
 SESSION_ERRORS = (FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, CLOCK, *ENCODER_SCALES)
@@ -191,9 +191,10 @@ def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
     Conventions: amounts are in units of `Source.wrong`: a factor exp(wrong z), or wrong z added in SI. What is known
     of a value (its stated u, or the joint uncertainty of an identified action) is taken out of every comparison;
     ``wrong`` is how far off a value may be that is not what it is said to be: 30 % of a law, as in `unknowns.priors`,
-    10 % of a mass, a millimetre of a length, of the force 5 %, 0.1 N and 1 ms, 5 % of an encoder's scale and 1 % of
-    the rate of the clock. The force may be wrong in one trial, drift or jump; laws drift or jump; where a contact is or
-    the force acts jumps, as a scale does; the clock's rate, masses, pivots and centres of mass are what they are.
+    10 % of a mass, a millimetre of a length, 5 mm of where the force acts, of the force 5 %, 0.1 N and 1 ms, 5 % of an
+    encoder's scale and 1 % of the rate of the clock. The force may be wrong in one trial, drift or jump; laws drift or
+    jump; where a contact is or the force acts jumps, as a scale does; the clock's rate, masses, pivots and centres of
+    mass are what they are.
     """
     every, lasting = (ALL, ONE, TREND, STEP), (ALL, STEP)
     gain, level, delay = math.log1p(trial.u_gain) / GAIN_WRONG, trial.u_preload_n / LEVEL_WRONG_N, trial.u_delay_s
@@ -223,10 +224,11 @@ def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
         elif name in THRESHOLDS:
             found.append(Source(name, "1", paths, LAW_U, relative / LAW_U, named=False))
         elif lead.unit == "m":
-            wrong = LENGTH_WRONG_M
-            known, moves = lead.u / wrong, lasting if "contact" in name or name.startswith("drive") else (ALL,)
+            drive = name.startswith("drive")
+            wrong = DRIVE_WRONG_M if drive else LENGTH_WRONG_M
+            known, moves, scatter = lead.u / wrong, lasting if drive or "contact" in name else (ALL,), LENGTH_SCATTER_M
             found.append(
-                Source(name, "m", paths, wrong, known, step=SMALL_STEP, scatter=LENGTH_SCATTER, profiles=moves)
+                Source(name, "m", paths, wrong, known, step=SMALL_STEP, scatter=scatter / wrong, profiles=moves)
             )
         elif lead.u > 0.0 and not name.endswith(NORMAL):
             found.append(Source(name, lead.unit, paths, lead.u, 1.0, named=False))

@@ -263,6 +263,7 @@ LEAST_TOLD = 2.0 * LEAST_ADDED  # of an effect: with less it is its being there,
 DAMPING = ".normal.D"
 FELTS = 4  # that may remember
 HALF = 0.5  # of a squared difference, left
+MUCH_ALIKE = 0.7  # cosine of what two causes do, in broad noise
 AMOUNTS, FEW = (-3.0, -2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0), (-1.5, 1.5)
 """Of a single cause, before it is followed."""
 SHORTER = 0.3  # of a step that did not lower the objective
@@ -427,8 +428,13 @@ class Search:
         if self.asked == MEAN:
             shows = np.diag(self._around(self.start, 0)[0])
             ours = sorted((j for j in self.named if not listed[j].added), key=lambda j: -shows[j])[:BRANCHES]
+        self.evidence.likeliest = likeliest
+        return self._least(ours, FEW if laws or self.asked == MEAN else AMOUNTS)
+
+    def _least(self, ours: Sequence[int], amounts: Sequence[float]) -> list[Followed]:
+        """Single causes, each at the amount that leaves least in broad noise: the best of them."""
+        likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
         alone = [self._started((*self.start.members, j), self.start) for j in ours]
-        amounts = FEW if laws or self.asked == MEAN else AMOUNTS
         tried = [replace(one, z=np.append(one.z[:-1], z)) for one in alone for z in amounts]
         runs = self.responses.differences([one.point for one in tried])
         least: dict[tuple[int, ...], tuple[float, Followed]] = {}
@@ -452,6 +458,39 @@ class Search:
         ):
             moved[len(self.own(one.members))].append(one)
         return moved
+
+    def twins(self, one: Followed) -> list[Followed]:
+        """Sets with another cause in place of one, in the same trials, that do much the same there, followed.
+
+        Where a stroke's answer bends, no step from nothing leads to them.
+        """
+        listed, likeliest, started = self.responses.candidates, self.evidence.likeliest, list[Followed]()
+        self.evidence.likeliest = self.evidence.broad
+        for i, j in enumerate(one.members):
+            if j in self.start.members:
+                continue
+            others = [k for k in self.named if listed[k].weights == listed[j].weights and k not in one.members]
+            asked = [(one.point, listed[k].seen_in, listed[k].source) for k in others]
+            found = self.responses.columns(asked, len(others) * [one.each])
+            mean, between = self.evidence.products(np.column_stack([one.columns[:, i], *found]), 0, self.asked)
+            gram = mean + between
+            norms = np.sqrt(np.diag(gram))
+            alike, sizes = gram[0, 1:] / np.maximum(norms[0] * norms[1:], 1e-300), one.z[i] * gram[0, 1:]
+            for n in np.argsort(-np.abs(alike), kind="stable")[:FOLLOWED]:
+                if abs(alike[n]) > MUCH_ALIKE:
+                    members, z, columns = list(one.members), one.z.copy(), one.columns.copy()
+                    members[i], columns[:, i] = others[n], found[n]
+                    z[i] = np.clip(sizes[n] / gram[n + 1, n + 1], -FURTHEST, FURTHEST)
+                    started.append(replace(one, members=tuple(members), z=z, columns=columns))
+        self.evidence.likeliest = likeliest
+        runs = self.responses.differences([s.point for s in started])
+        there = [replace(s, each=each) for s, each in zip(started, runs, strict=True) if each is not None]
+        if len(one.members) == 1 + len(self.start.members):  # near a fork not even these derivatives lead there
+            (j,) = self.own(one.members)
+            sources = [self.responses.listed[c.source] for c in listed]
+            same = [k for k in self.named if listed[k].weights == listed[j].weights and k != j]
+            there += self._least([k for k in same if sources[k].law or sources[k].of_session], AMOUNTS)
+        return self._follow(self._follow(there, broad=True))
 
     def _tell(self) -> None:
         """Find derivatives of faults of the session anew, each in a trial that would have it.

@@ -133,7 +133,10 @@ def test_one_change_is_named_alone_with_its_size_where_no_other_explains_it(seed
     assert named(found) == {frozenset({"law 3"})}
     (row,) = found.changes
     assert abs(np.log(row.change) - 0.3 * 1.2) < 3 * row.u and row.u < 0.02
-    assert "this change explains the difference of trials 1, 2, 3" in found.sentence and "law 3 × 1.4" in found.sentence
+    assert (
+        "this change explains the mean difference of trials 1, 2, 3 from the model" in found.sentence
+        and "law 3 × 1.4" in found.sentence
+    )
 
 
 def test_a_single_trial_is_explained_as_several_are() -> None:
@@ -166,7 +169,7 @@ def test_changes_that_explain_it_only_together_are_named_together(truth: dict[in
 def test_none_is_named_where_the_model_lacks_something_or_more_have_changed() -> None:
     for found in (said({3: 1.0}, lacking=4e-3), said({0: 0.9, 2: -0.8, 4: 1.0, 6: -1.1, 8: 0.7})):
         assert not found.changes
-        assert found.sentence.startswith("none of the causes that were tried explains the difference")
+        assert found.sentence.startswith("none of the causes that were tried explains the mean difference")
 
 
 def test_nothing_need_have_changed_within_the_noise() -> None:
