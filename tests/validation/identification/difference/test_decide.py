@@ -11,7 +11,7 @@ import pytest
 
 from validation.conventions import Array
 from validation.identification.blocks import Block
-from validation.identification.difference.explain import ABOUT, Explained, decide
+from validation.identification.difference.explain import ABOUT, Around, Explained, _contradicted, decide
 from validation.identification.difference.responses import (
     ALL,
     CLOCK,
@@ -23,7 +23,7 @@ from validation.identification.difference.responses import (
     Source,
     candidates,
 )
-from validation.identification.difference.search import Evidence, Followed, Search, contrasts, turned
+from validation.identification.difference.search import BETWEEN, Evidence, Followed, Search, contrasts, turned
 from validation.identification.unknowns import FORCE_GAIN
 
 M, TRIALS, SHAPES = 20, 3, 12
@@ -103,6 +103,12 @@ def said(
     noise = 2e-5 * rng.standard_normal((trials, 3 * M))
     responses = Bending(np.array([Bending.curve(amounts, fold) for amounts in each]) + extra + noise, listed, fold)
     responses.measured[-1] += odd * np.sin(40 * np.tile(TIME, 3))
+    return decide(*searches(responses), range(1, trials + 1), between)
+
+
+def searches(responses: Bending) -> tuple[Around, Followed]:
+    """The search around a set, and the model as it is."""
+    listed = responses.listed
     (left,) = responses.differences([Point()])
     assert left is not None
     nothing = Followed((), np.zeros(0), left, np.zeros((3 * M, 0)))
@@ -116,7 +122,7 @@ def said(
         evidence = Evidence(block, np.zeros(SHAPES), 1e-3 * np.eye(SHAPES), at.each)
         return Search(responses, evidence, (start, at), (columns, nil), asked)  # type: ignore[arg-type]
 
-    return decide(around, nothing, range(1, trials + 1), between)
+    return around, nothing
 
 
 def named(found: Explained) -> set[frozenset[str]]:
@@ -239,6 +245,31 @@ def test_a_fault_that_no_step_from_nothing_leads_to_is_found(profile: str, size:
     found = said({}, trials=6, apart={0: apart}, listed=GAIN, strange=(1e-3, 0.0))
     assert [(row.cause, row.profile) for row in found.changes] == [(FORCE_GAIN, profile)]
     assert found.changes[0].change == pytest.approx(np.exp(0.05 * size), rel=2e-3)
+
+
+def test_what_does_the_same_in_the_same_trials_is_found_from_where_a_cause_lies() -> None:
+    responses = Bending(np.array([Bending.curve(np.eye(SHAPES)[-1] * 1.4 * (t > 2)) for t in range(6)]))
+    around, nothing = searches(responses)
+    search = around(nothing, nothing, None, BETWEEN)
+    step = {c.source: j for j, c in enumerate(responses.candidates) if c.profile == STEP and c.first == 4}
+    (one,) = search._follow([search._started((step[SHAPES - 2],), search.start)])
+    assert one.z == pytest.approx(0.7, rel=1e-3)
+    twin = {s.members: s for s in search.twins(one)}[(step[SHAPES - 1],)]
+    assert twin.z == pytest.approx(1.4, rel=1e-3) and search.left(twin) < 1e-6
+
+
+def test_odds_say_little_where_another_cause_that_leaves_far_more_is_as_likely() -> None:
+    responses = Bending(np.array([Bending.curve(np.eye(SHAPES)[3] * 1.4 * (t > 2)) for t in range(6)]))
+    around, nothing = searches(responses)
+    search = around(nothing, nothing, None, BETWEEN)
+    step = [j for j, c in enumerate(responses.candidates) if c.profile == STEP and c.first == 4]
+    best, other = search._follow([search._started((step[j],), search.start) for j in (3, 5)])
+    later = replace(other, members=(step[3] + 1,))  # the same cause from another trial on is no other one
+    assert not _contradicted(search, {0: [nothing], 1: [best, other]}, best)  # far less likely
+    search._known[id(other), False] = other, search.log_evidence(best) - 50.0
+    search._known[id(later), False] = later, search.log_evidence(best) - 50.0
+    assert _contradicted(search, {0: [nothing], 1: [best, other]}, best)
+    assert not _contradicted(search, {0: [nothing], 1: [best, later]}, best)
 
 
 def test_one_cause_is_named_beside_less_that_none_explains_and_none_beside_more() -> None:
