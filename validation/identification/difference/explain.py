@@ -63,6 +63,8 @@ MODEL = "about the model: "
 SESSION = "about the session, not the model: "
 EITHER = "about the model or the session: "
 BESIDE = "beside that, "
+SLOWEST_RAD_S = 15.0  # of the hammer: slower strokes lie nearer a fork of the motion
+SOFT = "; of strokes as soft as these one such answer in five was wrong where that was tried"
 FINDINGS = {FORCE_GAIN: "force gain", FORCE_LEVEL: "force level", FORCE_DELAY: "force delay"}
 FINDINGS |= dict.fromkeys(ENCODER_SCALES, "encoder scale or stops")
 
@@ -137,12 +139,14 @@ class Explained:
     changes : rows of the sets named
     nothing : whether no part of the model need have changed
     findings : what some of the trials differ from the others by
+    soft : whether the strokes are so soft that what is named is less sure
     """
 
     sentence: str = ""
     changes: tuple[CompatibleChange, ...] = ()
     nothing: bool = False
     findings: tuple[SessionFinding, ...] = ()
+    soft: bool = False
 
 
 def explain_difference(
@@ -185,7 +189,21 @@ def explain_observed(
     names = [f.name for f in fields(CompatibleChange)]
     changes = tuple(CompatibleChange(**{name: row[name] for name in names}) for row in found["changes"])
     findings = tuple(SessionFinding(**row) for row in found["findings"])
-    return Explained(found["sentence"], changes, found["nothing"], findings)
+    told = Explained(found["sentence"], changes, found["nothing"], findings, _soft(trials))
+    return with_caution(told) if told.soft else told
+
+
+def _soft(trials: Sequence[ObservedTrial]) -> bool:
+    """Whether the hammer stays below `SLOWEST_RAD_S` in most trials."""
+    fastest = [np.abs(np.diff(t.column("hammer")) / np.diff(t.time_s)).max() for t in trials]
+    return bool(np.median(fastest) < SLOWEST_RAD_S)
+
+
+def with_caution(told: Explained) -> Explained:
+    """An answer that says how often such answers were wrong, where it names a cause."""
+    shared = any(change.profile == ALL for change in told.changes)
+    findings = tuple(replace(f, text=f.text + SOFT) for f in told.findings)
+    return replace(told, sentence=told.sentence + shared * SOFT, findings=findings)
 
 
 def _chosen(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:

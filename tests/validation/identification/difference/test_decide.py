@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import model
 from validation.conventions import Array
+from validation.findings.finding import SessionFinding
 from validation.identification.blocks import Block
-from validation.identification.difference.explain import ABOUT, Around, Explained, _contradicted, decide
+from validation.identification.difference.explain import (
+    ABOUT,
+    SOFT,
+    Around,
+    CompatibleChange,
+    Explained,
+    _contradicted,
+    decide,
+    explain_observed,
+)
 from validation.identification.difference.responses import (
     ALL,
     CLOCK,
@@ -362,3 +374,20 @@ def test_evidence_of_a_set_is_that_of_its_joint_density() -> None:
             z, _ = evidence.amounts(turned(each), spread[..., which], np.zeros(len(which)))
             found.append(evidence.log_evidence(turned(each), spread[..., which], z))
         assert found[0] - found[1] == pytest.approx(density([0, 1]) - density([]), rel=1e-4)
+
+
+@pytest.mark.parametrize(("speed", "soft"), [(14.0, True), (16.0, False)])
+def test_what_is_named_of_soft_strokes_says_how_often_it_was_wrong(speed: float, soft: bool) -> None:
+    drift, shared = (CompatibleChange(1, 1, "x", 1.1, 0.1, "1", 0.0, 0.0, profile=p) for p in (TREND, ALL))
+    finding = SessionFinding("force gain", 1.0, "force", 1.1, 1.0, "x drifts")
+    trial = SimpleNamespace(time_s=TIME, column=lambda name: {"hammer": speed * TIME, "key": 0.0 * TIME}[name])
+
+    def told(*changes: CompatibleChange) -> Explained:
+        whole = Explained("it", changes, False, (finding,))
+        store = SimpleNamespace(value=lambda *_: asdict(whole))
+        tested = SimpleNamespace(action=model.load_action(), own_model=True, identity="", store=store)
+        return explain_observed(tested, [trial])  # type: ignore[arg-type, list-item]
+
+    assert told(drift).sentence == "it" and told(drift).soft == soft
+    assert told(drift, shared).sentence == "it" + soft * SOFT
+    assert told(drift).findings[0].text == "x drifts" + soft * SOFT
