@@ -24,7 +24,7 @@ MOST_CAUSES = 3
 NOTHING = "Nothing: no difference beyond the stated uncertainty is shown."
 USE = "Use the identified set for strokes like those it was fitted to; record and fit others before it is used there."
 IDENTIFY = "Identify a set on some of these strokes (pianorig identify) before the hammer is predicted for others."
-LOUDER = "Record louder strokes before you act on a cause: of strokes as soft as these one in five was named wrongly."
+LOUDER = "Record louder strokes: by strokes as soft as these no cause of the difference can be told."
 MEND = {name: kind.mend for name, kind in urgent_first().items() if kind.mend}
 """What to do about each kind of finding; of a key that lifts nothing, its samples are left out."""
 SPOIL = {name for name, kind in urgent_first().items() if kind.spoils}
@@ -90,10 +90,10 @@ def about_the_causes(explained: Explained) -> list[str]:
     sets: dict[int, list[CompatibleChange]] = {}
     for change in (c for c in explained.changes if c.profile == ALL):
         sets.setdefault(change.set, []).append(change)
-    if not sets:
-        return []
     if explained.soft:
         return [LOUDER]
+    if not sets:
+        return []
     causes = list(dict.fromkeys(change.cause for one in sets.values() for change in one))
     more = f" or {len(causes) - MOST_CAUSES} more" if len(causes) > MOST_CAUSES else ""
     if len(sets) > 1:

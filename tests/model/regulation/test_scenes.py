@@ -10,7 +10,8 @@ from model.regulation.measures import contact_gap, moved_pivots
 
 
 @pytest.mark.parametrize(
-    "name", ["flexible-shank", pytest.param("lifting-key", marks=pytest.mark.slow), "giving-joints"]
+    "name",
+    ["flexible-shank", *(pytest.param(name, marks=pytest.mark.slow) for name in ("lifting-key", "giving-joints"))],
 )
 def test_all_targets_are_met_in_the_scene(action: model.Action, name: str) -> None:
     done = model.regulation.regulate(model.load_scene(name).on(action))

@@ -70,7 +70,7 @@ PARAMETERS = [
 @pytest.mark.parametrize(
     "kind, specimen",
     [
-        ("piano", "bench"),
+        pytest.param("piano", "bench", marks=pytest.mark.slow),
         pytest.param("forte", "bench", marks=pytest.mark.slow),
         pytest.param("slow", "printed", marks=pytest.mark.slow),
     ],

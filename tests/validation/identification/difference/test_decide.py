@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-import model
 from validation.conventions import Array
-from validation.findings.finding import SessionFinding
 from validation.identification.blocks import Block
 from validation.identification.difference.explain import (
     ABOUT,
+    BESIDE,
     SOFT,
+    TOO_SOFT,
     Around,
-    CompatibleChange,
     Explained,
     _contradicted,
+    _soft,
     decide,
-    explain_observed,
 )
 from validation.identification.difference.responses import (
     ALL,
@@ -102,8 +101,8 @@ def said(
     trials: int = TRIALS,
     apart: dict[int, Sequence[float]] | None = None,
     listed: tuple[Source, ...] = LISTED,
-    between: bool = False,
     strange: tuple[float, float] = (0.0, 0.0),
+    **how: bool,
 ) -> Explained:
     """What is said of trials with such a truth, and what each trial has apart; ``strange`` is how far answers fold, and
     what the last trial has that no cause makes."""
@@ -115,7 +114,7 @@ def said(
     noise = 2e-5 * rng.standard_normal((trials, 3 * M))
     responses = Bending(np.array([Bending.curve(amounts, fold) for amounts in each]) + extra + noise, listed, fold)
     responses.measured[-1] += odd * np.sin(40 * np.tile(TIME, 3))
-    return decide(*searches(responses), range(1, trials + 1), between)
+    return decide(*searches(responses), range(1, trials + 1), **how)
 
 
 def searches(responses: Bending) -> tuple[Around, Followed]:
@@ -376,18 +375,18 @@ def test_evidence_of_a_set_is_that_of_its_joint_density() -> None:
         assert found[0] - found[1] == pytest.approx(density([0, 1]) - density([]), rel=1e-4)
 
 
+def test_of_soft_strokes_no_cause_of_what_all_share_is_named_and_findings_say_how_sure_they_are() -> None:
+    told = said({3: 1.2}, trials=6, apart={0: EVENLY}, listed=GAIN, soft=True)
+    assert told.soft and "not said of strokes as soft as these" in told.sentence and told.sentence.startswith(BESIDE)
+    assert [row.profile for row in told.changes] == [TREND] and told.findings[0].text.endswith(SOFT)
+    few = said({3: 1.2}, soft=True)
+    assert few.soft and not few.changes and few.sentence.startswith(TOO_SOFT.format(where="trials 1, 2, 3"))
+    nothing = said({}, soft=True)
+    assert nothing.nothing and not nothing.soft and "no part of the model need have changed" in nothing.sentence
+
+
 @pytest.mark.parametrize(("speed", "soft"), [(14.0, True), (16.0, False)])
-def test_what_is_named_of_soft_strokes_says_how_often_it_was_wrong(speed: float, soft: bool) -> None:
-    drift, shared = (CompatibleChange(1, 1, "x", 1.1, 0.1, "1", 0.0, 0.0, profile=p) for p in (TREND, ALL))
-    finding = SessionFinding("force gain", 1.0, "force", 1.1, 1.0, "x drifts")
-    trial = SimpleNamespace(time_s=TIME, column=lambda name: {"hammer": speed * TIME, "key": 0.0 * TIME}[name])
-
-    def told(*changes: CompatibleChange) -> Explained:
-        whole = Explained("it", changes, False, (finding,))
-        store = SimpleNamespace(value=lambda *_: asdict(whole))
-        tested = SimpleNamespace(action=model.load_action(), own_model=True, identity="", store=store)
-        return explain_observed(tested, [trial])  # type: ignore[arg-type, list-item]
-
-    assert told(drift).sentence == "it" and told(drift).soft == soft
-    assert told(drift, shared).sentence == "it" + soft * SOFT
-    assert told(drift).findings[0].text == "x drifts" + soft * SOFT
+def test_strokes_are_soft_by_the_speed_of_the_hammer(speed: float, soft: bool) -> None:
+    turns = {"hammer": speed * TIME, "key": 20.0 * TIME}
+    trial = SimpleNamespace(time_s=TIME, column=turns.__getitem__)
+    assert _soft([trial]) is soft  # type: ignore[list-item]
