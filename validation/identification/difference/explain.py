@@ -34,7 +34,7 @@ from validation.identification.difference.responses import (
     known_root,
     sources,
 )
-from validation.identification.difference.search import BETWEEN, MEAN, Evidence, Followed, Search
+from validation.identification.difference.search import BETWEEN, HALF, MEAN, Evidence, Followed, Search
 from validation.identification.observations import ENCODERS, ObservedTrial, observe
 from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.measurement.measure_session import representative
@@ -68,6 +68,10 @@ SOFT = "; of strokes as soft as these one such finding in ten was wrong where th
 TOO_SOFT = (
     "until the key is let go, {where} and model differ by more than stated uncertainties; which causes may explain "
     "that is not said of strokes as soft as these, since half of such answers were wrong where that was tried"
+)
+SOFT_APART = (
+    "{where} differ among themselves by more than force and sensors may, as soft strokes do; which law or length may "
+    "explain that is not said of strokes as soft as these, since such answers were wrong where nothing was planted"
 )
 FINDINGS = {FORCE_GAIN: "force gain", FORCE_LEVEL: "force level", FORCE_DELAY: "force delay"}
 FINDINGS |= dict.fromkeys(ENCODER_SCALES, "encoder scale or stops")
@@ -315,6 +319,12 @@ def decide(
     told = Answer((), around(nothing, nothing, None, BETWEEN), nothing=True)
     if len(numbers) >= FEWEST_TOLD_APART:
         told = _answer(around, told.search, MOST_APART)
+        laws = [one for one, _ in told.near if not _of_session(told.search, one)]
+        if soft and laws:
+            return Explained(SOFT_APART.format(where=where), soft=True)
+        if any(told.search.left(one) > HALF for one in laws):
+            gained = max(told.search.log_evidence(one) - told.search.log_evidence(nothing) for one in laws)
+            told = Answer((), told.search, gained=gained)
     apart = [row for n, (one, odds) in enumerate(told.near, 1) for row in _rows(told.search, n, one, odds)]
     found = findings_of(apart, where, told.search.tried)
     if soft:
@@ -438,6 +448,12 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
             if not any(set(other.members) < set(s.members) for other, _ in more)
         ]
     return Answer(tuple(sorted(kept, key=lambda pair: (len(pair[0].members), -pair[1]))), search)
+
+
+def _of_session(search: Search, one: Followed) -> bool:
+    """Whether a set has nothing but faults of the session."""
+    sources = (search.responses.listed[search.responses.candidates[j].source] for j in search.own(one.members))
+    return all(source.of_session for source in sources)
 
 
 def _contradicted(search: Search, sets: Mapping[int, Sequence[Followed]], best: Followed) -> bool:

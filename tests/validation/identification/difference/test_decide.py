@@ -16,6 +16,7 @@ from validation.identification.difference.explain import (
     ABOUT,
     BESIDE,
     SOFT,
+    SOFT_APART,
     TOO_SOFT,
     Around,
     Explained,
@@ -383,6 +384,15 @@ def test_of_soft_strokes_no_cause_of_what_all_share_is_named_and_findings_say_ho
     assert few.soft and not few.changes and few.sentence.startswith(TOO_SOFT.format(where="trials 1, 2, 3"))
     nothing = said({}, soft=True)
     assert nothing.nothing and not nothing.soft and "no part of the model need have changed" in nothing.sentence
+
+
+def test_laws_are_not_named_of_some_trials_of_soft_strokes_nor_where_they_leave_most() -> None:
+    step = {3: [0.0, 0.0, 0.0, 1.2, 1.2, 1.2]}
+    assert [row.cause for row in said({}, trials=6, apart=step).changes] == ["law 3"]
+    told = said({}, trials=6, apart=step, soft=True)
+    assert told == Explained(SOFT_APART.format(where="trials 1, 2, 3, 4, 5, 6"), soft=True)
+    most = said({}, trials=6, apart=step, strange=(0.0, 1e-2))
+    assert not most.changes and "what trials 1, 2, 3, 4, 5, 6 differ by among themselves" in most.sentence
 
 
 @pytest.mark.parametrize(("speed", "soft"), [(14.0, True), (16.0, False)])
