@@ -83,16 +83,13 @@ def control_charts(view: SessionView) -> ReportFigure | None:
     figure = Figure(figsize=(WIDTH_IN, 1.25 * len(charts) + 0.3))
     panels = figure.subplots(len(charts), 1, sharex=True, squeeze=False)[:, 0]
     outside = []
-    for i, (axes, (title, trials, values)) in enumerate(zip(panels, charts, strict=True)):
+    for axes, (title, trials, values) in zip(panels, charts, strict=True):
         beyond = _chart(axes, trials, values)
         if beyond:
             outside.append(f"{title}: {trials_in_words(beyond)}")
         axes.set_title(title, fontsize=8.5, loc="left")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        if i == len(charts) - 1:
-            axes.set_xlabel("trial")
-        else:
-            axes.tick_params(labelbottom=False)
+    panels[-1].set_xlabel("trial")
     said = "Beyond the limits: " + "; ".join(outside) + "." if outside else "No trial is beyond its limits."
     caption = (
         "Control charts over the trial number. Line: mean; dashed: mean ± 2.66 times the mean difference of "
