@@ -178,6 +178,12 @@ def test_the_first_command_does_not_ring_with_the_recording() -> None:
     assert np.abs(rough.command_n[:n] - smooth.command_n[:n]).max() < 0.1
 
 
+def test_the_spike_at_key_bottom_is_aimed_at_and_not_commanded() -> None:
+    target, plain = (make_target("x", pianist(spike_n=n), 1 / RATE, RATE, key_bottom_s=BOTTOM_S) for n in (12.0, 0.0))
+    assert target.force_n.max() > 18.0 > 9.0 > plain.force_n.max()
+    assert np.abs(target.command_n - plain.command_n).max() < 0.3
+
+
 def test_bad_numbers_are_refused(config) -> None:
     target = make_target("pianist", pianist(), 1 / RATE, RATE)
     for arguments, words in (({"blows": 0}, "blows = 0"), ({"goal": 0.0}, "goal = 0")):
