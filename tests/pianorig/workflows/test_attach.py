@@ -194,3 +194,16 @@ def test_the_film_of_a_virtual_camera_that_runs_by_itself_shows_when_it_exposed(
     number = (filmed[0] - camera.exposure_s / 2 - exposures.first_s) * exposures.rate_hz
     np.testing.assert_allclose(number, np.rint(number[0]) + np.arange(number.size), atol=1e-6)
     assert np.abs(filmed[0] - camera.frame_time_s[np.rint(number).astype(int)]).max() > 1e-6  # what is believed
+
+
+def test_a_film_on_its_own_is_timed_by_the_middle_of_each_exposure(tmp_path: Path) -> None:
+    write_mraw(tmp_path / "film.mraw", np.zeros((3, 4, 6), np.uint8), 1000.0, exposure_s=4e-4)
+    alone = SessionFilm(tmp_path / "film.mraw", frame_rate_hz=500.0)
+    with alone.open() as source:
+        times, u_time = alone.frame_times(source)
+    assert times == pytest.approx([0.0002, 0.0022, 0.0042], abs=1e-9) and u_time == 0.0
+
+
+def test_a_trial_to_be_filmed_is_one_of_the_plan(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--film 4: allowed trial numbers 1 to 3"):
+        recording.record(tmp_path / "session", film=(4,), trials=3)
