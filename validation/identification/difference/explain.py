@@ -286,7 +286,7 @@ class Answer:
     near : sets named, with their log odds; none where nothing need be sought or nothing explains it
     search : the last one
     nothing : whether nothing need be sought
-    gained : log odds of the best set over none, where none is named
+    gained : log odds of the best set over none
     """
 
     near: tuple[tuple[Followed, float], ...]
@@ -319,13 +319,12 @@ def decide(
     told = Answer((), around(nothing, nothing, None, BETWEEN), nothing=True)
     if len(numbers) >= FEWEST_TOLD_APART:
         told = _answer(around, told.search, MOST_APART)
-        laws = [one for one, _ in told.near if not _of_session(told.search, one)]
-        if soft and laws:
-            return Explained(SOFT_APART.format(where=where), soft=True)
-        if any(told.search.left(one) > HALF for one in laws):
-            gained = max(told.search.log_evidence(one) - told.search.log_evidence(nothing) for one in laws)
-            told = Answer((), told.search, gained=gained)
     apart = [row for n, (one, odds) in enumerate(told.near, 1) for row in _rows(told.search, n, one, odds)]
+    laws = [row for row in apart if not row.of_session]
+    if soft and laws:
+        return Explained(SOFT_APART.format(where=where), soft=True)
+    if any(row.left > HALF for row in laws):
+        told, apart = replace(told, near=()), []
     found = findings_of(apart, where, told.search.tried)
     if soft:
         found = tuple(replace(f, text=f.text + SOFT) for f in found)
@@ -447,13 +446,7 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
             for s, held in more
             if not any(set(other.members) < set(s.members) for other, _ in more)
         ]
-    return Answer(tuple(sorted(kept, key=lambda pair: (len(pair[0].members), -pair[1]))), search)
-
-
-def _of_session(search: Search, one: Followed) -> bool:
-    """Whether a set has nothing but faults of the session."""
-    sources = (search.responses.listed[search.responses.candidates[j].source] for j in search.own(one.members))
-    return all(source.of_session for source in sources)
+    return Answer(tuple(sorted(kept, key=lambda pair: (len(pair[0].members), -pair[1]))), search, gained=gained)
 
 
 def _contradicted(search: Search, sets: Mapping[int, Sequence[Followed]], best: Followed) -> bool:

@@ -51,7 +51,7 @@ STEP_SIZE, SMALL_STEP = 0.33, 0.1  # of ``wrong``, for differences
 
 
 # from trial to trial, in units of ``wrong``: 2 % of a law, 0.3 % of the force (a bench's blows), 0.01 N, 0.05 ms,
-# 0.1 % of a scale; m
+# 0.1 % of a scale; of lengths in m
 LAW_SCATTER, GAIN_SCATTER, LEVEL_SCATTER, DELAY_SCATTER = 0.07, 0.06, 0.1, 0.05
 SCALE_SCATTER, LENGTH_SCATTER_M = 0.02, 1e-5
 CLOCK = "clock rate"

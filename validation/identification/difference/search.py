@@ -422,14 +422,15 @@ class Search:
         Near a fork of the motion a stroke's answer bends so that no step from nothing leads to the cause. Of what some
         trials differ by: faults of the session, or laws; of what all share those that show most.
         """
-        likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
         listed = [self.responses.listed[c.source] for c in self.responses.candidates]
-        ours = [j for j in self.named if (listed[j].law if laws else listed[j].of_session)]
-        if self.asked == MEAN:
-            shows = np.diag(self._around(self.start, 0)[0])
-            ours = sorted((j for j in self.named if not listed[j].added), key=lambda j: -shows[j])[:BRANCHES]
+        if self.asked == BETWEEN:
+            ours = [j for j in self.named if (listed[j].law if laws else listed[j].of_session)]
+            return self._least(ours, FEW if laws else AMOUNTS)
+        likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
+        shows = np.diag(self._around(self.start, 0)[0])
         self.evidence.likeliest = likeliest
-        return self._least(ours, FEW if laws or self.asked == MEAN else AMOUNTS)
+        ours = sorted((j for j in self.named if not listed[j].added), key=lambda j: -shows[j])
+        return self._least(ours[:BRANCHES], FEW)
 
     def _least(self, ours: Sequence[int], amounts: Sequence[float]) -> list[Followed]:
         """Single causes, each at the amount that leaves least in broad noise: the best of them."""
@@ -486,10 +487,8 @@ class Search:
         runs = self.responses.differences([s.point for s in started])
         there = [replace(s, each=each) for s, each in zip(started, runs, strict=True) if each is not None]
         if len(one.members) == 1 + len(self.start.members):  # near a fork not even these derivatives lead there
-            (j,) = self.own(one.members)
-            sources = [self.responses.listed[c.source] for c in listed]
-            same = [k for k in self.named if listed[k].weights == listed[j].weights and k != j]
-            there += self._least([k for k in same if sources[k].law or sources[k].of_session], AMOUNTS)
+            sources = [self.responses.listed[listed[k].source] for k in others]
+            there += self._least([k for k, s in zip(others, sources, strict=True) if s.law or s.of_session], AMOUNTS)
         return self._follow(self._follow(there, broad=True))
 
     def _tell(self) -> None:
