@@ -28,7 +28,6 @@ from benchmarks.runner import Run, least
 from benchmarks.sensitivities import sixty
 from benchmarks.work_precision import OUR_TOLERANCES, PEERS, Entry, our_solver, race
 from model.integrators.methods import DEFAULT_METHOD
-from rig.simulated import CameraSettings, film_trial
 from vision.film.open import open_film
 
 Lines = dict[str, tuple[list[float], list[float]]]
@@ -105,19 +104,15 @@ def a_fit() -> Lines:
 def a_film() -> Lines:
     """Three bodies, 600 frames with speckle: RMS error of the jack, mdeg; ms a frame."""
     cv2.setNumThreads(1)
-    settings = CameraSettings(texture="speckle")
-    times = 62.5e-6 + np.arange(600) / settings.frame_rate_hz
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "film.mraw"
-        truth = film_trial(path, times, tracking.blow, settings=settings, seed=1)
+    with tracking.filmed("speckle", 600) as (path, truth, settings):
         rows, _ = tracking.measure(path, truth, settings)
 
         def read() -> None:
             with open_film(path) as film:
-                for k in range(len(times)):
+                for k in range(film.n_frames):
                     film.read(k).max()
 
-        reading = 1e3 * least(read) / len(times)
+        reading = 1e3 * least(read) / 600
     rms = [float(np.degrees(np.sqrt(np.nanmean(error[:, 1] ** 2))) * 1e3) for _, error, *_ in rows]
     bound, slowest = float(np.degrees(truth.relative_crlb_rad[1]) * 1e3), max(1e3 / rate for *_, rate, _ in rows)
     out = {name: ([x], [1e3 / rate]) for (name, _, rate, _), x in zip(rows, rms, strict=True)}

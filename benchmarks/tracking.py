@@ -1,7 +1,7 @@
 """Tracking accuracy and speed on one film per texture: ours against OpenCV's ECC, Lucas-Kanade and template
 matching.
 
-    python -m benchmarks tracking [--frames 600] [--seed 1] [--only wood,speckle,body,films]
+    python -m benchmarks tracking [--frames 600] [--seed 1] [--only wood,speckle,body]
 
 Every method gets the same MRAW film (whippen, jack and repetition lever of a blow, 2000 frames/s, motion
 blur, 120 Hz flicker, noise of 2 grey levels), the same outlines and the same reference image, and reads the film
@@ -10,7 +10,7 @@ whippen), its ratio to the Cramer-Rao bound, frames per second for the three bod
 last lines name claims that do not hold.
 
 Then: one body of 10,000 pixels, unoccluded and 30 % occluded, against the Cramer-Rao bound of the visible pixels, and
-pyIDI's rigid DIC on the same rectangle if installed; coverage over many films, raw and as MJPEG of quality 95.
+pyIDI's rigid DIC on the same rectangle if installed. Coverage over many films, compressed ones too: `tracking_stress`.
 
 Rates are frames per CPU second with OpenCV on one thread. The truth is the mean of each angle over the
 exposure, known by construction. `--frames` below 300 cuts off the blow.
@@ -22,8 +22,8 @@ import importlib.util
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +41,10 @@ from tests.vision.known_films import smooth_step
 from vision.angles import ccw_to_picture, picture_to_ccw
 from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
-from vision.film.avi_writer import write_avi
 from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm, Film
 from vision.fitting.template import Template, design_columns
-from vision.results.flags import FrameFlag
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, total_noise, wood_grain
 from vision.tracking.prepare import prepare
 from vision.tracking.track_film import track_film
@@ -69,6 +67,21 @@ def blow(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
             0.22 * smooth_step((time_s - 0.07) / 0.03) * down,
         ]
     )
+
+
+@contextmanager
+def filmed(texture: str, n: int, seed: int = 1) -> Iterator[tuple[Path, FilmTruth, CameraSettings]]:
+    """The film of a blow: three bodies, `n` frames; what is true of it, and the camera."""
+    settings = CameraSettings(texture=texture)
+    times = 62.5e-6 + np.arange(n) / settings.frame_rate_hz
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "film.mraw"
+        yield path, film_trial(path, times, blow, settings=settings, seed=seed), settings
+
+
+def true_angles(truth: FilmTruth) -> NDArray[np.float64]:
+    """Angles since the still frames, rad, jack and lever relative to the whippen."""
+    return truth.mean_angle_rad - truth.mean_angle_rad[:N_STILL].mean(axis=0)
 
 
 def bar_scene(texture: str, seed: int) -> Scene:
@@ -175,43 +188,6 @@ def visible_bounds(
     return bound, hidden
 
 
-def many_films(count: int, n: int, quality: int | None) -> tuple[float, float, float, int]:
-    """Whippen and both relative angles of ``count`` films: coverage of the 95 % interval, spread of error over u,
-    largest error (mdeg) of a frame without a flag, total frames."""
-    z, largest, total = [], 0.0, 0
-    for seed in range(count):
-        texture = ("wood", "speckle")[seed % 2]
-        settings = replace(CameraSettings(), texture=texture)
-        rng = np.random.default_rng(seed)
-        shift, size = rng.uniform(-0.01, 0.02), rng.uniform(0.6, 1.0)
-        with tempfile.TemporaryDirectory() as folder:
-            path: Path = Path(folder) / "film.mraw"
-            times = 62.5e-6 + np.arange(n) / settings.frame_rate_hz
-            truth = film_trial(
-                path, times, lambda t, a=shift, b=size: REST + b * (blow(t - a) - REST), settings=settings, seed=seed
-            )
-            if quality is not None:
-                avi = Path(folder) / "film.avi"
-                with open_film(path) as film:
-                    write_avi(avi, (film.read(i) for i in range(n)), settings.frame_rate_hz, quality=quality)
-                path = avi
-            result = track_film(path, film_bodies(settings=settings), times)
-        still = slice(0, result.n_still)
-        true = truth.mean_angle_rad - truth.mean_angle_rad[still].mean(axis=0)
-        for name, angle, u, flag in [
-            ("whippen", result.angle_rad[:, 0], result.u_angle_rad[:, 0], result.flag[:, 0]),
-            *((body, *result.relative(body)) for body in ("jack", "repetition")),
-        ]:
-            error = angle - true[:, truth.bodies.index(name)]
-            good = np.isfinite(error)
-            z.append(error[good] / u[good])
-            doubtful = int(FrameFlag.IMPRECISE | FrameFlag.WIDENED | FrameFlag.COVERED)
-            largest = max(largest, float(np.abs(error[good & ((flag & doubtful) == 0)]).max(initial=0.0)))
-        total += n
-    everything = np.concatenate(z)
-    return float(np.mean(np.abs(everything) < 1.96)), float(everything.std()), largest / MDEG, total
-
-
 def by_lucas_kanade(film: Film, templates: list[Template], picture: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Each frame is rotated back by the previous pose, 80 corners are tracked, and a rigid fit gives the increment."""
     phi = np.full((film.n_frames, len(templates)), np.nan)
@@ -301,7 +277,7 @@ def measure(path: Path, truth: FilmTruth, settings: CameraSettings) -> tuple[lis
     frame_time_s = truth.frame_time_s
     rows: list[Row] = []
     figures: dict[str, float] = {}
-    true = truth.mean_angle_rad - truth.mean_angle_rad[:N_STILL].mean(axis=0)
+    true = true_angles(truth)
     for name, method in (("ours, IC-GN with weights", "icgn"), ("OpenCV ECC with mask", "ecc")):
         # compile untimed; the second run reads a film already in the page cache, as for all methods
         track_film(path, bodies, frame_time_s, method=method, every=max(1, len(true) // 4), n_still=N_STILL)
@@ -357,36 +333,13 @@ def one_body_rows() -> list[str]:
     return failures
 
 
-def film_rows(count: int, quick: bool) -> list[str]:
-    """Print coverage over many films, raw and MJPEG; return failed claims, but none of a few films."""
-    failures = []
-    print(f"\n{count} films of three bodies, whippen and relative angles")
-    table = Table("films:10s", "frames:d", "95 % covers:.3f", "error/u:.3f", "largest without a flag, mdeg:.1f")
-    for name, quality in (("raw", None), ("MJPEG q95", 95)):
-        coverage, spread, largest, total = many_films(count, 220, quality)
-        table.row(name, total, coverage, spread, largest)
-        if not quick and not (0.93 <= coverage <= 0.97 and 0.9 <= spread <= 1.1):
-            failures.append(f"{name}: coverage 0.93 to 0.97, spread 0.9 to 1.1")
-        if largest > 50.0:
-            failures.append(f"{name}: no error above 50 mdeg without a flag")
-    return failures
-
-
 def main(run: Run) -> bool:
     """Film, track, print; whether all claims hold."""
     cv2.setNumThreads(1)
     failures = []
     for texture in (texture for texture in ("wood", "speckle") if texture in run.only):
-        settings = CameraSettings(texture=texture)
-        times = 62.5e-6 + np.arange(run.frames) / settings.frame_rate_hz
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "film.mraw"
-            start = time.process_time()
-            truth = film_trial(path, times, blow, settings=settings, seed=run.seed)
-            rendering = run.frames / (time.process_time() - start)
-            print(
-                f"\n{texture}: {run.frames} frames {settings.width} x {settings.height}, rendered at {rendering:.0f}/s"
-            )
+        with filmed(texture, run.frames, run.seed) as (path, truth, settings):
+            print(f"\n{texture}: {run.frames} frames {settings.width} x {settings.height}")
             rows, figures = measure(path, truth, settings)
         bound = np.degrees(truth.relative_crlb_rad) * 1e3
         heads = [f"{name}:.2f" for angle in ("whippen", "jack", "lever") for name in (f"{angle} mdeg", "ratio")]
@@ -413,7 +366,6 @@ def main(run: Run) -> bool:
         }
         failures += [f"{texture}: {claim}" for claim, holds in checks.items() if not holds]
     failures += one_body_rows() if "body" in run.only else []
-    failures += film_rows(run.films, run.quick) if "films" in run.only else []
     for failure in failures:
         print(f"FAILED {failure}")
     return not failures
@@ -471,11 +423,8 @@ def tracking_threads(asked: Run) -> bool:
     cv2.setNumThreads(1)
     same = True
     for texture in ("wood", "speckle"):
-        settings = CameraSettings(texture=texture)
-        times = 62.5e-6 + np.arange(asked.frames) / settings.frame_rate_hz
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "film.mraw"
-            truth, bodies = film_trial(path, times, blow, settings=settings, seed=1), film_bodies(settings=settings)
+        with filmed(texture, asked.frames) as (path, truth, settings):
+            bodies = film_bodies(settings=settings)
 
             def run(threads: int, path: Path = path, bodies: Any = bodies, truth: Any = truth) -> Any:
                 return tracking.track(path, bodies, truth.frame_time_s, n_still=N_STILL, threads=threads)
@@ -485,9 +434,9 @@ def tracking_threads(asked: Run) -> bool:
             angle = {threads: run(threads).angle_rad for threads in jobs}
             spent = min((parts_of(jobs[1]) for _ in range(3)), key=lambda one: one["whole"])
         same &= np.array_equal(angle[1], angle[2], equal_nan=True)
-        true = truth.mean_angle_rad - truth.mean_angle_rad[:N_STILL].mean(axis=0)
-        found = angle[1] - np.column_stack([np.zeros(len(true)), angle[1][:, 0], angle[1][:, 0]])
-        rms = np.degrees(np.sqrt(np.mean((found - true) ** 2, axis=0))) * 1e3
+        found = angle[1].copy()
+        found[:, 1:] -= found[:, :1]
+        rms = np.degrees(np.sqrt(np.mean((found - true_angles(truth)) ** 2, axis=0))) * 1e3
         print(
             f"\n{texture}: {rates[0]:.0f} frames/s by one thread, {rates[1]:.0f} by two ({rates[1] / rates[0]:.2f} x)"
         )
