@@ -207,7 +207,7 @@ def main(asked: Run) -> bool:
         if why := missing(rows[name]):
             print(f"| {name} | not run: {why} | |", flush=True)
             continue
-        said, code, seconds = run(rows[name], asked.more)
+        said, code, seconds = run(rows[name], asked.rest)
         last = re.findall(r"^(?:=+ )?(\d+ (?:passed|failed|error|deselected).*?)(?: in [\d.]+s.*)?$", said, re.M)
         result = f"{last[-1] if last else 'no result'}{f', exit code {code}' if code > 1 else ''}"
         print(f"| {name} | {result} | {seconds:.0f} |", flush=True)

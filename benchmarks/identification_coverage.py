@@ -27,7 +27,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 import model
 from benchmarks.bench_strokes import BEFORE_S, BENCH, FINE, KINDS, command_n, record
@@ -35,9 +34,9 @@ from benchmarks.runner import Run, Table, interval, may_be
 from model.errors import ModelError
 from rig.configuration.rig_file import load_rig
 from rig.errors import RigError
-from rig.session import CameraInfo, EncoderInfo, ForceInfo, TrialData
+from rig.session import EncoderInfo, ForceInfo, TrialData
 from rig.simulated.bench.plant import ActionPlant, load_plant
-from validation.conventions import FILM_CHANNELS, JACK, REPETITION, Array
+from validation.conventions import Array
 from validation.errors import ValidationError
 from validation.identification import fit as fitting
 from validation.identification import minima
@@ -50,14 +49,10 @@ from validation.identification.further import HALF_KNOWN, SENSORS, Candidate, Pr
 from validation.identification.identify import LEAST_EFFECT_RAD
 from validation.identification.lacks import SIZE_U, fit_with, supported
 from validation.identification.minima import refine, search
-from validation.identification.motion_runs import response_to
 from validation.identification.noise import Sizes, likeliest
 from validation.identification.observations import (
     ObservedTrial,
     observe,
-    observe_driven,
-    sharing_the_key,
-    with_errors_of_what_drives,
 )
 from validation.identification.problem import Columns, Problem, at_start, linear_residuals
 from validation.identification.scatter import factors, lacking
@@ -69,7 +64,7 @@ from validation.identification.unknowns import (
     Unknowns,
     unknowns,
 )
-from validation.measurement.trial import MeasuredTrial, measure
+from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
 
 RATE_HZ, DELAY_S, AFTER_S, TOLERANCE = 5000.0, 0.0024, 0.3, 1e-7
@@ -129,13 +124,8 @@ class Sensors:
         )  # fmt: skip
 
 
-def played(
-    specimen: model.Action, kind: str, n: int, sensors: Sensors, rng: np.random.Generator, read: Any = None
-) -> list[Any]:
-    """Trials of one kind on a specimen that the model can be: its force is prescribed.
-
-    ``read`` makes a trial of its number, times, force and turns (n, 5) since rest; by default the sensors do.
-    """
+def played(specimen: model.Action, kind: str, n: int, sensors: Sensors, rng: np.random.Generator) -> list[TrialData]:
+    """Trials of one kind on a specimen that the model can be: its force is prescribed."""
     at, newton = KINDS[kind]
     out = []
     for number in range(1, n + 1):
@@ -145,7 +135,7 @@ def played(
         force = sensors.preload_n + (1 + STRENGTH * rng.uniform(-1, 1)) * np.interp(t, corners, newton)
         rest = model.rest_state(own, force_n=sensors.preload_n)
         turn = model.simulate(own, t, force, tolerance=TOLERANCE, initial=rest).angle_rad - rest.angle_rad
-        out.append((read or sensors.read)(number, t, force, turn, rng))
+        out.append(sensors.read(number, t, force, turn, rng))
     return out
 
 
@@ -215,10 +205,10 @@ def force_errors(s: Sensors) -> dict[str, float]:
     }
 
 
-def truth_z(problem: Problem, truth: dict[str, float], sensors: Sensors) -> np.ndarray:
+def truth_z(free: Unknowns, truth: dict[str, float], sensors: Sensors) -> np.ndarray:
     """The true values (p,), errors of the force among them."""
     force = force_errors(sensors)
-    return np.array([truth[p.name] if p.paths else force[p.name] for p in problem.unknowns.moved])
+    return np.array([truth[p.name] if p.paths else force[p.name] for p in free.moved])
 
 
 def experiment(cell: str, k: int, options: Any) -> dict[str, Any]:
@@ -239,7 +229,7 @@ def experiment(cell: str, k: int, options: Any) -> dict[str, Any]:
             trials += observed(kind, i, data)
         problem, columns = problem_of(start, free, trials)
         fits = (
-            [refine(problem, fit(problem, truth_z(problem, truth, sensors)))]
+            [refine(problem, fit(problem, truth_z(free, truth, sensors)))]
             if options.from_truth
             else search(problem, 1, None, columns)
         )
@@ -379,138 +369,6 @@ def main(run: Run) -> bool:
         (table_in_spite if c in lacks else table)(c, [row for key, row in kept if key[0] == c]) for c in run.cells
     ]
     return all(tables)
-
-
-FRAMES_HZ, FILM_NOISE_RAD, FILM_SCALE, U_CLOCK_S, LOST = 2000.0, 3e-4, 1e-3, 2e-5, 0.02
-
-
-class Camera:
-    """A film's errors, drawn once: scale and clock; noise and lost frames of each film."""
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        self.scale, self.late_s = FILM_SCALE * rng.standard_normal(2), U_CLOCK_S * rng.standard_normal()
-
-    def film(self, t: np.ndarray, turn: np.ndarray, rng: np.random.Generator) -> tuple[CameraInfo, pd.DataFrame]:
-        """Frame clock and track table of one trial; ``turn`` (n, 2) of jack and repetition lever."""
-        n = int((t[-1] - 0.01) * FRAMES_HZ)
-        camera = CameraInfo(FRAMES_HZ, 0.003, 1e-4, n, U_CLOCK_S)
-        columns: dict[str, Any] = {"time_s": camera.frame_time_s}
-        for c, name in enumerate(FILM_CHANNELS):
-            seen = np.interp(camera.frame_time_s - self.late_s, t, turn[:, c]) * (1 + self.scale[c])
-            seen = seen + FILM_NOISE_RAD * rng.standard_normal(n)
-            seen[rng.uniform(size=n) < LOST] = np.nan
-            columns[f"{name}_relative_rad"] = seen
-            columns[f"{name}_relative_u_rad"] = np.full(n, FILM_NOISE_RAD)
-            columns[f"{name}_relative_u_total_rad"] = np.hypot(FILM_NOISE_RAD, FILM_SCALE * np.abs(np.nan_to_num(seen)))
-        return camera, pd.DataFrame(columns)
-
-
-def filmed(
-    specimen: model.Action, kind: str, n: int, bench: tuple[Sensors, Camera], rng: np.random.Generator
-) -> list[tuple[TrialData, pd.DataFrame]]:
-    """Filmed trials of one kind on a specimen that the model can be."""
-    sensors, camera = bench
-
-    def read(number: int, t: Array, force: Array, turn: Array, rng: np.random.Generator) -> Any:
-        info, film = camera.film(t, turn[:, [JACK, REPETITION]], rng)
-        return replace(sensors.read(number, t, force, turn, rng), camera=info), film
-
-    return played(specimen, kind, n, sensors, rng, read)
-
-
-def seen_as(way: str, by_kind: dict[str, list[MeasuredTrial]]) -> list[ObservedTrial]:
-    """The trials as a fit of this way sees them."""
-    film, out = way in ("film", "mixed"), []
-    for i, (kind, measured) in enumerate(by_kind.items()):
-        by_key = way == "motion" or (way == "mixed" and i > 0)
-        out += (observe_driven if by_key else observe)(kind, i, measured, film=film)
-    return sharing_the_key(out)
-
-
-def acting_laws_of(start: model.Action, trials: list[ObservedTrial]) -> list[str]:
-    """Laws that move a compared channel of these trials, seen from the first of each session."""
-    free = with_errors_of_what_drives(unknowns(start, LAWS, ["*"]), trials)
-    first = list({t.session: t for t in trials[::-1]}.values())
-    columns = response_to(start, free.asked, first).jacobian(np.zeros(len(free.asked)), range(len(free.asked)))
-    size = np.max([np.abs(c).max(axis=(0, 1)) for c in columns], axis=0)
-    return [p.name for p, s in zip(free.asked, size, strict=True) if s > LEAST_EFFECT_RAD]
-
-
-def fitted(start: model.Action, free: Unknowns, trials: list[ObservedTrial], truth: dict[str, float]) -> dict[str, Any]:
-    """Errors, u and processor time of one fit."""
-    began = time.process_time()
-    free = with_errors_of_what_drives(free, trials)
-    response = response_to(start, (*free.moved, *free.held), trials, RUNS)
-    problem, columns = at_start(start, free, trials, response)
-    best = search(problem, 1, None, columns)[0]
-    took = time.process_time() - began
-    rows = []
-    for e, p in zip(estimate_all(problem, best, (), lambda text: None), free.asked, strict=True):
-        true = p.physical(start, truth[e.name])
-        rows.append(
-            {"name": e.name, "true": truth[e.name], "z": e.z, "u": e.z_u, "inside": bool(e.low <= true <= e.high)}
-        )
-    out = {"estimates": rows, "converged": best.converged, "lacking": lacking(best), "processor_s": took}
-    return out | {"steps": best.steps}
-
-
-def experiment_of_ways(seed: int, options: Run) -> dict[str, Any]:
-    """One specimen, fitted in every way."""
-    rng = np.random.default_rng([seed, 160])
-    start = model.load_action()
-    bench = Sensors(rng), Camera(rng)
-
-    def measured(specimen: model.Action, n: int, random: np.random.Generator) -> dict[str, list[MeasuredTrial]]:
-        return {
-            kind: [measure(d, film, tested().geometry_at(d.force_info.preload_n)) for d, film in some]
-            for kind in options.kinds
-            for some in [filmed(specimen, kind, n, bench, random)]
-        }
-
-    names = acting_laws_of(start, seen_as("motion", measured(start, 1, np.random.default_rng(0))))
-    free = unknowns(start, [str(name) for name in rng.choice(names, options.free, replace=False)], ["*"])
-    truth, specimen = drawn_truth(start, free, options.spread, rng)
-    by_kind = measured(specimen, options.trials, rng)
-    return {way: fitted(start, free, seen_as(way, by_kind), truth) for way in options.ways}
-
-
-def identification_channels(run: Run) -> bool:
-    """Do values identified from motion-driven trials, films and mixed sessions hold? On virtual strokes of known truth.
-
-        python -m benchmarks identification_channels [--ways force,motion,film,mixed] [--kinds forte,double]
-                                                     [--trials 5] [--free 5] [--spread 0.5] [--seeds 1,2]
-                                                     [--results FILE]
-
-    The specimen is the model with N laws drawn from their priors (those of them that act between whippen and hammer),
-    all else known; errors of force, encoders and camera are drawn once for all trials, frictions scatter by 2 % from
-    trial to trial. The same trials are fitted in each way: ``force`` drives; the measured ``motion`` of the key drives;
-    force with ``film`` of jack and repetition lever beside the encoders; ``mixed``: the first kind by force, the others
-    by motion, all filmed, in one fit. Printed: error over u of every law, how many 95 % intervals hold the truth, u,
-    processor time.
-    """
-    good = True
-    same = [run.ways, run.kinds, run.trials, run.free, run.spread]
-    errors: dict[str, list[tuple[float, bool]]] = {}
-    for (seed, *_), ways in run.cases(
-        [(seed, *same) for seed in run.seeds], lambda seed, *_: experiment_of_ways(seed, run)
-    ):
-        for way, found in ways.items():
-            settled = "settled" if found["converged"] else "NOT settled"
-            print(
-                f"seed {seed}, {way}: {settled} in {found['steps']} steps, discrepancy {found['lacking']:.3f}, "
-                f"{found['processor_s']:.0f} s of processor time"
-            )
-            table = Table("law:30s", "true z:+6.2f", "found z:+6.2f", "u:.3f", "error/u:+5.2f")
-            for e in found["estimates"]:
-                ratio = (e["z"] - e["true"]) / e["u"]
-                errors.setdefault(way, []).append((ratio, e["inside"]))
-                table.row(e["name"], e["true"], e["z"], e["u"], ratio)
-    for way, some in errors.items():
-        rms = float(np.sqrt(np.mean([r**2 for r, _ in some])))
-        hold = sum(inside for _, inside in some)
-        print(f"{way:7s} {len(some)} laws: error over u {rms:.2f} RMS, {hold} of {len(some)} 95 % intervals hold")
-        good &= may_be(0.95, hold, len(some))
-    return good
 
 
 IN_A_SESSION = 5
@@ -664,8 +522,7 @@ class Experiment:
         self.free: Unknowns = freed(self.start, SimpleNamespace(free=n, kinds=[options.first]), self.rng)  # type: ignore[arg-type]
         truth, self.specimen = drawn_truth(self.start, self.free, 0.5, self.rng)
         self.sensors = Sensors(self.rng)
-        force = force_errors(self.sensors)
-        self.z = np.array([truth[p.name] if p.paths else force[p.name] for p in self.free.moved])
+        self.z = truth_z(self.free, truth, self.sensors)
 
     def trials(self, kind: str, session: int, n: int) -> list[ObservedTrial]:
         """Played and observed."""

@@ -56,7 +56,7 @@ class Run(argparse.Namespace):
     results : file of cases, a JSON line each; None: nothing is kept
     minutes : no case is started later than this
     against : another checkout, or None
-    more : arguments after ``--``
+    rest : arguments after ``--``
     left : cases that there was no time for
     """
 
@@ -262,13 +262,13 @@ def parser(name: str, entry: Mapping[str, Any], description: str) -> argparse.Ar
 def parsed(name: str, arguments: Sequence[str], description: str = "") -> Run:
     """The run that these arguments ask for."""
     entry = registry()[name]
-    own, more = list(arguments), []
+    own, rest = list(arguments), []
     if "--" in own:
-        own, more = own[: own.index("--")], own[own.index("--") + 1 :]
+        own, rest = own[: own.index("--")], own[own.index("--") + 1 :]
     options = parser(name, entry, description)
     if "--quick" in own:
         options.set_defaults(**entry.get("quick", {}))
-    run = options.parse_args(own, Run(benchmark=name, more=more))
+    run = options.parse_args(own, Run(benchmark=name, rest=rest))
     if run.against is not None:
         run.against = run.against.resolve()
     return run

@@ -24,6 +24,7 @@ CALL = re.compile(r"python -m benchmarks ([a-z]\w+)([^`\n]*)")
 @pytest.mark.parametrize("name", ENTRIES)
 def test_a_benchmark_has_a_claim_and_two_sizes_and_measures_what_exists(name: str) -> None:
     entry = ENTRIES[name]
+    assert entry["full"].items() <= vars(runner.parsed(name, [])).items()
     work = f"def {name if 'module' in entry else 'main'}(run: Run)"
     text = (ROOT / "benchmarks" / f"{entry.get('module', name)}.py").read_text(encoding="utf-8")
     assert work in re.sub(r"\((asked|given|args): Run", "(run: Run", text)
@@ -46,7 +47,7 @@ def test_options_are_the_full_size_and_quick_changes_it() -> None:
     assert (full.seeds, full.kinds, full.textures) == (20, [], ["speckle", "wood", "fine"])
     assert (quick.seeds, quick.textures) == (3, ["speckle"])
     assert runner.parsed("regulation_sweep", ["--seeds", "4,9"]).seeds == [4, 9]
-    assert runner.parsed("any_machine", ["--list", "--", "-m", "slow"]).more == ["-m", "slow"]
+    assert runner.parsed("any_machine", ["--list", "--", "-m", "slow"]).rest == ["-m", "slow"]
 
 
 def test_what_the_file_holds_is_not_computed_again(tmp_path: Path) -> None:
