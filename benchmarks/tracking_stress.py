@@ -19,8 +19,10 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -443,18 +445,12 @@ def error_of(body: Plate, pose: F64, off: F64) -> float:
     return float(np.linalg.solve(design @ design.T, design @ off[inside])[0])
 
 
-def _exposed(shot: Shot, body: Plate, behind: F64, i: int) -> F64:
-    """The body before its background in frame i, over the time the shutter is open."""
-    poses = shot.pose[i : i + 1]
-    if shot.open_share:
-        share = shot.open_share * (np.arange(SUBFRAMES) - (SUBFRAMES - 1) / 2) / SUBFRAMES
-        poses = np.column_stack([np.interp(i + share, np.arange(N), one) for one in shot.pose.T])
-    return np.mean([body.over(behind, pose, shot.scale[i], shot.squeeze[i]) for pose in poses], axis=0)
-
-
-def _mean_angle(shot: Shot) -> F64:
+def _poses(shot: Shot, i: int) -> F64:
+    """Poses of the body in frame i, over the time the shutter is open, (k, 3)."""
+    if not shot.open_share:
+        return shot.pose[i : i + 1]
     share = shot.open_share * (np.arange(SUBFRAMES) - (SUBFRAMES - 1) / 2) / SUBFRAMES
-    return np.mean([np.interp(np.arange(N) + one, np.arange(N), shot.pose[:, 0]) for one in share], axis=0)
+    return np.column_stack([np.interp(i + share, np.arange(N), one) for one in shot.pose.T])
 
 
 def stress_film(kind: str, surface: str, seed: int) -> StressFilm:
@@ -471,7 +467,8 @@ def stress_film(kind: str, surface: str, seed: int) -> StressFilm:
     frames = np.empty((N, HEIGHT, WIDTH), dtype=np.uint8)
     light = {}
     for i in range(N):
-        picture = shot.light(i, _exposed(shot, body, behind, i)) * shot.gain[i]
+        seen = [body.over(behind, one, shot.scale[i], shot.squeeze[i]) for one in _poses(shot, i)]
+        picture = shot.light(i, np.mean(seen, axis=0)) * shot.gain[i]
         if kind in COLOURED and i in LOOKED_AT:
             light[i] = picture
         picture = shot.noise(picture) if shot.noise else picture + rng.normal(0.0, shot.read_noise, picture.shape)
@@ -488,61 +485,35 @@ def stress_film(kind: str, surface: str, seed: int) -> StressFilm:
     if light:
         errors = [error_of(body, shot.pose[i], frames[i] - there) for i, there in light.items()]
         bound = max(bound, float(np.sqrt(np.mean(np.square(errors)))))
-    return StressFilm(frames, _mean_angle(shot), outline, bound)
+    return StressFilm(frames, np.array([_poses(shot, i)[:, 0].mean() for i in range(N)]), outline, bound)
 
 
 PERMITS_MDEG = 12.5
+COUNTS = ("silent", "flagged", "lost", "rows", "permit_bad", "permit_rows", "widened")
 
 
-@dataclass(frozen=True)
-class Row:
-    """Errors and u (mdeg) of the rows found; silent, flagged, lost and all rows; flagged or lost and
-    all rows, where the bound permits tracking; rows whose only flag is ``WIDENED``."""
-
-    error: list[float]
-    u: list[float]
-    silent: int
-    flagged: int
-    lost: int
-    rows: int
-    permit_bad: int
-    permit_rows: int
-    widened: int = 0
-
-
-def track_one(kind: str, surface: str, seed: int, n_still: int) -> Row:
-    """Render and track one film; ``n_still`` 0: the tracker finds its still frames."""
+def tracked(kind: str, surface: str, seed: int) -> dict[str, Any]:
+    """Render and track one film: errors and u (mdeg) of the rows found, and `COUNTS`, of the permitting films too."""
     film = stress_film(kind, surface, seed)
     source = vision.ArrayFilm(film.frames, frame_rate_hz=2000.0)
-    with warnings.catch_warnings(action="ignore"):
-        try:
-            result = vision.track(source, [vision.Body("bar", film.outline_px)], n_still=n_still or None)
-        except vision.VisionInputError as error:
-            print(f"{kind}, {surface}, {seed}: {error}", file=sys.stderr)
-            rows = len(film.frames) - STILL
-            permits = rows if np.degrees(film.bound_rad) * 1e3 <= PERMITS_MDEG else 0
-            return Row([], [], 0, 0, rows, rows, permits, permits)
-    still = min(result.n_still, STILL)
-    error = (result.angle_rad[:, 0] - film.angle_rad + film.angle_rad[:still].mean())[STILL:]
-    u, flag = result.u_angle_rad[STILL:, 0], result.flag[STILL:, 0].astype(int)
-    widened = int(np.sum(flag == int(FrameFlag.WIDENED)))
-    # usable, so that it must not be silently wrong either
-    flag &= ~int(FrameFlag.WIDENED)
-    found = np.isfinite(error)
-    silent = int(np.sum((flag[found] == 0) & (np.abs(error[found]) > 5.0 * u[found])))
-    flagged, lost = int(np.sum(flag[found] != 0)), int(np.sum(~found))
-    scale = 1e3 * 180.0 / np.pi
-    permits = film.bound_rad * scale <= PERMITS_MDEG
-    bad, rows = (flagged + lost, error.size) if permits else (0, 0)
-    errors, us = ((values[found] * scale).round(4).tolist() for values in (error, u))
-    return Row(errors, us, silent, flagged, lost, error.size, bad, rows, widened)
-
-
-def joined(rows: list[Row]) -> Row:
-    """All rows of several films."""
-    names = ("silent", "flagged", "lost", "rows", "permit_bad", "permit_rows", "widened")
-    error, u = (sum((getattr(row, name) for row in rows), []) for name in ("error", "u"))
-    return Row(error, u, *(sum(getattr(row, name) for row in rows) for name in names))
+    permits = np.degrees(film.bound_rad) * 1e3 <= PERMITS_MDEG
+    error = u = np.full(len(film.frames) - STILL, np.nan)
+    flag = np.zeros(error.size, dtype=int)
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            result = vision.track(source, [vision.Body("bar", film.outline_px)])
+        still = min(result.n_still, STILL)
+        error = (result.angle_rad[:, 0] - film.angle_rad + film.angle_rad[:still].mean())[STILL:]
+        u, flag = result.u_angle_rad[STILL:, 0], result.flag[STILL:, 0].astype(int)
+    except vision.VisionInputError as problem:
+        print(f"{kind}, {surface}, {seed}: {problem}", file=sys.stderr)
+    found, widened = np.isfinite(error), flag == int(FrameFlag.WIDENED)
+    flagged = found & ~widened & (flag != 0)  # a row that is widened alone is usable: it must not be silently wrong
+    silent = found & ~flagged & (np.abs(error) > 5.0 * u)
+    sums = [int(rows.sum()) for rows in (silent, flagged, ~found, flagged | ~found, widened)]
+    counts = [*sums[:3], error.size, *((sums[3], error.size) if permits else (0, 0)), sums[4]]
+    errors, us = (np.degrees(1e3 * values[found]).round(4).tolist() for values in (error, u))
+    return {"error": errors, "u": us, **dict(zip(COUNTS, counts, strict=True))}
 
 
 def main(run: Run) -> bool:
@@ -550,27 +521,24 @@ def main(run: Run) -> bool:
     if "h264" not in KINDS:
         print("H.264 is left out: PyAV is not installed (pip install av)", file=sys.stderr)
     kinds, seeds = run.kinds or list(KINDS), range(run.first_seed, run.first_seed + run.seeds)
-    keys = [(kind, surface, seed, run.n_still) for seed in seeds for kind in kinds for surface in run.textures]
-    found: dict[tuple[str, str], list[Row]] = {(kind, surface): [] for kind in kinds for surface in run.textures}
-    for (kind, surface, *_), row in run.cases(keys, lambda *key: asdict(track_one(*key))):
-        found[kind, surface].append(Row(**row))
+    keys = [(kind, surface, seed) for seed in seeds for kind in kinds for surface in run.textures]
+    found: dict[tuple[str, str], list[dict[str, Any]]] = {name: [] for name in product(kinds, run.textures)}
+    for (kind, surface, _), row in run.cases(keys, tracked):
+        found[kind, surface].append(row)
     table = Table(
-        "kind:18s", "texture:8s", "rms_mdeg:.2f", "u_mdeg:.2f", "coverage:.3f", "silent:d", "flagged:d", "lost:d",
-        "rows:d", "permit_bad:d", "permit_rows:d", "widened:d",
-    )  # fmt: skip
-    found["all", "all"] = [row for rows in found.values() for row in rows]
-    for name, rows in found.items():
-        one = joined(rows)
-        error, u = np.array(one.error), np.array(one.u)
+        "kind:18s", "texture:8s", "rms_mdeg:.2f", "u_mdeg:.2f", "coverage:.3f", *(f"{name}:d" for name in COUNTS)
+    )
+    found["all", "all"] = [film for films in found.values() for film in films]
+    for name, films in found.items():
+        error, u = (np.array([x for film in films for x in film[values]]) for values in ("error", "u"))
+        one = {count: sum(film[count] for film in films) for count in COUNTS}
         sizes = [np.nan] * 3
         if error.size:
             sizes = [np.sqrt(np.mean(error**2)), np.median(u), np.mean(np.abs(error) < 1.96 * u)]
-        counts = one.silent, one.flagged, one.lost, one.rows, one.permit_bad, one.permit_rows, one.widened
-        table.row(*name, *sizes, *counts)
-    covered, bad = sizes[2], 100 * one.permit_bad / max(one.permit_rows, 1)
+        table.row(*name, *sizes, *one.values())
     run.figure(
         "tracking-stress",
-        f"{one.silent} silent of {one.rows:,} rows, 95 % interval covers {covered:.3f}, flagged or lost where the "
-        f"noise permits tracking {bad:.1f} % (10 asked)",
+        f"{one['silent']} silent of {one['rows']:,} rows, 95 % interval covers {sizes[2]:.3f}, flagged or lost where "
+        f"the noise permits tracking {100 * one['permit_bad'] / max(one['permit_rows'], 1):.1f} % (10 asked)",
     )
-    return one.silent <= 0.001 * one.rows
+    return one["silent"] <= 0.001 * one["rows"]
