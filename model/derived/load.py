@@ -21,11 +21,11 @@ from llvmlite import binding, ir
 from model.compiler.expressions import forget
 from model.compiler.native import Writer
 from model.compiler.programs import Program
-from model.derived.alone import Alone
+from model.derived.inner_forces import Watched
+from model.derived.outside_a_scene import Alone
 from model.derived.slopes import Differentiated
 from model.derived.step import Derived
 from model.derived.stepping import Stepping
-from model.derived.watched import Watched
 from model.elements.laws.felt_law import Law
 from model.elements.structure import Structure
 from model.kernels import compile as _compile
@@ -88,7 +88,7 @@ def links_of(tables: Tables) -> list[list[int]]:
 
 
 def press_of(law: Law, memories: int, numbers: int, power: bool) -> Kernel:
-    """Kernel ``press`` of `model.derived.alone`, of a law with so many memories and numbers."""
+    """Kernel ``press`` of `model.derived.outside_a_scene`, of a law with so many memories and numbers."""
     return kernel_of((np.array([law.number, memories, numbers, int(power)]),), "press")
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from model.arrays import ArrayRecord
 from model.errors import InputError
 from model.felt.fit import LawFit, fit_law, root_mean_square, shares
-from model.felt.laws import LAWS
+from model.felt.laws_as_numbers import LAWS
 from model.felt.pressing import Pressing
 from model.sign_flip_test import LEVEL, sign_flip_p
 

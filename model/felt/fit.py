@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 
 from model.elements.laws.known import LAWS as KNOWN
 from model.errors import InputError
-from model.felt.laws import LONGEST_REACH, FeltLaw, HuntCrossley, Hysteresis, NamedLaw, Stulov
+from model.felt.laws_as_numbers import LONGEST_REACH, FeltLaw, HuntCrossley, Hysteresis, NamedLaw, Stulov
 from model.felt.pressing import Pressing
 
 FEWEST_PRESSES = 2

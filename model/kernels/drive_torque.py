@@ -15,8 +15,8 @@ SETTLING = 60  # steps of a few delays each, until the current is where the firs
 def torque_along(amplifier, lumps, largest, command, turned, interval, softness, out):
     """Fill ``out`` (p, k), N m, at the ends of all substeps, for rows of ``lumps`` (p, 7).
 
-    Equations: `model.drive.lumps`; ``amplifier`` is the kernel of `model.derived.alone`; ``turned`` the angle of
-    the motor, rad, at the ends of all substeps.
+    Equations: `model.drive.lumps`; ``amplifier`` is the kernel of `model.derived.outside_a_scene`; ``turned`` the angle
+    of the motor, rad, at the ends of all substeps.
 
     Steps are exact where the circuit is linear (exponential Rosenbrock-Euler), of second order where a limit sets in.
     """

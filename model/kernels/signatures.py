@@ -149,7 +149,7 @@ _integers = types.Array(types.int64, 1, "C")
 _f, _i = types.float64, types.int64
 
 LINEARISE = _i(pointer, pointer, _f)  # w, p, u -> number of touching contacts
-OBSERVE = _i(pointer, pointer, pointer, pointer)  # state, input, p, row to fill -> 0; see `model.derived.watched`
+OBSERVE = _i(pointer, pointer, pointer, pointer)  # state, input, p, row to fill -> 0; see `model.derived.inner_forces`
 REGIME = _i(pointer, pointer)  # workspace, p -> bits: `model.derived.slopes`
 # of `model.derived.stepping`, for one run and for lanes
 _STEPPING = {

@@ -47,9 +47,9 @@ def fill_propagators(omega, sigma, push, step, out):
 def march(felt, shape, rows, soft, law, modes, force, hammer):
     """March (steps,) rows of ``force`` (steps, strings) and ``hammer`` (steps, 2: m, m/s); returns Newton's worst left.
 
-    ``felt`` is the kernel of `model.derived.alone`, ``shape`` (k,) at the hammer, ``rows`` (strings, k, 8), ``soft``
-    (strings,) m/N of what is left out, ``law`` the felt's numbers, the hammer's mass and the step, ``modes`` (strings,
-    k, 2) at rest on entry and at the last row on return. The first rows of force and hammer are given.
+    ``felt`` is the kernel of `model.derived.outside_a_scene`, ``shape`` (k,) at the hammer, ``rows`` (strings, k, 8),
+    ``soft`` (strings,) m/N of what is left out, ``law`` the felt's numbers, the hammer's mass and the step, ``modes``
+    (strings, k, 2) at rest on entry and at the last row on return. The first rows of force and hammer are given.
     """
     a, b, c, power, exponent, damping, mass, step = law
     strings, worst = len(rows), 0.0

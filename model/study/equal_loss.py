@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.derived.columns import DEPTH
 from model.derived.observe import contacts_at
-from model.felt.laws import NamedLaw
+from model.felt.laws_as_numbers import NamedLaw
 from model.files.force_table import check_force_table
 from model.force_driven import output_times, simulate
 from model.parameters.action import BACK_CHECK, KEY_FRONT, STRING, USUAL, Action

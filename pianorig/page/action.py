@@ -25,7 +25,7 @@ from model.regulation.screws import limits
 from pianorig.errors import CommandInputError
 from pianorig.player.moving_action import moving_action, pack
 from validation.conventions import BODIES, ENCODER_BODIES
-from validation.curves.signs import TITLE, degrees
+from validation.curves.display_signs import TITLE, degrees
 from validation.events.definitions import EVENTS
 from validation.events.detect import find_events
 from validation.measurement.geometry import geometry_of, motion_of

@@ -23,8 +23,8 @@ from rig.recording.recover import session_rig
 from rig.safety.interlocks import LimitWatch
 from rig.session import TrialData
 from rig.session.journal import JournalFollower, TrialHead
-from rig.session.trial_file import read_trial
-from validation.curves.signs import SIGN, TITLE
+from rig.session.sealed_trial import read_trial
+from validation.curves.display_signs import SIGN, TITLE
 from vision.output.colours import colour_of
 
 MOST_FIGURES = 500

@@ -26,7 +26,7 @@ from rig.atomic_write import sha256_of_file
 from rig.errors import RigError
 from rig.session import Session, Trial, TrialData
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
-from validation.curves.signs import SIGN, TITLE, degrees
+from validation.curves.display_signs import SIGN, TITLE, degrees
 from validation.errors import ValidationError
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import find_events

@@ -22,7 +22,7 @@ from model.files.atomic_write import whole_file
 from model.inside.labels import contact_label, input_label
 from model.inside.seen_motion import SeenMotion
 from pianorig.player.moving_action import moving_action, pack, unpack
-from validation.curves.signs import TITLE, degrees
+from validation.curves.display_signs import TITLE, degrees
 from vision.output.colours import colour_of
 
 WEB = Path(__file__).parent / "web"

@@ -24,7 +24,9 @@ from pianorig.errors import CommandInputError
 from pianorig.workflows.recording import interrupts_told
 from rig import Rig, load_rig, open_backend
 from rig.atomic_write import sha256_of_bytes, write_text
-from rig.calibration import (
+from rig.configuration.rig_file import BODIES
+from rig.configuration.toml_file import dump_toml
+from rig.guided_calibration import (
     STANDARD_GRAVITY,
     Swing,
     corrected_rig,
@@ -39,8 +41,6 @@ from rig.calibration import (
     there_and_back,
     with_what_was_known,
 )
-from rig.configuration.rig_file import BODIES
-from rig.configuration.toml_file import dump_toml
 from rig.simulated import SimulatedBackend
 
 SCHEMA = "piano-action-rig calibration 1"

@@ -55,7 +55,7 @@ def read_driving_force(path: Path, column: str = "force_n") -> DrivingForce:
     if column != "force_n":
         raise CommandInputError(f"{path}: a trial records a force, this scene is driven by {column}; give a CSV table")
     # start-up: pandas and h5py cost 0.4 s that a table does not need
-    from rig.session.trial_file import read_trial
+    from rig.session.sealed_trial import read_trial
     from validation.errors import TrialError
     from validation.measurement.force_correction import correct_force, find_quiet
 

@@ -14,7 +14,7 @@ from pianorig.errors import CommandInputError
 from pianorig.workflows.recording import BenchAccess
 from rig import FeltOrder, FeltPress, FeltSession, NotPermitted, load_rig, open_backend, record_felt
 from rig.atomic_write import write_text
-from rig.felt import BLOCK, checked
+from rig.felt_recording import BLOCK, checked
 from rig.recording.options import RecordingKeywords
 
 SIMULATED = "sim://"

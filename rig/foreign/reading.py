@@ -64,7 +64,7 @@ from rig.foreign.channel_table import (
     of_name,
     shown,
 )
-from rig.session.trial_file import SCHEMA, read_trial
+from rig.session.sealed_trial import SCHEMA, read_trial
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),

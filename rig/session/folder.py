@@ -25,8 +25,8 @@ from rig.configuration import toml_file
 from rig.errors import RigInputError
 from rig.session import annotation_file
 from rig.session.info import SessionInfo
+from rig.session.sealed_trial import open_sealed, read_status, read_trial, write_sealed, write_trial, write_trial_parts
 from rig.session.trial_data import TrialData
-from rig.session.trial_file import open_sealed, read_status, read_trial, write_sealed, write_trial, write_trial_parts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -271,7 +271,7 @@ class Session:
         return Trial(path, data.number, None)
 
     def add_trial_parts(self, about: TrialData, n_samples: int, parts: Iterable[TrialData]) -> Trial:
-        """Write and seal one trial whose ``n_samples`` come in parts (:mod:`rig.session.trial_file`)."""
+        """Write and seal one trial whose ``n_samples`` come in parts (:mod:`rig.session.sealed_trial`)."""
         path = self.trial_path(about.number)
         write_trial_parts(path, about, n_samples, parts)
         return Trial(path, about.number, None)

@@ -23,7 +23,7 @@ from rig.daq import tasks
 from rig.recording.options import Progress
 from rig.recording.recorder import record_session
 from rig.session.journal import JournalWriter
-from rig.session.trial_file import Content
+from rig.session.sealed_trial import Content
 from rig.simulated.backend import SimulatedBackend, build_device
 from rig.simulated.bench.bench_time import PacedClock
 

@@ -15,8 +15,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from validation.conventions import Array
+from validation.curves.display_signs import SIGN, TITLE, degrees, rotation_label
 from validation.curves.marks import Mark
-from validation.curves.signs import SIGN, TITLE, degrees, rotation_label
 from validation.curves.style import BLACK, band, draw, finish_axes, model_style
 from validation.curves.table import force_on_base, trial_curves
 

@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 
 import model
-from validation.curves.signs import SIGN
+from validation.curves.display_signs import SIGN
 from validation.events.definitions import EVENTS
 from validation.findings.finding import SessionFinding, are_faulty, distorted_trials, summary_line
 from validation.measurement.trial import MeasuredTrial, trials_in_words

@@ -19,7 +19,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from validation.conventions import ENCODER_CHANNELS, Array
-from validation.curves.signs import degrees
+from validation.curves.display_signs import degrees
 from validation.curves.style import uneven_samples
 from validation.curves.table import force_on_base, on_base
 from validation.events.definitions import EVENTS

@@ -33,6 +33,7 @@ READERS: dict[str, Callable[..., Film]] = {
     **dict.fromkeys(VIDEO_SUFFIXES, VideoFilm),
     **dict.fromkeys(PICTURE_SUFFIXES, PagedPicture),
 }
+"""By suffix; those found beside a trial, and attached to it, are `rig.session.folder.FILM_SUFFIXES`."""
 """Reader of each suffix, called with the path, ``allow_truncated`` and ``channel``."""
 
 

@@ -1,4 +1,7 @@
-"""What a law of felt states; everything that simulations, lanes, derivatives and audits ask of it follows from that."""
+"""What a law of felt states; everything that simulations, lanes, derivatives and audits ask of it follows from that.
+
+The interface only: the forces are in `hunt_crossley`, `stulov` and `hysteresis`, called by `model.elements.contacts`.
+"""
 
 from __future__ import annotations
 

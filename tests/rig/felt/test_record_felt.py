@@ -12,8 +12,8 @@ import model
 import rig
 from model.calibration import damping_factor, fit_felt, read_curve
 from model.derived.load import kernel_of
-from rig.calibration import changed
-from rig.felt import press_curve
+from rig.felt_recording import press_curve
+from rig.guided_calibration import changed
 from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.parts_alone import felt_law
 

@@ -15,7 +15,7 @@ from rig.foreign.export import columns, export_trial
 from rig.foreign.reading import read_channels
 from rig.session.info import ChannelInfo
 from rig.session.trial_data import TrialData
-from tests.rig.session.test_trial_file import trial
+from tests.rig.session.test_sealed_trial import trial
 
 ACCELERATION = ChannelInfo("key_acceleration", "acceleration of the key", "m/s^2", "x", "y", (0.0, 1.0), (0.0, 9.8))
 

@@ -29,7 +29,7 @@ from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.session import Session
 from rig.session.journal import FrameClock, JournalWriter, SessionFollower, block_payload
-from rig.session.trial_file import read_trial, write_trial
+from rig.session.sealed_trial import read_trial, write_trial
 from rig.simulated.backend import CAMERA_CLOCK_ERROR, DEFAULT_BENCH
 from rig.simulated.bench.sensors import load_sensors
 from tests.rig.fuzz.stored_cases import journal_in

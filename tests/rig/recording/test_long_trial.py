@@ -20,10 +20,10 @@ from rig.recording.recorder import record_session
 from rig.recording.trial_run import RestDetector
 from rig.session import Session
 from rig.session.journal import SessionFollower
-from rig.session.trial_file import read_trial, write_trial, write_trial_parts
+from rig.session.sealed_trial import read_trial, write_trial, write_trial_parts
 from tests.rig.lab_channels import READBACK
 from tests.rig.recording.played_back import RATE, EachMinute, Growth, PlayedBack, peak_mb
-from tests.rig.session.test_trial_file import trial
+from tests.rig.session.test_sealed_trial import trial
 
 
 def samples(first: int, n: int) -> Block:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from rig.errors import InputError
 from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo, RoomInfo
-from tests.rig.session.test_trial_file import trial
+from tests.rig.session.test_sealed_trial import trial
 
 INFO = SessionInfo(simulated=True, rig=FileInfo(name="virtual"), profile=FileInfo(name="forte"))
 

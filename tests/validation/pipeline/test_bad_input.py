@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from rig.session import Session
-from rig.session.trial_file import Content
+from rig.session.sealed_trial import Content
 from tests.validation.prediction.test_trial_prediction import SIMPLE
 from validation import compare_session
 from validation.errors import InputError

@@ -15,7 +15,7 @@ import pytest
 from matplotlib import rc_context
 
 from validation import InputError, compare_session, validate_session, write_report
-from validation.curves.signs import degrees, rotation_label
+from validation.curves.display_signs import degrees, rotation_label
 from validation.curves.style import decimate
 from validation.events.definitions import EVENTS
 from validation.report.figures.measured import rotation_of_all_trials

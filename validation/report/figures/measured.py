@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
-from validation.curves.signs import TITLE, degrees, rotation_label
+from validation.curves.display_signs import TITLE, degrees, rotation_label
 from validation.curves.style import (
     BLACK,
     BLUE,

@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from validation.conventions import Array
+from validation.curves.display_signs import SIGN, TITLE, degrees, rotation_label
 from validation.curves.plot import draw_marks
-from validation.curves.signs import SIGN, TITLE, degrees, rotation_label
 from validation.curves.style import (
     BLACK,
     SKY,

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
-from validation.curves.signs import SIGN, TITLE
+from validation.curves.display_signs import SIGN, TITLE
 from validation.events.definitions import EVENTS
 from validation.report.tables.formatting import DASH, PageTable, cells, degrees, number, with_u
 from validation.report.view import SessionView

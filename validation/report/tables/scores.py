@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from validation.curves.signs import SIGN
+from validation.curves.display_signs import SIGN
 from validation.events.definitions import EVENTS
 from validation.report.tables.formatting import DASH, PageTable, between, cells, degrees, number, percent, rms, with_u
 from validation.result import ValidationResult

@@ -17,7 +17,9 @@ import numpy as np
 import pytest
 
 import rig
-from rig.calibration import (
+from rig.configuration.rig_file import load_rig, parse_rig
+from rig.errors import InputError
+from rig.guided_calibration import (
     STANDARD_GRAVITY,
     Arc,
     changed,
@@ -32,8 +34,6 @@ from rig.calibration import (
     there_and_back,
     with_what_was_known,
 )
-from rig.configuration.rig_file import load_rig, parse_rig
-from rig.errors import InputError
 from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.parts_alone import SwingPlant
 from tests.command_line import run
@@ -324,7 +324,7 @@ def test_the_specimens_joint_is_found_on_the_bench(body: str, seed: int) -> None
 
 
 def test_a_body_that_is_not_let_go_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rig.calibration.LONGEST_SWING_S", 6.0)
+    monkeypatch.setattr("rig.guided_calibration.LONGEST_SWING_S", 6.0)
     config = rig.load_rig("virtual").config
     bench = rig.open_backend(f"sim://?bench={DEFAULT_BENCH.as_posix()}", config)
     with pytest.raises(rig.RigInputError, match="the hammer did not swing within 6 s"):

@@ -34,11 +34,11 @@ from numpy.typing import NDArray
 from rig.arrays import as_numbers
 from rig.atomic_write import refused, write_text
 from rig.backend import Backend
-from rig.calibration import changed
 from rig.configuration.profile import MotorCommand, Profile, motor_command, parse_profile
 from rig.configuration.rig_file import FeltConfig, Rig, RigConfig, load_rig, parse_rig
 from rig.configuration.toml_file import dump_toml
 from rig.errors import RigInputError
+from rig.guided_calibration import changed
 from rig.recording.options import RecordingKeywords, RecordingOptions
 from rig.recording.trial_plan import Entry
 from rig.recording.trial_run import new_session, record_entries

@@ -1,7 +1,7 @@
 """Laws by themselves, for what is simulated without a scene: a hammer on a string, an amplifier, felt along a press.
 
-Each is a kernel of four arrays, like those of `model.derived.watched`: what the law is differentiated by, one that is
-not read, its numbers, what is found.
+Each is a kernel of four arrays, like those of `model.derived.inner_forces`: what the law is differentiated by, one that
+is not read, its numbers, what is found.
 """
 
 from __future__ import annotations
