@@ -88,7 +88,7 @@ def test_steady_current_is_ohms_until_a_limit_holds_it(action: model.Action) -> 
         ({"motor_drive.supply": 0.0}, "supply"),
         ({"motor_drive.inductance": 0.0}, "inductance"),
         ({"motor_drive.resistance": -1.0}, "resistance"),
-        ({"motor_drive.limit_softness": 0.9}, "limit_softness"),
+        ({"motor_drive.limit_softness": 0.51}, "limit_softness"),
     ],
 )
 def test_drives_that_cannot_be_are_refused(action: model.Action, values: dict[str, float], words: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 import model
 from model.screening import Spread, morris, spreads
-from model.screening.morris import LEVELS, design
+from model.screening.morris import LEVELS, MOST_WAYS, check_ways, design
 from model.sensitivity import Parameter
 
 
@@ -54,7 +54,8 @@ def test_missing_quantities_are_left_out_and_counted() -> None:
     assert np.all(np.isnan(found.mu_star[1])) and found.absent[1] == 1.0
 
 
-def test_too_few_ways() -> None:
+def test_ways_are_two_to_the_most() -> None:
+    check_ways(MOST_WAYS)
     with pytest.raises(model.InputError, match="found 1, allowed 2 to"):
         morris(normal(2), lambda x: x[:, :1], ("y",), ways=1)
 

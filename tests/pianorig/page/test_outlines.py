@@ -59,7 +59,7 @@ def test_outlines_are_saved_as_tracking_reads_them(filmed: Path, writing: Page) 
         ([3], "table of name"),
         ([body(name="")], "non-empty"),
         ([body(name="x" * 61)], "60 characters"),
-        ([body(), body()], "used 2 times"),
+        ([body()] * 32, "used 32 times"),
         ([body(parent="nobody")], "not among"),
         ([body(layer=1.5)], "whole number"),
         ([body(points=SQUARE[:2])], "m >= 3"),

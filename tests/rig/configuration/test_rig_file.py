@@ -75,6 +75,7 @@ def test_the_9237_delays_by_40_03_samples_at_5_khz_and_a_voltage_input_does_not(
         ("allow_yes = false", 'allow_yes = "yes"', "safety.allow_yes"),
         ('mode = "pulses"', 'mode = "free"', "camera.mode"),
         ("stroke_rad = [-0.043, 0.082, -0.357]", "stroke_rad = [-0.043, 0.082]", "selftest.stroke_rad"),
+        ("[selftest]", "[selftest]\npush_tolerance = 0.51", "selftest.push_tolerance = 0.51"),
     ],
 )
 def test_a_bad_value_is_refused_with_its_key_and_what_is_allowed(rig, old, new, said) -> None:

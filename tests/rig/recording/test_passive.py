@@ -208,7 +208,7 @@ def test_a_second_program_sees_it_alive_between_strokes_and_within(tmp_path) -> 
 
 
 def test_who_watches_is_told_of_the_end_of_an_open_recording(tmp_path) -> None:
-    record_passive(tmp_path / "s", backend=Player(), duration_s=4.0)
+    record_passive(tmp_path / "s", backend=Player(), strokes=9999, duration_s=4.0)
     looks = iter(range(5))  # then StopIteration
     shown: list[int] = []
     last = watch(tmp_path / "s", lambda view: shown.append(view.trial), wait=lambda _: [next(looks)])

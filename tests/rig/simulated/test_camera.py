@@ -135,9 +135,10 @@ def test_depth_and_repeatability(tmp_path: Path) -> None:
     bits, size = 12, 304 * 400 * 3 * 3 // 2
     settings = CameraSettings(bit_depth=bits)
     time_s = np.arange(3) / 2000.0
-    for name in ("a", "b"):
-        film_trial(tmp_path / f"{name}.mraw", time_s, blow, settings=settings, seed=8)
-    film_trial(tmp_path / "c.mraw", time_s, blow, settings=settings, seed=9)
+    told: list[tuple[int, int]] = []
+    for name, seed in (("a", 8), ("b", 8), ("c", 9)):
+        film_trial(tmp_path / f"{name}.mraw", time_s, blow, None, settings, seed, lambda *at: told.append(at))
+    assert told == [(1, 3), (2, 3), (3, 3)] * 3
     data = {name: (tmp_path / f"{name}.mraw").read_bytes() for name in "abc"}
     assert len(data["a"]) == size and data["a"] == data["b"] != data["c"]
     with open_film(tmp_path / "a.mraw") as film:

@@ -63,13 +63,13 @@ def test_other_films_are_left_alone(kind: str) -> None:
 
 
 def test_texture_of_a_body_that_rests_in_most_frames_is_no_defect() -> None:
-    paint = PAINT.copy()
-    paint[np.random.default_rng(8).uniform(size=paint.shape) < 0.001] = 255.0
+    paint = np.where(np.random.default_rng(8).uniform(size=PAINT.shape) < 0.001, 255.0, PAINT)
     frames = shifted(5, paint=paint)[0][[*range(STILL)] * 4 + [*range(22, N)]]
     film = ArrayFilm(frames, 2000.0)
     assert without_defects(film) is film
     planted = [40, 90], [50, 70]
     frames[:, *planted] = 255
+    frames[33, *planted] = frames[33, [39, 89], [50, 70]]  # one of the frames that are compared does not show them
     found = without_defects(ArrayFilm(frames, 2000.0))
     assert isinstance(found, WithoutDefects)
     np.testing.assert_array_equal((found.rows, found.columns), planted)

@@ -250,19 +250,16 @@ def test_every_fault_changes_something(fault) -> None:
 
 
 def test_filmed_angles_are_as_wrong_as_their_u_says(monkeypatch) -> None:
-    seen = {}
-
-    def watched(path, times, angles, *rest):
-        seen["truth"] = film_trial(path, times, angles, *rest)
-
-    monkeypatch.setattr(make, "film_trial", watched)
+    seen = []
+    monkeypatch.setattr(make, "film_trial", lambda *given: seen.append(film_trial(*given)))
+    assert all(np.all(np.diff(condition.corners()[0]) > 0.0) for condition in CONDITIONS)
     random = np.random.default_rng(3)
     bench = SpecimenBench(draw_specimen("A", random))
     trial = bench.play(1, CONDITIONS[6], "", random).trial
     bench.close()
     still = int(0.02 * FILM_HZ)
     for column, name in ((1, "jack_angle"), (2, "repetition_angle")):
-        true = seen["truth"].mean_angle_rad[:, column]
+        true = seen[0].mean_angle_rad[:, column]
         assert np.ptp(true) > 0.05
         error = trial.values[name] - (true - true[:still].mean())
         assert error.shape == trial.film_time_s.shape and 0.85 < np.sqrt(np.mean(error**2)) / trial.u[name] < 1.15
