@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,10 +26,11 @@ import grpc
 import numpy as np
 
 from benchmarks.runner import ROOT, Run
-from rig.backend import Capabilities
+from rig.backend import Capabilities, Timing
 from rig.configuration.profile import load_profile
-from rig.configuration.rig_file import Rig, load_rig, parse_rig
+from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
 from rig.daq import NidaqmxBackend
+from rig.daq.nidaqmx_backend import calls_per_block
 from rig.errors import RigError
 from rig.recording.options import Progress
 from rig.recording.recorder import record_session
@@ -104,26 +106,42 @@ def bench(clock: VirtualClock) -> SimulatedBackend:
 class Remote(NidaqmxBackend):
     """A virtual bench in another process: no permission is needed."""
 
+    lengthens = True
+    """Blocks are longer while the motor's command is 0 V, as through a server."""
+
     @property
     def capabilities(self) -> Capabilities:
         """Describe the bench, without hardware."""
         return replace(super().capabilities, simulated=True, hardware=False)
 
+    def configure(self, config: RigConfig, command_v: np.ndarray | None) -> Timing:
+        """Configure, with blocks of one length if asked."""
+        timing = super().configure(config, command_v)
+        return timing if self.lengthens else replace(timing, calm_block_s=0.0)
+
+
+@contextlib.contextmanager
+def served_elsewhere(serve_it: str) -> Iterator[grpc.Channel]:
+    """A channel over TCP on loopback to what a function of this module serves in a separate process."""
+    command = [sys.executable, "-c", f"from benchmarks.acquisition import {serve_it}; {serve_it}()"]
+    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
+        assert server.stdin is not None and server.stdout is not None
+        try:
+            yield grpc.insecure_channel(f"127.0.0.1:{int(server.stdout.readline())}")
+        finally:
+            server.stdin.close()
+
 
 @contextlib.contextmanager
 def bench_elsewhere() -> Iterator[Remote]:
-    """The bench in a separate process at wall-clock speed, over TCP on loopback."""
-    command = [sys.executable, "-c", "from benchmarks.acquisition import serve_bench; serve_bench()"]
-    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
-        assert server.stdin is not None and server.stdout is not None
-        channel = grpc.insecure_channel(f"127.0.0.1:{int(server.stdout.readline())}")
+    """The bench in a separate process at wall-clock speed."""
+    with served_elsewhere("serve_bench") as channel:
         backend = Remote(channel, name="virtual bench elsewhere")
         backend.identify(eight().config)
         try:
             yield backend
         finally:
             backend.close()
-            server.stdin.close()
 
 
 def serve_bench() -> None:
@@ -132,6 +150,34 @@ def serve_bench() -> None:
     print(port, flush=True)
     sys.stdin.read()
     server.stop(None).wait()
+
+
+BLOCK_BYTES = 2000
+"""Of an answer with 250 samples of one encoder."""
+
+
+def serve_bytes() -> None:
+    """Answer every call by the same bytes until standard input ends; print the port."""
+    answer = grpc.unary_unary_rpc_method_handler(lambda request, context: bytes(BLOCK_BYTES))
+    server = grpc.server(ThreadPoolExecutor(2))
+    server.add_generic_rpc_handlers((grpc.method_handlers_generic_handler("bytes", {"Read": answer}),))
+    print(server.add_insecure_port("127.0.0.1:0"), flush=True)
+    server.start()
+    sys.stdin.read()
+
+
+def only_read(calls_per_s: float, at_once: int, seconds: float = 6.0) -> float:
+    """Processor time, % of one core, of a client that does no more than ask for such bytes so often."""
+    with served_elsewhere("serve_bytes") as channel:
+        read, calls = channel.unary_unary("/bytes/Read"), 0
+        read(b"")
+        began, used = time.monotonic(), time.process_time()
+        while (passed := time.monotonic() - began) < seconds:
+            time.sleep(max(calls / calls_per_s - passed, 0.0))
+            for _ in range(at_once):
+                read(bytes(40))
+            calls += at_once
+        return 100 * (time.process_time() - used) / passed
 
 
 class Timed(JournalWriter):
@@ -271,14 +317,36 @@ def real_time(trials: int) -> tuple[str, float]:
 
 
 def real_time_elsewhere(trials: int) -> None:
-    """Record from a bench in another process; print the processor time of this process."""
+    """Record from a bench in another process; print the processor time of this process.
+
+    Trials with long blocks while the motor's command is 0 V take turns with trials of one length, so that the load of
+    the machine changes both alike. Beside them, a client that only makes the calls of the long blocks.
+    """
+    wall, cpu, blocks = {True: 0.0, False: 0.0}, {True: 0.0, False: 0.0}, 0
     with bench_elsewhere() as backend, tempfile.TemporaryDirectory() as folder:
         record_session(Path(folder) / "warm", rig_config=eight(), backend=backend, trials=1)
-        wall, cpu = time.monotonic(), time.process_time()
-        session = record_session(Path(folder) / "s", rig_config=eight(), backend=backend, trials=trials)
-        wall, cpu = time.monotonic() - wall, time.process_time() - cpu
-        assert [trial.status for trial in session.trials] == ["complete"] * trials
-    print(f"real time over TCP   : {100 * cpu / wall:.1f} % of one core, bench in another process ({wall:.0f} s)")
+        for number in range(2 * trials):
+            backend.lengthens = long = bool(number % 2)
+            began, used = time.monotonic(), time.process_time()
+            Timed.log = []
+            session = record_session(
+                Path(folder) / f"s{number}", rig_config=eight(), backend=backend, trials=1, open_journal=Timed
+            )
+            blocks += len(Timed.log) if long else 0
+            wall[long] += time.monotonic() - began
+            cpu[long] += time.process_time() - used
+            assert [trial.status for trial in session.trials] == ["complete"]
+    share = {long: 100 * cpu[long] / wall[long] for long in wall}
+    print(
+        f"real time over TCP   : {share[True]:.1f} % of one core, bench in another process ({wall[True]:.0f} s); "
+        f"{share[False]:.1f} % with blocks of 20 ms throughout, ratio {share[True] / share[False]:.2f}"
+    )
+    at_once = calls_per_block(eight().config)
+    calls_per_s = at_once * blocks / wall[True]
+    print(
+        f"client that only reads: {only_read(calls_per_s, at_once):.1f} % of one core, {calls_per_s:.0f} calls/s of "
+        f"{BLOCK_BYTES} bytes ({at_once} a block)"
+    )
 
 
 def main(run: Run) -> None:
