@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -69,34 +70,36 @@ def test_folder_says_what_it_holds(folder: Path) -> None:
     assert len(said.split()) >= 8, f"{folder.name}: its __init__ does not say what lives there"
 
 
+@cache
+def functions() -> list[tuple[Path, ast.FunctionDef | ast.AsyncFunctionDef]]:
+    """Every function of the packages, with its file."""
+    kinds = ast.FunctionDef | ast.AsyncFunctionDef
+    nodes = ((path, node) for path in FILES for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    return [(path, node) for path, node in nodes if isinstance(node, kinds)]
+
+
 def test_imports_inside_functions_give_their_reason() -> None:
     silent = []
-    for path in FILES:
-        text = path.read_text(encoding="utf-8")
-        lines = text.splitlines()
-        for function in ast.walk(ast.parse(text)):
-            if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
-                continue
-            for node in ast.walk(function):
-                if isinstance(node, ast.Import | ast.ImportFrom):
-                    row = node.lineno - 1
-                    while row and lines[row - 1].lstrip().startswith(("import ", "from ")):
-                        row -= 1  # one reason serves a block of imports
-                    reason = lines[row - 1].strip() + lines[node.lineno - 1]
-                    if "# start-up:" not in reason and "# platform:" not in reason:
-                        silent.append(f"{path.relative_to(ROOT).as_posix()}:{node.lineno}")
+    for path, function in functions():
+        for node in ast.walk(function):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                lines = path.read_text(encoding="utf-8").splitlines()
+                row = node.lineno - 1
+                while row and lines[row - 1].lstrip().startswith(("import ", "from ")):
+                    row -= 1  # one reason serves a block of imports
+                reason = lines[row - 1].strip() + lines[node.lineno - 1]
+                if "# start-up:" not in reason and "# platform:" not in reason:
+                    silent.append(f"{path.relative_to(ROOT).as_posix()}:{node.lineno}")
     assert silent == []
 
 
 def test_nothing_but_a_typer_command_takes_more_than_eight_parameters() -> None:
     """A command declares one parameter an option; ruff holds everything outside of ``pianorig/commands`` to eight."""
     many = []
-    for path in FILES:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                given = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
-                is_command = node.name == "command" and path.is_relative_to(ROOT / "pianorig" / "commands")
-                many += [f"{path.name}: {node.name}"] if len(given) > 8 and not is_command else []
+    for path, node in functions():
+        given = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+        is_command = node.name == "command" and path.is_relative_to(ROOT / "pianorig" / "commands")
+        many += [f"{path.name}: {node.name}"] if len(given) > 8 and not is_command else []
     assert many == []
 
 

@@ -80,6 +80,7 @@ def check(python: Path, source: str) -> list[str]:
     return done.stdout.splitlines()
 
 
+@pytest.mark.slow
 def test_no_public_name_is_any(environment: Path) -> None:
     names = [f"{package}.{name}" for package in PACKAGES for name in public_names(package)]
     assert len(names) > 100
@@ -95,6 +96,7 @@ def test_no_public_name_is_any(environment: Path) -> None:
     assert loose == {}
 
 
+@pytest.mark.slow
 def test_a_misspelt_keyword_is_an_error(environment: Path) -> None:
     lines = [line for line in check(environment, MISSPELT) if "error: Unexpected keyword argument" in line]
     assert [int(line.split(":")[1]) for line in lines] == [5, 6, 7, 8], lines

@@ -298,10 +298,6 @@ def _built(action: Action, choice: SceneChoice, key_motion: KeyMotion | None) ->
         vector += found.tip
         dampers += [(bodies.index(presser), found.damping)] if presser == FINGER else []
     offsets.append(len(vector))
-    prescribed = np.zeros(n, dtype=np.int64)
-    if key_motion is not None:
-        prescribed[-1], vector = 1, [*vector, *key_motion.packed(_front(action, choice))]
-    offsets.append(len(vector))
     vector += [damping for _, damping in dampers]
     pins_at = len(vector)
     pins, given = _pins(action, choice, bodies)
@@ -311,6 +307,10 @@ def _built(action: Action, choice: SceneChoice, key_motion: KeyMotion | None) ->
     offsets += [len(vector), pins_at]
     strung = STRING_EFFECT in choice.effects
     vector += string_numbers(action) if strung else []
+    offsets.insert(4, 0 if key_motion is None else len(vector))
+    prescribed = np.zeros(n, dtype=np.int64)
+    if key_motion is not None:  # last: where anything else stands hangs on no number of pieces, and no kernel does
+        prescribed[-1], vector = 1, [*vector, *key_motion.packed(_front(action, choice))]
     tables = L.Tables(
         parent=np.array(parent, dtype=np.int64),
         spring=np.array([i for i, _ in springs], dtype=np.int64),

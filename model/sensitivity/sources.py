@@ -22,8 +22,7 @@ def sources_of(directions: Directions) -> Sources:
     modes = int(scene.tables.offset[7]) + L.STRING_HEAD if len(scene.tables.string) else len(scene.vector)
     entry, column = np.nonzero(directions.slope[:, :modes].T)
     number, first = np.unique(entry, return_index=True)
-    first_of_motion, end = scene.tables.offset[4:6]
-    assert not np.any((number >= first_of_motion) & (number < end)), "a parameter changes the prescribed motion"
+    assert np.all(number < (scene.tables.offset[4] or modes)), "a parameter changes the prescribed motion"
     place = np.full(len(directions.scene.vector), -1, dtype=np.int64)
     place[number] = np.arange(len(number))
     return Sources(

@@ -71,7 +71,8 @@ def _numbers(scene: Scene) -> tuple[int, Array, float]:
     """Place of the string's states in a row, rows (3, k) of gains, stiffnesses, dampings, what the others give way."""
     p = scene.vector[scene.tables.offset[7] :]
     count = round(float(p[0]))
-    return len(scene.tables.memory) + 2 * len(scene.pins), p[L.STRING_HEAD :].reshape(3, count), float(p[L.STRING_GIVE])
+    rows = p[L.STRING_HEAD :][: 3 * count].reshape(3, count)
+    return len(scene.tables.memory) + 2 * len(scene.pins), rows, float(p[L.STRING_GIVE])
 
 
 def straight(scene: Scene) -> Array:

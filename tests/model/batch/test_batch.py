@@ -268,6 +268,7 @@ def test_processes_of_this_machine_are_counted() -> None:
     assert 1 <= batch_run.workers_here() <= (os.cpu_count() or 1)
 
 
+@pytest.mark.slow
 def test_dask_cluster_of_two_workers(action: model.Action) -> None:
     distributed = pytest.importorskip("distributed", reason="the extra 'cluster' (dask[distributed]) is not installed")
     with (

@@ -46,11 +46,6 @@ def machine(statements: list[Statement] | list[Expression], lanes: int = 1) -> C
     return run
 
 
-def text_of(tables: Tables, *kernels: str, lanes: int = 1) -> str:
-    """Intermediate code of a structure's kernels, by default those of a step."""
-    return str(_module(tables, dict.fromkeys(kernels or STEP), lanes))
-
-
 def touched(tables: Tables, *kernels: str) -> set[int]:
     """Places of the workspace that a structure's kernels read or write outright."""
     out: set[int] = set()
@@ -75,5 +70,5 @@ def touched(tables: Tables, *kernels: str) -> set[int]:
 
 def operations(tables: Tables, *kernels: str) -> Counter[str]:
     """How often each arithmetic operation stands in it."""
-    words = [line.split(" = ")[1].split()[0] for line in text_of(tables, *kernels).splitlines() if " = f" in line]
-    return Counter(words)
+    text = str(_module(tables, dict.fromkeys(kernels or STEP), 1))
+    return Counter(line.split(" = ")[1].split()[0] for line in text.splitlines() if " = f" in line)

@@ -62,7 +62,9 @@ def presses(law: FeltLaw, seed: int = 1, noise: float = 0.01) -> list[Pressing]:
     return [press(law, depth, speed, rng, noise) for depth in DEPTHS for speed in SPEEDS]
 
 
-@pytest.mark.parametrize("kind", ["hunt-crossley", "hysteresis", pytest.param("stulov", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "kind", ["hunt-crossley", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("hysteresis", "stulov"))]
+)
 def test_the_law_of_the_felt_is_the_one_supported(kind: str) -> None:
     found = compare_laws(presses(FELTS[kind]))
     assert found.supported == (kind,)

@@ -93,7 +93,9 @@ def test_what_cannot_be_drawn_is_refused(action: model.Action, blow: tuple, tmp_
 
 def test_forces_of_felt_that_remembers_are_those_of_the_run_or_none() -> None:
     """Angles and speeds do not decide them: drawn from those alone they would be another felt's."""
-    action = model.load_action().with_laws({"contact02": "stulov"})
+    action = model.load_action().with_laws(
+        {"contact02": "stulov", "contact07": "hysteresis", "contact12": "hysteresis"}
+    )
     scene, still = model.build_scene(action), model.rest_state(action).angle_rad[None]
     given = np.arange(13.0)[None]
     seen = see_motion(scene, np.zeros(1), still, 0.0 * still, np.zeros(1), given)

@@ -53,7 +53,8 @@ def test_the_force_moves_the_free_action_the_same(action: model.Action, pressed:
 
 
 @pytest.mark.parametrize(
-    "name", ["flexible-shank", pytest.param("lifting-key", marks=pytest.mark.slow), "giving-joints"]
+    "name",
+    ["flexible-shank", *(pytest.param(name, marks=pytest.mark.slow) for name in ("lifting-key", "giving-joints"))],
 )
 def test_the_front_goes_there_in_any_scene(action: model.Action, name: str) -> None:
     own = model.load_scene(name).on(action)

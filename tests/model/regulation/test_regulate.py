@@ -93,6 +93,7 @@ def test_a_capstan_out_of_reach_is_blamed_before_what_it_disturbs(action: model.
         regulate(action.with_values({"contact01.first.y": action["contact01.first.y"] + 4.5e-3}))
 
 
+@pytest.mark.slow
 def test_a_check_without_friction_cannot_be_regulated(action: model.Action) -> None:
     with pytest.raises(RegulationError, match=r"check height, medium blow .* the back-check wire"):
         regulate(model.load_action(SHIPPED, {"contact04.friction": 0}))

@@ -23,6 +23,7 @@ def test_all_targets_are_met_in_the_scene(action: model.Action, name: str) -> No
     assert 0.3 < weights.down_n < 0.6 and 0.05 < weights.up_n < weights.down_n
 
 
+@pytest.mark.slow
 def test_gaps_at_rest_are_those_of_the_loaded_joints(action: model.Action) -> None:
     """The geometry by hand against the kernels' own, where joints have given."""
     pins = {"whippen_pin.load.y": 5.0, "jack_pin.load.x": -4.0, "hammer_pin.load.y": 3.0}

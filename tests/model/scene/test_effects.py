@@ -216,7 +216,9 @@ def test_an_action_file_may_carry_an_effect(action: model.Action, tmp_path: Path
         model.load_action(path)
 
 
-@pytest.mark.parametrize("scene", ["lifting-key", "motor-drive", "finger"])
+@pytest.mark.parametrize(
+    "scene", ["motor-drive", *(pytest.param(name, marks=pytest.mark.slow) for name in ("lifting-key", "finger"))]
+)
 def test_what_rests_and_is_prescribed_takes_no_force(action: model.Action, scene: str) -> None:
     """At its angle at rest; of a key that lifts, of its front."""
     driven = model.simulate_motion(

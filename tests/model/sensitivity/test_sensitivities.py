@@ -150,6 +150,7 @@ def test_the_front_of_a_key_that_lifts_lands_where_its_felt_is_touched(action: m
     assert found.time_s[pressed - 1] <= found.events["key_bottom_s"] < found.time_s[pressed]
 
 
+@pytest.mark.slow
 def test_let_off_without_the_lever_at_the_knuckle_and_without_felt_under_the_key(
     action: model.Action, forte: Blow
 ) -> None:

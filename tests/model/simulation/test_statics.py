@@ -50,6 +50,7 @@ def test_rest_of_other_actions(action: model.Action) -> None:
         assert np.abs(residual).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_without_hammer_rest_the_hammer_lies_on_the_knuckle(action: model.Action) -> None:
     rest = model.rest_state(action.with_values({"contact13": 0}))
     forces = dict(zip(rest.contacts, rest.contact_normal_n, strict=True))

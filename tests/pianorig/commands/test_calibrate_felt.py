@@ -102,6 +102,7 @@ def test_bad_input_is_one_line(arguments: list[str], words: str, felt: Path, ref
     refused(words, "calibrate-felt", *[a.replace("{felt}", str(felt)) for a in arguments])
 
 
+@pytest.mark.slow
 def test_several_presses_choose_a_law(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     action = model.load_action()
     law = model.felt.HuntCrossley(*(action[f"contact02.normal.{k}"] for k in "abc"), 0.7)

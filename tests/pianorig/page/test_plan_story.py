@@ -48,6 +48,7 @@ def test_begin_pause_resume_abort_and_go_on(browser: Any, folder: Path) -> None:
     assert statuses.count("complete") == 3 and "interrupted" in statuses
 
 
+@pytest.mark.slow
 def test_who_only_looks_has_no_buttons_of_a_plan(browser: Any, folder: Path) -> None:
     for page in serve(folder, control=False):
         with opened(browser, page, f"{page.address}#live") as tab:

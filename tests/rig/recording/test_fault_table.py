@@ -376,7 +376,7 @@ def run_into(faults: FaultsByCount, backend: Any, rig: Any, profile: Any, folder
 
 @pytest.mark.usefixtures("keyboard")
 @pytest.mark.skipif(os.name == "nt", reason="signal.raise_signal(SIGINT) ends the test run on Windows")
-@pytest.mark.parametrize("times", [16, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("times", [6, pytest.param(400, marks=pytest.mark.slow)])
 @pytest.mark.filterwarnings("ignore:Task of name:Warning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_at_whatever_call_faults_strike_the_bench_ends_safe_and_nothing_is_hidden(

@@ -9,6 +9,7 @@ import model
 from rig.backend import open_backend
 from rig.errors import InputError
 from rig.simulated.bench.bench_time import VirtualClock
+from rig.simulated.bench.plant import ActionPlant
 from rig.simulated.rpc import service
 from rig.simulated.rpc.messages import CALLS
 
@@ -42,7 +43,8 @@ def test_bad_options_are_refused(url, said, config) -> None:
         open_backend(url, config)
 
 
-def test_a_felt_of_another_law_is_not_pressed_by_the_usual_one(config, tmp_path) -> None:
+def test_a_felt_of_another_law_is_not_pressed_by_the_usual_one(config, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(ActionPlant, "start_trial", lambda self, trial: None)  # compiles the scene
     scene = tmp_path / "scene.toml"
     scene.write_text('[contact02]\nlaw = "hysteresis"\n', "utf-8")
     with pytest.raises(InputError, match="felt contact02: follows the law hysteresis, allowed hunt-crossley"):

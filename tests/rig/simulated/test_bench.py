@@ -443,7 +443,8 @@ def test_the_default_specimen_has_no_effects() -> None:
     assert plant.advance(np.zeros(3)).key_lift_m is None
 
 
-def test_a_specimen_in_a_scene_has_what_the_bench_adds() -> None:
+def test_a_specimen_in_a_scene_has_what_the_bench_adds(monkeypatch) -> None:
+    monkeypatch.setattr(ActionPlant, "start_trial", lambda self, trial: None)  # compiles the scene
     plant = open_backend("sim://?scene=compliant-tip&effects=shank", load_rig("virtual").config).plant
     assert isinstance(plant, ActionPlant) and plant.choice.effects == ("motor_arm", "shank")
     assert plant.action["motor_arm.contact_c"] == 4.0e3  # of the scene; the bench has a stiffer one

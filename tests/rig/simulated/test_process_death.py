@@ -61,7 +61,9 @@ def recording(serve, start, permitted, tmp_path):
     return begin
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "number", [pytest.param(number, marks=pytest.mark.slow) for number in (signal.SIGTERM, signal.SIGINT)]
+)
 def test_a_recording_asked_to_end_makes_the_outputs_safe_itself_and_seals_the_trial(
     number, recording, recover, stated_s
 ) -> None:

@@ -78,6 +78,7 @@ class Bench:
         )
 
 
+@pytest.mark.slow
 def test_planted_lifts_are_found_and_true_separations_are_none():
     bench = Bench(1)
     false = parted = hits = planted = 0

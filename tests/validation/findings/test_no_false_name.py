@@ -22,12 +22,14 @@ ALL_TRIALS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind, change, n", ALL_TRIALS)
 def test_a_session_wired_wrong_in_all_trials_ends_in_its_report(found_in, kind, change, n):
     found = found_in(Fault(kind, "", frozenset({kind}), change=change))
     assert list(found["kind"]) == n * [kind]
 
 
+@pytest.mark.slow
 def test_the_budget_changes_the_inputs_of_a_sound_trial(make, tmp_path, monkeypatch):
     session, truth = make.session(tmp_path / "right", n_trials=3, filmed=())
     broken = Session.create(tmp_path / "broken", make.info())
@@ -79,6 +81,7 @@ def test_a_session_without_faults_has_no_finding(found_in, kind, specimen):
     assert found_in(None, kind, specimen).empty
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path, factor", PARAMETERS)
 def test_a_changed_parameter_is_not_named(found_in, path, factor):
     fault = Fault("parameter", path, frozenset(), trial=0, play={"friction": (path, factor)})

@@ -43,6 +43,7 @@ def played(seed: int, scatter: float = 0.3) -> tuple[Problem, list[Array]]:
     return replace(toy.problem(trials), response=Bent(trials)), own
 
 
+@pytest.mark.slow
 def test_scatter_that_bends_the_model_is_found_and_no_noise_is_made_of_it() -> None:
     for seed in range(2):
         problem, own = played(seed)

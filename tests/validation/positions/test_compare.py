@@ -129,6 +129,7 @@ def test_curves_are_written(written) -> None:
     assert inside.mean() == pytest.approx(row["inside_band"], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_recording_it_has_not_seen_needs_no_hand_work(tmp_path, capsys) -> None:
     mapping = SHIPPED / "mapping.toml"
     assert run("import", SHIPPED / "excerpt.csv", "--mapping", mapping, "--out", tmp_path / "more") == 0

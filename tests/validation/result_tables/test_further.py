@@ -102,6 +102,7 @@ def test_a_faulty_trial_stands_for_no_other(monkeypatch):
     assert 1 in numbers and not numbers & {2, 3, 4, 7}
 
 
+@pytest.mark.slow
 def test_losses_of_joints_that_give_are_friction_and_bushings(recorded):
     action = model.load_scene("giving-hammer").on(recorded[1].action)
     result = compare_session(

@@ -15,7 +15,7 @@ from vision.film.open import open_film
 
 
 def test_damaged_films_are_refused_or_read_right(tmp_path: Path) -> None:
-    tallies = fuzz(tmp_path, 120, 7)
+    tallies = fuzz(tmp_path, 60, 7)
     assert sum(tally.same for tally in tallies.values()) > 5
     for name, tally in tallies.items():
         assert not tally.wrong, (name, tally.wrong)

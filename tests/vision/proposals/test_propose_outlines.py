@@ -127,6 +127,7 @@ def test_the_bodies_of_the_bench_can_be_tracked_as_proposed(bench_film: tuple[Pa
     assert np.abs(error / u).max() < 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_frames")
 def test_bodies_before_a_black_background() -> None:
     frames, outlines, _ = film_of_two()
@@ -153,6 +154,7 @@ def test_a_real_ball_that_never_rests() -> None:
     assert ball.parent is None and len(ball.polygon_px) <= 20
 
 
+@pytest.mark.slow
 def test_bodies_that_turn_so_fast_that_points_are_lost() -> None:
     """Their beginning tells them apart."""
     frames, outlines, _ = film_of_two(beam_rad=0.3, finger_rad=2.6, moving=24)

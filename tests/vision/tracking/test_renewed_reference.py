@@ -15,6 +15,7 @@ from vision.tracking.passes import _seen_from
 RENEWED = np.uint16(int(FrameFlag.RENEWED))
 
 
+@pytest.mark.slow
 def test_a_body_that_leaves_the_plane_of_focus() -> None:
     n = 52
     pose, width = bar_motion(n, PIVOT, 0.25), 6.0 * smooth_step((np.arange(n) - 16) / 26)

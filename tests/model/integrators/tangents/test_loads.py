@@ -62,6 +62,7 @@ def test_loads_of_all_numbers_agree_with_differences(action: model.Action, name:
     assert len(contacts) >= 8  # so that curved, straight and round surfaces are among them
 
 
+@pytest.mark.slow
 def test_loads_where_felt_joints_and_string_remember(action: model.Action) -> None:
     """Accelerations, rates of memories and the string's force by all numbers, at states of a blow."""
     laws = {"contact01": "stulov", "contact02": "hysteresis", "contact07": "hysteresis", "contact08": "stulov"}
