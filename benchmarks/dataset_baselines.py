@@ -1,12 +1,11 @@
 """Five baselines on the open split of the data set: null model, printed, regulated, identified set, and a black box.
 
-    pianorig dataset make --out dataset && python -m benchmarks dataset_baselines --dataset dataset [--out FOLDER]
+    pianorig dataset make --out dataset && python -m benchmarks dataset_baselines --dataset dataset
 
 Each predicts the angles of every test trial from its force; scores as `pianorig dataset score` gives them, cost in
-processor seconds. The black box knows nothing of actions: ridge regression of the angles on the force filtered by
-exponentials and products of these (a Wiener model, stable by construction), each specimen
-by itself. The identified set: ten parameters of the regulated one by bounded least squares on each specimen's train
-trials without a planted fault; it does not know which were changed.
+processor seconds. The black box knows nothing of actions: the nonlinear filter of reports
+(`validation.prediction.black_boxes`), each specimen by itself. The identified set: ten parameters of the regulated one
+by bounded least squares on each specimen's train trials without a planted fault; it does not know which were changed.
 """
 
 from __future__ import annotations
@@ -15,19 +14,17 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
-from scipy.optimize import least_squares
-from scipy.signal import lfilter
 
 import model
+from benchmarks.domain import least_misfit
 from benchmarks.runner import Run, Table
 from validation.dataset.files import Array, DataTrial, check_truth, read_index, trials_of
 from validation.dataset.score import SCORED, score_curves, scored_trials
+from validation.prediction.black_boxes import FIR, Example, fit_black_boxes
 
 COLUMNS = [model.BODIES.index(name.removesuffix("_angle")) for name in SCORED]
 FREE = {
@@ -40,120 +37,96 @@ FREE = {
 SCREWS = ("contact08.second.y", "contact11.first.y", "contact04.second.x")
 EVERY = 10
 SCATTER_RAD = np.array([5e-4, 1e-3, 5e-3])
-TIME_CONSTANTS_S = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
-RIDGE = 1e-3
 
 
-def force_of(trial: DataTrial) -> Array:
-    """Force without the offset that the initialisation window shows, N."""
-    still = trial.time_s < WINDOW_S
-    return trial.values["force"] - trial.values["force"][still].mean()
+Answer = Callable[[DataTrial], Array]
 
 
-def angles(solution: model.Solution) -> Array:
-    """Angles of the scored bodies since the first sample (n, 3)."""
-    chosen = solution.angle_rad[:, COLUMNS]
-    return chosen - chosen[0]
+def turned(trial: DataTrial) -> Array:
+    """Measured angles of the scored bodies (n, 3)."""
+    return np.column_stack([trial.values[name] for name in SCORED])
 
 
-def by_model(
-    action: model.Action, simulate: Callable[..., model.Solution] = model.simulate
-) -> Callable[[DataTrial], Array]:
-    """Prediction by a model of an action."""
-    return lambda trial: angles(simulate(action, trial.time_s, force_of(trial), tolerance=1e-4))
+class Baselines:
+    """What each baseline makes of train trials; ``window_s``: in which a trial is still, so that its force has none."""
 
+    def __init__(self, window_s: float) -> None:
+        self.window_s = window_s
+        printed, self.regulated = model.load_action("hirschkorn2004"), model.load_action("hirschkorn2004-regulated")
+        self.makers: dict[str, Callable[[list[DataTrial]], Answer]] = {
+            "null model": lambda _: self.by_model(self.regulated, model.null_model.simulate),
+            "printed set": lambda _: self.by_model(printed),
+            "regulated set": lambda _: self.by_model(self.regulated),
+            "black box": self.black_box,
+            "identified set": self.identified,
+        }
 
-def identified(train: list[DataTrial]) -> Callable[[DataTrial], Array]:
-    """Prediction by the regulated set with ten parameters fitted to train trials."""
-    base = model.load_action("hirschkorn2004-regulated")
+    def force_of(self, trial: DataTrial) -> Array:
+        """Force without the offset that the initialisation window shows, N."""
+        return trial.values["force"] - trial.values["force"][trial.time_s < self.window_s].mean()
 
-    def action_of(z: Array) -> model.Action:
-        return base.with_values(
-            {
+    def by_model(self, action: model.Action, simulate: Callable[..., model.Solution] = model.simulate) -> Answer:
+        """Prediction by a model of an action: angles since the first sample."""
+
+        def predict(trial: DataTrial) -> Array:
+            turn = simulate(action, trial.time_s, self.force_of(trial), tolerance=1e-4).angle_rad[:, COLUMNS]
+            return turn - turn[0]
+
+        return predict
+
+    def identified(self, train: list[DataTrial]) -> Answer:
+        """Prediction by the regulated set with ten parameters fitted to train trials."""
+        base = self.regulated
+
+        def by(z: Array) -> Answer:
+            values = {
                 path: base[path] + width * x if path in SCREWS else base[path] * float(np.exp(width * x))
                 for (path, width), x in zip(FREE.items(), z, strict=True)
             }
-        )
+            return self.by_model(base.with_values(values))
 
-    def residual(z: Array) -> Array:
-        parts = [z]
-        for trial in train:
-            measured = np.column_stack([trial.values[name] for name in SCORED])[::EVERY]
-            try:
-                made = by_model(action_of(z))(trial)[::EVERY]
-            except model.ModelError:
-                made = np.zeros_like(measured)
-            error = ((made - measured) / SCATTER_RAD).ravel()
-            robust = np.sign(error) * np.sqrt(2 * (np.sqrt(1 + error**2) - 1))
-            parts.append(robust * np.sqrt(60.0 / error.size))
-        return np.concatenate(parts)
+        def errors(z: Array) -> Iterator[Array]:
+            for trial in train:
+                measured = turned(trial)[::EVERY]
+                try:
+                    made = by(z)(trial)[::EVERY]
+                except model.ModelError:
+                    made = np.zeros_like(measured)
+                yield ((made - measured) / SCATTER_RAD).ravel()
 
-    def slopes(z: Array) -> Array:
-        here, step = residual(z), 0.1
-        return np.column_stack([(residual(z + step * unit) - here) / step for unit in np.eye(z.size)])
+        return by(least_misfit(errors, len(FREE), 8))
 
-    found = least_squares(residual, np.zeros(len(FREE)), jac=slopes, bounds=(-3, 3), max_nfev=8)
-    return by_model(action_of(found.x))
+    def black_box(self, train: list[DataTrial]) -> Answer:
+        """Prediction by the nonlinear filter of reports."""
+        examples = [Example(one.time_s, self.force_of(one), one.time_s, turned(one)) for one in train]
+        box = fit_black_boxes(examples)[FIR]
 
+        def predict(trial: DataTrial) -> Array:
+            made = box.answers(trial.time_s, self.force_of(trial), trial.time_s)
+            return made - made[0]
 
-def features(trial: DataTrial) -> Array:
-    """Force through a bank of exponentials, and products of these (n, f)."""
-    force, step = force_of(trial) / 10.0, float(trial.time_s[1] - trial.time_s[0])
-    linear = [force]
-    for constant in TIME_CONSTANTS_S:
-        a = float(np.exp(-step / constant))
-        linear.append(lfilter([1 - a], [1, -a], force))
-    steep = [np.tanh(3 * one) for one in linear] + [np.tanh(8 * one) for one in linear]
-    one = [*linear, *steep]
-    products = [one[i] * one[k] for i in range(len(one)) for k in range(i, len(one))]
-    return np.column_stack([np.ones(force.size), *one, *products])
+        return predict
 
 
-def black_box(train: list[DataTrial]) -> Callable[[DataTrial], Array]:
-    """Prediction by ridge regression on filtered force."""
-    x = np.vstack([features(trial)[::EVERY] for trial in train])
-    y = np.vstack([np.column_stack([trial.values[name] for name in SCORED])[::EVERY] for trial in train])
-    scale = x.std(axis=0)
-    scale[scale == 0] = 1.0
-    normal = (x / scale).T @ (x / scale) + RIDGE * len(x) * np.eye(x.shape[1]) * 1e-3
-    weights = np.linalg.solve(normal, (x / scale).T @ y) / scale[:, None]
-
-    def predict(trial: DataTrial) -> Array:
-        made = features(trial) @ weights
-        return made - made[0]
-
-    return predict
-
-
-def main(run: Run) -> bool:
-    """Score all five and print the table; whether the null model is the worst of all."""
-    global WINDOW_S
-    with tempfile.TemporaryDirectory() as place:
-        dataset = Path(run.dataset or _made(Path(place) / "dataset"))
-        index = read_index(dataset)
-        WINDOW_S = float(index["window_s"])
-        return _scored(dataset, index, run)
-
-
-def _made(folder: Path) -> Path:
+def made(folder: Path) -> Path:
     """A small data set, where none is given."""
     command = [sys.executable, "-m", "pianorig", "dataset", "make", "--each", "2", "--no-films", "--out", str(folder)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     return folder
 
 
-def _scored(dataset: Path, index: dict[str, Any], run: Run) -> bool:
+def main(run: Run) -> bool:
+    """Score all five and print the table; whether the null model is the worst of all."""
+    with tempfile.TemporaryDirectory() as place:
+        return scored(Path(run.dataset or made(Path(place) / "dataset")), run)
+
+
+def scored(dataset: Path, run: Run) -> bool:
+    """Print the table of a data set; whether the null model is the worst of all."""
+    index = read_index(dataset)
     faults = check_truth(dataset, dataset / index["open_truth"], "open")["faults"]
     train = [one for one in trials_of(dataset, "open", "train") if str(one.facts["trial"]) not in faults]
-    tests = scored_trials(dataset)
-    printed, regulated = model.load_action("hirschkorn2004"), model.load_action("hirschkorn2004-regulated")
-    makers: dict[str, Callable[[list[DataTrial]], Callable[[DataTrial], Array]]] = {
-        "null model": lambda _: by_model(regulated, model.null_model.simulate),
-        "printed set": lambda _: by_model(printed),
-        "regulated set": lambda _: by_model(regulated),
-        "black box": black_box,
-        "identified set": identified,
-    }
+    tests, makers = scored_trials(dataset), Baselines(float(index["window_s"])).makers
     for warm in ("null model", "printed set"):  # compiled before the clock runs
         makers[warm]([])(tests[0])
     table = Table("baseline:15s", *(f"{name}:.2f" for name in SCORED), "score:.2f", "cpu s:.2f", "cpu ms a trial:.2f")
@@ -172,22 +145,6 @@ def _scored(dataset: Path, index: dict[str, Any], run: Run) -> bool:
         scores[name] = found.overall
         costs = fitting + predicting, 1e3 * predicting / len(tests)
         table.row(name, *(found.by_channel[channel] for channel in SCORED), found.overall, *costs)
-        if run.out:
-            _write(Path(run.out) / f"{name.replace(' ', '_')}.csv", tests, curves)
     if len(scores) == len(makers):
         run.figure("dataset", " / ".join(f"{scores[name]:.1f}" for name in makers) + " % of the range")
     return max(scores.values()) == scores["null model"]
-
-
-def _write(path: Path, tests: list[DataTrial], curves: dict[int, Array]) -> None:
-    """Write predictions as `pianorig dataset score` reads them."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    parts = []
-    for trial in tests:
-        number = int(trial.facts["trial"])
-        columns = {"trial": number, "time": trial.time_s}
-        parts.append(pd.DataFrame({**columns, **{name: curves[number][:, k] for k, name in enumerate(SCORED)}})[::5])
-    pd.concat(parts).to_csv(path, index=False, float_format="%.7g")
-
-
-WINDOW_S = 0.2

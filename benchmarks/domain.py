@@ -13,6 +13,7 @@ many of each are within the band, and which of model and rivals is nearest how o
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,21 @@ class Seen:
         return np.asarray((run.angle_rad - rest.angle_rad)[:, [0, 1, HAMMER]])
 
 
+def least_misfit(errors: Callable[[Array], Iterable[Array]], n: int, most: int) -> Array:
+    """The n numbers, in widths of their priors, with the least robust misfit: each stroke's ``errors``, in scatters,
+    count as 60 values; ``most`` evaluations."""
+
+    def residual(z: Array) -> Array:
+        robust = [np.sign(e) * np.sqrt(2 * (np.sqrt(1 + e**2) - 1)) * np.sqrt(60.0 / e.size) for e in errors(z)]
+        return np.concatenate([z, *robust])
+
+    def slopes(z: Array) -> Array:
+        here, step = residual(z), 0.1
+        return np.column_stack([(residual(z + step * unit) - here) / step for unit in np.eye(n)])
+
+    return np.asarray(least_squares(residual, np.zeros(n), jac=slopes, bounds=(-3, 3), max_nfev=most).x)
+
+
 def fitted(base: model.Action, strokes: list[Seen]) -> model.Action:
     """The set with its free parameters fitted to some strokes."""
 
@@ -79,18 +95,11 @@ def fitted(base: model.Action, strokes: list[Seen]) -> model.Action:
         moved = zip(FREE.items(), z, strict=True)
         return base.with_values({path: base[path] * float(np.exp(width * x)) for (path, width), x in moved})
 
-    def residual(z: Array) -> Array:
-        parts = [z]
+    def errors(z: Array) -> Iterator[Array]:
         for stroke in strokes:
-            error = np.nan_to_num((stroke.by(action_of(z)) - stroke.turn) / SCATTER, nan=5.0).ravel()
-            parts.append(np.sign(error) * np.sqrt(2 * (np.sqrt(1 + error**2) - 1)) * np.sqrt(60.0 / error.size))
-        return np.concatenate(parts)
+            yield np.nan_to_num((stroke.by(action_of(z)) - stroke.turn) / SCATTER, nan=5.0).ravel()
 
-    def slopes(z: Array) -> Array:
-        here = residual(z)
-        return np.column_stack([(residual(z + 0.1 * unit) - here) / 0.1 for unit in np.eye(z.size)])
-
-    return action_of(least_squares(residual, np.zeros(len(FREE)), jac=slopes, bounds=(-3, 3), max_nfev=5).x)
+    return action_of(least_misfit(errors, len(FREE), 5))
 
 
 def specimen(seed: int, number: int) -> list[dict[str, Any]]:

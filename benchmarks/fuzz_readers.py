@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import os
 import tempfile
-import time
 import tracemalloc
 import warnings
 from dataclasses import dataclass, field
@@ -26,8 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.runner import Run, Table
-from tests.rig.fuzz.damage import survive
-from tests.rig.fuzz.test_damage_survives import BINARY, TEXTS
 from tests.vision.film.cine_file import write_cine
 
 # decoders report damage on standard error themselves; here every film is damaged
@@ -200,23 +197,3 @@ def main(run: Run) -> bool:
     bad = any(t.wrong or t.largest > 1.0 or t.largest_frames > MOST_FRAMES for t in tallies.values())
     print("FAILED" if bad else "all refused or read right")
     return not bad
-
-
-def fuzz_recordings(run: Run) -> None:
-    """Fuzz the readers of the rig's files: damaged input must give a one-line error or the correct values.
-
-        python -m benchmarks fuzz_recordings [--count 10000] [--readers plan,journal]
-
-    The cases and the meaning of "correct" are those of `tests/rig/fuzz`: settings (rig, profile, plan, mapping, film
-    and self-test record, bodies, camera), recordings (CSV, LVM, TDMS), session with annotations and trial, journal.
-    Prints per reader the number of inputs and how many were refused; the rest were read and verified. The first input
-    that gives a traceback, hangs or is misread ends the script with an exception.
-    """
-    cases = {**TEXTS, **BINARY}
-    table = Table("reader:18s", "inputs:d", "refused:d", "read right:d", "s of CPU:.1f")
-    for name in run.readers or cases:
-        with tempfile.TemporaryDirectory() as folder:
-            whole, read, check = cases[name](Path(folder))
-            began = time.process_time()
-            refused = survive(whole, read, check, run.count)
-        table.row(name, run.count, refused, run.count - refused, time.process_time() - began)
