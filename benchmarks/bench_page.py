@@ -16,7 +16,6 @@ import shutil
 import tempfile
 import threading
 import time
-from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -91,16 +90,6 @@ def processor_s(process: psutil.Process) -> float:
     return float(used.user + used.system)
 
 
-def resident_mb(driver: psutil.Process) -> float:
-    """Memory of the browser's processes, MB."""
-    total = 0
-    for one in driver.children(recursive=True):
-        with suppress(psutil.Error):
-            if "chrom" in one.name():
-                total += one.memory_info().rss
-    return total / 1e6
-
-
 def scope(tab: Any, address: str, session: Session, server: psutil.Process, seconds: float, reload_s: float) -> int:
     """The rolling scope, perhaps reloaded now and then; samples the recording lost."""
     writer = Writer(session, seconds)
@@ -123,8 +112,7 @@ def scope(tab: Any, address: str, session: Session, server: psutil.Process, seco
         if time.time() >= next_look:
             devtools.send("HeapProfiler.collectGarbage")
             heaps.append(tab.evaluate("performance.memory.usedJSHeapSize") / 1e6)
-            minute, resident = (time.time() - began) / MINUTE_S, resident_mb(psutil.Process())
-            print(f"  minute {minute:4.1f}: heap {heaps[-1]:.2f} MB, browser {resident:.0f} MB", flush=True)
+            print(f"  minute {(time.time() - began) / MINUTE_S:4.1f}: heap {heaps[-1]:.2f} MB", flush=True)
             next_look += MINUTE_S
         if time.time() >= next_reload and writer.is_alive():
             tab.reload()

@@ -15,6 +15,8 @@ import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,7 +30,7 @@ TIMEOUT_S = 1500
 
 @dataclass(frozen=True)
 class Outcome:
-    """One test: its name, what came of it (passed, failed, skipped), and the first line that says why."""
+    """A test or a program: its name, what came of it, and the line that says why."""
 
     name: str
     result: str
@@ -46,15 +48,25 @@ def pytest_configure(config: Any) -> None:
     utils.GrpcServerProcess.__exit__ = lambda self, *exception: None
 
 
-def run_tests(checkout: Path, rig_name: str = "pcie6363", select: str = "grpc_init_kwargs") -> list[Outcome]:
-    """Run NI's component tests against a device of its own; return what came of each."""
+@contextmanager
+def served() -> Iterator[tuple[Any, int]]:
+    """A virtual device of its own, and the port that it is served at."""
     from rig.configuration.rig_file import load_rig  # start-up: the plugin must not import the bench
     from rig.simulated.backend import open_backend
     from rig.simulated.serve import serve
 
-    backend = open_backend("sim://?clock=real", load_rig(rig_name).config)
+    backend = open_backend("sim://?clock=real", load_rig("pcie6363").config)
     server, port = serve(backend.service)
-    with tempfile.TemporaryDirectory() as folder:
+    try:
+        yield backend, port
+    finally:
+        server.stop(None).wait()
+        backend.close()
+
+
+def run_tests(checkout: Path, select: str) -> list[Outcome]:
+    """Run NI's component tests against a device of its own; return what came of each."""
+    with served() as (_, port), tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"
         found = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (checkout, ROOT))), PORT: str(port)}
         command = [
@@ -62,17 +74,10 @@ def run_tests(checkout: Path, rig_name: str = "pcie6363", select: str = "grpc_in
             "-k", select, "--continue-on-collection-errors",
             f"--junitxml={report}", "-o", "faulthandler_timeout=60", "-W", "ignore",
         ]  # fmt: skip
-        try:
-            subprocess.run(
-                command,
-                cwd=checkout,
-                env=found,
-                timeout=TIMEOUT_S,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-        finally:
-            server.stop(None).wait()
+        subprocess.run(
+            command, cwd=checkout, env=found, timeout=TIMEOUT_S, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            check=False,
+        )  # fmt: skip
         return outcomes(report)
 
 
@@ -81,12 +86,11 @@ def outcomes(report: Path) -> list[Outcome]:
     found = []
     for case in ElementTree.parse(report).getroot().iter("testcase"):
         name = f"{case.get('classname')}::{case.get('name')}"
-        for kind, result in (("failure", "failed"), ("error", "failed"), ("skipped", "skipped")):
-            if (element := case.find(kind)) is not None:
-                found.append(
-                    Outcome(name, result, reason((element.get("message") or "") + "\n" + (element.text or "")))
-                )
-                break
+        said = {kind: element for kind in ("failure", "error", "skipped") if (element := case.find(kind)) is not None}
+        for kind, element in said.items():
+            result = "skipped" if kind == "skipped" else "failed"
+            found.append(Outcome(name, result, reason(f"{element.get('message') or ''}\n{element.text or ''}")))
+            break
         else:
             found.append(Outcome(name, "passed"))
     return found
@@ -134,6 +138,6 @@ def main(run: Run) -> bool:
     if not run.checkout:
         print("skipped: --checkout is missing: a checkout of ni/nidaqmx-python with its tests/component")
         return True
-    found = table(run_tests(Path(run.checkout).resolve(), run.rig, run.select))
+    found = table(run_tests(Path(run.checkout).resolve(), run.select))
     print(found)
     return int(re.findall(r"\| passed \| (\d+)", found)[0]) >= run.least

@@ -18,10 +18,11 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from benchmarks.ni_component_tests import Outcome, served
 from benchmarks.runner import Run
 
 PORT = "PIANORIG_EXAMPLES_PORT"
@@ -57,55 +58,39 @@ runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """One program: its path in the checkout, what came of it, and the line that says why."""
-
-    program: str
-    result: str
-    why: str = ""
-
-
-def run(examples: Path, only: str = "", rig_name: str = "pcie6363") -> list[Outcome]:
+def run(examples: Path, only: str = "") -> list[Outcome]:
     """Run the programs below a folder one after the other, each against a device of its own."""
     programs = sorted(path for path in examples.rglob("*.py") if only in path.name)
-    return [_with_and_without_signal(examples, program, rig_name) for program in programs]
+    return [_with_and_without_signal(examples, program) for program in programs]
 
 
-def _with_and_without_signal(examples: Path, program: Path, rig_name: str) -> Outcome:
+def _with_and_without_signal(examples: Path, program: Path) -> Outcome:
     """Run a program; one that waits for a signal is run again with pulses on the terminals the programs name."""
-    bare = _run_one(examples, program, rig_name)
+    bare = _run_one(examples, program)
     if bare.result != NO_SIGNAL:
         return bare
-    fed = _run_one(examples, program, rig_name, signal_hz=SIGNAL_HZ)
+    fed = _run_one(examples, program, signal_hz=SIGNAL_HZ)
     why = f"with pulses of {SIGNAL_HZ:g} Hz on {', '.join(FED)}; without: {bare.why}"
-    return Outcome(fed.program, fed.result, why if fed.result == RAN else fed.why)
+    return Outcome(fed.name, fed.result, why if fed.result == RAN else fed.why)
 
 
-def _run_one(examples: Path, program: Path, rig_name: str, signal_hz: float = 0.0) -> Outcome:
-    from rig.configuration.rig_file import load_rig  # start-up: not needed for --help
-    from rig.simulated.backend import open_backend
-    from rig.simulated.serve import serve
-
-    backend = open_backend("sim://?clock=real", load_rig(rig_name).config)
-    server, port = serve(backend.service)
-    pulses = _pulses(backend, signal_hz) if signal_hz else contextlib.nullcontext()
+def _run_one(examples: Path, program: Path, signal_hz: float = 0.0) -> Outcome:
     name = program.relative_to(examples).as_posix()
-    try:
-        with pulses, tempfile.TemporaryDirectory() as folder:
-            found = {**os.environ, PORT: str(port), "MPLBACKEND": "Agg", "PYTHONUNBUFFERED": "1"}
-            process = subprocess.Popen(
-                [sys.executable, "-c", RUNNER, str(program)],
-                cwd=os.getcwd() if "tdms" in name else folder,  # the server logs into its own folder
-                env=found, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            )  # fmt: skip
-            found_out = _outcome(name, *_wait(process))
-            for_others = _for_other_devices(program)
-            refused = found_out.result == REFUSED and for_others
-            return Outcome(name, OTHER_DEVICE, f"is for {for_others}, it says") if refused else found_out
-    finally:
-        server.stop(None).wait()
-        backend.close()
+    with (
+        served() as (backend, port),
+        _pulses(backend, signal_hz) if signal_hz else contextlib.nullcontext(),
+        tempfile.TemporaryDirectory() as folder,
+    ):
+        found = {**os.environ, PORT: str(port), "MPLBACKEND": "Agg", "PYTHONUNBUFFERED": "1"}
+        process = subprocess.Popen(
+            [sys.executable, "-c", RUNNER, str(program)],
+            cwd=os.getcwd() if "tdms" in name else folder,  # the server logs into its own folder
+            env=found, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+        found_out = _outcome(name, *_wait(process))
+    for_others = _for_other_devices(program)
+    refused = found_out.result == REFUSED and for_others
+    return Outcome(name, OTHER_DEVICE, f"is for {for_others}, it says") if refused else found_out
 
 
 @contextlib.contextmanager
@@ -172,7 +157,7 @@ def table(outcomes: list[Outcome]) -> str:
     lines = ["| NI's example programs | | |", "|---|---:|---|"]
     lines += [f"| {result} | {counts[result]} | {meaning} |" for result, meaning in MEANING.items()]
     lines += ["", "| program | result | why |", "|---|---|---|"]
-    lines += [f"| `{o.program}` | {o.result} | {o.why.replace('|', '/')[:160]} |" for o in outcomes]
+    lines += [f"| `{o.name}` | {o.result} | {o.why.replace('|', '/')[:160]} |" for o in outcomes]
     return "\n".join(lines) + "\n"
 
 
@@ -181,6 +166,6 @@ def main(asked: Run) -> bool:
     if not asked.checkout:
         print("skipped: --checkout is missing: a checkout of ni/nidaqmx-python with its examples")
         return True
-    found = run((Path(asked.checkout) / "examples").resolve(), asked.only, asked.rig)
+    found = run((Path(asked.checkout) / "examples").resolve(), asked.only)
     print(table(found))
     return sum(one.result == RAN for one in found) >= asked.least

@@ -19,7 +19,7 @@ def test_a_program_for_this_card_runs_and_one_for_another_does_not(tmp_path: Pat
     (tmp_path / "card.py").write_text(PROGRAM.format(channel="Dev1/ai0"), encoding="utf-8")
     (tmp_path / "other.py").write_text(PROGRAM.format(channel="PXI1Slot2/ai0"), encoding="utf-8")
     found = run(tmp_path)
-    assert [(outcome.program, outcome.result) for outcome in found] == [("card.py", RAN), ("other.py", OTHER_DEVICE)]
+    assert [(outcome.name, outcome.result) for outcome in found] == [("card.py", RAN), ("other.py", OTHER_DEVICE)]
     assert "| ran | 1 |" in table(found) and "| `other.py` | another device | -200220" in table(found)
 
 
