@@ -18,8 +18,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import product
@@ -30,7 +29,7 @@ import numpy as np
 
 import model
 from benchmarks.bench_strokes import BEFORE_S, BENCH, FINE, KINDS, command_n, record
-from benchmarks.runner import Run, Table, interval, may_be
+from benchmarks.runner import Run, Table, by_parts, interval, may_be
 from model.errors import ModelError
 from rig.configuration.rig_file import load_rig
 from rig.errors import RigError
@@ -44,7 +43,7 @@ from validation.identification.blocks import INSTRUMENT, Block
 from validation.identification.difference.responses import ADDED, addable
 from validation.identification.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
 from validation.identification.fit import Fitted, fit
-from validation.identification.force_runs import ForceRuns, Own
+from validation.identification.force_runs import ForceRuns
 from validation.identification.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
 from validation.identification.identify import LEAST_EFFECT_RAD
 from validation.identification.lacks import SIZE_U, fit_with, supported
@@ -377,46 +376,6 @@ FIXED = re.compile("normal|arc_|gravity")  # by geometry; and what is no paramet
 PARTS = ("derivatives", "runs", "learning", "each trial")
 
 
-class Clock:
-    """Processor time by part; what is called inside a part belongs to the outermost."""
-
-    def __init__(self) -> None:
-        self.spent = dict.fromkeys(PARTS, 0.0)
-        self.inside = False
-
-    @contextmanager
-    def part(self, name: str) -> Iterator[None]:
-        """Count what happens here."""
-        if self.inside:
-            yield
-            return
-        self.inside, began = True, time.process_time()
-        try:
-            yield
-        finally:
-            self.inside = False
-            self.spent[name] += time.process_time() - began
-
-
-class Timed:
-    """The model's response, its processor time counted."""
-
-    def __init__(self, runs: ForceRuns, clock: Clock) -> None:
-        self.runs, self.clock = runs, clock
-
-    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
-        """As in `Response`."""
-        with self.clock.part("runs"):
-            return self.runs.curves(points, own)
-
-    def jacobian(
-        self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
-    ) -> list[Array]:
-        """As in `Response`."""
-        with self.clock.part("derivatives"):
-            return self.runs.jacobian(z, which, own, driven)
-
-
 @cache
 def acting_beside(kinds: tuple[str, ...]) -> tuple[str, ...]:
     """Masses and geometry of the printed action that move an encoder in strokes of these kinds."""
@@ -428,7 +387,7 @@ def acting_beside(kinds: tuple[str, ...]) -> tuple[str, ...]:
 def one(free_laws: int, n: int, options: Run) -> dict[str, Any]:
     """One fit as plain data."""
     rng = np.random.default_rng([options.seed, free_laws])
-    start, clock, kinds = model.load_action(), Clock(), tuple(options.kinds)
+    start, kinds = model.load_action(), tuple(options.kinds)
     start = model.load_scene(options.scene).on(start) if options.scene else start
     laws = acting_laws(kinds)
     names = list(rng.choice(laws, min(free_laws, len(laws)), replace=False))
@@ -442,34 +401,21 @@ def one(free_laws: int, n: int, options: Run) -> dict[str, Any]:
         kind = kinds[session % len(kinds)]
         data = played(specimen, kind, min(IN_A_SESSION, n - first), sensors, rng)
         trials += observed(f"{kind} {session + 1}", session, data)
-    minima.refine = counted(minima.refine, clock, "each trial")
-    for name in ("learn", "likeliest"):
-        setattr(fitting, name, counted(getattr(fitting, name), clock))
-    began = time.process_time()
-    runs = Timed(ForceRuns(start, (*free.moved, *free.held), trials, RUNS), clock)
-    problem, columns = at_start(start, free, trials, runs)  # type: ignore[arg-type]
-    fits = search(problem, 1, None, columns)
-    took, parts, best = time.process_time() - began, dict(clock.spent), fits[0]
+    began, runs = time.process_time(), ForceRuns(start, (*free.moved, *free.held), trials, RUNS)
+    timed = ((runs, "jacobian"), (runs, "curves"), (fitting, "learn"), (fitting, "likeliest"), (minima, "refine"))
+    names = (PARTS[0], PARTS[1], PARTS[2], PARTS[2], PARTS[3])
+    with by_parts([(*place, part) for place, part in zip(timed, names, strict=True)], outermost=True) as spent:
+        problem, columns = at_start(start, free, trials, runs)
+        fits = search(problem, 1, None, columns)
+    took, best = time.process_time() - began, fits[0]
     found = estimate_all(problem, best, None if options.profiles else (), lambda text: None)
     after = time.process_time() - began - took
     off = [(e.z - truth[e.name]) / e.z_u for e in found if e.z_u < KNOWN]
     return {
         "free": free_laws, "trials": n, "steps": sum(f.steps for f in fits), "settled": best.converged,
-        **parts, "fit": took, "intervals": after, "fits": len(fits),
+        **{part: spent[part] for part in PARTS}, "fit": took, "intervals": after, "fits": len(fits),
         "known": len(off), "off": float(np.sqrt(np.mean(np.square(off)))) if off else 0.0,
     }  # fmt: skip
-
-
-def counted(function: Any, clock: Clock, name: str = "learning") -> Any:
-    """A function of the fit whose time is that of a part."""
-    plain = getattr(function, "plain", function)
-
-    def timed(*given: Any, **named: Any) -> Any:
-        with clock.part(name):
-            return plain(*given, **named)
-
-    timed.plain = plain  # type: ignore[attr-defined]
-    return timed
 
 
 def identification_scaling(run: Run) -> bool:

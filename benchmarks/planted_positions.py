@@ -218,16 +218,14 @@ def compare(
 
 KEPT_ASIDE = ("fast", "repetitions", "slide-off")
 OFF = {"let_off": 0.1, "check": 0.05, "hammer_friction": 0.5, "knuckle_friction": 0.4, "spring": -0.1}
-"""How the specimen of `strokes_table` differs from the set: as another day's regulation and weather would."""
+"""How the specimen differs from the set: as another day's regulation and weather would."""
 
 
-def strokes_table(seeds: int) -> bool:
+def main(run: Run) -> bool:
     """Print how strokes of the kinds kept aside are cut, counted, and covered by the shipped band; were all cut?"""
     whole = True
-    for seed in range(seeds):
-        specimen = identified_specimen(
-            {name: by * (-1) ** (seed + k) for k, (name, by) in enumerate(OFF.items())}, (), seed
-        )
+    for seed in range(run.seeds):
+        specimen = identified_specimen({n: by * (-1) ** (seed + k) for k, (n, by) in enumerate(OFF.items())}, (), seed)
         with tempfile.TemporaryDirectory() as folder:
             truths, found = compare(specimen, KEPT_ASIDE, Path(folder))
         cut = found.scores["trial"].nunique()
@@ -242,11 +240,6 @@ def strokes_table(seeds: int) -> bool:
                 flush=True,
             )
     return whole
-
-
-def main(run: Run) -> bool:
-    """Print the table; whether every stroke was cut."""
-    return strokes_table(run.seeds)
 
 
 SPEED_KINDS = ("medium", "fast", "fortissimo")

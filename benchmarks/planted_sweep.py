@@ -66,7 +66,7 @@ class Fault:
 
     def has(self, number: int) -> bool:
         """Whether a trial has the fault."""
-        return number >= FROM if self.late else self.trial in (ALL, number)
+        return number >= FROM if self.late else self.trial in (ALL, NONE, number)
 
 
 def recount(data: TrialData, columns: Callable[[np.ndarray], np.ndarray]) -> TrialData:
@@ -103,14 +103,6 @@ def swapped(i: int, j: int) -> Change:
     return change
 
 
-def humming(amplitude_n: float, hz: float, drift: float = 0.0) -> Change:
-    def change(data: TrialData, _: Stroke) -> TrialData:
-        t = data.time_s
-        return replace(data, force_n=data.force_n + amplitude_n * np.cos(2 * np.pi * hz * t * (1 + drift * t) + 0.7))
-
-    return change
-
-
 def scaled(i: int, by: float) -> Change:
     return lambda data, _: recount(data, lambda c: np.round(c * np.where(np.arange(3) == i, by, 1.0)).astype(np.int64))
 
@@ -143,41 +135,39 @@ def cut(share: float) -> Change:
     return change
 
 
+def force(made: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Change:
+    """Another force, of that and the time."""
+    return lambda data, _: replace(data, force_n=made(data.force_n, data.time_s))
+
+
 def louder(by: float) -> Change:
-    return lambda data, _: replace(data, force_n=data.force_n * by)
+    return force(lambda f, t: f * by)
+
+
+def humming(newton: float, hz: float) -> Change:
+    return force(lambda f, t: f + newton * np.cos(2 * np.pi * hz * t + 0.7))
 
 
 def drifting(n_per_s: float) -> Change:
-    return lambda data, _: replace(data, force_n=data.force_n + n_per_s * data.time_s)
+    return force(lambda f, t: f + n_per_s * t)
 
 
 def stepping(newton: float) -> Change:
     """The force's zero moves in mid-stroke, at its largest value, and stays there."""
-
-    def change(data: TrialData, _: Stroke) -> TrialData:
-        after = np.arange(data.force_n.size) > int(np.argmax(data.force_n))
-        return replace(data, force_n=data.force_n + newton * after)
-
-    return change
+    return force(lambda f, t: f + newton * (np.arange(f.size) > int(np.argmax(f))))
 
 
 def bumped(newton: float) -> Change:
     """A false force for 40 ms before the largest one, and none after."""
-
-    def change(data: TrialData, _: Stroke) -> TrialData:
-        at = float(data.time_s[int(np.argmax(data.force_n))])
-        during = (data.time_s > at - 0.04) & (data.time_s < at)
-        return replace(data, force_n=data.force_n + newton * during)
-
-    return change
+    return force(lambda f, t: f + newton * ((t > t[np.argmax(f)] - 0.04) & (t < t[np.argmax(f)])))
 
 
 def clipped(share: float) -> Change:
-    return lambda data, _: replace(data, force_n=np.minimum(data.force_n, share * data.force_n.max()))
+    return force(lambda f, t: np.minimum(f, share * f.max()))
 
 
 def delayed(by_s: float) -> Change:
-    return lambda data, _: replace(data, force_n=np.interp(data.time_s - by_s, data.time_s, data.force_n))
+    return force(lambda f, t: np.interp(t - by_s, t, f))
 
 
 def stretched(by: float) -> Change:
@@ -380,7 +370,7 @@ def findings(fault: Fault | None, seed: int, kind: str, specimen: str) -> pd.Dat
         )
         session = Session.create(Path(folder) / "session", info)
         for number in range(1, TRIALS + 1):
-            mine = fault is not None and (fault.has(number) or (fault.trial == 0 and not fault.late))
+            mine = fault is not None and fault.has(number)
             played = dict(fault.play) if fault is not None and mine else {}
             late_s = float(played.pop("film_late_s", 0.0))  # type: ignore[arg-type]
             if "changed" in played:

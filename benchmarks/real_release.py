@@ -1,6 +1,6 @@
 """What the identified set misses on the real piano, what takes it away, and what a change of digits does.
 
-    python -m benchmarks real_release [--parts falls,candidates,bound,perturbed,refit] [--svg FILE]
+    python -m benchmarks real_release [--parts falls,candidates,bound,perturbed | refit] [--svg FILE]
 
 Falls: speed of the hammer as its sensor shows it, by place, in every fall of the training strokes. Candidates: scenes
 and further parameters on top of the identified set; from there up to four steps with slopes taken once, so what a
@@ -330,20 +330,20 @@ def draw(record: Identified, strokes: Sequence[Stroke], path: Path) -> None:
         drawn.savefig(path, format="svg", metadata={"Date": None})
 
 
+def show_falls(_: Identified, strokes: Sequence[Stroke]) -> None:
+    """Print the speed of every fall by place."""
+    print("speed of every fall (rulers/s) where it is shown at", ", ".join(f"{place:g}" for place in PLACES))
+    for name, speeds in falls(strokes).items():
+        print(f"{name:24s}", np.round(speeds, 1))
+
+
+PARTS = {"falls": show_falls, "candidates": candidates, "bound": bound, "perturbed": perturbed, "refit": refit}
+
+
 def main(run: Run) -> None:
     """Print the parts, and draw the figure where one is asked for."""
     record, strokes = training()
-    if not run.parts or "falls" in run.parts:
-        print("speed of every fall (rulers/s) where it is shown at", ", ".join(f"{place:g}" for place in PLACES))
-        for name, speeds in falls(strokes).items():
-            print(f"{name:24s}", np.round(speeds, 1))
-    if not run.parts or "candidates" in run.parts:
-        candidates(record, strokes)
-    if not run.parts or "bound" in run.parts:
-        bound(record, strokes)
-    if not run.parts or "perturbed" in run.parts:
-        perturbed(record, strokes)
-    if "refit" in run.parts:
-        refit(record, strokes)
+    for part in run.parts:
+        PARTS[part](record, strokes)
     if run.svg:
         draw(record, strokes, Path(run.svg))

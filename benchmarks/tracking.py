@@ -35,7 +35,7 @@ import vision.fitting.frame_spline as frame_spline
 import vision.fitting.icgn as icgn
 import vision.frame_fit.frame_fit as frame_fit
 import vision.tracking.track_film as tracking
-from benchmarks.runner import Run, Table, in_turns, least
+from benchmarks.runner import Run, Table, by_parts, in_turns, least
 from rig.simulated import CameraSettings, FilmTruth, film_bodies, film_trial
 from tests.vision.known_films import smooth_step
 from vision.angles import ccw_to_picture, picture_to_ccw
@@ -384,29 +384,11 @@ LEAVES = "leaves"
 
 
 def parts_of(run: Callable[[], Any]) -> Counter[str]:
-    """Processor time (ns) of one run by part."""
-    spent: Counter[str] = Counter()
-
-    def timed(work: Callable[..., Any], name: str) -> Callable[..., Any]:
-        def call(*arguments: Any, **named: Any) -> Any:
-            start = time.thread_time_ns()
-            try:
-                return work(*arguments, **named)
-            finally:
-                spent[name] += time.thread_time_ns() - start
-
-        return call
-
-    kept = [(where, what, getattr(where, what)) for where, what, _ in PARTS]
-    for where, what, name in PARTS:
-        setattr(where, what, timed(getattr(where, what), name))
-    try:
-        start = time.thread_time_ns()
+    """Processor time (s) of one run by part."""
+    with by_parts(PARTS, time.thread_time) as spent:
+        began = time.thread_time()
         run()
-        spent["whole"] = time.thread_time_ns() - start
-    finally:
-        for where, what, work in kept:
-            setattr(where, what, work)
+    spent["whole"] = time.thread_time() - began  # type: ignore[assignment]
     return spent
 
 
@@ -444,7 +426,7 @@ def tracking_threads(asked: Run) -> bool:
         free = sum(spent[name] for *_, name in PARTS if LEAVES in name)
         spent["  Python, and short compiled calls"] = spent["frames"] - free
         for name in (*(name for *_, name in PARTS), "  Python, and short compiled calls", "whole"):
-            print(f"  {name:50s}{spent[name] / 1e3 / asked.frames:8.0f} us a frame")
+            print(f"  {name:50s}{1e6 * spent[name] / asked.frames:8.0f} us a frame")
         held, ends = spent["frames"] - free, spent["whole"] - spent["frames"]
         print(
             f"  of a frame's time {free / spent['frames']:.0%} leaves the lock; with all else done alone, two threads "
