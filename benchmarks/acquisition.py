@@ -1,7 +1,5 @@
 """The recorder on the virtual bench: lost samples, memory, processor time, delay to the journal, of eight channels.
 
-    python -m benchmarks acquisition [--hours 0.02] [--real-time-trials 10]
-
 The figures cover client, service, device, recorder, journal and sealed files on the bench of `eight_channels`; every
 trial is checked against the plant's output, and against the motor command through the input wired to it. Processor time
 in real time is split: answering the client's calls counts as the virtual bench, the rest as recording. ``--hours 1`` is

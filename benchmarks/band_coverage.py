@@ -4,8 +4,6 @@ Curves are Gaussian.  ``even``: 200 samples, full width at half maximum of 20; `
 and the roughness fourfold along the curve, as after the impact of a blow; ``long``: 2,000 samples; ``counts``: whole
 counts of an encoder.  The seed was fixed
 before the first run.  Exit code 1 if a coverage lies outside 0.925 to 0.97.
-
-    python -m benchmarks band_coverage [--sessions N]
 """
 
 from __future__ import annotations
@@ -188,9 +186,6 @@ def coverage_on_bench(kind: str, run: Run, table: Table) -> bool:
 
 def band_on_bench(run: Run) -> bool:
     """Coverage of the trials' own band on the virtual bench, whose blows scatter in time and amplitude.
-
-        python -m benchmarks band_on_bench [--sessions 2000] [--others 2000] [--strokes forte,piano,double,staccato]
-                                           [--seed 1] [--pace 1.0] [--strength 1.0] [--drawn] [--results FILE]
 
     Every session is ten trials of one stroke with a seed of its own, read by encoders; the band of its first five and
     of all ten is compared, over the whole record and for each encoder, with the mean of other trials of the same

@@ -1,7 +1,5 @@
 """Batches: trials per second, lanes beside scalar runs, parallel efficiency on two processors.
 
-    python -m benchmarks batches [--trials N] [--workers W] [--rounds R] [--only-lanes]
-
 Forte trials of 3,501 rows that differ by up to 2 % in force, at 1e-4 rad, all angles and speeds at all rows. Runs
 with one worker and with W workers alternate; the ratio is taken within a round, and the best and median rounds are
 printed. Efficiency is the time of one worker over W times the time of W. Work outside the step loop holds Python's

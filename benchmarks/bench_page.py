@@ -1,7 +1,5 @@
 """What the page of `pianorig bench` costs and how quickly it follows: scope, film, slider.
 
-    python -m benchmarks bench_page [--seconds 60] [--reload 60] [--only scope,film,slider]
-
 A journal of eight channels at 5 kHz is written in real time, a block of 20 ms at once, as a recorder writes it; its
 force is the time at which each sample was taken, so that a drawn picture tells how old its newest sample is. In
 headless Chromium: sample to pixel, pictures a second, processor time of the server, heap of the page; then scrubbing a

@@ -1,7 +1,5 @@
 """A study of many members on a Dask cluster beside what the rate of one process predicts, and memory along it.
 
-    python -m benchmarks cluster_members [--members 20000] [--workers 2]
-
 Members of a Sobol' study of 60 parameters of a forte, nine marks each. Predicted: processor time of a member in this
 process, the median of ten units, times members over workers. The ratio by processor time (of workers and this process
 over the same prediction times workers) says something on a busy machine, too; that by the clock on one at rest only.

@@ -1,7 +1,5 @@
 """One diagram for each job: time against error or against size, beside peers, and the floor.
 
-    python -m benchmarks diagrams [--only blow,batch,derivatives,fit,film,report] [--out docs/images/diagrams.svg]
-
 Processor time; who is no peer here or is not installed is left out. With ``--results FILE`` a job is done once.
 """
 

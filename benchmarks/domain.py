@@ -1,7 +1,5 @@
 """Leave one kind of stroke out of a fit: is the error within the band inside the domain, and is the rest flagged?
 
-    python -m benchmarks domain [--specimens 20] [--seed 1] [--results FILE] [--minutes M]
-
 A specimen of the virtual bench (arm, balance rail and shank, which the model lacks; frictions drawn) plays six kinds of
 strokes, each two times to fit and twice to predict, with strength drawn within 15 % and pace within 10. A set of six
 parameters and two black boxes are fitted to all kinds, and to five of them, each left out in turn. The band about the

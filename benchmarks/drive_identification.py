@@ -1,7 +1,5 @@
 """Motor drives planted in the virtual bench and identified from its log: error over uncertainty of each number.
 
-    python -m benchmarks drive_identification --drives 16 --seed 100
-
 Each case draws resistance, inductance, torque constant, gains and arm, in torque or voltage mode, with the current
 recorded or a gain known instead; half meet the limit of current, a sixth that of the supply as well. Sensors err as
 those of the virtual bench: noise of the load cell, counts of the encoder, scales off by 0.5 %.

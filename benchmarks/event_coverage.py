@@ -1,8 +1,5 @@
 """Coverage of the stated uncertainty of every event on held-out strokes, seeds and specimens, and wrong presence.
 
-    python -m benchmarks event_coverage [--seeds 200] [--first 1000] [--kinds forte,piano] [--rate 5000] [--jitter 0]
-                                        [--levels]
-
 Prints per kind of stroke and event: how often trial and truth agree that the event occurred, how often it is
 ambiguous, the share of errors within 1 and 2 stated u (0.68 and 0.95 for normal errors), the RMS of error over u, and
 the largest error.  ``--levels`` also shifts string and key felt within `u_rest_level_m` (±0.1 mm, rectangular).
@@ -129,8 +126,6 @@ def speeds(kind: str, seed: int) -> list[tuple[Event, float]]:
 
 def shank_speed(run: Run) -> bool:
     """Hammer speed on a bench whose shank bends: error relative to the head's true speed, coverage by the stated u.
-
-        python -m benchmarks shank_speed [--seeds 30] [--first 3000] [--kinds forte,piano]
 
     The encoder sits at the butt and picks up the vibration; the truth is the motion of the head beyond the hinge.
     """

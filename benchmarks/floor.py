@@ -1,7 +1,5 @@
 """How near a blow is to what its operations cost on this processor.
 
-    python -m benchmarks floor [--blow forte,piano] [--tolerance 1e-5] [--turns 9]
-
 The kernels' code is given a counter in each of its blocks, so that a run says which operations it executes; a row of
 eight counts as the two halves that it is taken in. Two floors of an attempt at a step follow, in the same run as its
 time: *units*, the same mixture in twelve chains that do not wait for each other, without branches; *waiting*, steps of

@@ -1,7 +1,5 @@
 """Fuzz the film readers: every mutated film must give a typed error or correct data.
 
-    python -m benchmarks fuzz_readers [--count 12000] [--seed 1]
-
 Mutates CIH, CIHX, MRAW (length), AVI (uncompressed and MJPEG) and CINE films of about 1 MB: bytes overwritten, digits
 changed, ranges cut, duplicated or swapped. A film that opens must give frames of the size it states, and the
 original grey values if its header is unchanged. No step may allocate more than the film's own size (the file or its

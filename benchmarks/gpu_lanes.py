@@ -1,7 +1,5 @@
 """What would batches on a graphics processor need, and at what rate would they run?
 
-    python -m benchmarks gpu_lanes [--members N]
-
 The kernels of the default scene are written for NVIDIA's instruction set from the same text as for this processor (a
 thread is a member), and counted: operations on float64, loads and stores, values alive at once. With the work of a
 forte they give bounds of the rate: by the float64 units (a division or root counts `SLOW` operations), and by the

@@ -1,9 +1,5 @@
 """How often do the 95 % intervals of an identification hold the truth? Virtual experiments with random true parameters.
 
-    python -m benchmarks identification_coverage [--sessions 10] [--cells nothing,lacking] [--kinds forte,piano]
-                                                 [--trials 5] [--free 5 | --asked friction,felt:contact02]
-                                                 [--spread 0.5] [--seed 1] [--from-truth] [--results FILE]
-
 Cells: ``nothing``: the specimen is the model; what is free and the errors of force and encoders are drawn from
 their priors, all frictions scatter from trial to trial. ``lacking``: the same on the bench with motor arm, balance
 rail and shank, which the model lacks. ``shank``, ``form``, ``felt``: the specimen has a shank, a felt with memory, or
@@ -421,9 +417,6 @@ def one(free_laws: int, n: int, options: Run) -> dict[str, Any]:
 def identification_scaling(run: Run) -> bool:
     """How long an identification takes, by number of parameters and of trials, and where the time goes.
 
-        python -m benchmarks identification_scaling [--free 3,6,12] [--trials 2,5,10] [--kinds forte] [--seed 1]
-                                                    [--profiles] [--scene string] [--results FILE]
-
     Strokes as in `benchmarks.identification_coverage`: the specimen is the model with that many laws drawn, all else
     known, five trials in a session, sessions of the kinds in turn. Where more are to be free than there are laws that
     act, masses and geometry that act are free, too. Processor time in seconds, one row per fit: derivatives of the
@@ -606,9 +599,6 @@ def table_next(rows: Sequence[dict[str, Any]]) -> bool:
 
 def record_next_sizes(run: Run) -> bool:
     """How often are predicted shrinks realised, and their 95 % limits right? Many experiments, without fits.
-
-        python -m benchmarks record_next_sizes [--sessions 20] [--first forte] [--next double] [--numbers 5,10]
-                                               [--more 5] [--sensors NAMES] [--seed 1] [--results FILE] [--minutes M]
 
     Specimen = model; five to nine laws drawn at random are free, their truth and the errors of force and encoders drawn
     from their priors, all frictions scatter by 2 % from trial to trial (`benchmarks.identification_coverage`). As many

@@ -1,7 +1,5 @@
 """How many planted faults do the tests find? Each mutation of `mutations.toml` is made in a copy of a checkout, alone.
 
-    python -m benchmarks mutations [--against CHECKOUT] [--only 3,17] [--near]
-
 A mutation is killed when a test of its own package fails: the file of tests of its name first, then the folders above
 it, up to all the package's tests, each until the first failure. What hangs for HANG_S is killed, too. ``--out`` keeps
 each outcome as a line of JSON; what stands there is not run again. Prints a line a mutation and the shares.

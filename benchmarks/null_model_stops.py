@@ -1,7 +1,5 @@
 """Random forces on the null model: do key and hammer stay within their stops, and how often does it decline to predict?
 
-    python -m benchmarks null_model_stops [--forces 1000] [--seed 2014]
-
 Forces are those the virtual rig allows: 0 to 120 N, at most 2,000 N/s, half of them soft (below 4 N), 3 to 12 corners
 over one second, on both shipped actions. Prints the extremes beside those of the five-body model on every 20th force.
 Exit code 1 when a body leaves its stops without a word.

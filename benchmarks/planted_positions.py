@@ -1,7 +1,5 @@
 """Recordings of positions with a known truth: an action is played by force and seen by two sensors like the Kawai's.
 
-    python -m benchmarks planted_positions [--seeds 3]     # strokes of the kinds kept aside: cut, counted, predicted
-
 The specimen is the set identified on `sessions/kawai_kg3c`, some of its parameters moved. Its key and hammer go through
 the readings of both rulers (drawn anew within their uncertainty), drift, hum, noise, 17 bit and 2 kHz into a table, and
 from there the way of any recording: import, smoothing, prediction by the key (docs/explanation/positions.md).
@@ -261,8 +259,6 @@ HALF = 0.7
 
 def impact_speed(run: Run) -> bool:
     """Why the hammer of a real piano came out too slow before its impact: the way it is measured, or the model?
-
-        python -m benchmarks impact_speed [--seeds 5]
 
     First table: recordings with known truth (`planted_positions`) go the whole way from sensors to prediction: speeds
     as the sensors show them and as predicted from the key, over the true ones. Second: the training strokes of the real

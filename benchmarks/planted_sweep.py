@@ -1,6 +1,5 @@
 """Held-out planted faults: what does a report name, and does it name anything in sessions without faults?
 
-    python -m benchmarks planted_sweep [--only sign,swap] [--seed 800] [--strokes forte,piano] [--specimen bench]
     python -m benchmarks planted_sweep --clean 17 --seed 9100 --strokes forte,piano,double,staccato,slow,fortissimo
 
 Every session has six strokes of the virtual bench, one of them filmed; one trial, or all of them, or the specimen has

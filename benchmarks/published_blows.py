@@ -1,7 +1,5 @@
 """What is published about hammers and strings beside what the model gives: figures that could be read, else trends.
 
-    python -m benchmarks published_blows
-
 - S. Birkett, Experimental investigation of the piano hammer-string interaction (J. Acoust. Soc. Am., 2013): eight
   levels of impact speed from 1.06 to 2.98 m/s, an upright. Read: the abstract, so the levels alone; here evenly spaced.
 - A. Askenfelt, lecture "From touch to string vibrations" (speech.kth.se/music/5_lectures/askenflt), C4 of a grand: the

@@ -1,8 +1,5 @@
 """Random actions regulated: which can be, which cannot, and whether a search of another kind agrees.
 
-    python -m benchmarks regulation_sweep [--count 200] [--first 0] [--seeds 15,34] [--no-search] [--again]
-                                          [--scene string,giving-joints]
-
 Each seed is an action: the printed or the regulated set, all its points and radii off by up to 0.05 to 0.5 mm (the
 amplitude varies from action to action), masses within 5 %, felts within 20 %. Prints a line each. What `regulate`
 refuses is searched by SciPy's least squares over all screws and the rest rail, from several starts. "missed": it

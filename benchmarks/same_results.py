@@ -1,7 +1,5 @@
 """Do two checkouts give the same results? Every scene with every method, and the reports of the shipped sessions.
 
-    python -m benchmarks same_results --against CHECKOUT [--methods rodas4p,rodas5p]
-
 Each job runs ``pianorig`` in a separate process, once from each checkout. Columns of angles, speeds and forces are
 compared numerically: the largest difference of any angle in rad, and of any other column relative to its largest
 value. ``results.json`` and ``report.html`` are compared value by value and line by line, after masking hashes, dates,

@@ -1,7 +1,5 @@
 """How processor time and peak memory of a process grow with the size of a job; slopes in log-log.
 
-    python -m benchmarks scaling [--only trials,frames,parameters,bodies,modes,members] [--most 10000] [--results FILE]
-
 A slope is that between a size and the one before it, of the time of a job done for the second time (of trials: of a
 report in a new process); memory holds what Python and its packages take. Wrong is a slope above 1.2, but for bodies,
 each of which brings contacts of its own.

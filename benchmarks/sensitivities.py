@@ -1,7 +1,5 @@
 """Error against time of derivatives of a blow: integrated beside it, or by differences of runs.
 
-    python -m benchmarks sensitivities [--tangents | --scenes [--only string,flexible-shank]]
-
 Errors are those of the angles' derivatives over a forte of 0.7 s, of each angle's largest derivative, the worst of all
 angles and parameters, against Richardson's limit of central differences of runs at 1e-11 rad. Times are processor time
 in runs of `simulate` at its default tolerance; those of 60 columns are measured, differences of 60 columns are taken as
@@ -276,8 +274,6 @@ def errors(action: model.Action, blow: tuple[Array, Array], scene: str) -> tuple
 
 def sensitivities_random(run: Run) -> bool:
     """Derivatives at the default tolerances on random parameter sets and forces, against tight ones (1e-12 rad, 1e-8).
-
-        python -m benchmarks sensitivities_random [--sets 24] [--seed 200] [--scene whole]
 
     A set has half of its laws and masses changed by some 15 %, a third of its pivots by 0.1 mm; forces are half sines,
     slow ramps, repeated blows, steps and triangles of 3 to 20 N. Errors are those of the worst of 60 columns, as in

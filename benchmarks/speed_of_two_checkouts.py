@@ -1,7 +1,5 @@
 """Is this checkout as fast as another? Jobs alternate between the two; the ratio of their medians is printed.
 
-    python -m benchmarks speed_of_two_checkouts --against CHECKOUT [--turns 20] [--only simulate,forte]
-
 Jobs: start-up and whole run of ``--help``, ``simulate``, an unchanged and a cold ``validate`` (wall time of a process);
 a forte at 1e-5 rad in a warm process, tracking a rendered film of 300 frames, the first compilation of the kernels
 (processor time inside the process). The first turn of each is not counted. The upper limit is that of a 95 % bootstrap

@@ -371,8 +371,6 @@ def jobs_of(seed: int, count: int) -> list[batch.Job]:
 def stability_lanes(run: Run) -> bool:
     """Do plausible actions, each with other parameters, come out of lanes as they come out of single runs?
 
-        python -m benchmarks stability_lanes [--count 10000] [--seed 1] [--workers 2]
-
     Set A of `stability`: geometry +-2 mm, everything else +-50 %, v_t 1e-2..1e-5, forces to 120 N with 0.2 ms edges,
     401 output times, 1e-5 rad. Each case is run by itself and in lanes, beside whatever cases come next to it. A case
     agrees where both finish and differ by at most a tenth of the tolerance, or both fail with the same error. Further

@@ -1,8 +1,5 @@
 """Requested tolerance against true error of single blows.
 
-    python -m benchmarks tolerance [--method NAME,…] [--blow NAME,…]
-    python -m benchmarks tolerance --sharp N [--first K] [--seed 1]
-
 Prints per blow and method error / request at each request from 1e-3 to 1e-9, then the largest ratio of the errors of
 neighbouring decades (0.5 or less: every decade at least halves the error). Blows ``held out`` were not used to choose
 the shares in `model.simulation.run`. The error is the largest difference of any angle,

@@ -1,8 +1,6 @@
 """Tracking accuracy and speed on one film per texture: ours against OpenCV's ECC, Lucas-Kanade and template
 matching.
 
-    python -m benchmarks tracking [--frames 600] [--seed 1] [--only wood,speckle,body]
-
 Every method gets the same MRAW film (whippen, jack and repetition lever of a blow, 2000 frames/s, motion
 blur, 120 Hz flicker, noise of 2 grey levels), the same outlines and the same reference image, and reads the film
 from disk itself. Prints per texture: RMS error of the angles (jack and repetition lever relative to the
@@ -394,8 +392,6 @@ def parts_of(run: Callable[[], Any]) -> Counter[str]:
 
 def tracking_threads(asked: Run) -> bool:
     """Tracking by one and by two threads, and where a frame's time goes: three bodies of 400 x 304, per texture.
-
-        python -m benchmarks tracking_threads [--frames 600] [--turns 6]
 
     One and two threads alternate; the best wall time of each counts, so that it says something on a machine at rest
     only. The parts are processor time of the tracking thread (one thread): what leaves Python's lock to others, and

@@ -1,6 +1,5 @@
 """Disturbed films: how far off the tracker is, what it says about it, and what it loses.
 
-    python -m benchmarks tracking_stress [--seeds 20] [--kinds dust,jpeg]
     python -m benchmarks tracking_stress --results stress.jsonl --minutes 5     # again until it is whole
 
 Prints per kind of disturbance and texture, over all seeds: RMS error and median stated uncertainty of the angle (mdeg),

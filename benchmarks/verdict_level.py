@@ -1,8 +1,5 @@
 """How often does the verdict's simultaneous test reject a model that is right within what it declares? And its power.
 
-    python -m benchmarks verdict_level [--sessions 40] [--trials 3,5,10] [--kinds forte,piano,double,staccato]
-                                       [--seed 1] [--exact] [--results FILE] [--minutes M]
-
 For every session the specimen's parameters, the force's gain, preload and delay, and the errors of the encoders are
 drawn anew from their declared standard uncertainties; its trials differ in strength and pace. ``--exact``: the
 specimen is the model, only force and sensors are drawn. The power is that against a shift of 1 to 6 standard

@@ -1,7 +1,5 @@
 """Work-precision comparison: our integrators and their peers on the same equations and force tables.
 
-    python -m benchmarks work_precision [--blow NAME,…] [--peer NAME,…] [--only-ours] [--repeats 5] [--json FILE]
-
 Error is max |difference| over the five angles (rad), every 1 ms, from a reference made by two methods that share
 neither the equations' code nor the algorithm: explicit order 8 at 1e-13 that steps to every force point, and our own
 highest-order method at 1e-12; their difference is printed. Time is processor time, the best of several runs, all
