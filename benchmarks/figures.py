@@ -3,12 +3,14 @@
     python -m benchmarks figures                                  # write docs/figures.md
     python -m benchmarks figures --row NAME --figure "4.1 ms"     # a figure read off by hand: stamped, then the page
 
-A benchmark that makes a figure itself stores it with ``--write``. A row whose commit is older than the last one that
-touched the code it measures (`measures` of the benchmark in ``registry.toml``, or of the row) says so on the page.
+A benchmark that makes a figure itself stores it with ``--write``. A row says on the page that the code it measures has
+changed since (`measures` of the benchmark in ``registry.toml``, or of the row): its statements, not what is written
+about them, nor where a file lies.
 """
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import platform
@@ -16,6 +18,7 @@ import re
 import subprocess
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -75,15 +78,39 @@ def store(name: str, figure: str, command: str = "", benchmark: str = "") -> Non
             )
         row = {"row": name, "section": "", "quantity": name, "benchmark": benchmark}
         known.append(row)
-    changed = "+" if git("status", "--porcelain", "--untracked-files=no") else ""
+    written = (f":!{path.relative_to(ROOT).as_posix()}" for path in (RESULTS, PAGE))
+    changed = "+" if git("status", "--porcelain", "--untracked-files=no", "--", ".", *written) else ""
     row |= {"figure": figure, "command": command or row["command"], "machine": machine()}
     row |= {"date": datetime.now(UTC).date().isoformat(), "commit": git("rev-parse", "--short=8", "HEAD") + changed}
     RESULTS.write_text("".join(json.dumps(one, ensure_ascii=False) + "\n" for one in known), encoding="utf-8")
 
 
+@cache
+def statements(commit: str, file: str) -> str:
+    """What a file makes a program do: Python without comments, docstrings and form; empty where there is nothing."""
+    text = git("show", f"{commit}:{file}")
+    if not file.endswith((".py", ".pyi")):
+        return text
+    tree = ast.parse("" if file.endswith(".pyi") else text)
+    for node in ast.walk(tree):
+        if isinstance(body := getattr(node, "body", None), list):
+            node.body = [one for one in body if not (isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant))]
+    return ast.dump(tree) if tree.body else ""
+
+
 def changed_since(row: Row, measures: Sequence[str]) -> str:
-    """The last commit after a row's own that touched what it measures; empty where there is none."""
-    return git("log", "-1", "--format=%h", f"{row['commit'].rstrip('+')}..HEAD", "--", *measures)
+    """The last commit at what a row measures, if its statements are others than at the row's own; else empty."""
+    own, head = row["commit"].rstrip("+"), git("rev-parse", "HEAD")
+    gone, new = set[str](), set[str]()  # of files that were deleted, added, moved
+    for line in git("diff", "--name-status", "--no-renames", own, head, "--", *measures).splitlines():
+        kind, file = line.split("\t")
+        before, now = statements(own, file), statements(head, file)
+        if kind == "M" and before != now:
+            gone, new = {before}, {now}
+            break
+        if kind != "M":
+            gone, new = gone | {before}, new | {now}
+    return git("log", "-1", "--format=%h", f"{own}..HEAD", "--", *measures) if gone - {""} != new - {""} else ""
 
 
 def page(known: Sequence[Row], later: Sequence[str]) -> str:
@@ -104,7 +131,7 @@ def page(known: Sequence[Row], later: Sequence[str]) -> str:
 def write(registry: dict[str, dict[str, Any]]) -> None:
     """Write the page, every row held against the history of its code."""
     known = rows()
-    measured = [row.get("measures") or registry.get(row["benchmark"], {}).get("measures", ()) for row in known]
-    later = [changed_since(row, paths) if paths else "" for row, paths in zip(known, measured, strict=True)]
+    measured = [row.get("measures") or registry[row["benchmark"]]["measures"] for row in known]
+    later = [changed_since(row, paths) for row, paths in zip(known, measured, strict=True)]
     PAGE.write_text(page(known, later), encoding="utf-8")
     print(f"{PAGE.relative_to(ROOT)}: {len(known)} figures, {sum(map(bool, later))} older than their code")

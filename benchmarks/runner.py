@@ -264,7 +264,11 @@ def with_packages_of(checkout: Path, arguments: Sequence[str]) -> int:
 
 def registry() -> dict[str, dict[str, Any]]:
     """Every benchmark by its name: claim, measures, full and quick size."""
-    return tomllib.loads(REGISTRY.read_text(encoding="utf-8"))
+    entries = tomllib.loads(REGISTRY.read_text(encoding="utf-8"))
+    code = entries.pop("code")
+    for entry in entries.values():
+        entry["measures"] = [path for name in entry["measures"] for path in code.get(name, [name])]
+    return entries
 
 
 def word(text: str) -> int | str:

@@ -29,7 +29,9 @@ def test_a_benchmark_has_a_claim_and_two_sizes_and_measures_what_exists(name: st
     text = (ROOT / "benchmarks" / f"{entry.get('module', name)}.py").read_text(encoding="utf-8")
     assert work in re.sub(r"\((asked|given|args): Run", "(run: Run", text)
     assert entry["claim"] and not entry["claim"].endswith(".")
-    assert entry["measures"] and not [path for path in entry["measures"] if not list(ROOT.glob(f"{path}*"))]
+    assert entry["measures"] and not [
+        path for path in entry["measures"] if not (ROOT / path.removeprefix(":!")).exists()
+    ]
     assert {key: type(value) for key, value in entry["quick"].items()} == {
         key: type(entry["full"][key]) for key in entry["quick"]
     }
@@ -127,13 +129,19 @@ def test_a_figure_older_than_its_code_says_so(tmp_path: Path, monkeypatch: pytes
     subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
     monkeypatch.setattr(figures, "ROOT", tmp_path)
     monkeypatch.setattr(figures, "RESULTS", tmp_path / "results.jsonl")
-    commit("code.py", "1")
+    monkeypatch.setattr(figures, "PAGE", tmp_path / "figures.md")
+    commit("code.py", "a = 1")
     figures.RESULTS.touch()
     figures.store("speed", "4 ms", "`measure`")
     (row,) = figures.rows()
     commit("other.py", "1")
     assert figures.changed_since(row, ["code.py"]) == ""
-    changed = commit("code.py", "2")
+    commit("code.py", '"""Said, not done."""\n\na = 1  # one')
+    (tmp_path / "code.py").rename(tmp_path / "moved.py")
+    commit("other.py", "2")
+    assert figures.changed_since(row, ["code.py", "moved.py"]) == ""
+    (tmp_path / "moved.py").rename(tmp_path / "code.py")
+    changed = commit("code.py", "a = 2")
     assert figures.changed_since(row, ["code.py"]).startswith(changed)
     text = figures.page([row], [figures.changed_since(row, ["code.py"])])
     assert f"; **stale**: {changed}" in text and "| 4 ms |" in text
