@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchmarks.ni_examples import NO_SIGNAL, OTHER_DEVICE, RAN, REFUSED, Outcome, _outcome, run, table
+from benchmarks.ni import NO_SIGNAL, OTHER_DEVICE, RAN, REFUSED, Outcome, _outcome, run_programs, table
 
 PROGRAM = """
 import nidaqmx
@@ -18,7 +18,7 @@ with nidaqmx.Task() as task:
 def test_a_program_for_this_card_runs_and_one_for_another_does_not(tmp_path: Path) -> None:
     (tmp_path / "card.py").write_text(PROGRAM.format(channel="Dev1/ai0"), encoding="utf-8")
     (tmp_path / "other.py").write_text(PROGRAM.format(channel="PXI1Slot2/ai0"), encoding="utf-8")
-    found = run(tmp_path)
+    found = run_programs(tmp_path)
     assert [(outcome.name, outcome.result) for outcome in found] == [("card.py", RAN), ("other.py", OTHER_DEVICE)]
     assert "| ran | 1 |" in table(found) and "| `other.py` | another device | -200220" in table(found)
 
