@@ -49,7 +49,7 @@ def test_noiseless_felt_is_found_to_rounding() -> None:
 # contact13 with this noise often meets a bound of the fit
 @pytest.mark.parametrize(
     ("contact", "deepest"),
-    [("contact02", 1e-3), ("contact13", 4e-4), pytest.param("contact10", 4e-4, marks=pytest.mark.slow)],
+    [("contact02", 1e-3), *(pytest.param(c, 4e-4, marks=pytest.mark.slow) for c in ("contact13", "contact10"))],
 )
 def test_stated_uncertainty_equals_actual_error(contact: str, deepest: float) -> None:
     abc, d = printed(contact)

@@ -79,7 +79,8 @@ def test_the_law_of_the_felt_is_the_one_supported(kind: str) -> None:
     [
         ("hunt-crossley", (A, B, C, 0.6)),
         ("stulov", (1e9, 2.5, 0.02, 0.02)),
-        ("hysteresis", (1.2 * A, 1.2 * B, 1.2 * C, 0.2, 0.25)),  # the curve at first touch, where z = 1
+        # the curve at first touch, where z = 1
+        pytest.param("hysteresis", (1.2 * A, 1.2 * B, 1.2 * C, 0.2, 0.25), marks=pytest.mark.slow),
     ],
 )
 def test_planted_parameters_are_found_again(kind: str, true: tuple[float, ...]) -> None:

@@ -117,7 +117,6 @@ GIVING = model.load_scene("giving-hammer").effects
             GIVING,
             {W.Z, W.P_MASS, W.P_STIFF, W.P_ALLOWANCE + 5, W.POWER_PINS},
         ),
-        ((), {"motor_drive.resistance": 5.0, "finger.mass": 1.0}, DRIVE, {W.POWER_DRIVE}),
         (("motor_arm",), {"motor_drive.resistance": 5.0, "finger.mass": 1.0}, DRIVE, {W.POWER_DRIVE}),
     ],
 )

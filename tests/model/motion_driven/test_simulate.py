@@ -13,7 +13,7 @@ from tests.model.key_blows import PROFILES, blow, counted, key_truth
 
 @pytest.mark.parametrize(
     "name",
-    ["forte", "double", *(pytest.param(n, marks=pytest.mark.slow) for n in PROFILES if n not in ("forte", "double"))],
+    ["forte", *(pytest.param(n, marks=pytest.mark.slow) for n in PROFILES if n != "forte")],
 )
 def test_noiseless_round_trip(action: model.Action, name: str) -> None:
     time, force, forward = blow(name)

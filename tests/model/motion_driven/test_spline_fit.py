@@ -89,7 +89,6 @@ def test_the_motion_is_the_spline_and_draws_scatter_as_stated() -> None:
 @pytest.mark.parametrize(
     ("jitter", "clock_s", "seeds"),
     [
-        (0.0, 0.0, 1),
         (0.2, 1e-5, 1),
         *(pytest.param(*noise, 3, marks=pytest.mark.slow) for noise in ((0.0, 0.0), (0.5, 0.0), (0.2, 1e-5))),
     ],

@@ -243,7 +243,7 @@ def test_key_beyond_its_stops_is_an_error_not_a_number(action: model.Action) -> 
         null_model.simulate(action, [0.0, 0.001, 0.5], [0.0, 900.0, 900.0])
 
 
-@pytest.mark.parametrize("scene", ["lifting-key", "giving-joints", "string"])
+@pytest.mark.parametrize("scene", ["lifting-key", pytest.param("giving-joints", marks=pytest.mark.slow), "string"])
 def test_the_yardstick_is_the_same_in_every_scene_a_force_drives(action: model.Action, scene: str) -> None:
     """It knows no effects: reports of these scenes had none, for a rest of six angles or rows of what is remembered."""
     times, force = [0.0, 0.05, 0.12, 0.3], [0.0, 6.0, 7.0, 0.0]

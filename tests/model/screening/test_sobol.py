@@ -49,6 +49,7 @@ def test_ishigami_has_its_known_indices(found: model.screening.Sobol) -> None:
     assert np.all(found.total_high[0] - found.total_low[0] < 0.2)
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_truth_about_as_often_as_they_say() -> None:
     truth = np.concatenate([FIRST, TOTAL])
     inside = []

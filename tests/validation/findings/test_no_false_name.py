@@ -17,8 +17,8 @@ from validation.statistics.paired_difference import Judgement
 
 ALL_TRIALS = [
     ("sign flip", flipped(0, 1, 2), 18),
-    pytest.param("swapped channels", swapped(0, 2), 12, marks=pytest.mark.slow),
-    pytest.param("force sign", louder(-1.0), 6, marks=pytest.mark.slow),
+    ("swapped channels", swapped(0, 2), 12),
+    ("force sign", louder(-1.0), 6),
 ]
 
 
@@ -62,21 +62,11 @@ def test_a_report_of_a_session_wired_wrong_in_all_trials_can_be_written(make, tm
     assert Path(write_report(result, tmp_path / "report").files["report.html"]).stat().st_size > 10_000
 
 
-PARAMETERS = [
-    ("hammer.joint_friction.A", 1.5),
-    pytest.param("hammer.mass", 1.03, marks=pytest.mark.slow),
-    pytest.param("contact08.normal.D", 2.0, marks=pytest.mark.slow),
-]
+PARAMETERS = [("hammer.joint_friction.A", 1.5), ("hammer.mass", 1.03), ("contact08.normal.D", 2.0)]
 
 
-@pytest.mark.parametrize(
-    "kind, specimen",
-    [
-        pytest.param("piano", "bench", marks=pytest.mark.slow),
-        pytest.param("forte", "bench", marks=pytest.mark.slow),
-        pytest.param("slow", "printed", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind, specimen", [("piano", "bench"), ("forte", "bench"), ("slow", "printed")])
 def test_a_session_without_faults_has_no_finding(found_in, kind, specimen):
     assert found_in(None, kind, specimen).empty
 

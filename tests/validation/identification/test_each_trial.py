@@ -92,7 +92,7 @@ def test_a_profile_and_a_sampler_see_each_trial_where_it_was() -> None:
     assert 0.2 < at - off < 50.0
 
 
-@pytest.mark.parametrize("first", [toy.M - 4, 2])
+@pytest.mark.parametrize("first", [pytest.param(toy.M - 4, marks=pytest.mark.slow), 2])
 def test_what_a_trial_does_after_a_fork_is_left_out_and_the_rest_settles_on_the_truth(first: int) -> None:
     class Forked(Bent):
         """The second trial meets a stop in the stroke, or misses it, by where a value just is."""

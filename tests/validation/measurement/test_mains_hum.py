@@ -60,6 +60,7 @@ def test_the_mains_frequency_is_found_when_not_told():
         assert fit_hum(time, force).frequency_hz == pytest.approx(nominal - 0.04, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_baseline_without_hum_is_left_alone_at_the_stated_rate():
     rng = np.random.default_rng(5)
     time = np.arange(1750) / RATE_HZ
@@ -98,7 +99,8 @@ def test_a_constant_baseline_has_no_hum_and_no_error():
     assert fit.offset_n == pytest.approx(0.25)
 
 
-@pytest.mark.parametrize("with_hum", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("with_hum", [True, False])
 def test_the_uncertainty_of_the_baseline_covers_the_truth(with_hum):
     rng = np.random.default_rng(11)
     time = np.arange(int(1.2 * RATE_HZ)) / RATE_HZ

@@ -23,17 +23,18 @@ def curves(rng: np.random.Generator, count: int, n_trials: int) -> np.ndarray:
     return 1e-3 * both
 
 
-def test_right_models_are_rejected_in_five_percent_of_sessions() -> None:
-    """400 sessions: 99 % of tests at 5 % reject 10 to 31 times."""
+@pytest.mark.parametrize("sessions, least, most", [(100, 1, 11), pytest.param(400, 10, 31, marks=pytest.mark.slow)])
+def test_right_models_are_rejected_in_five_percent_of_sessions(sessions: int, least: int, most: int) -> None:
+    """99 % of tests at 5 % reject so often."""
     rng = np.random.default_rng(41)
     rejected = 0
-    for _ in range(400):
+    for _ in range(sessions):
         every = curves(rng, 60, 3)
         outcome = simultaneous_test(every[0], every[1:], FLOOR)
         assert outcome is not None and outcome.draws == 59
         rejected += outcome.rejected
         assert outcome.rejected == (outcome.p <= 0.05)
-    assert 10 <= rejected <= 31
+    assert least <= rejected <= most
 
 
 def test_trials_that_scatter_as_drawn_add_nothing_and_others_do() -> None:
@@ -97,7 +98,7 @@ def test_the_evidence_is_the_density_of_the_mean_angles_and_a_proper_score() -> 
     assert many == pytest.approx(exact.logpdf(data[0, ::5, 0]), abs=4.0 * u) and u < 0.3
 
     def score(**other: float) -> float:
-        return float(np.mean([log_evidence(one, drawn(59, **other), nothing)[0] for one in data[:150]]))
+        return float(np.mean([log_evidence(one, drawn(59, **other), nothing)[0] for one in data[:30]]))
 
     true = score()
     assert all(true > score(**other) + 0.5 for other in ({"spread": 0.5}, {"spread": 2.0}, {"away": 2.0}))

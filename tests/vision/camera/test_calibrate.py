@@ -80,7 +80,6 @@ def test_tilted_projection_is_a_pinhole_camera() -> None:
     ("kind", "seeds"),
     [
         ("checkerboard", 2),
-        ("dots", 2),
         pytest.param("checkerboard", 5, marks=pytest.mark.slow),
         pytest.param("dots", 5, marks=pytest.mark.slow),
     ],

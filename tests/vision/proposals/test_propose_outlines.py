@@ -165,6 +165,7 @@ def test_bodies_that_turn_so_fast_that_points_are_lost() -> None:
     assert overlapping(bodies, 170, 230) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_frames")
 def test_a_motion_of_half_a_pixel() -> None:
     frames, outlines, _ = film_of_two(beam_rad=0.0, finger_rad=0.008)

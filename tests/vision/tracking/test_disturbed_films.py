@@ -23,8 +23,6 @@ Tracked = Callable[..., tuple[TrackResult, np.ndarray, np.ndarray]]
 @pytest.mark.parametrize(
     ("kind", "surface", "seeds"),
     [
-        ("dust", "wood", (101,)),
-        ("correlated_noise", "speckle", (101,)),
         ("saturation", "speckle", (101,)),
         # python -m pytest -m slow tests/vision/tracking/test_disturbed_films.py
         *(
@@ -53,7 +51,7 @@ def test_coherent_residuals_widen_the_uncertainty(
     ("kind", "surface"),
     [
         ("tilt", "speckle"),
-        ("interlaced_flicker", "fine"),
+        pytest.param("interlaced_flicker", "fine", marks=pytest.mark.slow),
         pytest.param("shadow_edge", "wood", marks=pytest.mark.slow),
         pytest.param("highlight", "wood", marks=pytest.mark.slow),
         pytest.param("shadow_edge", "speckle", marks=pytest.mark.slow),
@@ -101,7 +99,9 @@ def test_noise_of_all_rows_is_in_u_and_coarse_steps_of_grey_have_a_flag(tracked:
     assert np.any(coarse.flag & np.uint16(int(FrameFlag.IMPRECISE)))
 
 
-@pytest.mark.parametrize("surface", ["speckle", "wood", pytest.param("fine", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "surface", ["speckle", *(pytest.param(name, marks=pytest.mark.slow) for name in ("wood", "fine"))]
+)
 def test_a_clean_film_keeps_its_uncertainty(stress: ModuleType, tracked: Tracked, surface: str) -> None:
     result, _, z = tracked("clean", surface, 104)
     assert not result.failed.any()
@@ -123,7 +123,7 @@ def test_repeated_frames_are_lost_with_their_flag(stress: ModuleType) -> None:
 @pytest.mark.parametrize(
     ("kind", "surface"),
     [
-        ("vibration", "wood"),
+        pytest.param("vibration", "wood", marks=pytest.mark.slow),
         ("row_flicker", "fine"),
         ("low_light", "speckle"),
         pytest.param("flicker", "wood", marks=pytest.mark.slow),

@@ -22,7 +22,7 @@ N = 90
     ("texture", "noise"),
     [
         ("speckle", 2.0),
-        ("wood", 0.0),
+        pytest.param("wood", 0.0, marks=pytest.mark.slow),
         pytest.param("speckle", 0.0, marks=pytest.mark.slow),
         pytest.param("wood", 2.0, marks=pytest.mark.slow),
     ],

@@ -64,14 +64,8 @@ def test_a_film_is_tracked_again_only_where_a_sample_of_rows_fits_better(
     assert (result.info["pattern_grey"] > 0.0) == (disturbed == "pattern")
 
 
-@pytest.mark.parametrize(
-    ("surface", "seeds"),
-    [
-        ("wood", (201,)),
-        pytest.param("wood", (201, 202), marks=pytest.mark.slow),
-        pytest.param("fine", (201, 202), marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("surface", "seeds"), [("wood", (201, 202)), ("fine", (201, 202))])
 def test_errors_of_a_pattern_are_within_the_uncertainty(
     tracked: Callable[..., tuple], surface: str, seeds: tuple[int, ...]
 ) -> None:

@@ -157,6 +157,7 @@ def test_steps_of_45_degrees(texture: str) -> None:
     assert np.abs(z_of(result, pose)).max() < 4.5 and result.angle_rad[-1, 0] > np.pi
 
 
+@pytest.mark.slow
 def test_a_body_that_leaves_the_picture_and_returns_elsewhere() -> None:
     """It leaves to the right and comes back from above, turned by half a radian: lost while it is out, then found."""
     n = 32
