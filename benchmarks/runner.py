@@ -179,11 +179,8 @@ def by_parts(
 
     ``outermost``: what is called inside a part belongs to it, and is counted nowhere else.
     """
-    spent, kept, inside = (
-        Counter[str](),
-        [(where, what, getattr(where, what)) for where, what, _ in places],
-        list[str](),
-    )
+    kept = [(where, what, getattr(where, what)) for where, what, _ in places]
+    spent, inside = Counter[str](), list[str]()
 
     def counted(work: Callable[..., Any], part: str) -> Callable[..., Any]:
         def call(*given: Any, **named: Any) -> Any:

@@ -17,6 +17,9 @@ right. Wrong is more than 2 % that miss in silence.
 from __future__ import annotations
 
 import time
+from collections import Counter
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,13 +50,6 @@ DURATION_S, SAMPLE_S = 0.5, 2e-4  # of sharp forces
 OUTPUTS = np.linspace(0.0, 0.49, 393)
 SCENES = ("whole", "whole", "lifting-key", "motor-arm")
 MOTOR_ARM_M = 0.1  # a force at the key's front as a torque of the motor
-LABELS = {
-    (False, False): "delivered, said nothing",
-    (False, True): "delivered, warned (false)",
-    (True, True): "missed, warned",
-    (True, False): "missed, said nothing",
-}
-
 NAMES = (*BLOWS, "thesis-forte", *HELD_OUT)
 
 
@@ -90,57 +86,52 @@ def sharp_force(random: np.random.Generator) -> tuple[str, Array, Array]:
     return kind, at, random.uniform(-3.0, 15.0, len(at))
 
 
-def sharp_forces(count: int, seed: int = 1, first: int = 0) -> int:
-    """Print each disagreement and both rates; returns how many runs missed their request without saying so.
+def sharp_case(kind: str, at: Array, newton: Array, scene: str, tolerance: float) -> dict[str, Any]:
+    """Error and estimate over the request of one run, whether it says that it misses, and seconds without and with."""
+    action, choice = model.load_action(), model.load_scene(scene)
+    rest = model.rest_state(action, scene=model.build_scene(choice.on(action), choice))
+    force = at, newton * (MOTOR_ARM_M if scene == "motor-arm" else 1.0)
+    simulate = partial(model.simulate, action, *force, scene=scene, output_time_s=OUTPUTS, initial=rest)
+    words = f"{kind}, {scene}, {tolerance:.1e}"
+    try:
+        clock = [time.process_time()]
+        for estimate in (False, True):
+            done = simulate(tolerance=tolerance, estimate_error=estimate)
+            clock.append(time.process_time())
+        exact = simulate(tolerance=1e-11, method="rodas5p")
+    except model.IntegrationError as problem:
+        return {"words": f"{words}: {problem}"}
+    assert done.error_rad is not None
+    turning = [i for i, body in enumerate(done.bodies) if body != "key_lift"]
+    error = float(np.abs(done.angle_rad - exact.angle_rad)[:, turning].max()) / tolerance
+    words += f": error {error:.1f} x, estimated {done.error_rad / tolerance:.1f} x the request"
+    return {"words": words, "missed": error > MISSED, "said": done.misses_tolerance, "s": np.diff(clock).tolist()}
 
-    ``first`` runs of the sequence are left out, so that a long table can be made in parts.
-    """
-    random = np.random.default_rng(seed)
-    action = model.load_action()
-    seen = dict.fromkeys(LABELS, 0)
-    plain_s = both_s = 0.0
-    for k in range(first + count):
-        kind, at, newton = sharp_force(random)
-        scene = SCENES[random.integers(0, len(SCENES))]
-        tolerance = 10.0 ** random.uniform(-7.0, -3.5)
-        if k < first:
-            continue
-        if scene == "motor-arm":
-            newton = newton * MOTOR_ARM_M
-        choice = model.load_scene(scene)
-        rest = model.rest_state(action, scene=model.build_scene(choice.on(action), choice))
-        keywords = {"scene": scene, "output_time_s": OUTPUTS, "initial": rest}
-        try:
-            start = time.perf_counter()
-            model.simulate(action, at, newton, tolerance=tolerance, **keywords)
-            middle = time.perf_counter()
-            done = model.simulate(action, at, newton, tolerance=tolerance, estimate_error=True, **keywords)
-            end = time.perf_counter()
-            exact = model.simulate(action, at, newton, tolerance=1e-11, method="rodas5p", **keywords)
-        except model.IntegrationError as problem:
-            print(f"  {k} {kind}, {scene}: {problem}")
-            continue
-        if k >= first + 8:  # not while kernels are being loaded
-            plain_s, both_s = plain_s + middle - start, both_s + end - middle
-        turning = [i for i, body in enumerate(done.bodies) if body != "key_lift"]
-        error = float(np.abs(done.angle_rad - exact.angle_rad)[:, turning].max()) / tolerance
-        outcome = (error > MISSED, done.misses_tolerance)
-        seen[outcome] += 1
-        if outcome[0] != outcome[1]:
-            assert done.error_rad is not None
-            words = f"error {error:.1f} x, estimated {done.error_rad / tolerance:.1f} x the request"
-            print(f"  {k} {kind}, {scene}, {tolerance:.1e}: {words}", flush=True)
-        if (k + 1) % 20 == 0 or k + 1 == first + count:
-            print(f"runs {first} to {k}: " + ", ".join(f"{LABELS[key]} {n}" for key, n in seen.items()), flush=True)
-    if plain_s:
-        print(f"time with the estimate: {both_s / plain_s:.1f} x that without")
-    return seen[True, False]
+
+def sharp_forces(run: Run) -> bool:
+    """Print each disagreement and the counts; whether all but 2 % of the runs say that they miss their request."""
+    random, cases = np.random.default_rng(run.seed), []
+    for _ in range(run.sharp):
+        force = sharp_force(random)
+        cases.append((*force, SCENES[random.integers(0, len(SCENES))], 10.0 ** random.uniform(-7.0, -3.5)))
+    found = run.cases([(k, run.seed) for k in range(run.sharp)], lambda k, _: sharp_case(*cases[k]))
+    seen, spent = Counter[tuple[bool, bool]](), np.zeros(2)
+    for (k, _), row in found:
+        if "s" in row:
+            seen[row["missed"], row["said"]] += 1
+            spent += np.array(row["s"]) * (k >= 8)  # not while kernels are being loaded
+        if row.get("missed") != row.get("said") or "s" not in row:
+            print(f"  {k} {row['words']}", flush=True)
+    missed, false = seen[True, True] + seen[True, False], seen[False, True]
+    run.figure("sharp", f"{missed}; {seen[True, True]}; {false} of {seen.total() - missed}")
+    print(f"time with the estimate: {spent[1] / spent[0]:.1f} x that without")
+    return 50 * seen[True, False] <= run.sharp
 
 
 def main(run: Run) -> bool:
     """Print error over request; whether none is above what is allowed, of sharp forces all but 2 % said."""
     if run.sharp:
-        return 50 * sharp_forces(run.sharp, run.seed, run.first) <= run.sharp
+        return sharp_forces(run)
     action = model.load_action()
     rest = model.rest_state(action)
     start = np.concatenate([rest.angle_rad, np.zeros(len(rest.angle_rad))])
