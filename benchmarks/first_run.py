@@ -1,6 +1,6 @@
 """How long a first run takes that has to compile, beside the second, and what two first runs at once cost.
 
-    python -m benchmarks first_run [--demo] [--runs 1] [--against CHECKOUT [--python THEIRS]]
+    python -m benchmarks first_run [--demo] [--runs 1] [--against CHECKOUT]
 
 Each run is a process of its own with empty kernel caches, that of `vision` too: `pianorig simulate` of the forte blow,
 `pianorig demo`, first and then again; then two first runs of `simulate` at once, which compile together what one of
@@ -13,7 +13,6 @@ Wrong is a missed limit, or a second run that compiles.
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -58,7 +57,7 @@ def write_force(folder: Path) -> None:
 def main(run: Run) -> bool:
     """Print a line for each pair of runs; whether all limits are kept."""
     own = Checkout(ROOT)
-    other = None if run.against is None else Checkout(run.against, run.python or sys.executable)
+    other = None if run.against is None else Checkout(run.against)
     good = True
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors" if hasattr(os, "getloadavg") else "")
     table = Table(

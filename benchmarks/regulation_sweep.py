@@ -160,7 +160,7 @@ def regulated(scene: str, seed: int, again: bool, search: bool) -> list[str]:
 def main(run: Run) -> bool:
     """Print a line for each action; whether none was missed, and every obstacle is confirmed."""
     seen: Counter[str] = Counter()
-    seeds = run.seeds or range(run.first, run.first + run.count)
+    seeds = run.seeds or range(run.count)
     keys = [(scene, seed, run.again, not run.no_search) for scene in run.scene for seed in seeds]
     for (scene, seed, *_), (verdict, what, words, taken) in run.cases(keys, regulated):
         seen[f"{scene}: {verdict}"] += 1

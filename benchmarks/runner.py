@@ -206,10 +206,9 @@ def by_parts(
 
 
 class Checkout(NamedTuple):
-    """A source tree and the interpreter that runs it."""
+    """A source tree, run by this interpreter."""
 
     root: Path
-    python: str = sys.executable
 
     def run(self, *arguments: str | Path, **variables: str) -> tuple[float, float, str]:
         """Wall and processor time (s) of a Python process on this source, and what it printed.
@@ -222,7 +221,7 @@ class Checkout(NamedTuple):
         environment = os.environ | {"PYTHONPATH": str(self.root)} | variables
         before, began = os.times(), time.perf_counter()
         done = subprocess.run(
-            [self.python, "-P", *map(str, arguments)],
+            [sys.executable, "-P", *map(str, arguments)],
             env=environment, cwd=tempfile.gettempdir(), capture_output=True, text=True, check=False,
         )  # fmt: skip
         wall, after = time.perf_counter() - began, os.times()
@@ -232,7 +231,7 @@ class Checkout(NamedTuple):
         return wall, spent, done.stdout
 
 
-def checkouts(run: Run, python: str = "") -> tuple[Checkout, Checkout]:
+def checkouts(run: Run) -> tuple[Checkout, Checkout]:
     """The other checkout and this one.
 
     Raises
@@ -242,7 +241,7 @@ def checkouts(run: Run, python: str = "") -> tuple[Checkout, Checkout]:
     """
     if run.against is None:
         raise SystemExit(f"{run.benchmark}: --against CHECKOUT is missing: the checkout to compare this one with")
-    return Checkout(run.against, python or sys.executable), Checkout(ROOT)
+    return Checkout(run.against), Checkout(ROOT)
 
 
 def with_packages_of(checkout: Path, arguments: Sequence[str]) -> int:
