@@ -24,9 +24,9 @@ import grpc
 import numpy as np
 
 from benchmarks.runner import ROOT, Run
-from rig.backend import Capabilities, Timing
+from rig.backend import Capabilities
 from rig.configuration.profile import load_profile
-from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
+from rig.configuration.rig_file import Rig, load_rig, parse_rig
 from rig.daq import NidaqmxBackend
 from rig.daq.nidaqmx_backend import calls_per_block
 from rig.errors import RigError
@@ -104,18 +104,10 @@ def bench(clock: VirtualClock) -> SimulatedBackend:
 class Remote(NidaqmxBackend):
     """A virtual bench in another process: no permission is needed."""
 
-    lengthens = True
-    """Blocks are longer while the motor's command is 0 V, as through a server."""
-
     @property
     def capabilities(self) -> Capabilities:
         """Describe the bench, without hardware."""
         return replace(super().capabilities, simulated=True, hardware=False)
-
-    def configure(self, config: RigConfig, command_v: np.ndarray | None) -> Timing:
-        """Configure, with blocks of one length if asked."""
-        timing = super().configure(config, command_v)
-        return timing if self.lengthens else replace(timing, calm_block_s=0.0)
 
 
 @contextlib.contextmanager
@@ -315,33 +307,20 @@ def real_time(trials: int) -> tuple[str, float]:
 
 
 def real_time_elsewhere(trials: int) -> None:
-    """Record from a bench in another process; print the processor time of this process.
-
-    Trials with long blocks while the motor's command is 0 V take turns with trials of one length, so that the load of
-    the machine changes both alike. Beside them, a client that only makes the calls of the long blocks.
-    """
-    wall, cpu, blocks = {True: 0.0, False: 0.0}, {True: 0.0, False: 0.0}, 0
+    """Record from a bench in another process; print the processor time of this one, and of a client that only reads."""
     with bench_elsewhere() as backend, tempfile.TemporaryDirectory() as folder:
         record_session(Path(folder) / "warm", rig_config=eight(), backend=backend, trials=1)
-        for number in range(2 * trials):
-            backend.lengthens = long = bool(number % 2)
-            began, used = time.monotonic(), time.process_time()
-            Timed.log = []
-            session = record_session(
-                Path(folder) / f"s{number}", rig_config=eight(), backend=backend, trials=1, open_journal=Timed
-            )
-            blocks += len(Timed.log) if long else 0
-            wall[long] += time.monotonic() - began
-            cpu[long] += time.process_time() - used
-            assert [trial.status for trial in session.trials] == ["complete"]
-    share = {long: 100 * cpu[long] / wall[long] for long in wall}
-    print(
-        f"real time over TCP   : {share[True]:.1f} % of one core, bench in another process ({wall[True]:.0f} s); "
-        f"{share[False]:.1f} % with blocks of 20 ms throughout, ratio {share[True] / share[False]:.2f}"
-    )
+        Timed.log = []
+        wall, cpu = time.monotonic(), time.process_time()
+        session = record_session(
+            Path(folder) / "s", rig_config=eight(), backend=backend, trials=trials, open_journal=Timed
+        )
+        wall, cpu = time.monotonic() - wall, time.process_time() - cpu
+        assert [trial.status for trial in session.trials] == ["complete"] * trials
     at_once = calls_per_block(eight().config)
-    calls_per_s = at_once * blocks / wall[True]
+    calls_per_s = at_once * len(Timed.log) / wall
     print(
+        f"real time over TCP   : {100 * cpu / wall:.1f} % of one core, bench in another process ({wall:.0f} s)\n"
         f"client that only reads: {only_read(calls_per_s, at_once):.1f} % of one core, {calls_per_s:.0f} calls/s of "
         f"{BLOCK_BYTES} bytes ({at_once} a block)"
     )
