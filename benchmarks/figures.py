@@ -101,6 +101,8 @@ def statements(commit: str, file: str) -> str:
 def changed_since(row: Row, measures: Sequence[str]) -> str:
     """The last commit at what a row measures, if its statements are others than at the row's own; else empty."""
     own, head = row["commit"].rstrip("+"), git("rev-parse", "HEAD")
+    if git("cat-file", "-t", own) != "commit":
+        return "unknown"
     gone, new = set[str](), set[str]()  # of files that were deleted, added, moved
     for line in git("diff", "--name-status", "--no-renames", own, head, "--", *measures).splitlines():
         kind, file = line.split("\t")

@@ -142,6 +142,7 @@ def test_a_figure_older_than_its_code_says_so(tmp_path: Path, monkeypatch: pytes
     assert figures.changed_since(row, ["code.py", "moved.py"]) == ""
     (tmp_path / "moved.py").rename(tmp_path / "code.py")
     changed = commit("code.py", "a = 2")
+    assert figures.changed_since(row | {"commit": "0123abcd"}, ["other.py"]) == "unknown"
     assert figures.changed_since(row, ["code.py"]).startswith(changed)
     text = figures.page([row], [figures.changed_since(row, ["code.py"])])
     assert f"; **stale**: {changed}" in text and "| 4 ms |" in text
