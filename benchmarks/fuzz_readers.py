@@ -1,12 +1,12 @@
 """Fuzz the film readers: every mutated film must give a typed error or correct data.
 
-Mutates CIH, CIHX, MRAW (length), AVI (uncompressed and MJPEG) and CINE films of about 1 MB: bytes overwritten, digits
-changed, ranges cut, duplicated or swapped. A film that opens must give frames of the size it states, and the
-original grey values if its header is unchanged. No step may allocate more than the film's own size (the file or its
-grey values, whichever is larger), nor more than `MOST_FRAMES` frames of it. Allocations by Python, NumPy and
-OpenCV's images count; FFmpeg's internal memory does not. Prints per kind:
-counts, and the largest allocation relative to the film's size and to one frame's. The exit code is 1 if any
-film behaves otherwise.
+Mutates CIH, CIHX, MRAW (length), AVI (uncompressed and MJPEG) and CINE films of about 1 MB as the tests of the rig's
+files do (`tests.rig.fuzz`): bits flipped, digits and numbers changed, stretches lost, doubled or moved. A film that
+opens must give frames of the size it states, and the original grey values if its header is unchanged. No step may
+allocate more than the film's own size (the file or its grey values, whichever is larger), nor more than `MOST_FRAMES`
+frames of it. Allocations by Python, NumPy and OpenCV's images count; FFmpeg's internal memory does not. Prints per
+kind: counts, and the largest allocation relative to the film's size and to one frame's. The exit code is 1 if any film
+behaves otherwise.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.runner import Run, Table
+from tests.rig.fuzz.damage import damaged
 from tests.vision.film.cine_file import write_cine
 
 # decoders report damage on standard error themselves; here every film is damaged
@@ -48,6 +49,7 @@ File Format : MRaw
 EffectiveBit Depth : 8
 EffectiveBit Side : Lower
 """
+WORDS = (0, 1, 0xFF, 0x7FFFFFFF, 0xFFFFFFFF, 0x10000)
 SHAPE = (12, 256, 400)
 MOST_FRAMES = 4.5
 """A colour picture from OpenCV's video reader is three frames of grey, its grey one more; the rest is bookkeeping."""
@@ -66,31 +68,12 @@ class Tally:
 
 
 def mutated(data: bytes, rng: np.random.Generator, head: int) -> bytes:
-    """Return a damaged copy; most damage falls within the first ``head`` bytes."""
-    out = bytearray(data)
-    for _ in range(int(rng.integers(1, 5))):
-        end = min(head, len(out)) if rng.uniform() < 0.9 else len(out)
-        if end < 4:
-            break
-        at = int(rng.integers(0, end - 2))
-        length = int(rng.integers(1, min(24, end - at)))
-        match int(rng.integers(0, 6)):
-            case 0:
-                out[at : at + length] = rng.integers(0, 256, length, dtype=np.uint8).tobytes()
-            case 1:
-                out[at] ^= 1 << int(rng.integers(0, 8))
-            case 2:
-                digits = [i for i in range(end) if 48 <= out[i] < 58]
-                if digits:
-                    out[digits[int(rng.integers(0, len(digits)))]] = int(rng.integers(48, 58))
-            case 3:
-                del out[at : at + length]
-            case 4:
-                out[at:at] = out[at : at + length]
-            case _:
-                word = (0, 1, 0xFF, 0x7FFFFFFF, 0xFFFFFFFF, 0x10000)[int(rng.integers(0, 6))]
-                out[at : at + 4] = word.to_bytes(4, "little")
-    return bytes(out)
+    """Return a damaged copy; most damage falls within the first ``head`` bytes, some of it a number of four bytes."""
+    end = min(head, len(data)) if rng.uniform() < 0.9 else len(data)
+    if rng.uniform() < 0.7:
+        return damaged(data[:end], rng) + data[end:]
+    at, word = int(rng.integers(0, end - 4)), WORDS[int(rng.integers(0, len(WORDS)))]
+    return data[:at] + word.to_bytes(4, "little") + data[at + 4 :]
 
 
 def look(path: Path, frames: NDArray[Any], exact: bool, tally: Tally, what: str) -> None:

@@ -13,6 +13,7 @@ parameter per such change.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -72,31 +73,44 @@ def off(found: Array, limit: Array, smallest: Array) -> Array:
     return np.asarray(np.abs(found - limit) / np.maximum(np.max(np.abs(limit), axis=0), smallest))
 
 
+def worst(found: model.Sensitivities, limit: model.Sensitivities, scale: Array) -> tuple[float, Array, float]:
+    """Errors of derivatives of angles, the worst, of contact forces that act (m, c, P), and of events, the worst.
+
+    ``scale`` (P,) is a change of each parameter by all of its value.
+    """
+    forces, events = np.zeros((1, 1, 1)), [0.0]
+    if found.d_contact_forces is not None:
+        most = np.max(limit.contact_forces, axis=0)
+        act = most > 0.0
+        forces = off(found.d_contact_forces[:, act], limit.d_contact_forces[:, act], 1e-3 * most[act, None] / scale)
+    for name in found.d_events:
+        d = limit.d_events[name]
+        if np.all(np.isfinite(d)):
+            size = np.maximum(np.abs(d), 1e-4 * np.max(np.abs(d * scale)) / scale)
+            events.append(float(np.max(np.abs(found.d_events[name] - d) / size)))
+    return float(np.max(off(found.d_angles, limit.d_angles, 1e-4 / scale))), forces, max(events)
+
+
+def scales(action: model.Action, names: Sequence[str]) -> Array:
+    """A change of each parameter by all of its value."""
+    return np.array([parameter.scale for parameter in find_parameters(action, names)])
+
+
 def all_asked(action: model.Action, blow: tuple[Array, Array], limit: model.Sensitivities, run: float) -> None:
     """Print the rows with events and contact forces, at the default tolerances."""
     names = limit.parameters
-    scale = np.array([parameter.scale for parameter in find_parameters(action, names)])
-    normal, d_normal = limit.contact_forces, limit.d_contact_forces
-    assert normal is not None and d_normal is not None
-    jumps = np.any(np.diff(normal > 0.0, axis=0), axis=1)
+    jumps = np.any(np.diff(limit.contact_forces > 0.0, axis=0), axis=1)  # type: ignore[operator]
     near = np.convolve(np.append(False, jumps) | np.append(jumps, False), np.ones(3), "same") > 0.0
     for events, forces in ((True, False), (False, True), (True, True)):
         options = model.SensitivityOptions(events=events, contact_forces=forces, allow_idle=True)
-        found = model.sensitivities(action, blow, names, options=options)
+        _, apart, at_events = worst(
+            model.sensitivities(action, blow, names, options=options), limit, scales(action, names)
+        )
         spent = least(lambda o=options: model.sensitivities(action, blow, names, options=o), 5)
         words = ["60 columns", *["events"] * events, *["contact forces"] * forces]
         line = f"{', '.join(words):<52} {spent / run:>6.1f}"
-        if found.d_contact_forces is not None:
-            smallest = 1e-3 * np.max(normal, axis=0)[:, None] / scale
-            apart = off(found.d_contact_forces, d_normal, smallest)
-            line += f"  forces {np.max(apart[~near]):.1e} ({np.max(apart):.1e} anywhere)"
-        if found.d_events:
-            worst = 0.0
-            for name, d in limit.d_events.items():
-                size = np.maximum(np.abs(d), 1e-4 * np.max(np.abs(d * scale)) / scale)
-                worst = max(worst, float(np.max(np.abs(found.d_events[name] - d) / size)))
-            line += f"  events {worst:.1e}"
-        print(line)
+        line += f"  forces {np.max(apart[~near]):.1e} ({np.max(apart):.1e} anywhere)" if forces else ""
+        print(line + (f"  events {at_events:.1e}" if events else ""))
 
 
 def tangents(
@@ -107,15 +121,12 @@ def tangents(
     print(f"a run at 1e-5 rad: {1e3 * run:.1f} ms")
     print(f"{'60 columns':<52} {'runs':>6} {'own runs':>9} {'worst error':>12}  worst of 60 columns, per parameter")
     limit = model.sensitivities(action, blow, names, options=ALL)
-    scale = np.array([parameter.scale for parameter in find_parameters(action, names)])
-    size = np.maximum(np.max(np.abs(limit.d_angles), axis=0), 1e-4 / scale)
     default = np.inf
     for tolerance, relative in SETTINGS:
         options = replace(REFERENCE, tolerance=tolerance, relative_tolerance=relative)
-        found = model.sensitivities(action, blow, names, options=options)
-        worst = float(np.max(np.max(np.abs(found.d_angles - limit.d_angles), axis=0) / size))
+        of_all = worst(model.sensitivities(action, blow, names, options=options), limit, scales(action, names))[0]
         if (tolerance, relative) == DEFAULT:
-            default = worst
+            default = of_all
         errors = [0.0]
         if truth:
             known = model.sensitivities(action, blow, [*truth], options=options).d_angles
@@ -123,7 +134,7 @@ def tangents(
         spent = least(lambda o=options: model.sensitivities(action, blow, names, options=o))
         own = least(lambda t=tolerance: model.simulate(action, *blow, tolerance=t, method="rodas5p"))
         words = f"tangents, tolerance {tolerance:g} rad, relative {relative:g}"
-        print(f"{words:<52} {spent / run:>6.1f} {spent / own:>9.1f} {max(errors):>12.1e}  {worst:.1e}, {each(errors)}")
+        print(f"{words:<52} {spent / run:>6.1f} {spent / own:>9.1f} {max(errors):>12.1e}  {of_all:.1e}, {each(errors)}")
     all_asked(action, blow, limit, run)
     return run, default
 
@@ -203,7 +214,7 @@ def main(run: Run) -> bool:
         return (high - low) / (2.0 * step)
 
     truth = {name: (4.0 * central(name, 0.5 * h, 1e-11) - central(name, h, 1e-11)) / 3.0 for name, h in STEPS.items()}
-    run_s, worst = tangents(action, blow, names, truth)
+    run_s, of_all = tangents(action, blow, names, truth)
     for tolerance in (1e-9, 1e-7, 1e-5):
         own = least(lambda t=tolerance: model.simulate(action, *blow, tolerance=t, method="rodas5p"))
         errors = []
@@ -212,7 +223,7 @@ def main(run: Run) -> bool:
             errors.append(min(far(central(name, s * parameter.scale, tolerance), truth[name]) for s in SHARES))
         words = f"central differences of runs at {tolerance:g}, best of four steps"
         print(f"{words:<52} {120 * own / run_s:>6.1f} {120.0:>9.1f} {max(errors):>12.1e}  {each(errors)}")
-    return worst <= RIGHT
+    return of_all <= RIGHT
 
 
 def random_blow(random: np.random.Generator) -> tuple[str, tuple[Array, Array]]:
@@ -250,26 +261,13 @@ def random_set(random: np.random.Generator) -> model.Action:
 
 def errors(action: model.Action, blow: tuple[Array, Array], scene: str) -> tuple[float, float, float, float]:
     """Worst errors of angles, of contact forces, their quantile 0.9999, and of events."""
-    names = sixty(action)
-    scale = np.array([parameter.scale for parameter in find_parameters(action, names)])
-    tight = replace(ALL, scene=scene)
-    usual = replace(tight, tolerance=model.SensitivityOptions.tolerance,
-                    relative_tolerance=model.SensitivityOptions.relative_tolerance)  # fmt: skip
+    names, tight = sixty(action), replace(ALL, scene=scene)
+    usual = replace(tight, tolerance=DEFAULT[0], relative_tolerance=DEFAULT[1])
     limit, found = (model.sensitivities(action, blow, names, options=options) for options in (tight, usual))
     if found.absent_events != limit.absent_events:
         print(f"  other events happen: {found.absent_events} {limit.absent_events}")
-    assert limit.contact_forces is not None and limit.d_contact_forces is not None
-    assert found.d_contact_forces is not None
-    angles = off(found.d_angles, limit.d_angles, 1e-4 / np.broadcast_to(scale, limit.d_angles.shape[1:]))
-    touched = np.max(limit.contact_forces, axis=0) > 0.0
-    least = 1e-3 * np.max(limit.contact_forces, axis=0)[touched, None] / scale
-    forces = off(found.d_contact_forces[:, touched], limit.d_contact_forces[:, touched], least)
-    events = [0.0]
-    for name, d in limit.d_events.items():
-        if np.all(np.isfinite(d)):
-            size = np.maximum(np.abs(d), 1e-4 * np.max(np.abs(d * scale)) / scale)
-            events.append(float(np.max(np.abs(found.d_events[name] - d) / size)))
-    return float(np.max(angles)), float(np.max(forces)), float(np.quantile(forces, 0.9999)), max(events)
+    angles, forces, events = worst(found, limit, scales(action, names))
+    return angles, float(np.max(forces)), float(np.quantile(forces, 0.9999)), events
 
 
 def sensitivities_random(run: Run) -> bool:
