@@ -2,8 +2,7 @@
 
 Curves are Gaussian.  ``even``: 200 samples, full width at half maximum of 20; ``rig-like``: the scatter grows tenfold
 and the roughness fourfold along the curve, as after the impact of a blow; ``long``: 2,000 samples; ``counts``: whole
-counts of an encoder.  The seed was fixed
-before the first run.  Exit code 1 if a coverage lies outside 0.925 to 0.97.
+counts of an encoder.  The seed was fixed before the first run.  Exit code 1 if a coverage lies outside 0.925 to 0.97.
 """
 
 from __future__ import annotations

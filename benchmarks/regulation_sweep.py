@@ -2,13 +2,12 @@
 
 Each seed is an action: the printed or the regulated set, all its points and radii off by up to 0.05 to 0.5 mm (the
 amplitude varies from action to action), masses within 5 %, felts within 20 %. Prints a line each. What `regulate`
-refuses is searched by SciPy's least squares over all screws and the rest rail, from several starts. "missed": it
-found screws that meet all targets. "confirmed": it did not, and it succeeds once the screw that the message names may
-go further, or the target that the message names does not count. "unconfirmed": neither. The search takes minutes for an
+refuses is searched by SciPy's least squares over all screws and the rest rail, from several starts. "missed": it found
+screws that meet all targets. "confirmed": it did not, and it succeeds once the screw that the message names may go
+further, or the target that the message names does not count. "unconfirmed": neither. The search takes minutes for an
 action; ``--no-search`` says "refused" instead, and ``--seeds`` names those to search. With ``--again`` each regulated
-action is regulated once more, and must come back as it is ("turned again"). ``--scene`` regulates the same actions
-in these scenes, one after the other.
-Exits with 1 if an action was missed or an obstacle is unconfirmed.
+action is regulated once more, and must come back as it is ("turned again"). ``--scene`` regulates the same actions in
+these scenes, one after the other. Exits with 1 if an action was missed or an obstacle is unconfirmed.
 """
 
 from __future__ import annotations

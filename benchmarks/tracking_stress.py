@@ -7,8 +7,7 @@ the share of rows whose 95 % interval covers the truth, silent rows (no flag, or
 five stated uncertainties), rows with any other flag, lost rows, rows in all; flagged and lost rows of films that
 ``permit`` tracking, whose bound (least error that the film's noise permits) is at most a quarter of 0.05 degrees; rows
 that are only ``WIDENED``, which count as usable. The films come from `stress_films`, which shares no code with
-`vision`. Only moving rows count; the zero is that of the still frames.
-H.264 needs PyAV (``pip install av``).
+`vision`. Only moving rows count; the zero is that of the still frames. H.264 needs PyAV (``pip install av``).
 """
 
 from __future__ import annotations
