@@ -424,10 +424,14 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
         if score >= best_of - max(margin, min(s.rough, SURE))
     ]
     near = [s for s in near if search.shown(s)]
-    if not near or (asked == BETWEEN and _contradicted(search, sets, max(near, key=search.log_evidence))):
+    if not near or _contradicted(search, sets, near):
         return Answer((), search, gained=gained)
     if size < most:  # a larger set that holds none of these is no less compatible for being larger
-        near += _large(search, search.without(size + 1, [s.members for s in near]))
+        larger = _large(search, search.without(size + 1, [s.members for s in near]))
+        least = max(map(search.log_evidence, near)) - margin
+        pared = [one for s in larger if not search.shown(s) for one in search.subsets(s)]  # of what it does not need
+        near = search.better([*near, *(s for s in pared if search.log_evidence(s) >= least)])
+        near += [s for s in larger if search.shown(s) and not any(set(n.members) < set(s.members) for n in near)]
     plain = [search.log_evidence(s) + search.chosen(s.members) for s in near]
     smallest = len(start.members) + size
     best_of = max(score for score, s in zip(plain, near, strict=True) if len(s.members) == smallest)
@@ -449,10 +453,17 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
     return Answer(tuple(sorted(kept, key=lambda pair: (len(pair[0].members), -pair[1]))), search, gained=gained)
 
 
-def _contradicted(search: Search, sets: Mapping[int, Sequence[Followed]], best: Followed) -> bool:
-    """Whether other causes that leave far more of what trials differ by are no less likely: odds say little there."""
+def _contradicted(search: Search, sets: Mapping[int, Sequence[Followed]], near: Sequence[Followed]) -> bool:
+    """Whether odds say little of the best of the sets that are near: other causes that leave far more of what trials
+    differ by are no less likely; or a set that is not near, and no larger, leaves far less of what all share."""
+    best = max(near, key=search.log_evidence)
+    left = search.left(best)
+    if search.asked == MEAN:
+        others = [s for n, found in sets.items() if 0 < n <= len(search.own(best.members)) for s in found]
+        named = {id(s) for s in near}
+        return left > ENOUGH and any(MORE_LEFT * search.left(s) < left for s in others if id(s) not in named)
     own = {search.responses.candidates[j].source for j in search.own(best.members)}
-    least, left = search.log_evidence(best) - SURE, search.left(best)
+    least = search.log_evidence(best) - SURE
     others = [s for n, found in sets.items() if n for s in found if search.log_evidence(s) > least]
     return any(
         search.left(s) > MORE_LEFT * left and own.isdisjoint(search.responses.candidates[j].source for j in s.members)

@@ -75,6 +75,8 @@ a joint of as long a time and less stiffness."""
 MEMORIES = {"stulov": "tau", "hysteresis": "beta"}
 """Laws of felt that remembers, and the number that makes their memory larger."""
 JOINTS = f"{ADDED}giving joints' stiffness"
+FURTHEST, FURTHEST_ADDED, FURTHEST_OF_SESSION = 3.0, 10.0, 10.0
+"""Amounts that are looked at: a part is what it is said to be to some degree, an amplifier or a clock need not be."""
 LEAST_ADDED, STEP_ADDED = 0.03, 0.05  # amounts: below the first it is as if not there; the step once it is
 
 
@@ -152,6 +154,11 @@ class Source:
     def of_session(self) -> bool:
         """Whether it is an error of the session's channels or its clock."""
         return self.name in SESSION_ERRORS
+
+    @property
+    def furthest(self) -> float:
+        """The largest amount that is looked at."""
+        return FURTHEST_ADDED if self.added else FURTHEST_OF_SESSION if self.of_session else FURTHEST
 
     @property
     def encoder(self) -> int:

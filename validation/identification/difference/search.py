@@ -258,7 +258,6 @@ CLEAR = 2.0  # of a u: a change that is told from none
 PAIRED = 60  # candidates, the best alone, whose pairs are looked at
 CLOSE = 0.1  # of a posterior u: a step below it is the last
 TOO_MUCH = 4.0  # standard deviations of the sum of squares
-FURTHEST, FURTHEST_ADDED = 3.0, 10.0  # of how far off a value may be; of an effect as stated
 LEAST_TOLD = 2.0 * LEAST_ADDED  # of an effect: with less it is its being there, not its size, that is seen
 DAMPING = ".normal.D"
 FELTS = 4  # that may remember
@@ -406,8 +405,7 @@ class Search:
                 wanted.setdefault(members, self._started(members, start))
         started = list(wanted.values())
         if size == 1:
-            known = {one.members for one in started}
-            started += [one for one in self._further() if one.members not in known]
+            started += self._further()  # a cause among both is followed from either end
         self.evidence.likeliest = likeliest
         found = self._follow(self._follow(started, broad=True))
         if size > 1:
@@ -420,7 +418,7 @@ class Search:
         """Single causes where some amounts leave least in broad noise.
 
         Near a fork of the motion a stroke's answer bends so that no step from nothing leads to the cause. Of what some
-        trials differ by: faults of the session, or laws; of what all share those that show most.
+        trials differ by: faults of the session, or laws; of what all share faults, and those that show most.
         """
         listed = [self.responses.listed[c.source] for c in self.responses.candidates]
         if self.asked == BETWEEN:
@@ -430,7 +428,8 @@ class Search:
         shows = np.diag(self._around(self.start, 0)[0])
         self.evidence.likeliest = likeliest
         ours = sorted((j for j in self.named if not listed[j].added), key=lambda j: -shows[j])
-        return self._least(ours[:BRANCHES], FEW)
+        faults = [j for j in ours if listed[j].of_session]  # what is known of them hides how they show
+        return self._least(faults, AMOUNTS) + self._least([j for j in ours if j not in faults][:BRANCHES], FEW)
 
     def _least(self, ours: Sequence[int], amounts: Sequence[float]) -> list[Followed]:
         """Single causes, each at the amount that leaves least in broad noise: the best of them."""
@@ -481,7 +480,8 @@ class Search:
                 if abs(alike[n]) > MUCH_ALIKE:
                     members, z, columns = list(one.members), one.z.copy(), one.columns.copy()
                     members[i], columns[:, i] = others[n], found[n]
-                    z[i] = np.clip(sizes[n] / gram[n + 1, n + 1], -FURTHEST, FURTHEST)
+                    most = self.responses.listed[listed[others[n]].source].furthest
+                    z[i] = np.clip(sizes[n] / gram[n + 1, n + 1], -most, most)
                     started.append(replace(one, members=tuple(members), z=z, columns=columns))
         self.evidence.likeliest = likeliest
         runs = self.responses.differences([s.point for s in started])
@@ -544,7 +544,7 @@ class Search:
         """Whether every change of a set is told from none by its u, and lies no further than sets are followed."""
         z, covariance = self.evidence.amounts(*self.linear(one), one.z, self.asked)
         own = [i for i, j in enumerate(one.members) if j not in self.start.members]
-        most = np.where(self._added(one.members), FURTHEST_ADDED, FURTHEST)
+        most = self._furthest(one.members)
         size, u = np.abs(z), np.sqrt(np.diag(covariance))
         return bool(np.all(size[own] > CLEAR * u[own]) and np.all(size[own] < most[own]))
 
@@ -780,6 +780,10 @@ class Search:
         """Which members are effects that the model does not have."""
         return np.array([self.responses.listed[self.responses.candidates[j].source].added for j in members], dtype=bool)
 
+    def _furthest(self, members: Sequence[int]) -> Array:
+        """Amounts that members are followed to."""
+        return np.array([self.responses.listed[self.responses.candidates[j].source].furthest for j in members])
+
     def _needed(self, at: Sequence[Followed], broad: bool = False) -> float:
         """The objective that a set must promise to be followed on, beside the best of these."""
         nothing, *others = (self.evidence.objective(s.turned, s.z) for s in (self.start, *at))
@@ -792,7 +796,8 @@ class Search:
         x, w = (self.evidence.whiten(part, asked=self.asked) for part in (columns, linear))
         precision = np.eye(x.shape[1]) + x.T @ x
         added = self._added(one.members)
-        least, most = np.where(added, 0.0, -FURTHEST), np.where(added, FURTHEST_ADDED, FURTHEST)
+        most = self._furthest(one.members)
+        least = np.where(added, 0.0, -most)
         z = np.clip(np.linalg.solve(precision, x.T @ w), least, most)
         step = z - one.z
         width = np.sqrt(np.diag(np.linalg.inv(precision)))

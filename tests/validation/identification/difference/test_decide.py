@@ -35,7 +35,7 @@ from validation.identification.difference.responses import (
     Source,
     candidates,
 )
-from validation.identification.difference.search import BETWEEN, Evidence, Followed, Search, contrasts, turned
+from validation.identification.difference.search import BETWEEN, MEAN, Evidence, Followed, Search, contrasts, turned
 from validation.identification.unknowns import FORCE_GAIN
 
 M, TRIALS, SHAPES = 20, 3, 12
@@ -171,6 +171,12 @@ def test_all_that_act_alike_are_named_and_none_alone() -> None:
     assert sizes[f"law {SHAPES - 1}"] == pytest.approx(2 * sizes[f"law {SHAPES - 2}"], rel=0.05)
 
 
+def test_what_a_set_does_not_need_is_not_named_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, lost = Search.of_size, (SHAPES - 2,)  # as where no step from nothing leads to a single cause
+    monkeypatch.setattr(Search, "of_size", lambda *asked: [s for s in found(*asked) if s.members != lost])
+    assert named(said({SHAPES - 2: 1.2})) == {frozenset({f"law {SHAPES - 2}"}), frozenset({f"law {SHAPES - 1}"})}
+
+
 def test_a_change_is_not_singled_out_where_a_set_that_holds_it_explains_as_well() -> None:
     found = said({3: 1.2, 5: 0.005})
     assert named(found) == {frozenset({"law 3"}), frozenset({"law 3", "law 5"})}
@@ -250,13 +256,31 @@ def test_a_fault_of_some_trials_is_a_finding_whatever_the_model_lacks(
     assert found.sentence.startswith("beside that, ") and "not a fault of the session" not in found.sentence
 
 
-@pytest.mark.parametrize("size", [-1.6, 1.3])
-@pytest.mark.parametrize("profile", [ONE, TREND])
-def test_a_fault_that_no_step_from_nothing_leads_to_is_found(profile: str, size: float) -> None:
-    apart = [0.0, 0.0, 0.0, size, 0.0, 0.0] if profile == ONE else [size * k / 5 for k in range(6)]
-    found = said({}, trials=6, apart={0: apart}, listed=GAIN, strange=(1e-3, 0.0))
+@pytest.mark.parametrize(
+    ("profile", "size", "fold"),
+    [(ONE, -1.6, 1e-3), (TREND, 1.3, 1e-3), (ONE, 2.0, 2e-3), (TREND, 2.6, 2e-3), (STEP, -1.6, 2e-3)],
+)
+def test_a_fault_that_no_step_from_nothing_leads_to_is_found(profile: str, size: float, fold: float) -> None:
+    shares = {ONE: [0, 0, 0, 1, 0, 0], TREND: [0.2 * k for k in range(6)], STEP: [0, 0, 0, 1, 1, 1]}[profile]
+    found = said({}, trials=6, apart={0: [size * share for share in shares]}, listed=GAIN, strange=(fold, 0.0))
     assert [(row.cause, row.profile) for row in found.changes] == [(FORCE_GAIN, profile)]
     assert found.changes[0].change == pytest.approx(np.exp(0.05 * size), rel=2e-3)
+
+
+def test_an_amplifier_may_be_further_off_than_a_part() -> None:
+    (row,) = said({}, trials=6, apart={0: [0.0, 0.0, 0.0, 5.0, 0.0, 0.0]}, listed=GAIN).changes
+    assert row.cause == FORCE_GAIN and row.change == pytest.approx(np.exp(0.05 * 5.0), rel=2e-3)
+    assert not said({}, trials=6, apart={0: [0.0, 0.0, 0.0, 5.0, 5.0, 5.0]}).changes
+
+
+def test_faults_of_the_session_are_tried_at_many_amounts_however_little_they_show(monkeypatch) -> None:
+    monkeypatch.setattr("validation.identification.difference.search.BRANCHES", 2)
+    responses = Bending(np.array([Bending.curve(np.eye(SHAPES)[0])] * TRIALS), GAIN)
+    around, nothing = searches(responses)
+    search = around(nothing, nothing, None, MEAN)
+    shows = np.diag(search._around(nothing, 0)[0])
+    assert np.sum(shows > shows[0]) >= 2  # others show more
+    assert [one.z for one in search._further() if one.members == (0,)] == [1.0]
 
 
 def test_what_does_the_same_in_the_same_trials_is_found_from_where_a_cause_lies() -> None:
@@ -277,11 +301,24 @@ def test_odds_say_little_where_another_cause_that_leaves_far_more_is_as_likely()
     step = [j for j, c in enumerate(responses.candidates) if c.profile == STEP and c.first == 4]
     best, other = search._follow([search._started((step[j],), search.start) for j in (3, 5)])
     later = replace(other, members=(step[3] + 1,))  # the same cause from another trial on is no other one
-    assert not _contradicted(search, {0: [nothing], 1: [best, other]}, best)  # far less likely
+    assert not _contradicted(search, {0: [nothing], 1: [best, other]}, [best])  # far less likely
     search._known[id(other), False] = other, search.log_evidence(best) - 50.0
     search._known[id(later), False] = later, search.log_evidence(best) - 50.0
-    assert _contradicted(search, {0: [nothing], 1: [best, other]}, best)
-    assert not _contradicted(search, {0: [nothing], 1: [best, later]}, best)
+    assert _contradicted(search, {0: [nothing], 1: [best, other]}, [best])
+    assert not _contradicted(search, {0: [nothing], 1: [best, later]}, [best])
+
+
+def test_no_set_is_named_that_leaves_far_more_of_what_all_share_than_another_no_larger() -> None:
+    responses = Bending(np.array([Bending.curve(np.eye(SHAPES)[3])] * TRIALS))
+    around, nothing = searches(responses)
+    search = around(nothing, nothing, None, MEAN)
+    right, worse = search._follow([search._started((j,), search.start) for j in (3, 5)])
+    assert search.left(right) < 0.05 < search.left(worse)
+    sets = {0: [nothing], 1: [right, worse]}
+    assert _contradicted(search, sets, [worse]) and not _contradicted(search, sets, [right])
+    assert not _contradicted(search, {0: [nothing], 1: [worse], 2: [right]}, [worse])  # a larger one leaves less
+    search._known[id(worse), False] = worse, search.log_evidence(right) + 1.0
+    assert not _contradicted(search, sets, [right, worse])  # it is named, too
 
 
 def test_one_cause_is_named_beside_less_that_none_explains_and_none_beside_more() -> None:
