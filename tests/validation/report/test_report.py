@@ -96,6 +96,7 @@ def lonely(make, shared):
     return Session.open(path), result
 
 
+@pytest.mark.usefixtures("without_figures")
 def test_curves_of_an_older_report_do_not_stay_beside_a_new_one(lonely, tmp_path):
     (tmp_path / "curves").mkdir()
     older = ("curves_1.nc", "curves_2.nc", "curves/s2-hammer.csv", "curves/jack.json", "curves/key.csv")

@@ -229,7 +229,8 @@ def test_a_printed_page_is_white_and_cuts_nothing_off(opened_side):
     assert opened_side.evaluate(larger) == 0  # small print stays small
 
 
-@pytest.mark.parametrize("n_trials", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("n_trials", [1, 2])
 def test_a_session_of_few_trials_zooms_without_an_error(browser, make, tmp_path, n_trials):
     from validation import compare_session, write_report
 
