@@ -190,6 +190,7 @@ print(outer(1.0), inner(3))
 """
 
 
+@pytest.mark.slow
 def test_compiling_is_said_once_and_not_when_kernels_are_found(tmp_path: Path) -> None:
     def said(cached: bool) -> list[str]:
         script = tmp_path / f"kernels_{cached}.py"

@@ -36,7 +36,7 @@ CHOICES = [
     (),
     ("motor_arm",),
     DRIVE,
-    ("finger",),
+    pytest.param(("finger",), marks=pytest.mark.slow),
     BOTH,
     pytest.param((*BOTH, "motor_arm"), marks=pytest.mark.slow),  # each structure compiles once, seconds
     pytest.param(("balance_rail",), marks=pytest.mark.slow),

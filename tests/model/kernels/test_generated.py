@@ -68,6 +68,7 @@ def test_a_stage_solves_its_linear_system(action: model.Action, effects: tuple[s
     assert solved > 135
 
 
+@pytest.mark.slow
 def test_skipped_contacts_never_touch(action: model.Action) -> None:
     """1e5 random states and moves within the allowance, over blows and far beyond them."""
     scene = build_scene(action)

@@ -128,6 +128,7 @@ def test_what_is_nearly_regulated_is_regulated(small: dict[str, float]) -> None:
             assert 1e-7 < done.action.quantities[s.path].u < 2e-4, s.name
 
 
+@pytest.mark.slow
 def test_a_hammer_that_lies_on_its_rail_is_freed_by_lowering_the_rail(action: model.Action) -> None:
     high = model.load_action(SHIPPED).with_values({REST_RAIL.path: action[REST_RAIL.path] + 1e-3})
     rest = model.rest_state(high)

@@ -84,6 +84,7 @@ def test_a_hammer_without_string_or_force_is_refused() -> None:
         hammer_at_the_string(model.load_scene("motor-arm").on(action), *model.force_table("forte"))
 
 
+@pytest.mark.slow
 def test_study_string(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("study", "string", "--out", str(tmp_path / "s"), "--json") == 0
     facts = json.loads(capsys.readouterr().out)

@@ -99,6 +99,7 @@ def test_drawings_that_cannot_be_are_refused_first(
     refused(words, "simulate", "--force", FORTE, option, name, "--out", "o.csv")
 
 
+@pytest.mark.slow
 def test_only_the_sheet_needs_matplotlib(short_force: Path, tmp_path: Path) -> None:
     out, moving = str(tmp_path / "o.csv"), str(tmp_path / "a.html")
     loaded = modules_after(("simulate", "--force", str(short_force), "--inside", "--animation", moving, "--out", out))

@@ -45,6 +45,7 @@ def test_a_recording_is_one_line_of_any_terminal(columns: int, tmp_path: Path) -
     assert max(len(part) for part in re.split(r"[\r\n]", text) if "t" in part and "/2" in part) < columns
 
 
+@pytest.mark.slow
 def test_a_recording_in_a_pipe_has_plain_lines_only(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "pianorig", "record", "--trials", "2", "--out", "s"],

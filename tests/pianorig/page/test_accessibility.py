@@ -78,6 +78,7 @@ def test_an_exported_animation_for_a_screen_reader(browser: Any, looking: Page, 
         tab.close()
 
 
+@pytest.mark.slow
 def test_the_way_by_keyboard(browser: Any, looking: Page) -> None:
     with opened(browser, looking) as tab:
         tab.locator("#sessions tbody tr").first.wait_for()

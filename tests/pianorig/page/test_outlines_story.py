@@ -211,6 +211,7 @@ def test_points_are_added_moved_deleted_and_taken_back(browser: Any, filmed: Pat
         assert tab.get_by_role("button", name="Save", exact=True).is_disabled()  # looking only
 
 
+@pytest.mark.slow
 def test_a_mark_drawn_anew_has_nothing_of_the_old_one(browser: Any, filmed: Path, looking: Page) -> None:
     session = filmed / "example_forte"
     (session / "marks.toml").write_text(

@@ -96,6 +96,7 @@ def test_a_trial_written_in_parts_is_the_same_trial(tmp_path) -> None:
     assert not (tmp_path / "less.h5").exists()
 
 
+@pytest.mark.slow
 def test_a_live_view_keeps_the_last_half_minute_and_the_angles_from_the_start(tmp_path, long_rig) -> None:
     views = []
     follower: list[SessionFollower] = []

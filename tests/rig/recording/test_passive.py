@@ -69,6 +69,7 @@ def test_each_stroke_becomes_a_trial_with_the_streams_own_samples(tmp_path) -> N
     np.testing.assert_allclose(started, started[0], atol=2e-3)  # by the device's clock, to the millisecond of the text
 
 
+@pytest.mark.slow
 def test_neither_memory_nor_disk_grow_while_somebody_plays_or_nobody_does(tmp_path) -> None:
     sizes: list[int] = []
 

@@ -157,6 +157,7 @@ def test_without_an_identified_set_there_are_no_bands(tmp_path) -> None:
     assert "fir_rmse_share" not in row and row["outside"] is None
 
 
+@pytest.mark.slow
 def test_a_set_that_does_not_know_its_strokes_says_so_and_a_stroke_unlike_them_is_outside(tmp_path) -> None:
     record = read_identified(SHIPPED)
     short = {n: {**one, "hold": 0.02, "phases": ["strike"]} for n, one in record.strokes.items()}

@@ -21,7 +21,7 @@ JOBS_OF_A_SCENE = ("estimated error", "batch", "block by block", "inside view", 
 FELTS = ("contact02", "contact04", "contact12")  # key front, back check (with friction), hammer
 
 
-@pytest.fixture(scope="module", params=LAWS)
+@pytest.fixture(scope="module", params=["two-times", pytest.param("restitution", marks=pytest.mark.slow)])
 def action(request: pytest.FixtureRequest) -> model.Action:
     """The regulated action with that law on three felts; the law is loaded as a user would, by running its file."""
     file, kind = LAWS[request.param]

@@ -24,9 +24,7 @@ def accelerations(scene: Scene, state: tuple[np.ndarray, np.ndarray, float], vec
     "name",
     [
         "whole",
-        "motor-arm",
-        pytest.param("lifting-key", marks=pytest.mark.slow),  # compiles a scene of its own, a part of the next one
-        "lifting-key-flexible-shank",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("motor-arm", "lifting-key-flexible-shank")),
     ],
 )
 def test_loads_of_all_numbers_agree_with_differences(action: model.Action, name: str) -> None:

@@ -13,7 +13,7 @@ from model.sensitivity.tangents import Recorded, _Run, aligned
 from model.simulation.statics import solve_rest
 
 
-@pytest.mark.parametrize("name", ["whole", "lifting-key-flexible-shank"])
+@pytest.mark.parametrize("name", ["whole", pytest.param("lifting-key-flexible-shank", marks=pytest.mark.slow)])
 def test_normal_forces_of_all_numbers_agree_with_differences(action: model.Action, name: str) -> None:
     choice = model.load_scene(name)
     ends = (".x", ".y", ".radius", ".arc_start", ".arc_end", ".c", ".D")
