@@ -107,7 +107,6 @@ def test_changes_since_rest(
     refused(words, "simulate", "--force", FORCE, "--from-rest", "--out", out)
 
 
-@pytest.mark.slow
 def test_a_force_from_coarse_counts_is_called_useless(
     blow: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -30,7 +30,8 @@ def test_the_emulation_of_the_screen_counts_lines_as_a_terminal_does() -> None:
     assert screen.wrapped == 1
 
 
-@pytest.mark.parametrize("columns", [pytest.param(count, marks=pytest.mark.slow) for count in (40, 80, 200)])
+@pytest.mark.slow
+@pytest.mark.parametrize("columns", [40, 80, 200])
 def test_a_recording_is_one_line_of_any_terminal(columns: int, tmp_path: Path) -> None:
     terminal = OnTerminal("record", "--trials", "2", "--out", "s", columns=columns, cwd=tmp_path, env={"NO_COLOR": "1"})
     text = terminal.run()

@@ -103,19 +103,16 @@ def kill_often(program: Killed, folder: Path, whole: Session, times: int, seed: 
     return statuses
 
 
-STEPS = {
-    "before the closing record": "incomplete",
-    "before the journal goes": "complete",
-    "half the sealed file": "complete",
-    "before it is on the disk": "complete",
-    "before it has its name": "complete",
-}
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork to be quick")
 @pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork to be quick")
 def test_a_recording_killed_at_each_step_of_sealing_a_trial_loses_nothing(program, tmp_path, whole) -> None:
-    for step, status in STEPS.items():
+    for step, status in {
+        "before the closing record": "incomplete",
+        "half the sealed file": "complete",
+        "before it is on the disk": "complete",
+        "before it has its name": "complete",
+        "before the journal goes": "complete",
+    }.items():
         folder = tmp_path / step.replace(" ", "_")
         seen = program.record_and_kill(folder, DEADLINE_S, step)
         assert max(trial for trial, *_ in seen) == 2 and (folder / "trial_0002.journal").exists()

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.planted_sweep import Fault, flipped, louder, swapped
+from benchmarks.planted_sweep import Fault, louder, swapped
 from rig.session import Session
 from validation import compare_session, write_report
 from validation.findings.finding import KINDS
@@ -16,7 +16,6 @@ from validation.result_tables import make_tables
 from validation.statistics.paired_difference import Judgement
 
 ALL_TRIALS = [
-    ("sign flip", flipped(0, 1, 2), 18),
     ("swapped channels", swapped(0, 2), 12),
     ("force sign", louder(-1.0), 6),
 ]
