@@ -32,16 +32,8 @@ CHANGED = {
 }
 BOTH = ("balance_rail", "shank")
 DRIVE = model.SCENES["motor-drive"].effects
-CHOICES = [
-    (),
-    ("motor_arm",),
-    DRIVE,
-    pytest.param(("finger",), marks=pytest.mark.slow),
-    BOTH,
-    pytest.param((*BOTH, "motor_arm"), marks=pytest.mark.slow),  # each structure compiles once, seconds
-    pytest.param(("balance_rail",), marks=pytest.mark.slow),
-    pytest.param(("shank",), marks=pytest.mark.slow),
-]
+SLOW = [DRIVE, ("finger",), (*BOTH, "motor_arm"), ("balance_rail",), ("shank",)]  # each compiles once, seconds
+CHOICES = [(), ("motor_arm",), BOTH, *(pytest.param(effects, marks=pytest.mark.slow) for effects in SLOW)]
 
 
 @pytest.fixture(scope="module")

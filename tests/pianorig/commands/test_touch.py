@@ -12,6 +12,7 @@ import pytest
 from tests.command_line import run
 
 
+@pytest.mark.slow
 def test_two_actions_side_by_side(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     figure, curve = tmp_path / "touch.svg", tmp_path / "curve.csv"
     names = ["hirschkorn2004", "hirschkorn2004-regulated"]

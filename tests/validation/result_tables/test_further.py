@@ -72,6 +72,7 @@ def test_what_the_uncertainties_come_from_is_in_the_key_of_what_is_stored(monkey
     assert runs == [1, 1, 2]
 
 
+@pytest.mark.slow
 def test_a_scene_shows_what_it_moves_and_where_its_energy_goes(recorded):
     action = model.load_scene("string").on(recorded[1].action)
     result = compare_session(

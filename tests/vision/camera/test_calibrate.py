@@ -111,6 +111,7 @@ def bar_through(lens: Projection, turn_rad: float = 0.35) -> tuple[ArrayFilm, li
     return ArrayFilm(np.stack(frames), 1000.0), [Body("bar", outline)], angle
 
 
+@pytest.mark.slow
 def test_calibration_takes_the_cameras_error_out() -> None:
     lens = Projection(WIDTH, HEIGHT, tilted(math.radians(4.0), 2.4, 12.0 * WIDTH), 0.003)
     camera = calibrate(target_film(lens, "dots", 3), Target("dots", 9, 7, 5e-3)).camera

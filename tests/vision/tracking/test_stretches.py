@@ -92,6 +92,7 @@ def test_a_stretch_begins_where_a_third_of_the_body_is_hidden(monkeypatch: pytes
     assert joined == [True] * 3
 
 
+@pytest.mark.slow
 def test_darkness_across_a_seam() -> None:
     known = film_of(bar_scene("speckle"), bar_motion(N, PIVOT, 0.2), cover=dark(range(55, 64)))
     results = [track_film(known.film, known.bodies, threads=threads) for threads in (1, 2)]
