@@ -418,19 +418,20 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
     if size == 0:
         return Answer((), search, nothing=asked == BETWEEN or top == max(scores[0]) or search.fits(start))
     best_of = max(scores[size])
-    near = [  # a set is no worse by what its own runs scatter by
-        s
-        for score, s in zip(scores[size], sets[size], strict=True)
-        if score >= best_of - max(margin, min(s.rough, SURE))
-    ]
+
+    def near_it(s: Followed) -> bool:  # no worse by what its own runs scatter by, nor by little where it leaves noise
+        short = best_of - search.log_evidence(s)
+        minor = asked == MEAN and short <= min(SURE, MINOR * gained) and search.fits(s)
+        return short <= max(margin, min(s.rough, SURE)) or minor
+
+    near = list(filter(near_it, sets[size]))
     near = [s for s in near if search.shown(s)]
     if not near or _contradicted(search, sets, near):
         return Answer((), search, gained=gained)
     if size < most:  # a larger set that holds none of these is no less compatible for being larger
         larger = _large(search, search.without(size + 1, [s.members for s in near]))
-        least = max(map(search.log_evidence, near)) - margin
         pared = [one for s in larger if not search.shown(s) for one in search.subsets(s)]  # of what it does not need
-        near = search.better([*near, *(s for s in pared if search.log_evidence(s) >= least)])
+        near = search.better([*near, *filter(near_it, pared)])
         near += [s for s in larger if search.shown(s) and not any(set(n.members) < set(s.members) for n in near)]
     plain = [search.log_evidence(s) + search.chosen(s.members) for s in near]
     smallest = len(start.members) + size

@@ -177,6 +177,13 @@ def test_what_a_set_does_not_need_is_not_named_with_it(monkeypatch: pytest.Monke
     assert named(said({SHAPES - 2: 1.2})) == {frozenset({f"law {SHAPES - 2}"}), frozenset({f"law {SHAPES - 1}"})}
 
 
+@pytest.mark.parametrize(("short", "both"), [(20.0, True), (150.0, False)])
+def test_another_that_leaves_noise_too_is_named_where_little_less_speaks_for_it(monkeypatch, short, both) -> None:
+    known, twin = Search.log_evidence, (SHAPES - 1,)
+    monkeypatch.setattr(Search, "log_evidence", lambda *asked: known(*asked) - short * (asked[1].members == twin))
+    assert (frozenset({f"law {SHAPES - 1}"}) in named(said({SHAPES - 2: 1.2}))) == both
+
+
 def test_a_change_is_not_singled_out_where_a_set_that_holds_it_explains_as_well() -> None:
     found = said({3: 1.2, 5: 0.005})
     assert named(found) == {frozenset({"law 3"}), frozenset({"law 3", "law 5"})}
