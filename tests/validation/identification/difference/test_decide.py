@@ -180,7 +180,7 @@ def test_what_a_set_does_not_need_is_not_named_with_it(monkeypatch: pytest.Monke
 @pytest.mark.parametrize(("short", "both"), [(20.0, True), (150.0, False)])
 def test_another_that_leaves_noise_too_is_named_where_little_less_speaks_for_it(monkeypatch, short, both) -> None:
     known, twin = Search.log_evidence, (SHAPES - 1,)
-    monkeypatch.setattr(Search, "log_evidence", lambda *asked: known(*asked) - short * (asked[1].members == twin))
+    monkeypatch.setattr(Search, "log_evidence", lambda *a, **how: known(*a, **how) - short * (a[1].members == twin))
     assert (frozenset({f"law {SHAPES - 1}"}) in named(said({SHAPES - 2: 1.2}))) == both
 
 
