@@ -156,6 +156,11 @@ class Source:
         return self.name in SESSION_ERRORS
 
     @property
+    def of_setup(self) -> bool:
+        """Whether it is an error of the session, or where the force acts, which is set by hand."""
+        return self.of_session or self.name.startswith("drive")
+
+    @property
     def furthest(self) -> float:
         """The largest amount that is looked at."""
         return FURTHEST_ADDED if self.added else FURTHEST_OF_SESSION if self.of_session else FURTHEST

@@ -393,10 +393,11 @@ class Search:
                 wanted.setdefault(members, self._started(members, start))
         if self.asked == MEAN:
             found = self._follow(list(wanted.values()))
-            if size > 1 or any(self.fits(one) for one in found):
+            if size > 1:
                 return found
-            further = {one.members: one for one in self._further()}
-            again = [further.get(members, one) for members, one in (wanted | further).items()]
+            met = any(self.fits(one) for one in found)
+            further = {one.members: one for one in self._further(met)}
+            again = list((further if met else wanted | further).values())
             near = [one for one in self._follow(again, broad=True) if self.left(one) < HALF]
             return self.better(found + self._follow(near))
         likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
@@ -411,25 +412,29 @@ class Search:
         if size > 1:
             return found
         return self.better(  # a law has lost only if it was followed
-            found + self._follow(self._follow(self._further(laws=True), broad=True))
+            found + self._follow(self._follow(self._further(few=True), broad=True))
         )
 
-    def _further(self, laws: bool = False) -> list[Followed]:
+    def _further(self, few: bool = False) -> list[Followed]:
         """Single causes where some amounts leave least in broad noise.
 
         Near a fork of the motion a stroke's answer bends so that no step from nothing leads to the cause. Of what some
-        trials differ by: faults of the session, or laws; of what all share faults, and those that show most.
+        trials differ by: faults, or laws where ``few`` are asked for; of what all share faults, and where not ``few``
+        are, those that show most. Faults, and where the arm presses, have lost only if they were followed.
         """
         listed = [self.responses.listed[c.source] for c in self.responses.candidates]
         if self.asked == BETWEEN:
-            ours = [j for j in self.named if (listed[j].law if laws else listed[j].of_session)]
-            return self._least(ours, FEW if laws else AMOUNTS)
+            ours = [j for j in self.named if (listed[j].law if few else listed[j].of_setup)]
+            return self._least(ours, FEW if few else AMOUNTS)
+        faults = [j for j in self.named if listed[j].of_setup]
+        found = self._least(faults, AMOUNTS)  # what is known of them hides how they show
+        if few:
+            return found
         likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
         shows = np.diag(self._around(self.start, 0)[0])
         self.evidence.likeliest = likeliest
-        ours = sorted((j for j in self.named if not listed[j].added), key=lambda j: -shows[j])
-        faults = [j for j in ours if listed[j].of_session]  # what is known of them hides how they show
-        return self._least(faults, AMOUNTS) + self._least([j for j in ours if j not in faults][:BRANCHES], FEW)
+        ours = sorted((j for j in self.named if not listed[j].added and j not in faults), key=lambda j: -shows[j])
+        return found + self._least(ours[:BRANCHES], FEW)
 
     def _least(self, ours: Sequence[int], amounts: Sequence[float]) -> list[Followed]:
         """Single causes, each at the amount that leaves least in broad noise: the best of them."""
@@ -488,7 +493,7 @@ class Search:
         there = [replace(s, each=each) for s, each in zip(started, runs, strict=True) if each is not None]
         if len(one.members) == 1 + len(self.start.members):  # near a fork not even these derivatives lead there
             sources = [self.responses.listed[listed[k].source] for k in others]
-            there += self._least([k for k, s in zip(others, sources, strict=True) if s.law or s.of_session], AMOUNTS)
+            there += self._least([k for k, s in zip(others, sources, strict=True) if s.law or s.of_setup], AMOUNTS)
         return self._follow(self._follow(there, broad=True))
 
     def _tell(self) -> None:
