@@ -419,9 +419,11 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
         return Answer((), search, nothing=asked == BETWEEN or top == max(scores[0]) or search.fits(start))
     best_of = max(scores[size])
 
+    most_left = MORE_LEFT * search.left(max(sets[size], key=search.log_evidence))
+
     def near_it(s: Followed) -> bool:  # no worse by what its own runs scatter by, nor by little where it leaves noise
         short = best_of - search.log_evidence(s)
-        minor = asked == MEAN and short <= min(SURE, MINOR * gained) and search.fits(s)
+        minor = asked == MEAN and short <= min(SURE, MINOR * gained) and search.fits(s) and search.left(s) <= most_left
         return short <= max(margin, min(s.rough, SURE)) or minor
 
     near = list(filter(near_it, sets[size]))
