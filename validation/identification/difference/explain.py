@@ -418,16 +418,14 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
     if size == 0:
         return Answer((), search, nothing=asked == BETWEEN or top == max(scores[0]) or search.fits(start))
     best_of = max(scores[size])
-
     most_left = MORE_LEFT * search.left(max(sets[size], key=search.log_evidence))
 
     def near_it(s: Followed) -> bool:  # no worse by what its own runs scatter by, nor by little where it leaves noise
         short = best_of - search.log_evidence(s)
         minor = asked == MEAN and short <= min(SURE, MINOR * gained) and search.fits(s) and search.left(s) <= most_left
-        return short <= max(margin, min(s.rough, SURE)) or minor
+        return search.shown(s) and (minor or short <= max(margin, min(s.rough, SURE)))
 
     near = list(filter(near_it, sets[size]))
-    near = [s for s in near if search.shown(s)]
     if not near or _contradicted(search, sets, near):
         return Answer((), search, gained=gained)
     if size < most:  # a larger set that holds none of these is no less compatible for being larger
@@ -526,7 +524,7 @@ def _rows(search: Search, number: int, one: Followed, log_odds: float) -> list[C
         if j not in own:
             continue
         c = search.responses.candidates[j]
-        s = search.responses.listed[c.source]
+        s = search.source(j)
         size, u = s.size(max(float(at), LEAST_ADDED) if s.added else float(at), math.hypot(u, search.scatter(j)))
         change = CompatibleChange(number, len(own), s.name, size, u, s.unit, log_odds, left)
         out.append(replace(change, profile=c.profile, first=c.first, last=c.last))

@@ -21,7 +21,7 @@ from scipy.special import logsumexp
 
 from validation.conventions import Array
 from validation.identification.blocks import Block
-from validation.identification.difference.responses import ALL, LEAST_ADDED, Point, Responses
+from validation.identification.difference.responses import ALL, LEAST_ADDED, Point, Responses, Source
 from validation.identification.noise import smooth
 from validation.identification.observations import ENCODERS
 
@@ -395,10 +395,10 @@ class Search:
             found = self._follow(list(wanted.values()))
             if size > 1:
                 return found
-            met = any(self.fits(one) for one in found)
-            further = {one.members: one for one in self._further(met)}
-            again = list((further if met else wanted | further).values())
-            near = [one for one in self._follow(again, broad=True) if self.left(one) < HALF]
+            again = {one.members: one for one in self._faults()}
+            if not any(self.fits(one) for one in found):
+                again = wanted | again | {one.members: one for one in self._loudest()}
+            near = [one for one in self._follow(list(again.values()), broad=True) if self.left(one) < HALF]
             return self.better(found + self._follow(near))
         likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
         for start, _ in starts:  # what shows in the whole of a stroke
@@ -406,38 +406,34 @@ class Search:
                 wanted.setdefault(members, self._started(members, start))
         started = list(wanted.values())
         if size == 1:
-            started += self._further()  # a cause among both is followed from either end
+            started += self._faults()  # a cause among both is followed from either end
         self.evidence.likeliest = likeliest
         found = self._follow(self._follow(started, broad=True))
         if size > 1:
             return found
-        return self.better(  # a law has lost only if it was followed
-            found + self._follow(self._follow(self._further(few=True), broad=True))
-        )
+        laws = self._least([j for j in self.named if self.source(j).law], FEW)  # they, too, have lost only if followed
+        return self.better(found + self._follow(self._follow(laws, broad=True)))
 
-    def _further(self, few: bool = False) -> list[Followed]:
-        """Single causes where some amounts leave least in broad noise.
+    def _faults(self) -> list[Followed]:
+        """Faults of the session, and where the arm presses, each at the amount of ten that leaves least in broad noise.
 
-        Near a fork of the motion a stroke's answer bends so that no step from nothing leads to the cause. Of what some
-        trials differ by: faults, or laws where ``few`` are asked for; of what all share faults, and where not ``few``
-        are, those that show most. Faults, and where the arm presses, have lost only if they were followed.
+        They have lost only if they were followed: what is known of them hides how they show.
         """
-        listed = [self.responses.listed[c.source] for c in self.responses.candidates]
-        if self.asked == BETWEEN:
-            ours = [j for j in self.named if (listed[j].law if few else listed[j].of_setup)]
-            return self._least(ours, FEW if few else AMOUNTS)
-        faults = [j for j in self.named if listed[j].of_setup]
-        found = self._least(faults, AMOUNTS)  # what is known of them hides how they show
-        if few:
-            return found
+        return self._least([j for j in self.named if self.source(j).of_setup], AMOUNTS)
+
+    def _loudest(self) -> list[Followed]:
+        """Other causes of the model's own, those that show most in broad noise, where few amounts leave least."""
         likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
         shows = np.diag(self._around(self.start, 0)[0])
         self.evidence.likeliest = likeliest
-        ours = sorted((j for j in self.named if not listed[j].added and j not in faults), key=lambda j: -shows[j])
-        return found + self._least(ours[:BRANCHES], FEW)
+        ours = [j for j in self.named if not self.source(j).added and not self.source(j).of_setup]
+        return self._least(sorted(ours, key=lambda j: -shows[j])[:BRANCHES], FEW)
 
     def _least(self, ours: Sequence[int], amounts: Sequence[float]) -> list[Followed]:
-        """Single causes, each at the amount that leaves least in broad noise: the best of them."""
+        """Single causes, each at the amount that leaves least in broad noise: the best of them.
+
+        Near a fork of the motion a stroke's answer bends so that no step from nothing leads to the cause.
+        """
         likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
         alone = [self._started((*self.start.members, j), self.start) for j in ours]
         tried = [replace(one, z=np.append(one.z[:-1], z)) for one in alone for z in amounts]
@@ -485,15 +481,14 @@ class Search:
                 if abs(alike[n]) > MUCH_ALIKE:
                     members, z, columns = list(one.members), one.z.copy(), one.columns.copy()
                     members[i], columns[:, i] = others[n], found[n]
-                    most = self.responses.listed[listed[others[n]].source].furthest
+                    most = self.source(others[n]).furthest
                     z[i] = np.clip(sizes[n] / gram[n + 1, n + 1], -most, most)
                     started.append(replace(one, members=tuple(members), z=z, columns=columns))
         self.evidence.likeliest = likeliest
         runs = self.responses.differences([s.point for s in started])
         there = [replace(s, each=each) for s, each in zip(started, runs, strict=True) if each is not None]
         if len(one.members) == 1 + len(self.start.members):  # near a fork not even these derivatives lead there
-            sources = [self.responses.listed[listed[k].source] for k in others]
-            there += self._least([k for k, s in zip(others, sources, strict=True) if s.law or s.of_setup], AMOUNTS)
+            there += self._least([k for k in others if self.source(k).law or self.source(k).of_setup], AMOUNTS)
         return self._follow(self._follow(there, broad=True))
 
     def _tell(self) -> None:
@@ -502,7 +497,7 @@ class Search:
         What a stroke answers to its force after the blow may be the opposite of what another one does.
         """
         listed, at = self.responses.candidates, self.around
-        ours = [j for j in self.named if self.responses.listed[listed[j].source].of_session]
+        ours = [j for j in self.named if self.source(j).of_session]
         asked = [(at.point, listed[j].seen_in, listed[j].source) for j in ours]
         self._told = dict(zip(ours, self.responses.columns(asked, len(ours) * [at.each]), strict=True))
         self.evidence.settle(lambda: self._best_gain(at))
@@ -563,10 +558,9 @@ class Search:
 
         The noise holds that scatter as one stroke answers it; others may answer otherwise.
         """
-        candidate = self.responses.candidates[j]
         if self.asked == MEAN:
             return 0.0
-        return self.responses.listed[candidate.source].scatter / float(np.linalg.norm(self._weights[1:, j]))
+        return self.source(j).scatter / float(np.linalg.norm(self._weights[1:, j]))
 
     def without(self, size: int, named: Sequence[tuple[int, ...]]) -> list[Followed]:
         """The likeliest sets of a size that hold none of the sets named, followed."""
@@ -606,6 +600,10 @@ class Search:
             pool = [s[-1] for s in moved[:BRANCHES]]
         followed = self._follow([self._started(members, one) for members in found])
         return [s for s in followed if np.all(s.z[k:] != 0.0)]  # what runs do not confirm is where it started
+
+    def source(self, j: int) -> Source:
+        """What may be wrong by a candidate."""
+        return self.responses.listed[self.responses.candidates[j].source]
 
     def own(self, members: Sequence[int]) -> tuple[int, ...]:
         """Members of a set without what is taken for granted."""
@@ -783,11 +781,11 @@ class Search:
 
     def _added(self, members: Sequence[int]) -> NDArray[np.bool_]:
         """Which members are effects that the model does not have."""
-        return np.array([self.responses.listed[self.responses.candidates[j].source].added for j in members], dtype=bool)
+        return np.array([self.source(j).added for j in members], dtype=bool)
 
     def _furthest(self, members: Sequence[int]) -> Array:
         """Amounts that members are followed to."""
-        return np.array([self.responses.listed[self.responses.candidates[j].source].furthest for j in members])
+        return np.array([self.source(j).furthest for j in members])
 
     def _needed(self, at: Sequence[Followed], broad: bool = False) -> float:
         """The objective that a set must promise to be followed on, beside the best of these."""

@@ -280,23 +280,23 @@ def test_an_amplifier_may_be_further_off_than_a_part() -> None:
     assert not said({}, trials=6, apart={0: [0.0, 0.0, 0.0, 5.0, 5.0, 5.0]}).changes
 
 
-def test_faults_of_the_session_are_tried_at_many_amounts_however_little_they_show(monkeypatch) -> None:
-    monkeypatch.setattr("validation.identification.difference.search.BRANCHES", 2)
+def test_faults_of_the_session_are_tried_at_many_amounts_however_little_they_show() -> None:
     responses = Bending(np.array([Bending.curve(np.eye(SHAPES)[0])] * TRIALS), GAIN)
     around, nothing = searches(responses)
     search = around(nothing, nothing, None, MEAN)
     shows = np.diag(search._around(nothing, 0)[0])
     assert np.sum(shows > shows[0]) >= 2  # others show more
-    assert [one.z for one in search._further() if one.members == (0,)] == [1.0]
-    assert [(one.members, one.z) for one in search._further(few=True)] == [((0,), 1.0)]
+    assert [(one.members, one.z) for one in search._faults()] == [((0,), 1.0)]
 
 
-def test_a_fault_is_followed_from_where_it_was_met_best_though_another_cause_leaves_noise(monkeypatch) -> None:
+@pytest.mark.parametrize("met", [True, False])
+def test_a_fault_is_followed_from_where_it_was_met_best_though_another_cause_leaves_noise(monkeypatch, met) -> None:
+    monkeypatch.setattr("validation.identification.difference.search.BRANCHES", 2)
     responses = Bending(np.array([Bending.curve(np.eye(SHAPES)[0])] * TRIALS), GAIN)
     around, nothing = searches(responses)
     search = around(nothing, nothing, None, MEAN)
     monkeypatch.setattr(Search, "_ranked", lambda *asked: [(3,)])  # its derivative hides it
-    monkeypatch.setattr(Search, "fits", lambda self, one: True)
+    monkeypatch.setattr(Search, "fits", lambda self, one: met)
     assert {one.members: one.z for one in search.of_size(1, nothing)}[(0,)] == pytest.approx(1.0, abs=0.01)
 
 
