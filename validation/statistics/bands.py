@@ -15,12 +15,14 @@ are equal before it and far apart after it, and tell nothing of how far the mean
 near each instant it is the regression of a curve's deviation on the slope of the mean curve (registration to first
 order). A shift counts where it explains the deviations, where the body moves (a hundredth of its largest speed, clear
 of rounding), and where it is shorter than half of the time the body takes at its fastest: a longer one is not told from
-a difference in value. Delays are not made good before the action rests: the variance over time is the non-decreasing
-one nearest to what is found at each instant, weighted with the squared slope, so that what looks like a delay of slow
-creeping yields to what the next fast motion shows. The band reaches wherever the mean curve comes when it is shifted by
-as much as a further trial's shift may be (prediction interval of Student's t), since one trial in some that comes early
-has its part in the mean, and is nowhere narrower than the rounding of its samples. What this covers on the virtual
-bench: benchmark `band_on_bench`. No band of a few trials knows what one blow in thirty does and none of them did.
+a difference in value. What is found of the curves smoothed over three times as long counts where it is more: a short
+bounce is over sooner than its time scatters. Delays are not made good before the action rests: the variance over time
+is the non-decreasing one nearest to what is found at each instant, weighted with the squared slope, so that what looks
+like a delay of slow creeping yields to what the next fast motion shows. The band reaches wherever the mean curve comes
+when it is shifted by as much as a further trial's shift may be (prediction interval of Student's t), since one trial in
+some that comes early has its part in the mean, and is nowhere narrower than the rounding of its samples. What this
+covers on the virtual bench: benchmark `band_on_bench`. No band of a few trials knows what one blow in thirty does and
+none of them did.
 
 *Prediction band*: about the prediction of a stroke that was not fitted, calibrated on training strokes left out of the
 fit, alike for every model. Its half width is q · u(t): u joins what the key's calibration leaves open (an ensemble),
@@ -49,11 +51,12 @@ from validation.prediction.positions import Mixture, Predict
 
 WINDOW = 1 / 6  # of the time in which the mean curve would cover its range at its largest speed
 LONGEST = 0.5  # of the same time: a longer shift is not told from a difference in value
+SCALES = (1, 3)  # times that time, over which the curves are smoothed (1: not)
 MOVES = 0.01  # of the largest speed
 EXPLAINED = 0.4  # of the squared deviations near an instant; half is what shifts explain of sharp steps
 CLEAR = 3.0  # times the rounding of its samples, over the window, that a slope must exceed
 IS_MOTION = 10.0  # times the variance of the mean's slope, all along: below, the mean is what is left of the scatter
-TIME_CONFIDENCE = 0.995  # for a further trial; with it the band of the mean covers about 95 % on the virtual bench
+TIME_CONFIDENCE = 0.98  # for a further trial; with it the band of the mean covers about 95 % on the virtual bench
 ROUND_SAMPLES = 0.05
 
 
@@ -79,33 +82,53 @@ def time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
     >>> float(s[0]), round(float(s[-1]), 1)
     (0.0, 2.0)
     """
+    mean = curves.mean(axis=1)
+    fastest = float(np.abs(np.gradient(mean)).max())
+    if not fastest > 0:
+        return np.zeros(len(mean))
+    variance, weight = np.zeros((2, len(mean)))
+    for scale in SCALES:
+        way = scale * float(np.ptp(mean)) / fastest
+        window = _window(WINDOW * way, len(mean))
+        smooth = curves if scale == 1 else convolve1d(curves, window, axis=0, mode="nearest")
+        noise = u_sample * (1.0 if scale == 1 else float(np.linalg.norm(window)))
+        shift, power = _shifts(smooth, noise, way)
+        variance, weight = np.maximum(variance, shift**2), np.maximum(weight, power)
+    told = np.flatnonzero(weight)
+    if not told.size:
+        return variance
+    grown = np.sqrt(isotonic_regression(variance[told], weights=weight[told]).x)
+    return np.concatenate([np.zeros(told[0]), np.repeat(grown, np.diff(np.append(told, len(mean))))])
+
+
+def _window(half: float, n_samples: int) -> Array:
+    """Weights of neighbours so far to each side."""
+    weight = np.hanning(2 * int(np.clip(round(half), 2, max(n_samples // 4, 2))) + 3)[1:-1]
+    return np.asarray(weight / weight.sum())
+
+
+def _shifts(curves: Array, u_sample: float, way: float) -> tuple[Array, Array]:
+    """Standard deviation of the shifts near each sample and its weight; both 0 where none is told."""
     n_samples, n = curves.shape
     mean = curves.mean(axis=1)
     slope = np.gradient(mean)
-    fastest = float(np.abs(slope).max())
     deviation = curves - mean[:, None]
     of_slope = float(np.square(np.gradient(deviation, axis=0)).sum()) / (n * (n - 1))
     if not float(slope @ slope) > IS_MOTION * of_slope:
-        return np.zeros(n_samples)
-    way = float(np.ptp(mean)) / fastest
-    half = int(np.clip(round(WINDOW * way), 2, max(n_samples // 4, 2)))
-    weight = np.hanning(2 * half + 3)[1:-1]
-    weight /= weight.sum()
+        return np.zeros(n_samples), np.zeros(n_samples)
+    window = _window(WINDOW * way, n_samples)
 
     def near(values: Array) -> Array:
-        return np.asarray(convolve1d(values, weight, axis=0, mode="constant"))
+        return np.asarray(convolve1d(values, window, axis=0, mode="constant"))
 
     common = near(slope[:, None] * deviation)
     power = near(slope**2)
-    moving = power > max((CLEAR * u_sample / half) ** 2, (MOVES**2) * float(power.max()))
+    moving = power > max((CLEAR * u_sample / (len(window) // 2)) ** 2, (MOVES**2) * float(power.max()))
     shift = common / np.where(power > 0, power, np.inf)[:, None]
     s = np.sqrt(np.square(shift - shift.mean(axis=1, keepdims=True)).sum(axis=1) / (n - 1))
     explained = np.square(common).sum(axis=1) > EXPLAINED * power * near(np.square(deviation).sum(axis=1))
-    told = np.flatnonzero(moving & explained & (s < LONGEST * way))
-    if not told.size:
-        return np.zeros(n_samples)
-    grown = np.sqrt(isotonic_regression(s[told] ** 2, weights=power[told]).x)
-    return np.concatenate([np.zeros(told[0]), np.repeat(grown, np.diff(np.append(told, n_samples)))])
+    told = moving & explained & (s < LONGEST * way)
+    return np.where(told, s, 0.0), np.where(told, power, 0.0)
 
 
 def reach_in_time(mean: Array, scatter: Array, n: int) -> Array:

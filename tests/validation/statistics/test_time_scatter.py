@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from validation.statistics import bands
 from validation.statistics.bands import TIME_CONFIDENCE, reach_in_time, time_scatter
 
 T = np.arange(600.0)[:, None]
@@ -25,6 +26,13 @@ def test_the_shift_of_each_part_is_found_and_stays():
     assert s[300] == pytest.approx(sd, rel=0.1)  # nothing moves: the delay stays
     assert s[400] == pytest.approx(2 * sd, rel=0.05)
     assert np.all(np.diff(s) >= 0)
+
+
+def test_the_shift_of_a_bounce_that_is_over_sooner_is_not_told_too_short(monkeypatch):
+    later = blow(0.0) - 0.1 * np.exp(-(((T - 520 - 6 * LATE) / 5) ** 2))
+    assert time_scatter(later)[560] > 6 * LATE.std(ddof=1)
+    monkeypatch.setattr(bands, "SCALES", (1,))  # not of the curves as they are
+    assert time_scatter(later)[560] < 6 * LATE.std(ddof=1)
 
 
 def test_scatter_in_value_is_no_shift():
