@@ -422,7 +422,7 @@ def _answer(around: Around, search: Search, most: int) -> Answer:
 
     def near_it(s: Followed) -> bool:  # no worse by what its own runs scatter by, nor by little where it leaves noise
         short = best_of - search.log_evidence(s)
-        minor = asked == MEAN and short <= min(SURE, MINOR * gained) and search.fits(s) and search.left(s) <= most_left
+        minor = short <= min(SURE, MINOR * gained) and search.fits(s) and search.left(s) <= most_left
         return search.shown(s) and (minor or short <= max(margin, min(s.rough, SURE)))
 
     near = list(filter(near_it, sets[size]))
@@ -474,17 +474,21 @@ def _contradicted(search: Search, sets: Mapping[int, Sequence[Followed]], near: 
 
 def _main(search: Search, sets: Mapping[int, Sequence[Followed]], best: Followed) -> list[Followed]:
     """The one cause by far of what some trials differ by, though more is left than noise: every set near the best has
-    it, and a tenth of what it explains, or more, nothing gains beside it."""
+    it, and a tenth of what it explains, or more, nothing gains beside it; or, of a fault of the session, in its
+    place."""
     if search.asked == MEAN or not sets.get(1):
         return []
     odds = {id(s): search.log_evidence(s) for found in sets.values() for s in found}
     one = max(sets[1], key=lambda s: odds[id(s)])
-    here = odds[id(one)]
+    here, least, source = odds[id(one)], odds[id(search.start)], search.source(search.own(one.members)[0])
     rivals = [s for found in sets.values() for s in found if not set(one.members) <= set(s.members)]
     alone = all(odds[id(s)] < here - (SURE if len(s.members) <= len(one.members) else 0.0) for s in rivals)
     beside = max(odds.values()) - here + max(search.promised(best), 0.0)
+    if source.of_session:
+        others = [odds[id(s)] for s in rivals if all(search.source(j) is not source for j in search.own(s.members))]
+        beside = min(beside, max(others, default=least) - least)
     alone = alone and one.rough < SURE and search.shown(one)
-    return [one] if alone and beside < MINOR * (here - odds[id(search.start)]) else []
+    return [one] if alone and beside < MINOR * (here - least) else []
 
 
 def _large(search: Search, found: Sequence[Followed]) -> list[Followed]:

@@ -21,6 +21,7 @@ from validation.identification.difference.explain import (
     Around,
     Explained,
     _contradicted,
+    _main,
     _soft,
     decide,
 )
@@ -182,6 +183,22 @@ def test_another_that_leaves_noise_too_is_named_where_little_less_speaks_for_it(
     known, twin = Search.log_evidence, (SHAPES - 1,)
     monkeypatch.setattr(Search, "log_evidence", lambda *a, **how: known(*a, **how) - short * (a[1].members == twin))
     assert (frozenset({f"law {SHAPES - 1}"}) in named(said({SHAPES - 2: 1.2}))) == both
+
+
+@pytest.mark.parametrize(("short", "both"), [(20.0, True), (150.0, False)])
+def test_so_is_another_of_what_some_trials_differ_by(monkeypatch, short, both) -> None:
+    known, twin = Search.log_evidence, SHAPES - 1
+
+    def odds(search: Search, one: Followed, **how: bool) -> float:
+        return known(search, one, **how) - short * any(
+            search.responses.candidates[j].source == twin for j in one.members
+        )
+
+    monkeypatch.setattr(Search, "log_evidence", odds)
+    step = np.where(np.arange(6) > 2, 1.2, 0.0)
+    found = said({}, trials=6, apart={SHAPES - 2: step})
+    assert {row.cause for row in found.changes if row.profile == STEP} >= {f"law {SHAPES - 2}"}
+    assert (f"law {SHAPES - 1}" in {row.cause for row in found.changes}) == both
 
 
 def test_a_change_is_not_singled_out_where_a_set_that_holds_it_explains_as_well() -> None:
@@ -347,6 +364,22 @@ def test_one_cause_is_named_beside_less_that_none_explains_and_none_beside_more(
     assert "% of its square, which is scatter or was not tried" in little.findings[0].text
     assert not much.changes and "what trials 1, 2, 3, 4, 5, 6 differ by among themselves" in much.sentence
     assert "what all share is not looked for" in much.sentence
+
+
+@pytest.mark.parametrize(("listed", "rival", "told"), [(GAIN, 50.0, True), (GAIN, 150.0, False), (LISTED, 50.0, False)])
+def test_a_fault_of_the_session_is_named_where_nothing_in_its_place_gains_a_tenth(
+    monkeypatch: pytest.MonkeyPatch, listed: tuple[Source, ...], rival: float, told: bool
+) -> None:
+    responses = Bending(np.array([Bending.curve(np.eye(SHAPES)[0] * (t > 2)) for t in range(6)]), listed)
+    around, nothing = searches(responses)
+    search = around(nothing, nothing, None, BETWEEN)
+    step = [j for j, c in enumerate(responses.candidates) if c.profile == STEP and c.first == 4]
+    one, other = search._follow([search._started((step[j],), search.start) for j in (0, 5)])
+    later = replace(one, members=(step[0] + 1,))  # the same fault in other trials is no other cause
+    for found, odds in ((nothing, 0.0), (one, 1000.0), (other, rival), (later, 800.0)):
+        search._known[id(found), False] = found, odds
+    monkeypatch.setattr(Search, "promised", lambda *_: 400.0)  # far more is left than noise
+    assert _main(search, {0: [nothing], 1: [one, other, later]}, one) == ([one] if told else [])
 
 
 def test_what_a_channel_scatters_by_is_in_the_u_of_its_drift() -> None:
