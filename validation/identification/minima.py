@@ -22,8 +22,8 @@ from validation.identification.problem import Columns, Problem, curves_at, resid
 
 MOST_STEPS = 15
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of the way to where the linear model puts values
-OWN_SHARES = (1.0, 0.5, 0.1)  # of each trial's way
-CORRECTIONS, CORRECTED = 3, (1.0, 0.3)  # of each trial's place, and shares of the way that are tried
+OWN_SHARES = (1.0, 0.3, 0.1)  # of each trial's way; less than all of it only where values cannot go all of theirs
+CORRECTIONS = 3  # of each trial's place
 BENT, SEEN = 0.1, 0.05  # of a posterior standard uncertainty, of the noise: a bend that is not followed
 TINY = 1e-9  # of the same: a step below it has no direction
 FORK = 2.8  # of a sample's noise, twice that of a change, whose zero is rounded too: a bend that is a fork
@@ -122,7 +122,7 @@ def _way_on(problem: Problem, place: _Place, shares: Sequence[float]) -> tuple[A
     before = _cost(place.marginal, place.run, place.own, place.z)
     for share in shares:
         z = place.z + share * step
-        way = _on_the_way(problem, place, z)
+        way = _on_the_way(problem, place, z, OWN_SHARES if share < 1.0 else OWN_SHARES[:1])
         after = np.inf if way is None else _cost(place.marginal, way.run, way.own, z)
         if way is not None and after < before:
             return z, way, before - after
@@ -184,14 +184,14 @@ class _Way:
     costs: Array
 
 
-def _on_the_way(problem: Problem, place: _Place, z: Array) -> _Way | None:
+def _on_the_way(problem: Problem, place: _Place, z: Array, shares: Sequence[float]) -> _Way | None:
     """Of each trial the likeliest place near where the linear model puts it; None where some cannot run.
 
     What a trial has of its own turns with z along a curve: from the first place it is corrected by what the run there
     says, or the whole could follow z by a tenth of a step only.
     """
     blocks = place.marginal.blocks
-    way = _likeliest_way(problem, z, OwnModes(place.marginal, place.linear, z), place.own, OWN_SHARES)
+    way = _likeliest_way(problem, z, OwnModes(place.marginal, place.linear, z), place.own, shares)
     for _ in range(CORRECTIONS):
         if way is None:
             break
@@ -199,7 +199,7 @@ def _on_the_way(problem: Problem, place: _Place, z: Array) -> _Way | None:
         linear = [r + b.moved @ z for r, b in zip(there, blocks, strict=True)]
         modes = OwnModes(place.marginal, linear, z)
         known = modes.costs(way.run, way.own)
-        found = _likeliest_way(problem, z, modes, way.own, CORRECTED)
+        found = _likeliest_way(problem, z, modes, way.own, shares)
         if found is None:
             break
         better = found.costs < known
