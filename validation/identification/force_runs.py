@@ -147,7 +147,7 @@ def own_units(trial: ObservedTrial) -> Array:
 
 TOLERANCE = 2e-7
 MODES_RAD = 3e-5  # error of an angle by which a fit chooses a string's modes: the runs' own asks for all there are
-MOTION, TANGENT = 1e-7, 1e-3  # the motion sets the error of derivatives, 2 to 6 in ten thousand, beside either
+MOTION, TANGENT = 1e-7, 1e-4
 FINER = 0.1  # times the tolerance, of runs whose differences are derivatives: a run's error is divided by the step
 KEPT = 200  # actions, with their rests and curves, that are kept from run to run
 PROBE, PROBED_RAD = 0.01, 1e-5  # prior standard uncertainties, and angle: the step that checks the derivatives

@@ -81,7 +81,7 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
     place = _Place(z, nothing_own(marginal.blocks), here, linear, here, marginal, np.full(len(linear), np.inf))
     converged, steps, asked = False, 0, np.arange(len(problem.unknowns.asked))
     forks: dict[int, int] = {}
-    learnt, idle = 0, 0
+    learnt, idle, trail = 0, 0, [z]
     while not converged and steps < MOST_STEPS:
         found = _way_on(problem, place, SHARES[:1])
         if found is None and np.median(place.costs) < FOLLOWED:
@@ -98,6 +98,7 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
             converged = place.followed and largest_step(place.marginal, place.here, place.z, box, asked) < WANTED
             break
         steps, gained, place = steps + 1, found[2], new
+        trail.append(place.z)
         learnt += place.followed
         largest = largest_step(place.marginal, place.here, place.z, box, problem.watched)
         if say is not None:
@@ -106,7 +107,9 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
         if learnt <= LEARNT:  # the cost was another function
             continue
         converged = place.followed and largest < CLOSE and _known(place)
-        if gained < SAME:
+        width = np.sqrt(np.diag(place.marginal.covariance)[: place.marginal.p])
+        back = len(trail) > 2 and np.max(np.abs(place.z - trail[-3]) / width) < CLOSE
+        if gained < SAME or back:  # to and fro between two linear models nothing is gained, whatever each step says
             converged = place.followed and largest_step(place.marginal, place.here, place.z, box, asked) < WANTED
             idle += 1
             if idle == IDLE:

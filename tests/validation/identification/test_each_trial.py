@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import cycle
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.validation.identification import toy
 from validation.conventions import Array
+from validation.identification import minima
 from validation.identification.estimates import profiles
 from validation.identification.fit import fit
 from validation.identification.force_runs import Own
@@ -76,6 +79,25 @@ def test_a_trial_that_the_model_cannot_follow_leaves_the_fit_unsettled() -> None
     problem, _ = played(1)
     found = refine(replace(problem, response=Lost(problem.trials)), fit(problem))
     assert found.own is None and not found.converged
+
+
+def test_steps_to_and_fro_end_a_fit_whatever_each_of_them_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, _ = played(0)
+    way_on, look, sides, last = minima._way_on, minima._look, cycle((0.15, -0.15)), []
+
+    def gaining(*asked: Any) -> Any:
+        last.append(way_on(*asked) or last[-1])
+        return *last[-1][:2], 5.0
+
+    def beside(*asked: Any) -> Any:
+        place = look(*asked)
+        assert place is not None
+        return replace(place, z=last[-1][0] + next(sides) * np.sqrt(np.diag(place.marginal.covariance)[:3]))
+
+    monkeypatch.setattr(minima, "_way_on", gaining)
+    monkeypatch.setattr(minima, "_look", beside)
+    found = refine(problem, fit(problem))
+    assert found.converged and found.steps < minima.MOST_STEPS
 
 
 def test_a_profile_and_a_sampler_see_each_trial_where_it_was() -> None:
