@@ -107,8 +107,7 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
         if learnt <= LEARNT:  # the cost was another function
             continue
         converged = place.followed and largest < CLOSE and _known(place)
-        width = np.sqrt(np.diag(place.marginal.covariance)[: place.marginal.p])
-        back = len(trail) > 2 and np.max(np.abs(place.z - trail[-3]) / width) < CLOSE
+        back = len(trail) > 2 and np.max(np.abs(place.z - trail[-3]) / place.marginal.width) < CLOSE
         if gained < SAME or back:  # to and fro between two linear models nothing is gained, whatever each step says
             converged = place.followed and largest_step(place.marginal, place.here, place.z, box, asked) < WANTED
             idle += 1
@@ -153,8 +152,7 @@ def _forks(problem: Problem, place: _Place, known: Mapping[int, int]) -> dict[in
     """
     marginal = place.marginal
     step = box_step(marginal, place.here, place.z, problem.box(), 0.0)
-    width = np.sqrt(np.diag(marginal.covariance)[: marginal.p])
-    step /= max(float(np.max(np.abs(step / width)[problem.watched])), TINY)
+    step /= max(float(np.max(np.abs(step / marginal.width)[problem.watched])), TINY)
     tried = [(sign * probed, least) for probed, least in PROBES for sign in (1.0, -1.0)]
     curves = problem.response.curves([place.z + s * step for s, _ in tried], len(tried) * [place.own])
     late, early = dict(known), dict[int, int]()
@@ -260,7 +258,7 @@ def bends(problem: Problem, fitted: Fitted) -> bool:
         return True
     here = residuals_there(problem, marginal.blocks, curves, own)
     bent = [h + b.moved @ fitted.z - r for h, b, r in zip(here, marginal.blocks, fitted.linear, strict=True)]
-    away = marginal.mean(bent)[: marginal.p] / np.sqrt(np.diag(marginal.covariance)[: marginal.p])
+    away = marginal.mean(bent)[: marginal.p] / marginal.width
     seen = marginal.projected(bent)[1] > SEEN * sum(r.size for r in bent)
     return bool(seen or np.max(np.abs(away[problem.watched])) > BENT)
 

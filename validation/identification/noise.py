@@ -293,6 +293,11 @@ class Marginal:
         self._projected: tuple[Array, float] = np.zeros(self.q), 0.0
 
     @cached_property
+    def width(self) -> Array:
+        """Posterior standard uncertainties (p,) of z."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)[: self.p]))
+
+    @cached_property
     def rest(self) -> tuple[Array, bool]:
         """Cholesky factor of the precision of all columns but z."""
         found: tuple[Array, bool] = cho_factor(self.precision[self.p :, self.p :])
@@ -492,8 +497,7 @@ def largest_step(
     marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], watched: NDArray[np.intp]
 ) -> float:
     """Largest change of what is watched in the whole step from z, in its posterior standard uncertainties."""
-    width = np.sqrt(np.diag(marginal.covariance)[: marginal.p])
-    return float(np.max((np.abs(box_step(marginal, here, z, box, 0.0)) / width)[watched]))
+    return float(np.max((np.abs(box_step(marginal, here, z, box, 0.0)) / marginal.width)[watched]))
 
 
 def dampings(last: float) -> list[float]:

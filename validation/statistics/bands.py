@@ -89,10 +89,12 @@ def time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
     variance, weight = np.zeros((2, len(mean)))
     for scale in SCALES:
         way = scale * float(np.ptp(mean)) / fastest
-        window = _window(WINDOW * way, len(mean))
+        half = int(np.clip(round(WINDOW * way), 2, max(len(mean) // 4, 2)))
+        window = np.hanning(2 * half + 3)[1:-1]
+        window /= window.sum()
         smooth = curves if scale == 1 else convolve1d(curves, window, axis=0, mode="nearest")
         noise = u_sample * (1.0 if scale == 1 else float(np.linalg.norm(window)))
-        shift, power = _shifts(smooth, noise, way)
+        shift, power = _shifts(smooth, noise, way, window)
         variance, weight = np.maximum(variance, shift**2), np.maximum(weight, power)
     told = np.flatnonzero(weight)
     if not told.size:
@@ -101,13 +103,7 @@ def time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
     return np.concatenate([np.zeros(told[0]), np.repeat(grown, np.diff(np.append(told, len(mean))))])
 
 
-def _window(half: float, n_samples: int) -> Array:
-    """Weights of neighbours so far to each side."""
-    weight = np.hanning(2 * int(np.clip(round(half), 2, max(n_samples // 4, 2))) + 3)[1:-1]
-    return np.asarray(weight / weight.sum())
-
-
-def _shifts(curves: Array, u_sample: float, way: float) -> tuple[Array, Array]:
+def _shifts(curves: Array, u_sample: float, way: float, window: Array) -> tuple[Array, Array]:
     """Standard deviation of the shifts near each sample and its weight; both 0 where none is told."""
     n_samples, n = curves.shape
     mean = curves.mean(axis=1)
@@ -116,7 +112,6 @@ def _shifts(curves: Array, u_sample: float, way: float) -> tuple[Array, Array]:
     of_slope = float(np.square(np.gradient(deviation, axis=0)).sum()) / (n * (n - 1))
     if not float(slope @ slope) > IS_MOTION * of_slope:
         return np.zeros(n_samples), np.zeros(n_samples)
-    window = _window(WINDOW * way, n_samples)
 
     def near(values: Array) -> Array:
         return np.asarray(convolve1d(values, window, axis=0, mode="constant"))
