@@ -41,6 +41,9 @@ LIFTING = {RAIL, "key_pin"}
 NEAR, MOST_FITTED = 0.5, 2  # of the best one's gain: what is fitted anew, and how many, of values and of effects
 SHOWS, HAMMER, UP, AROUND_S = 4.0, 2, 0.95, 5e-3  # u of a sensor; the blow: its channel, share of its way, s about it
 
+Promise = tuple[float, Parameter, model.Action]
+"""Gain of log evidence that the linear model promises, what is let in, and the action that has it."""
+
 
 @dataclass(frozen=True)
 class LetIn:
@@ -134,13 +137,11 @@ def supported(problem: Problem, fitted: Fitted, say: Callable[[str], None]) -> S
     best, found = LetIn(None, problem, fitted), []
     kinds = ranked(problem, fitted)
     tried = sum(map(len, kinds))
-    for gains in kinds:
-        least = math.log(ODDS * max(len(gains), 1))
-        for gain, parameter, action in [row for row in gains if row[0] > max(least, NEAR * gains[0][0])][:MOST_FITTED]:
-            say(f"let in: {parameter.name} (the linear model promises e^{gain:.0f})")
-            one = fit_with(problem, fitted, parameter, action, math.log(tried))
-            if one is not None:
-                found.append(one)
+    for gain, parameter, action in _promising(kinds):
+        say(f"let in: {parameter.name} (the linear model promises e^{gain:.0f})")
+        one = fit_with(problem, fitted, parameter, action, math.log(tried))
+        if one is not None:
+            found.append(one)
     every = sorted([best, *found], key=lambda one: -one.gain)
     kept = tuple(one for one in every if one.gain > every[0].gain - math.log(ODDS))
     if kept == (best,) and lacking(fitted) <= LACKING:
@@ -149,7 +150,22 @@ def supported(problem: Problem, fitted: Fitted, say: Callable[[str], None]) -> S
     return Supported(kept, estimates, combinations, tried, shows_in(problem, _lack(problem, fitted, kept[0])))
 
 
-def ranked(problem: Problem, fitted: Fitted) -> list[list[tuple[float, Parameter, model.Action]]]:
+def _promising(kinds: Sequence[Sequence[Promise]]) -> list[Promise]:
+    """What is fitted anew: the most promising of each kind, and the felt of each contact among them.
+
+    A felt twice as stiff is no small change: where the fit ended its linear model may promise less than a law of
+    another form, or another place, of the same contact.
+    """
+    out: list[Promise] = []
+    for gains in kinds:
+        least = math.log(ODDS * max(len(gains), 1))
+        out += [row for row in gains if row[0] > max(least, NEAR * gains[0][0])][:MOST_FITTED]
+    named = {row[1].name for row in out}
+    contacts = {name.partition(".")[0] for name in named} - named
+    return out + [row for row in kinds[0] if row[1].name in contacts]
+
+
+def ranked(problem: Problem, fitted: Fitted) -> list[list[Promise]]:
     """Values that were held, and effects, with the gain of log evidence that the linear model promises, the best first.
 
     What an effect promises is what it does as stated; a value that looks like it may promise more, and then keep less.
@@ -162,7 +178,7 @@ def ranked(problem: Problem, fitted: Fitted) -> list[list[tuple[float, Parameter
     own = None if fitted.own is None else [fitted.own]
     sizes = replace(marginal.sizes, families=np.insert(marginal.sizes.families, marginal.p, -1))
     before = marginal.log_evidence(fitted.linear)
-    out: list[list[tuple[float, Parameter, model.Action]]] = []
+    out: list[list[Promise]] = []
     for columns_of in (_held, _effects):
         found = []
         for parameter, action, columns in columns_of(problem, fitted, response, own):

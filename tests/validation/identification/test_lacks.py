@@ -24,7 +24,7 @@ from validation.identification.page import _apart
 from validation.identification.problem import at_start
 from validation.identification.scatter import lacking
 from validation.identification.sources import IdentifyOptions, collect
-from validation.identification.unknowns import unknowns
+from validation.identification.unknowns import parameter_of, single_names, unknowns
 
 TRUTH = np.array([0.4, -0.3, 0.2])
 ACTION, EXAMPLE = model.load_action(), Path(__file__).parents[3] / "sessions" / "example_forte"
@@ -100,6 +100,20 @@ def test_the_stroke_in_which_fits_differ_most_tells_best_what_is_lacking() -> No
     best = int(np.argmax(apart))
     (said,) = _apart(found, ranked)  # type: ignore[arg-type]
     assert f"told best by 5 {('forte', 'piano')[best]}: " in said and f"by {apart[best]:.0f} times" in said
+
+
+def test_the_felt_of_a_contact_that_is_promising_otherwise_is_let_in_too() -> None:
+    """A felt twice as stiff promises nothing in a linear model, its memory or its place a good deal."""
+
+    def rows(**gains: float) -> list[lacks.Promise]:
+        return [(g, parameter_of(ACTION, n, names[n]), ACTION) for n, g in gains.items()]  # type: ignore[list-item]
+
+    names = single_names(ACTION)
+    held = rows(**{"contact10.second.x": 40.0, "key.joint_friction.A": 30.0, "contact01": 2.0, "contact10": -2.0})
+    effects = [(44.0, replace(held[0][1], name="contact01.stulov.tau"), ACTION)]
+    chosen = [row[1].name for row in lacks._promising([held, effects])]
+    assert chosen == ["contact10.second.x", "key.joint_friction.A", "contact01.stulov.tau", "contact01", "contact10"]
+    assert [row[1].name for row in lacks._promising([held[1:], []])] == ["key.joint_friction.A"]
 
 
 def test_lines_name_what_takes_the_lack_away_and_what_is_known() -> None:
