@@ -165,7 +165,9 @@ def _forks(problem: Problem, place: _Place, known: Mapping[int, int]) -> dict[in
                 if phase >= least * b.time_s.size:
                     out = late if least else early
                     out[k] = min(phase, out.get(k, phase))
-    return late | early if len(early) <= FEW * len(problem.trials) else late
+    half = PROBES[0][1] * marginal.blocks[0].time_s.size
+    soon = early.keys() | {k for k, phase in known.items() if phase < half}
+    return late | early if len(soon) <= FEW * len(problem.trials) else late
 
 
 def _until(place: _Place, forks: Mapping[int, int]) -> _Place:

@@ -15,7 +15,7 @@ from validation.conventions import Array
 from validation.identification import minima
 from validation.identification.estimates import profiles
 from validation.identification.fit import fit
-from validation.identification.force_runs import Own
+from validation.identification.force_runs import Own, nothing_own
 from validation.identification.minima import bends, refine
 from validation.identification.problem import Problem, curves_at, residuals_there
 from validation.identification.sampling import _density
@@ -134,3 +134,27 @@ def test_what_a_trial_does_after_a_fork_is_left_out_and_the_rest_settles_on_the_
     found = refine(replace(problem, response=Forked(problem.trials)), fit(problem))
     assert found.forks == {1: first} and found.converged
     assert np.all(np.abs(found.z - TRUTH) < 3.0 * np.sqrt(np.diag(found.covariance)))
+
+
+def test_no_more_than_a_third_of_the_trials_have_an_early_fork_found_at_once_or_in_turn() -> None:
+    problem, _ = played(0)
+    found = fit(problem)
+
+    class Forked(Bent):
+        """The fourth trial meets a stop in its first half just where the fit ended."""
+
+        def curves(
+            self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None
+        ) -> list[list[Array] | None]:
+            out = super().curves(points, own)
+            for z, curves in zip(points, out, strict=True):
+                if curves is not None and z[0] != found.z[0]:
+                    curves[3] = curves[3] + 5e-3 * (np.arange(toy.M) >= 5)[:, None]
+            return out
+
+    here = [r - b.moved @ found.z for r, b in zip(found.linear, found.marginal.blocks, strict=True)]
+    own = nothing_own(found.marginal.blocks)
+    place = minima._Place(found.z, own, here, found.linear, here, found.marginal, np.ones(6))
+    forked = replace(problem, response=Forked(problem.trials))
+    assert minima._forks(forked, place, {0: 5}) == {0: 5, 3: 5}
+    assert minima._forks(forked, place, {0: 5, 1: 5}) == {0: 5, 1: 5}  # a third stop would be the model's fault
