@@ -63,7 +63,7 @@ class Scene(ArrayRecord):
     start: NDArray[np.float64]  # (size,) rad, where the search for the rest state begins
     command: pressing.Command | None = None  # how the input of a run reaches the kernels; None as it is
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of unknown coordinates."""
         return len(self.bodies) - int(self.tables.prescribed.sum())

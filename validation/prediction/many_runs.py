@@ -69,7 +69,7 @@ def coarse_force(time_s: Array, force_n: Array, spacing_s: float = SPACING_S) ->
     return knots, np.asarray(solveh_banded(normal, total(left_share * force_n, right_share * force_n)))
 
 
-AT_ONCE = 96  # runs whose results are held at one time
+AT_ONCE, AT_ONCE_WHOLE = 32, 4  # runs whose results are held at one time; of those that give forces and energies, too
 T = TypeVar("T")
 
 
@@ -110,9 +110,10 @@ def run_many(
     """
     out: list[T | None] = [None] * len(runs)
     todo = [i for i, run in enumerate(runs) if run is not None]
+    at_once = AT_ONCE_WHOLE if any(run.outputs for run in runs if run is not None) else AT_ONCE
     with ThreadPoolExecutor(WORKERS) as pool:
-        for first in range(0, len(todo), AT_ONCE):
-            part = todo[first : first + AT_ONCE]
+        for first in range(0, len(todo), at_once):
+            part = todo[first : first + at_once]
             found = _solutions(tested, [run for i in part if (run := runs[i]) is not None], pool)
             kept = pool.map(lambda i, solution: None if solution is None else use(i, solution), part, found)
             for i, value in zip(part, kept, strict=True):

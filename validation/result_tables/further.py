@@ -71,12 +71,14 @@ def _inside(tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw]
         tested.action, force.time_s, force.force_n, tolerance=tested.tolerance, output_time_s=at,
         initial=tested.load(force.preload_n).rest, inside=True, energy=True,
     )  # fmt: skip
+    parts = list(_parts(tested.action, blow))
+    del blow  # half of what a report of many trials would hold beside them
     actions = [drawn_action(tested, m, draw) for draw in draws]
     runs = [None if one is None else drawn_run(tested, m, one, at) for one in actions]
     asked = [None if run is None else replace(run, outputs=("contact_forces", "energy")) for run in runs]
     drawn = [sizes for sizes in run_many(tested, asked, lambda _, solution: _sizes(solution)) if sizes is not None]
     u = pd.DataFrame(drawn).std()
-    for name, row in _parts(tested.action, blow):
+    for name, row in parts:
         doubt = "u_energy_j" if row["kind"] == "energy" else "u_largest_n"
         yield row | {"trial": m.number, "draws": len(drawn), doubt: float(u.get(name, np.nan))}
 

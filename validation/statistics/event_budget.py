@@ -15,7 +15,6 @@ nothing is known is NaN, and the event is not judged.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ import pandas as pd
 
 import model
 from model.errors import ModelError
-from validation.conventions import ENCODER_BODIES, WORKERS, Array
+from validation.conventions import ENCODER_BODIES, Array
 from validation.errors import PredictionError, ValidationInputError
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import find_events
@@ -104,11 +103,10 @@ def event_budget(tested: ModelUnderTest, m: MeasuredTrial, summary: pd.DataFrame
 def _outcomes(tested: ModelUnderTest, m: MeasuredTrial, inputs: Sequence[Case]) -> list[dict[str, float] | None]:
     """Model minus trial of every event in each case; NaN where either does not happen; None when it cannot be run."""
     made = [_case_run(tested, m, case) for case in inputs]
-    found = run_many(tested, [None if one is None else one[0] for one in made], lambda _, solution: solution)
 
-    def outcome(one: tuple[Run, ActionGeometry] | None, solution: model.Solution | None) -> dict[str, float] | None:
-        if one is None or solution is None:
-            return None
+    def outcome(i: int, solution: model.Solution) -> dict[str, float]:
+        one = made[i]
+        assert one is not None
         run, geometry = one
         rest = np.asarray(run.rest.angle_rad, dtype=float)
         change = (np.asarray(solution.angle_rad, dtype=float) - rest)[:, ENCODER_BODIES]
@@ -116,8 +114,7 @@ def _outcomes(tested: ModelUnderTest, m: MeasuredTrial, inputs: Sequence[Case]) 
         trial = _events(geometry, m.time_s, m.change_rad, m.u_rad, m.quiet.stop)
         return {name: predicted[name].value - trial[name].value for name in EVENTS}
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        return list(pool.map(outcome, made, found))
+    return run_many(tested, [None if one is None else one[0] for one in made], outcome)
 
 
 def _case_run(tested: ModelUnderTest, m: MeasuredTrial, case: Case) -> tuple[Run, ActionGeometry] | None:
