@@ -36,6 +36,7 @@ PROVISIONAL = (
     "intervals are provisional: how often they hold the truth is known from few virtual experiments "
     "(docs/explanation/identification.md)"
 )
+MOST_ASKED = 25  # values at once: how often intervals of more hold the truth was not counted
 SAME = 6.0  # of twice the log likelihood: starts that end this close have found the same minimum
 
 
@@ -122,7 +123,7 @@ def identify(
         correlation=covariance / np.outer(width, width),
         undetermined=tuple(undetermined),
         determined=tuple(determined),
-        warnings=(*_of_fit(best, fits, sources), *risen, *stuck, *said, *warnings_of(names, covariance)),
+        warnings=(*_of_fit(best, fits, sources), *of_many(names), *risen, *stuck, *said, *warnings_of(names, covariance)),
         starts=tuple(f.alike for f in fits),
         scatter=scatter,
         scores=scores,
@@ -185,6 +186,16 @@ def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:
     for parameter, at in zip(asked.moved, z, strict=True):
         values |= parameter.values(start, float(at))
     return start.with_values(values, "identify")
+
+
+def of_many(names: Sequence[str]) -> list[str]:
+    """What is said where more values are asked for at once than were tried."""
+    if len(names) <= MOST_ASKED:
+        return []
+    return [
+        f"{len(names)} values at once: beyond {MOST_ASKED} a fit that settles may be in one of several minima, its values "
+        "several u off; ask for fewer"
+    ]
 
 
 def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]:

@@ -10,6 +10,7 @@ import pytest
 from tests.validation.identification import toy
 from validation.identification import scores
 from validation.identification.further import Candidate, Prospect
+from validation.identification.identify import MOST_ASKED, of_many
 from validation.identification.page import (
     as_sentence,
     breakable,
@@ -103,3 +104,9 @@ def test_an_rmse_that_rises_is_said_with_what_it_is_beside_the_errors_found() ->
     )
     assert "it is 1.9 mrad: the fit weighs each phase" in lines[1] and lines[1].startswith("the whippen's")
     assert why_it_rises(before, before, before) == []
+
+
+def test_more_values_than_were_tried_at_once_are_warned_of() -> None:
+    assert of_many([f"law{k}" for k in range(MOST_ASKED)]) == []
+    (line,) = of_many([f"law{k}" for k in range(60)])
+    assert "60 values at once" in line and "ask for fewer" in line
