@@ -123,7 +123,14 @@ def identify(
         correlation=covariance / np.outer(width, width),
         undetermined=tuple(undetermined),
         determined=tuple(determined),
-        warnings=(*_of_fit(best, fits, sources), *of_many(names), *risen, *stuck, *said, *warnings_of(names, covariance)),
+        warnings=(
+            *_of_fit(best, fits, sources),
+            *of_many(names),
+            *risen,
+            *stuck,
+            *said,
+            *warnings_of(names, covariance),
+        ),
         starts=tuple(f.alike for f in fits),
         scatter=scatter,
         scores=scores,
@@ -193,8 +200,8 @@ def of_many(names: Sequence[str]) -> list[str]:
     if len(names) <= MOST_ASKED:
         return []
     return [
-        f"{len(names)} values at once: beyond {MOST_ASKED} a fit that settles may be in one of several minima, its values "
-        "several u off; ask for fewer"
+        f"{len(names)} values at once: beyond {MOST_ASKED} a fit that settles may be in one of several minima, "
+        "its values several u off; ask for fewer"
     ]
 
 

@@ -137,7 +137,7 @@ def supported(problem: Problem, fitted: Fitted, say: Callable[[str], None]) -> S
     best, found = LetIn(None, problem, fitted), []
     kinds = ranked(problem, fitted)
     tried = sum(map(len, kinds))
-    for gain, parameter, action in _promising(kinds):
+    for gain, parameter, action in _promising(kinds, lacking(fitted)):
         say(f"let in: {parameter.name} (the linear model promises e^{gain:.0f})")
         one = fit_with(problem, fitted, parameter, action, math.log(tried))
         if one is not None:
@@ -150,8 +150,8 @@ def supported(problem: Problem, fitted: Fitted, say: Callable[[str], None]) -> S
     return Supported(kept, estimates, combinations, tried, shows_in(problem, _lack(problem, fitted, kept[0])))
 
 
-def _promising(kinds: Sequence[Sequence[Promise]]) -> list[Promise]:
-    """What is fitted anew: the most promising of each kind, and the felt of each contact among them.
+def _promising(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promise]:
+    """What is fitted anew: the most promising of each kind, and, where a lack is large, the felt of each contact there.
 
     A felt twice as stiff is no small change: where the fit ended its linear model may promise less than a law of
     another form, or another place, of the same contact.
@@ -161,7 +161,7 @@ def _promising(kinds: Sequence[Sequence[Promise]]) -> list[Promise]:
         least = math.log(ODDS * max(len(gains), 1))
         out += [row for row in gains if row[0] > max(least, NEAR * gains[0][0])][:MOST_FITTED]
     named = {row[1].name for row in out}
-    contacts = {name.partition(".")[0] for name in named} - named
+    contacts = {name.partition(".")[0] for name in named if lack > LACKING} - named
     return out + [row for row in kinds[0] if row[1].name in contacts]
 
 
