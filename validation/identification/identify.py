@@ -116,21 +116,14 @@ def identify(
     sizes = best.marginal.sizes.scatter
     scatter = {p.name: float(sizes[j] * p.u) for j, p in enumerate(asked.asked) if problem.laws[j]}
     bound = [f"{e.name}: {AT_BOUND}; its prior is too narrow, or the model lacks something" for e in estimates]
-    said = [line for line, e in zip(bound, estimates, strict=True) if e.verdict == AT_BOUND]
+    said = of_many(names) + [line for line, e in zip(bound, estimates, strict=True) if e.verdict == AT_BOUND]
     return Identification(
         action=found,
         estimates=tuple(estimates),
         correlation=covariance / np.outer(width, width),
         undetermined=tuple(undetermined),
         determined=tuple(determined),
-        warnings=(
-            *_of_fit(best, fits, sources),
-            *of_many(names),
-            *risen,
-            *stuck,
-            *said,
-            *warnings_of(names, covariance),
-        ),
+        warnings=(*_of_fit(best, fits, sources), *risen, *stuck, *said, *warnings_of(names, covariance)),
         starts=tuple(f.alike for f in fits),
         scatter=scatter,
         scores=scores,
