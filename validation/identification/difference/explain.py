@@ -2,10 +2,11 @@
 
 Conventions: trials of one kind without faults, until the key is let go. Causes are faults of the session, changes of
 the model and effects that it lacks alike. First is asked what the trials differ by among themselves (one trial, a
-trend, a step), then what all share, beside that. Named are all sets of the smallest size that is as good as any larger
-one to a factor of `ODDS`, and sets with one change more that hold none of these and are as good; where that is one set
-of what all share, also those that hold it with one or two changes more and are as good. None where "the model lacks
-something else" is better than all of them by that factor (docs/explanation/differences.md).
+trend, a step), where nothing is named also with the change in place that comes nearest what all share; then what all
+share, beside that. Named are all sets of the smallest size that is as good as any larger one to a factor of `ODDS`, and
+sets with one change more that hold none of these and are as good; where that is one set of what all share, also those
+that hold it with one or two changes more and are as good. None where "the model lacks something else" is better than
+all of them by that factor (docs/explanation/differences.md).
 """
 
 from __future__ import annotations
@@ -259,9 +260,9 @@ def linearised(
     wanted = [j for j, s in enumerate(listed) if not s.added]  # these: `Search.with_effects`
     if before is not None:
         wanted = [] if before.around.members == at.members else before.noise
-    if wanted and at.members:
-        exact = responses.exact(at.point)
-        at = at if exact is None else replace(at, each=exact)
+    exact = responses.exact(at.point) if at.members and (wanted or at is start) else None
+    if exact is not None:
+        start, at = (replace(one, each=exact) if one is at else one for one in points)
     columns = np.zeros((at.each.shape[1], len(listed))) if before is None else before.columns.copy()
     found = responses.columns([(at.point, 0, j) for j in wanted], len(wanted) * [at.each])
     for j, column in zip(wanted, found, strict=True):
@@ -319,12 +320,12 @@ def decide(
     told = Answer((), around(nothing, nothing, None, BETWEEN), nothing=True)
     if len(numbers) >= FEWEST_TOLD_APART:
         told = _answer(around, told.search, MOST_APART)
-    apart = [row for n, (one, odds) in enumerate(told.near, 1) for row in _rows(told.search, n, one, odds)]
-    laws = [row for row in apart if not row.of_session]
-    if soft and laws:
+    if soft and any(not row.of_session for row in _apart(told)):
         return Explained(SOFT_APART.format(where=where), soft=True)
-    if any(row.left > HALF for row in laws):
-        told, apart = replace(told, near=()), []
+    told = _telling(told)
+    if not soft and not told.near and told.gained > SURE:
+        told = _beside_shared(around, nothing, told)
+    apart = _apart(told)
     found = findings_of(apart, where, told.search.tried)
     if soft:
         found = tuple(replace(f, text=f.text + SOFT) for f in found)
@@ -335,7 +336,7 @@ def decide(
             f"none of the causes that were tried explains what {where} differ by among themselves; what all share is "
             f"not looked for; tried were {told.search.tried}, each in one trial, from one on, or as a drift"
         )
-    granted = told.near[0][0] if told.near else nothing
+    granted = told.search.alone(told.near[0][0]) if told.near else nothing
     search = around(granted, granted, told.search, MEAN)
     if soft:
         shared = Answer((), search, nothing=search.fits(granted) or search.promised(granted) < LOOK)
@@ -355,6 +356,30 @@ def decide(
     if len(numbers) < FEWEST_TOLD_APART:
         sentence = sentence.replace(ABOUT, MODEL) + "; a fault of single trials was not looked for in fewer than four"
     return Explained(sentence, (*apart, *rows), shared.nothing and not apart, found, withheld)
+
+
+def _apart(told: Answer) -> list[CompatibleChange]:
+    """The changes that some trials have."""
+    return [row for n, (one, odds) in enumerate(told.near, 1) for row in _rows(told.search, n, one, odds)]
+
+
+def _telling(told: Answer) -> Answer:
+    """What some trials differ by; nothing where a law leaves most of it."""
+    most = any(row.left > HALF for row in _apart(told) if not row.of_session)
+    return replace(told, near=()) if most else told
+
+
+def _beside_shared(around: Around, nothing: Followed, told: Answer) -> Answer:
+    """What trials differ by with the one change in place that comes nearest what all share, where none was named.
+
+    Trials of unlike strength answer what all share unlike. Of the change only its answer counts: it need not be right.
+    """
+    search, sets = _sought(around, around(nothing, nothing, told.search, MEAN), 1)
+    shared, _, scores = _weighed(search, sets)
+    if search.log_evidence(shared) < max(scores[0]) + SURE:
+        return told
+    beside = _telling(_answer(around, around(shared, shared, search, BETWEEN), MOST_APART))
+    return beside if beside.near else told
 
 
 def _sought(around: Around, search: Search, most: int) -> tuple[Search, Sets]:
@@ -496,7 +521,8 @@ def _large(search: Search, found: Sequence[Followed]) -> list[Followed]:
     if search.asked == MEAN:
         return list(found)
     told = [search.evidence.amounts(*search.linear(s), s.z, search.asked)[0] for s in found]
-    return [s for s, z in zip(found, told, strict=True) if np.all(np.minimum(np.abs(s.z), np.abs(z)) > SMALLEST_CHANGE)]
+    sizes = [np.minimum(np.abs(s.z), np.abs(z)) for s, z in zip(found, told, strict=True)]
+    return [s for s, size in zip(found, sizes, strict=True) if np.all(size[search.at(s)] > SMALLEST_CHANGE)]
 
 
 def _weighed(search: Search, sets: Mapping[int, Sequence[Followed]]) -> tuple[Followed, float, dict[int, list[float]]]:

@@ -521,8 +521,7 @@ class Search:
 
     def subsets(self, best: Followed) -> list[Followed]:
         """The sets that a set leaves when one change is taken out, followed from where it is."""
-        free = [i for i, j in enumerate(best.members) if j not in self.start.members]
-        kept = [[i for i in range(len(best.members)) if i != out] for out in free]
+        kept = [[i for i in range(len(best.members)) if i != out] for out in self.at(best)]
         parts = [replace(best, members=tuple(best.members[i] for i in k), z=best.z[k]) for k in kept]
         found = self.responses.differences([part.point for part in parts])
         started = [
@@ -543,7 +542,7 @@ class Search:
     def shown(self, one: Followed) -> bool:
         """Whether every change of a set is told from none by its u, and lies no further than sets are followed."""
         z, covariance = self.evidence.amounts(*self.linear(one), one.z, self.asked)
-        own = [i for i, j in enumerate(one.members) if j not in self.start.members]
+        own = self.at(one)
         most = self._furthest(one.members)
         size, u = np.abs(z), np.sqrt(np.diag(covariance))
         return bool(np.all(size[own] > CLEAR * u[own]) and np.all(size[own] < most[own]))
@@ -608,6 +607,15 @@ class Search:
     def own(self, members: Sequence[int]) -> tuple[int, ...]:
         """Members of a set without what is taken for granted."""
         return tuple(j for j in members if j not in self.start.members)
+
+    def at(self, one: Followed) -> list[int]:
+        """Places of the members that are not taken for granted."""
+        return [i for i, j in enumerate(one.members) if j not in self.start.members]
+
+    def alone(self, one: Followed) -> Followed:
+        """A set without what is taken for granted, where that is not run anew."""
+        own = self.at(one)
+        return replace(one, members=self.own(one.members), z=one.z[own], columns=one.columns[:, own])
 
     def promised(self, best: Followed) -> float:
         """Log evidence that one or two changes more gain beside a set at most, by the linear model around it."""
@@ -802,6 +810,8 @@ class Search:
         most = self._furthest(one.members)
         least = np.where(added, 0.0, -most)
         z = np.clip(np.linalg.solve(precision, x.T @ w), least, most)
+        if self.asked == BETWEEN:  # of what all share no contrast tells the amount
+            z = np.where(np.isin(one.members, self.start.members), one.z, z)
         step = z - one.z
         width = np.sqrt(np.diag(np.linalg.inv(precision)))
         promised = float(np.sum((w - x @ z) ** 2) + z @ z)

@@ -60,6 +60,7 @@ class Bending:
     measured: Array
     listed: tuple[Source, ...] = LISTED
     fold: float = 0.0
+    strengths: Sequence[float] = 6 * (1.0,)
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -81,8 +82,9 @@ class Bending:
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
         """As in `Responses`."""
+        each = list(zip(self.measured, self.strengths, strict=False))
         return [
-            np.array([m - self.curve(self.amounts(p, t), self.fold) for t, m in enumerate(self.measured)])
+            np.array([m - s * self.curve(self.amounts(p, t), self.fold) for t, (m, s) in enumerate(each)])
             for p in points
         ]
 
@@ -104,17 +106,19 @@ def said(
     apart: dict[int, Sequence[float]] | None = None,
     listed: tuple[Source, ...] = LISTED,
     strange: tuple[float, float] = (0.0, 0.0),
+    strengths: Sequence[float] = 6 * (1.0,),
     **how: bool,
 ) -> Explained:
     """What is said of trials with such a truth, and what each trial has apart; ``strange`` is how far answers fold, and
-    what the last trial has that no cause makes."""
+    what the last trial has that no cause makes; ``strengths`` are the trials'."""
     rng, (fold, odd) = np.random.default_rng(seed), strange
     extra = lacking * np.sin(40 * np.tile(TIME, 3)) * np.repeat([1.0, -2.0, 0.5], M)
     each = np.array([[truth.get(j, 0.0) for j in range(SHAPES)]] * trials)
     for j, own in (apart or {}).items():
         each[:, j] += own
     noise = 2e-5 * rng.standard_normal((trials, 3 * M))
-    responses = Bending(np.array([Bending.curve(amounts, fold) for amounts in each]) + extra + noise, listed, fold)
+    curves = np.array([s * Bending.curve(amounts, fold) for amounts, s in zip(each, strengths, strict=False)])
+    responses = Bending(curves + extra + noise, listed, fold, strengths)
     responses.measured[-1] += odd * np.sin(40 * np.tile(TIME, 3))
     return decide(*searches(responses), range(1, trials + 1), **how)
 
@@ -127,6 +131,10 @@ def searches(responses: Bending) -> tuple[Around, Followed]:
     nothing = Followed((), np.zeros(0), left, np.zeros((3 * M, 0)))
 
     def around(start: Followed, at: Followed, before: Search | None, asked: int) -> Search:
+        if at is start and at.members:
+            (each,) = responses.differences([at.point])
+            assert each is not None
+            start = at = replace(at, each=each)
         columns = np.column_stack(responses.columns([(at.point, 0, j) for j in range(SHAPES)], []))
         columns[:, [s.added for s in listed]] = 0.0 if before is None else before.columns[:, [s.added for s in listed]]
         size = np.full((3, M), 5e-3)
@@ -398,6 +406,21 @@ def test_a_drift_and_a_change_of_the_model_are_both_named() -> None:
     assert [f.kind for f in found.findings] == ["force gain"]
     assert [(row.cause, row.profile) for row in found.changes] == [(FORCE_GAIN, TREND), ("law 3", ALL)]
     assert found.changes[1].change == pytest.approx(np.exp(0.3 * 1.2), rel=0.02)
+
+
+@pytest.mark.parametrize(("shared", "apart"), [(3, 5), (7, 2)])
+def test_a_change_of_some_trials_is_named_though_strokes_of_unlike_strength_answer_a_larger_one_of_all_unlike(
+    monkeypatch: pytest.MonkeyPatch, shared: int, apart: int
+) -> None:
+    def told() -> Explained:
+        step = {apart: [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]}
+        return said({shared: 2.0}, trials=6, apart=step, strengths=(1.0, 0.95, 0.95, 0.75, 1.2, 1.1))
+
+    step, common = told().changes
+    assert [(row.cause, row.profile) for row in (step, common)] == [(f"law {apart}", STEP), (f"law {shared}", ALL)]
+    assert [row.change for row in (step, common)] == pytest.approx(np.exp([0.3, 0.6]), rel=0.02)
+    monkeypatch.setattr("validation.identification.difference.explain._beside_shared", lambda *given: given[-1])
+    assert not told().changes
 
 
 def test_what_all_share_is_asked_for_only_beside_a_finding_where_that_is_wanted() -> None:
