@@ -113,10 +113,8 @@ def test_the_felt_of_a_contact_that_is_promising_otherwise_is_let_in_too() -> No
     effects = [(44.0, replace(held[0][1], name="contact01.stulov.tau"), ACTION)]
     chosen = [row[1].name for row in lacks._promising([held, effects], 0.03)]
     assert chosen == ["contact10.second.x", "key.joint_friction.A", "contact01.stulov.tau", "contact01", "contact10"]
-    small = [
-        row[1].name for row in lacks._promising([held, effects], 0.003)
-    ]  # for what is small a linear model will do
-    assert small == chosen[:3]
+    small = [row[1].name for row in lacks._promising([held, effects], 0.003)]
+    assert small == chosen[:3]  # for what is small a linear model will do
     assert [row[1].name for row in lacks._promising([held[1:], []], 0.03)] == ["key.joint_friction.A"]
 
 

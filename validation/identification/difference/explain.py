@@ -320,12 +320,12 @@ def decide(
     told = Answer((), around(nothing, nothing, None, BETWEEN), nothing=True)
     if len(numbers) >= FEWEST_TOLD_APART:
         told = _answer(around, told.search, MOST_APART)
-    if soft and any(not row.of_session for row in _apart(told)):
+    if soft and any(not row.of_session for row in _changes(told)):
         return Explained(SOFT_APART.format(where=where), soft=True)
     told = _telling(told)
     if not soft and not told.near and told.gained > SURE:
         told = _beside_shared(around, nothing, told)
-    apart = _apart(told)
+    apart = _changes(told)
     found = findings_of(apart, where, told.search.tried)
     if soft:
         found = tuple(replace(f, text=f.text + SOFT) for f in found)
@@ -342,11 +342,7 @@ def decide(
         shared = Answer((), search, nothing=search.fits(granted) or search.promised(granted) < LOOK)
     else:
         shared = _answer(around, search, MOST_LAWS)
-    rows = [
-        row
-        for n, (one, odds) in enumerate(shared.near)
-        for row in _rows(shared.search, len(told.near) + n + 1, one, odds)
-    ]
+    rows = _changes(shared, len(told.near) + 1)
     withheld = soft and not shared.nothing
     sentence = TOO_SOFT.format(where=where) if withheld else _sentence(rows, where, shared)
     if apart:
@@ -358,14 +354,14 @@ def decide(
     return Explained(sentence, (*apart, *rows), shared.nothing and not apart, found, withheld)
 
 
-def _apart(told: Answer) -> list[CompatibleChange]:
-    """The changes that some trials have."""
-    return [row for n, (one, odds) in enumerate(told.near, 1) for row in _rows(told.search, n, one, odds)]
+def _changes(answer: Answer, first: int = 1) -> list[CompatibleChange]:
+    """The changes of all sets named, these numbered from ``first``."""
+    return [row for n, (one, odds) in enumerate(answer.near, first) for row in _rows(answer.search, n, one, odds)]
 
 
 def _telling(told: Answer) -> Answer:
     """What some trials differ by; nothing where a law leaves most of it."""
-    most = any(row.left > HALF for row in _apart(told) if not row.of_session)
+    most = any(row.left > HALF for row in _changes(told) if not row.of_session)
     return replace(told, near=()) if most else told
 
 

@@ -613,7 +613,7 @@ class Search:
         return [i for i, j in enumerate(one.members) if j not in self.start.members]
 
     def alone(self, one: Followed) -> Followed:
-        """A set without what is taken for granted, where that is not run anew."""
+        """A set without what is taken for granted; its differences hold that until they are run anew (`linearised`)."""
         own = self.at(one)
         return replace(one, members=self.own(one.members), z=one.z[own], columns=one.columns[:, own])
 
