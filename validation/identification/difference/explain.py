@@ -71,8 +71,8 @@ TOO_SOFT = (
     "that is not said of strokes as soft as these, since half of such answers were wrong where that was tried"
 )
 SOFT_APART = (
-    "{where} differ among themselves by more than force and sensors may, as soft strokes do; which law or length may "
-    "explain that is not said of strokes as soft as these, since such answers were wrong where nothing was planted"
+    "{where} differ among themselves by more than force and sensors may, as soft strokes do; which cause may explain "
+    "that is not said of strokes as soft as these, since such answers were wrong where nothing was planted"
 )
 FINDINGS = {FORCE_GAIN: "force gain", FORCE_LEVEL: "force level", FORCE_DELAY: "force delay"}
 FINDINGS |= dict.fromkeys(ENCODER_SCALES, "encoder scale or stops")
@@ -332,6 +332,8 @@ def decide(
     if between and not found:
         return Explained()
     if not told.near and told.gained > SURE:  # the mean of trials that differ, and no one knows by what, is no trial's
+        if soft:
+            return Explained(SOFT_APART.format(where=where), soft=True)
         return Explained(
             f"none of the causes that were tried explains what {where} differ by among themselves; what all share is "
             f"not looked for; tried were {told.search.tried}, each in one trial, from one on, or as a drift"

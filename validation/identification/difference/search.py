@@ -9,7 +9,8 @@ Where the best set is another one, noise and derivatives are found anew around i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -400,19 +401,18 @@ class Search:
                 again = wanted | again | {one.members: one for one in self._loudest()}
             near = [one for one in self._follow(list(again.values()), broad=True) if self.left(one) < HALF]
             return self.better(found + self._follow(near))
-        likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
-        for start, _ in starts:  # what shows in the whole of a stroke
-            for members in self._ranked(size, start, 0)[:FOLLOWED]:
-                wanted.setdefault(members, self._started(members, start))
+        with self._broadly():
+            for start, _ in starts:
+                for members in self._ranked(size, start, 0)[:FOLLOWED]:
+                    wanted.setdefault(members, self._started(members, start))
         started = list(wanted.values())
         if size == 1:
             started += self._faults()  # a cause among both is followed from either end
-        self.evidence.likeliest = likeliest
-        found = self._follow(self._follow(started, broad=True))
+        found = self._follow_far(started)
         if size > 1:
             return found
         laws = self._least([j for j in self.named if self.source(j).law], FEW)  # they, too, have lost only if followed
-        return self.better(found + self._follow(self._follow(laws, broad=True)))
+        return self.better(found + self._follow_far(laws))
 
     def _faults(self) -> list[Followed]:
         """Faults of the session, and where the arm presses, each at the amount of ten that leaves least in broad noise.
@@ -423,9 +423,8 @@ class Search:
 
     def _loudest(self) -> list[Followed]:
         """Other causes of the model's own, those that show most in broad noise, where few amounts leave least."""
-        likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
-        shows = np.diag(self._around(self.start, 0)[0])
-        self.evidence.likeliest = likeliest
+        with self._broadly():
+            shows = np.diag(self._around(self.start, 0)[0])
         ours = [j for j in self.named if not self.source(j).added and not self.source(j).of_setup]
         return self._least(sorted(ours, key=lambda j: -shows[j])[:BRANCHES], FEW)
 
@@ -434,18 +433,17 @@ class Search:
 
         Near a fork of the motion a stroke's answer bends so that no step from nothing leads to the cause.
         """
-        likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
         alone = [self._started((*self.start.members, j), self.start) for j in ours]
         tried = [replace(one, z=np.append(one.z[:-1], z)) for one in alone for z in amounts]
         runs = self.responses.differences([one.point for one in tried])
         least: dict[tuple[int, ...], tuple[float, Followed]] = {}
-        for one, each in zip(tried, runs, strict=True):
-            if each is not None:
-                there = replace(one, each=each)
-                value = self.evidence.objective(there.turned, there.z, self.asked)
-                if value < least.get(one.members, (math.inf, one))[0]:
-                    least[one.members] = value, there
-        self.evidence.likeliest = likeliest
+        with self._broadly():
+            for one, each in zip(tried, runs, strict=True):
+                if each is not None:
+                    there = replace(one, each=each)
+                    value = self.evidence.objective(there.turned, there.z, self.asked)
+                    if value < least.get(one.members, (math.inf, one))[0]:
+                        least[one.members] = value, there
         return [one for _, one in sorted(least.values(), key=lambda pair: pair[0])[:FOLLOWED]]
 
     def again(self, sets: Mapping[int, Sequence[Followed]]) -> dict[int, list[Followed]]:
@@ -465,15 +463,15 @@ class Search:
 
         Where a stroke's answer bends, no step from nothing leads to them.
         """
-        listed, likeliest, started = self.responses.candidates, self.evidence.likeliest, list[Followed]()
-        self.evidence.likeliest = self.evidence.broad
+        listed, started = self.responses.candidates, list[Followed]()
         for i, j in enumerate(one.members):
             if j in self.start.members:
                 continue
             others = [k for k in self.named if listed[k].weights == listed[j].weights and k not in one.members]
             asked = [(one.point, listed[k].seen_in, listed[k].source) for k in others]
             found = self.responses.columns(asked, len(others) * [one.each])
-            mean, between = self.evidence.products(np.column_stack([one.columns[:, i], *found]), 0, self.asked)
+            with self._broadly():
+                mean, between = self.evidence.products(np.column_stack([one.columns[:, i], *found]), 0, self.asked)
             gram = mean + between
             norms = np.sqrt(np.diag(gram))
             alike, sizes = gram[0, 1:] / np.maximum(norms[0] * norms[1:], 1e-300), one.z[i] * gram[0, 1:]
@@ -484,12 +482,11 @@ class Search:
                     most = self.source(others[n]).furthest
                     z[i] = np.clip(sizes[n] / gram[n + 1, n + 1], -most, most)
                     started.append(replace(one, members=tuple(members), z=z, columns=columns))
-        self.evidence.likeliest = likeliest
         runs = self.responses.differences([s.point for s in started])
         there = [replace(s, each=each) for s, each in zip(started, runs, strict=True) if each is not None]
         if len(one.members) == 1 + len(self.start.members):  # near a fork not even these derivatives lead there
             there += self._least([k for k in others if self.source(k).law or self.source(k).of_setup], AMOUNTS)
-        return self._follow(self._follow(there, broad=True))
+        return self._follow_far(there)
 
     def _tell(self) -> None:
         """Find derivatives of faults of the session anew, each in a trial that would have it.
@@ -786,6 +783,19 @@ class Search:
                 break
         self.evidence.likeliest = likeliest
         return [one for one in at if not np.any(self._added(one.members) & (one.z < LEAST_TOLD))]
+
+    def _follow_far(self, started: Sequence[Followed]) -> list[Followed]:
+        """`_follow` in broad noise, and on from there in that of the set."""
+        return self._follow(self._follow(started, broad=True))
+
+    @contextmanager
+    def _broadly(self) -> Iterator[None]:
+        """Broad noise, in which the whole of a stroke shows, for as long."""
+        likeliest, self.evidence.likeliest = self.evidence.likeliest, self.evidence.broad
+        try:
+            yield
+        finally:
+            self.evidence.likeliest = likeliest
 
     def _added(self, members: Sequence[int]) -> NDArray[np.bool_]:
         """Which members are effects that the model does not have."""

@@ -500,9 +500,19 @@ def test_laws_are_not_named_of_some_trials_of_soft_strokes_nor_where_they_leave_
     step = {3: [0.0, 0.0, 0.0, 1.2, 1.2, 1.2]}
     assert [row.cause for row in said({}, trials=6, apart=step).changes] == ["law 3"]
     told = said({}, trials=6, apart=step, soft=True)
-    assert told == Explained(SOFT_APART.format(where="trials 1, 2, 3, 4, 5, 6"), soft=True)
+    apart = Explained(SOFT_APART.format(where="trials 1, 2, 3, 4, 5, 6"), soft=True)
+    assert told == apart
     most = said({}, trials=6, apart=step, strange=(0.0, 1e-2))
     assert not most.changes and "what trials 1, 2, 3, 4, 5, 6 differ by among themselves" in most.sentence
+    assert said({}, trials=6, apart=step, strange=(0.0, 1e-2), soft=True) == apart
+
+
+def test_what_no_cause_explains_of_some_trials_is_said_to_be_as_soft_strokes_differ() -> None:
+    gains = {0: [0.0, 0.0, 0.0, 1.2, 1.2, 1.2]}
+    loud = said({}, trials=6, apart=gains, listed=GAIN, strange=(0.0, 1e-1))
+    assert loud.sentence.startswith("none of the causes that were tried explains what") and not loud.changes
+    soft = said({}, trials=6, apart=gains, listed=GAIN, strange=(0.0, 1e-1), soft=True)
+    assert soft == Explained(SOFT_APART.format(where="trials 1, 2, 3, 4, 5, 6"), soft=True)
 
 
 @pytest.mark.parametrize(("speed", "soft"), [(14.0, True), (16.0, False)])
