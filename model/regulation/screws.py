@@ -106,11 +106,6 @@ class Bench:
         """Travel of a screw (m)."""
         return limits(self.given, REST_RAIL if name == RAIL else SCREW[name], self.wider_m)
 
-    def at_limit(self, name: str) -> bool:
-        """Whether a screw is at an end of its travel."""
-        low, high = self.limits(name)
-        return min(self.turn_m[name] - low, high - self.turn_m[name]) < 1e-6
-
     def action(self, turns: Mapping[str, float] | None = None) -> Action:
         """The action with its screws as they are, or some of them at ``turns`` (m)."""
         wanted = self.turn_m | dict(turns or {})
@@ -159,7 +154,8 @@ class Bench:
         target, screw, turn = self.target(name), SCREW[name], self.turn_m[name]
         low, high = self.limits(name)
         where = f"{1e3 * turn:+.2f} mm of {1e3 * low:+.1f} to {1e3 * high:+.1f}"
-        where = f"at its limit, {where}" if self.at_limit(name) else f"at {where}"
+        at_limit = min(turn - low, high - turn) < 5e-6  # as printed: the search ends some micrometres beside it
+        where = f"at its limit, {where}" if at_limit else f"at {where}"
         far = f"stays {1e3 * abs(error):.2f} mm from" if math.isfinite(error) else "cannot be brought to"
         return RegulationError(
             f"{self.given.origin}: cannot be regulated: {target.words} {far} {1e3 * target.wanted_m:.1f} mm "
