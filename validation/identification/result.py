@@ -116,7 +116,9 @@ def joint_posterior(problem: Problem, fitted: Fitted, estimates: Sequence[Estima
     made = make_posterior(moved, (fitted.covariance * np.outer(wider, wider))[np.ix_(kept, kept)], sources.seals)
     earlier = posterior_of(problem.action)
     strokes = {} if earlier is None else {f"before: {label}": one for label, one in earlier.strokes.items()}
-    by_force = [pair for of in driven_by_force(sources) for pair in zip(of[0][-len(of[1]) :], of[1], strict=True)]
+    by_force = [
+        pair for of in driven_by_force(sources) for pair in zip(of[0][len(of[0]) - len(of[1]) :], of[1], strict=True)
+    ]
     for observed, m in by_force:
         strokes[observed.label] = stroke_features(m)
     boxes = fit_black_boxes([stroke_example(m) for _, m in by_force]) if by_force else {}

@@ -6,7 +6,7 @@ import re
 from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -16,7 +16,9 @@ from tests.validation.identification import toy
 from validation.errors import ValidationInputError
 from validation.identification.fit import fit
 from validation.identification.observations import ObservedTrial
+from validation.identification.estimates import Estimate
 from validation.identification.petab import is_petab, read_petab
+from validation.identification.result import joint_posterior
 from validation.identification.sources import IdentifyOptions, _refuse_same_stroke, collect
 from validation.identification.write import write_petab
 from validation.prediction.posterior import UNKNOWN_STROKE
@@ -54,8 +56,13 @@ def test_trials_and_parameters_come_back_as_they_were(fitted: Any, folder: Path)
 def test_they_can_be_fitted_as_they_are(fitted: Any, folder: Path) -> None:
     problem = fitted.details.problem
     sources = collect([folder], problem.action, IdentifyOptions())
-    again = fit(toy.problem(list(sources.fitted)))
+    fit_again = toy.problem(list(sources.fitted))
+    again = fit(fit_again)
     np.testing.assert_array_equal(again.z, fitted.details.fitted.z)
+    known = [cast(Estimate, SimpleNamespace(z_u=u)) for u in np.sqrt(np.diag(again.covariance))]
+    posterior = joint_posterior(fit_again, again, known, sources)
+    assert not posterior.strokes and not posterior.black_boxes  # tables hold no measured strokes to compare with
+    assert posterior.before == {path: fit_again.action[path] for path in sorted(posterior.moved)}
     assert sources.seals == fitted.details.sources.seals  # `validate` knows the strokes again
 
 
