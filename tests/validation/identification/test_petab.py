@@ -14,9 +14,9 @@ import pytest
 
 from tests.validation.identification import toy
 from validation.errors import ValidationInputError
+from validation.identification.estimates import Estimate
 from validation.identification.fit import fit
 from validation.identification.observations import ObservedTrial
-from validation.identification.estimates import Estimate
 from validation.identification.petab import is_petab, read_petab
 from validation.identification.result import joint_posterior
 from validation.identification.sources import IdentifyOptions, _refuse_same_stroke, collect
