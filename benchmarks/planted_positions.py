@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 import model
 import rig
@@ -122,7 +123,18 @@ def identified_specimen(
     sensing = sensing_of(
         Nominal.of(action), z, *(float(np.ptp(rulers[body].displacement_m)) for body in ("key", "hammer"))
     )
-    return Specimen(action_of(action, z), sensing, effects, seed)
+    return Specimen(_stopped(action_of(action, z), sensing), sensing, effects, seed)
+
+
+def _stopped(action: model.Action, sensing: Sensing) -> model.Action:
+    """The action with its key's front felt where a key that is held ends its ruler: no parameter of the set says so."""
+    up, end = "contact02.second.y", sensing.key_rad_per_m * (_travel("key") - sensing.key_zero_m)
+
+    def beyond(by_m: float) -> float:
+        at = action.with_values({up: action[up] + by_m})
+        return float(model.rest_state(at).angle_rad[0] - model.rest_state(at, HELD_N).angle_rad[0]) - end
+
+    return action.with_values({up: action[up] + float(brentq(beyond, -3e-3, 3e-3, xtol=1e-6))})
 
 
 def _mapping() -> ImportMapping:

@@ -92,7 +92,7 @@ def command(
     uncertainties. What the strokes cannot tell is said, not guessed. The file written is an action: give it to
     validate or simulate with --action. A page of the same name (.html) says what it means.
 
-    Example:  pianorig identify sessions/try --parameters hammer.joint_friction --fix "*" --no-profiles --out mine.toml
+    Example:  pianorig identify sessions/try --parameters hammer.joint_friction --no-profiles --out mine.toml
     """
     check_target(out)
     check_target(out.with_suffix(".html"), ".html")

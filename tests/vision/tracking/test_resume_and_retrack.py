@@ -21,7 +21,7 @@ class StoppedError(Exception):
     """Stands for Ctrl-C."""
 
 
-@pytest.mark.parametrize("method", ["icgn", pytest.param(ECC, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("method", ["icgn", pytest.param(*ECC.values, marks=[*ECC.marks, pytest.mark.slow])])
 def test_resumed_run_gives_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
     monkeypatch.setattr(vision.tracking.passes, "EVERY_ROWS", 16)
     known = film_of(bar_scene("wood"), bar_motion(70, PIVOT, 0.3))
