@@ -78,7 +78,7 @@ def identify(
     Examples
     --------
     >>> import validation
-    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
     >>> found.estimates[0].name
     'hammer.joint_friction.A'
     """

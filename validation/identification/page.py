@@ -400,7 +400,7 @@ def render_identification(
     Examples
     --------
     >>> import validation
-    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
     >>> "hammer.joint_friction" in validation.render_identification(found)
     True
     """

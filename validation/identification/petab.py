@@ -120,9 +120,9 @@ def read_petab(folder: str | Path) -> PetabTables:
     Examples
     --------
     >>> import validation
-    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
     >>> _ = validation.write_petab(found, "tables")
-    >>> [p.name for p in validation.read_petab("tables").parameters]
+    >>> [p.name for p in validation.read_petab("tables").parameters if p.asked]
     ['hammer.joint_friction.A']
     """
     place = Path(folder)

@@ -237,9 +237,9 @@ def sample_posterior(
     Examples
     --------
     >>> import validation
-    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
     >>> validation.sample_posterior(found).z.shape
-    (4, 250, 4)
+    (4, 250, 166)
     """
     problem, fitted = found.details.problem, found.details.fitted
     names = [p.name for p in problem.unknowns.moved]
@@ -319,7 +319,7 @@ def draw_lines(found: Identification, draws: Draws) -> list[str]:
     Examples
     --------
     >>> import validation
-    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
     >>> validation.draw_lines(found, validation.sample_posterior(found))
     ['posterior: no profile was made; its draws are those of the linear model']
     """
@@ -408,7 +408,7 @@ def write_posterior(found: Identification, draws: Draws, path: str | Path) -> Pa
     Examples
     --------
     >>> import validation
-    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
     >>> draws = validation.sample_posterior(found)
     >>> validation.write_posterior(found, draws, "posterior.nc").name
     'posterior.nc'

@@ -36,7 +36,7 @@ def write_identified(found: Identification, path: str | Path) -> None:
     Examples
     --------
     >>> import validation
-    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
     >>> validation.write_identified(found, "identified.toml")
     """
     target = check_target(path)
@@ -144,7 +144,7 @@ def write_reading(
     Examples
     --------
     >>> import validation
-    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
     >>> validation.write_reading(found, "identified.toml")["page"].name
     'identified.html'
     """
@@ -180,7 +180,7 @@ def write_petab(found: Identification, folder: str | Path) -> dict[str, Path]:
     Examples
     --------
     >>> import validation
-    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
     >>> sorted(validation.write_petab(found, "tables"))[:2]
     ['README.txt', 'conditions.tsv']
     """
