@@ -32,7 +32,7 @@ def tell_failure(problem: BaseException, as_json: bool) -> int:
     if hasattr(problem, "format_message"):  # a usage error of typer's
         message = _usage(problem)
     elif code is None:
-        message = f"defect: {type(problem).__name__}: {problem} (run again with --debug)"
+        message = f"defect: {type(problem).__name__}: {problem} (run again with --debug before the command)"
     else:
         message = str(problem)
     message, code = " ".join(message.split()), 1 if code is None else int(code)
