@@ -55,9 +55,7 @@ def explained_lines(action: model.Action, sources: Sources) -> tuple[str, ...]:
     sources : what was fitted
     """
     tested = ModelUnderTest(action)
-    found = [
-        (_name(observed[0]), _explained(tested, observed, measured)) for observed, measured in driven_by_force(sources)
-    ]
+    found = [(_name(trials[0][0]), _explained(tested, trials)) for trials in driven_by_force(sources)]
     lines = tuple(
         f"{TITLE}, {name}: {'; '.join([*(f.text for f in e.findings), e.sentence or NOT_LOOKED_FOR])}."
         for name, e in found
@@ -65,24 +63,24 @@ def explained_lines(action: model.Action, sources: Sources) -> tuple[str, ...]:
     return lines or (BY_MOTION,)
 
 
-def driven_by_force(sources: Sources) -> list[tuple[list[ObservedTrial], list[MeasuredTrial]]]:
-    """Trials of each session that a force drives, as they are compared and as measured; tables are not measured."""
+Trials = list[tuple[ObservedTrial, MeasuredTrial | None]]
+
+
+def driven_by_force(sources: Sources) -> list[Trials]:
+    """Trials of each session that a force drives, as they are compared and as measured: None for those of tables."""
     observed = [t for t in sources.fitted if t.key is None]
-    first = len(observed) - len(sources.measured)  # those of tables come first
-    out: dict[int, tuple[list[ObservedTrial], list[MeasuredTrial]]] = {}
-    for i, t in enumerate(observed):
-        trials, measured = out.setdefault(t.session, ([], []))
-        trials.append(t)
-        if i >= first:
-            measured.append(sources.measured[i - first])
+    tables = len(observed) - len(sources.measured)  # their trials come first
+    out: dict[int, Trials] = {}
+    for t, m in zip(observed, (*tables * [None], *sources.measured), strict=True):
+        out.setdefault(t.session, []).append((t, m))
     return list(out.values())
 
 
-def _explained(
-    tested: ModelUnderTest, observed: Sequence[ObservedTrial], measured: Sequence[MeasuredTrial]
-) -> Explained:
+def _explained(tested: ModelUnderTest, trials: Trials) -> Explained:
+    measured = [m for _, m in trials if m is not None]
     if measured:
         return explain_difference(tested, measured)
+    observed = [t for t, _ in trials]
     return explain_observed(tested, [t for t in observed if _same_phases(t, observed[0])][:MOST_TRIALS])
 
 
@@ -116,9 +114,7 @@ def joint_posterior(problem: Problem, fitted: Fitted, estimates: Sequence[Estima
     made = make_posterior(moved, (fitted.covariance * np.outer(wider, wider))[np.ix_(kept, kept)], sources.seals)
     earlier = posterior_of(problem.action)
     strokes = {} if earlier is None else {f"before: {label}": one for label, one in earlier.strokes.items()}
-    by_force = [
-        pair for of in driven_by_force(sources) for pair in zip(of[0][len(of[0]) - len(of[1]) :], of[1], strict=True)
-    ]
+    by_force = [(t, m) for trials in driven_by_force(sources) for t, m in trials if m is not None]
     for observed, m in by_force:
         strokes[observed.label] = stroke_features(m)
     boxes = fit_black_boxes([stroke_example(m) for _, m in by_force]) if by_force else {}

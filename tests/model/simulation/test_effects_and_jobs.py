@@ -86,7 +86,7 @@ def _estimate(action: model.Action, choice: model.SceneChoice) -> None:
 
 
 def _batch(action: model.Action, choice: model.SceneChoice) -> None:
-    """Same equations, rounded in another order, which grows where a released arm rattles: as most members say."""
+    """Same equations, rounded in another order, which grows where a released arm rattles: there most members say so."""
     sets = {f"{k}": {"hammer.mass": (1.0 + 0.001 * k) * action["hammer.mass"]} for k in range(17)}
     members = model.simulate_many(action, {"forte": _blow(choice)}, sets, scene=choice, lanes=True, tolerance=1e-8)
     apart = []
@@ -95,7 +95,8 @@ def _batch(action: model.Action, choice: model.SceneChoice) -> None:
         ours = members[k].solution
         assert ours is not None
         apart.append(np.abs(ours.angle_rad - alone.angle_rad).max())
-    assert np.median(apart) < 1e-6
+    rattles = "motor_arm" in choice.effects and "motor_drive" not in choice.effects
+    assert (np.median if rattles else np.max)(apart) < 1e-6
 
 
 def _store(action: model.Action, choice: model.SceneChoice) -> None:
