@@ -64,6 +64,8 @@ class LazyGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find a command; one that is misspelt gets a suggestion, in every version of typer."""
+        if args and args[0] in commands.RETIRED_COMMANDS:
+            ctx.fail(f"There is no command {args[0]!r} any more: {commands.RETIRED_COMMANDS[args[0]]}.")
         if args and args[0] not in commands.COMMANDS:
             near = difflib.get_close_matches(args[0], commands.COMMANDS, n=1)
             hint = f" Did you mean {near[0]!r}?" if near else ""

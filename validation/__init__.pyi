@@ -1,4 +1,3 @@
-from . import dataset as dataset
 from . import errors as errors
 from .curves.table import read_curves as read_curves
 from .errors import InputError as InputError

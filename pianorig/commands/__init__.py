@@ -48,7 +48,6 @@ COMMANDS = {
     "calibrate-felt": Listed("calibrate_felt", MODEL, "Calibrate felt, friction, string damping and inertia."),
     "calibrate-drive": Listed("calibrate_drive", MODEL, "Identify the motor's drive from a log of the bench."),
     "validate": Listed("validate", COMPARED, "Report how well models predict the measured angles."),
-    "dataset": Listed("dataset", COMPARED, "Make the published data set, or score predictions on it."),
     "identify": Listed("identify", COMPARED, "Find parameter values from strokes; say what is unknown."),
     "calibrate-force": Listed("calibrate_force", BENCH, "Calibrate the load cell: weights, shunt or zero."),
     "calibrate-encoder": Listed("calibrate_encoder", BENCH, "Calibrate an encoder over its arc."),
@@ -58,6 +57,11 @@ COMMANDS = {
     "selftest": Listed("selftest", BENCH, "Test a bench with gentle pushes before the first blow."),
 }
 """Every command; ``--help`` lists them in this order within their group."""
+
+RETIRED_COMMANDS = {
+    "dataset": "the data set is made by the script examples/dataset/make_dataset.py",
+}
+"""Commands of earlier releases: what to use instead."""
 
 
 def groups() -> dict[str, list[str]]:

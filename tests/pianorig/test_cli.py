@@ -13,6 +13,7 @@ import pytest
 
 import pianorig
 from pianorig import commands
+from pianorig.commands import COMMANDS, RETIRED_COMMANDS
 from pianorig.errors import CommandInputError, InputError
 from tests.command_line import modules_after, modules_of_numba, run
 from validation.cache.report_cache import inputs_sha256, store_report
@@ -77,3 +78,11 @@ def test_the_package_runs_as_a_module_and_knows_its_version() -> None:
     assert InputError is CommandInputError
     with pytest.raises(AttributeError, match="'pianorig' has no attribute 'nothing'"):
         pianorig.nothing  # noqa: B018
+
+
+def test_a_retired_command_says_what_takes_its_place(capsys: pytest.CaptureFixture[str]) -> None:
+    for name, successor in RETIRED_COMMANDS.items():
+        assert run(name, "anything") == 2
+        said = capsys.readouterr().err.strip()
+        assert successor in said and len(said.splitlines()) == 1
+        assert name not in COMMANDS

@@ -63,7 +63,7 @@ def test_every_command_has_an_example_in_its_help() -> None:
     assert {words[0] for words in commands_of(helps())} == set(commands.COMMANDS)
 
 
-LONG = ("validate", "dataset", "identify")
+LONG = ("validate", "identify")
 """Commands whose examples take a minute or two."""
 
 
