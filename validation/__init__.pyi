@@ -10,14 +10,9 @@ from .events.definitions import Event as Event
 from .events.detect import find_events as find_events
 from .identification.identify import identify as identify
 from .identification.page import render_identification as render_identification
-from .identification.petab import read_petab as read_petab
 from .identification.residuals import residual_problem as residual_problem
 from .identification.result import Identification as Identification
-from .identification.sampling import draw_lines as draw_lines
-from .identification.sampling import sample_posterior as sample_posterior
-from .identification.sampling import write_posterior as write_posterior
 from .identification.write import write_identified as write_identified
-from .identification.write import write_petab as write_petab
 from .identification.write import write_reading as write_reading
 from .measurement.force_correction import correct_force as correct_force
 from .measurement.force_correction import find_quiet as find_quiet

@@ -16,13 +16,13 @@ from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scene, Sett
 from pianorig.console.output import tell
 from pianorig.console.overrides import load_model, read_settings
 from pianorig.console.progress import say
-from validation.report.files import check_folder, check_target
+from validation.report.files import check_target
 
 
 def command(
     sessions: Annotated[
         list[Path],
-        typer.Argument(help="Session folders, one kind of stroke each, or of --petab.", metavar="SESSION"),
+        typer.Argument(help="Session folders, one kind of stroke each.", metavar="SESSION"),
     ],
     parameters: Annotated[
         str,
@@ -76,14 +76,6 @@ def command(
         Path | None,
         typer.Option("--plan", help="Rank what could be recorded next; write the best as a trial plan for record."),
     ] = None,
-    petab: Annotated[
-        Path | None,
-        typer.Option("--petab", help="Folder for the data and parameters as tables in the manner of PEtab."),
-    ] = None,
-    posterior: Annotated[
-        Path | None,
-        typer.Option("--posterior", help="Draws of the posterior as netCDF (.nc), sampled where profiles are curved."),
-    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find parameter values from strokes; say what is unknown.
@@ -99,15 +91,6 @@ def command(
     if plan is not None:
         check_target(plan)
         workflows.check_plan(sessions, motion_driven)
-    if petab is not None:
-        check_folder(petab)
-        if motion_driven or film:
-            raise validation.ValidationInputError(
-                "--petab: its tables have no column for --motion-driven or --film; leave one of them out"
-            )
-        workflows.check_tables(sessions)
-    if posterior is not None:
-        check_target(posterior, ".nc")
     start = load_model(action, set_ or [], scene)
     with nullcontext() if cluster is None else workflows.cluster_executor(cluster) as executor:
         found = validation.identify(
@@ -127,13 +110,7 @@ def command(
             progress=None if as_json else say,
         )
         ranked, refused, why_none = workflows.ranked_next(found) if plan is not None else ([], [], "")
-        draws = None if posterior is None else validation.sample_posterior(found, progress=None if as_json else say)
-    drawn = [] if draws is None else validation.draw_lines(found, draws)
-    files = validation.write_reading(found, out, ranked, refused, drawn)
-    if posterior is not None and draws is not None:
-        files |= {"posterior": validation.write_posterior(found, draws, posterior)}
-    if petab is not None:
-        files |= {"petab": validation.write_petab(found, petab)["problem.yaml"]}
+    files = validation.write_reading(found, out, ranked, refused)
     if plan is not None and not why_none:
         files |= {"plan": workflows.write_next(found, ranked, plan)}
     shrinks = [{"name": p.name, "trials": p.trials, "shrink": dict(p.shrink)} for p in ranked]
@@ -143,7 +120,6 @@ def command(
         *map(_line, found.estimates),
         *(_scores(name, scores) for name, scores in found.scores.items()),
         *workflows.reading_lines(found, ranked, refused),
-        *drawn,
         *(f"{name}: {path}" for name, path in files.items()),
         *([f"plan: none is written: {why_none}."] if why_none else []),
     ]

@@ -58,7 +58,6 @@ from .track import track_film_file as track_film_file
 from .track import tracking_kept as tracking_kept
 from .track import tracking_summary as tracking_summary
 from .what_next import check_plan as check_plan
-from .what_next import check_tables as check_tables
 from .what_next import next_strokes as next_strokes
 from .what_next import ranked_next as ranked_next
 from .what_next import reading_lines as reading_lines

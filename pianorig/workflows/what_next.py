@@ -12,7 +12,6 @@ from validation import Identification
 from validation.identification.estimates import LACKING
 from validation.identification.further import TRIALS, Prospect, best_stroke, prospects, shelf, write_plan
 from validation.identification.page import plain_sentences, prospect_words, together
-from validation.identification.petab import is_petab
 from validation.identification.scatter import lacking
 
 NO_SESSION = (
@@ -67,27 +66,7 @@ def check_plan(sessions: Sequence[Path], motion_driven: bool) -> None:
     """
     if motion_driven:
         raise CommandInputError("--plan: ranks strokes by the force on the key; leave out --motion-driven or --plan")
-    folders = [s for s in sessions if not is_petab(s)]
-    if not folders:
-        raise CommandInputError(NO_SESSION)
-    session_rig(Session.open(folders[0]))
-
-
-def check_tables(sessions: Sequence[Path]) -> None:
-    """Refuse, before a fit is made, sessions that PEtab's tables have no place for: the key's motion would drive them.
-
-    Raises
-    ------
-    pianorig.errors.CommandInputError
-        A trial has no force.
-    """
-    for folder in (s for s in sessions if not is_petab(s)):
-        for trial in Session.open(folder).trials:
-            if trial.rejected is None and not trial.read().has_force:
-                raise CommandInputError(
-                    f"--petab: {folder}, trial {trial.number}: has no force, and the tables no place for a motion that "
-                    "drives; leave out --petab or the session"
-                )
+    session_rig(Session.open(sessions[0]))
 
 
 def ranked_next(found: Identification) -> tuple[list[Prospect], list[str], str]:

@@ -380,9 +380,7 @@ def profile_figure(profiles: Sequence[Profile], fitted: Fitted, names: Sequence[
 HERE = Path(__file__).parent
 
 
-def render_identification(
-    found: Identification, ranked: Sequence[Prospect] = (), refused: Sequence[str] = (), drawn: Sequence[str] = ()
-) -> str:
+def render_identification(found: Identification, ranked: Sequence[Prospect] = (), refused: Sequence[str] = ()) -> str:
     """The page of an identification, without scripts or outside addresses.
 
     Parameters
@@ -390,7 +388,6 @@ def render_identification(
     found : Identification
     ranked : what could be recorded next; empty where it was not asked for
     refused : what was not considered for it, and why
-    drawn : lines of `validation.draw_lines`, where draws were made
 
     Returns
     -------
@@ -425,7 +422,6 @@ def render_identification(
         held_out=held_out_tables(found),
         next=next_table(ranked),
         refused=together(refused),
-        drawn=list(drawn),
         provenance=_flat(found.provenance),
     )
 

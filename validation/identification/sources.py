@@ -1,4 +1,4 @@
-"""Trials of the sessions that are fitted, and of those that are only predicted; also those of a folder of PEtab tables.
+"""Trials of the sessions that are fitted, and of those that are only predicted.
 
 One kind of stroke a session (or one condition of its plan). A force drives the model where one was recorded, else the
 key's measured motion; a trial with neither is named and left out. Sessions of different actions are refused.
@@ -8,23 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import TypedDict
 
 import model
 from rig.session import Session
-from validation.cache.content_hash import sha256_of
 from validation.errors import ValidationInputError
 from validation.identification.force_runs import TOLERANCE
 from validation.identification.observations import PHASES, ObservedTrial, observe, observe_driven, sharing_the_key
-from validation.identification.petab import is_petab, read_petab
 from validation.measurement.measure_session import MeasuredSession, measure_session, open_session
 from validation.measurement.trial import U_REST_LEVEL_M, MeasuredTrial, trials_in_words
 from validation.options import utc_now
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.posterior import UNKNOWN_STROKE, posterior_of
+from validation.prediction.posterior import posterior_of
 
 
 class IdentifyKeywords(TypedDict, total=False):
@@ -129,26 +127,26 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     """
     if not sessions:
         raise ValidationInputError("identify: no session given; name at least one session folder")
-    tables = [Path(s) for s in sessions if isinstance(s, str | Path) and is_petab(s)]
-    to_open = [s for s in sessions if not (isinstance(s, str | Path) and Path(s) in tables)]
-    opened = [open_session(s) for s in [*to_open, *options.hold_out]]
+    opened = [open_session(s) for s in [*sessions, *options.hold_out]]
     _refuse_twice(opened)
     _refuse_other_actions(opened)
     tested = ModelUnderTest(action, options.tolerance)
     found = [measure_session(s, tested.geometry_at, U_REST_LEVEL_M, options.condition, True) for s in opened]
-    _refuse_absent(options.hold_out_trials, found[: len(to_open)])
-    fitted, seals = _of_tables(tables, len(to_open))
+    n_to_fit = len(sessions)
+    _refuse_absent(options.hold_out_trials, found[:n_to_fit])
+    fitted: list[ObservedTrial] = []
+    seals: dict[str, str] = {}
     held: dict[str, tuple[ObservedTrial, ...]] = {}
     refused: list[str] = []
     to_fit: list[MeasuredTrial] = []
     as_measured: dict[str, tuple[MeasuredTrial, ...]] = {}
-    strokes = [(label, seal) for label, seal in seals.items()]
-    names = _names([one.session for one in found], {t.label.rpartition(", trial")[0] for t in fitted})
+    strokes: list[tuple[str, str]] = []
+    names = _names([one.session for one in found])
     for k, (name, measured) in enumerate(zip(names, found, strict=True)):
         refused += [f"{name}, trial {number}: {reason}" for number, reason in measured.refused.items()]
-        kept = [m for m in measured.trials if k < len(to_open) and m.number not in options.hold_out_trials]
-        out = [m for m in measured.trials if k >= len(to_open) or m.number in options.hold_out_trials]
-        if k < len(to_open) and not kept:
+        kept = [m for m in measured.trials if k < n_to_fit and m.number not in options.hold_out_trials]
+        out = [m for m in measured.trials if k >= n_to_fit or m.number in options.hold_out_trials]
+        if k < n_to_fit and not kept:
             raise ValidationInputError(_none(measured, name, len(out)))
         if kept:
             observed, by_force = _observed(name, k, kept, options)
@@ -192,34 +190,12 @@ def _not_used(trials: Sequence[MeasuredTrial], options: IdentifyOptions) -> tupl
     return tuple(out)
 
 
-def _of_tables(folders: Sequence[Path], first: int) -> tuple[list[ObservedTrial], dict[str, str]]:
-    """Trials of PEtab folders, their sessions numbered on, and the hash of each."""
-    trials: list[ObservedTrial] = []
-    known: list[str] = []
-    for folder in folders:
-        tables = read_petab(folder)
-        found = tables.trials
-        if not found:
-            raise ValidationInputError(f"{folder}: holds no condition, so no trial to fit; allowed from one")
-        trials += [replace(t, session=t.session + first) for t in found]
-        known += tables.seals
-        first += 1 + max(t.session for t in found)
-    seals = {t.label: seal or _of_arrays(t) for t, seal in zip(trials, known, strict=True)}
-    if len(seals) < len(trials):
-        raise ValidationInputError(f"{folders[-1]}: two trials have one name; give each condition a label of its own")
-    return trials, seals
-
-
-def _of_arrays(t: ObservedTrial) -> str:
-    return UNKNOWN_STROKE + sha256_of((t.force_time_s, t.force_n, t.time_s, t.change_rad))
-
-
-def _names(sessions: Sequence[Session], taken: set[str]) -> list[str]:
+def _names(sessions: Sequence[Session]) -> list[str]:
     """A name for each session, by its folder where two would have the same: hashes are kept by it."""
     names = [s.info.name or s.path.name for s in sessions]
     for place in (lambda s: s.path.name, lambda s: str(s.path.resolve())):
         names = [
-            f"{s.info.name or s.path.name} ({place(s)})" if name in taken or names.count(name) > 1 else name
+            f"{s.info.name or s.path.name} ({place(s)})" if names.count(name) > 1 else name
             for name, s in zip(names, sessions, strict=True)
         ]
     return names
@@ -259,7 +235,7 @@ def _refuse_twice(opened: Sequence[Session]) -> None:
 
 
 def _refuse_same_stroke(strokes: Sequence[tuple[str, str]]) -> None:
-    """One stroke twice, as a copy of its session or as tables: fitted it would count twice, held out predict itself."""
+    """One stroke twice, as a copy of its session: fitted it would count twice, held out predict itself."""
     first: dict[str, str] = {}
     for label, seal in strokes:
         if seal in first:

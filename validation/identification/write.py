@@ -1,4 +1,4 @@
-"""Writing an identification: the action file and its page, both or neither; its tables in the manner of PEtab."""
+"""Writing an identification: the action file and its page, both or neither."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from model.parameters.write_toml import action_text
 from validation.identification.estimates import IDENTIFIED
 from validation.identification.further import Prospect
 from validation.identification.page import render_identification
-from validation.identification.petab import petab_texts
 from validation.identification.result import Identification
 from validation.prediction.posterior import TABLE, TRIALS, digests
-from validation.report.files import check_folder, check_target, write_files
+from validation.report.files import check_target, write_files
 
 
 def write_identified(found: Identification, path: str | Path) -> None:
@@ -120,7 +119,6 @@ def write_reading(
     path: str | Path,
     ranked: Sequence[Prospect] = (),
     refused: Sequence[str] = (),
-    drawn: Sequence[str] = (),
 ) -> dict[str, Path]:
     """Write the action file and, under the same name with the ending ``.html``, its page.
 
@@ -129,7 +127,6 @@ def write_reading(
     found : Identification
     path : action file to write, ending in .toml
     ranked, refused : what could be recorded next, see `validation.identification.further.prospects`
-    drawn : lines of `validation.draw_lines`, where draws were made
 
     Returns
     -------
@@ -152,38 +149,7 @@ def write_reading(
     page = target.with_suffix(".html")
     texts: dict[str, str | bytes] = {
         target.name: identified_text(found),
-        page.name: render_identification(found, ranked, refused, drawn),
+        page.name: render_identification(found, ranked, refused),
     }
     write_files(target.parent, texts)
     return {"action": target, "page": page}
-
-
-def write_petab(found: Identification, folder: str | Path) -> dict[str, Path]:
-    """Write the data and parameters of an identification as tables in the manner of PEtab 1.
-
-    Parameters
-    ----------
-    found : Identification
-    folder : path
-        Made if it is not there.
-
-    Returns
-    -------
-    dict
-        Name -> path.
-
-    Raises
-    ------
-    ValidationInputError
-        The folder cannot be written; nothing is left half-written.
-
-    Examples
-    --------
-    >>> import validation
-    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
-    >>> sorted(validation.write_petab(found, "tables"))[:2]
-    ['README.txt', 'conditions.tsv']
-    """
-    target = Path(folder)
-    check_folder(target)
-    return write_files(target, petab_texts(found.details.problem, found.details.fitted, found.details.sources.seals))

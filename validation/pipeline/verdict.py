@@ -19,7 +19,7 @@ from validation.curves.display_signs import SIGN
 from validation.events.definitions import EVENTS
 from validation.findings.finding import SessionFinding, are_faulty, distorted_trials, summary_line
 from validation.measurement.trial import MeasuredTrial, trials_in_words
-from validation.prediction.posterior import UNKNOWN_STROKE, altered, posterior_of
+from validation.prediction.posterior import altered, posterior_of
 from validation.result import AGREES, ERROR_SHOWN, NOT_JUDGED
 from validation.statistics.paired_difference import SHOWN
 
@@ -40,8 +40,6 @@ def prediction_lines(action: model.Action, trials: Sequence[MeasuredTrial]) -> l
     n = len(posterior.trials)
     doubts = altered(action)
     if not fitted:
-        if any(seal.startswith(UNKNOWN_STROKE) for seal in posterior.trials.values()):
-            doubts.append("they were fitted to tables that do not say which recorded strokes they hold")
         none = f"none of these trials is among the {n} that the values of {action.name} were fitted to (by hash)"
         if doubts:
             return [f"Whether this is a prediction is not known: {none}, but {'; '.join(doubts)}."]

@@ -47,8 +47,6 @@ KNOWN = ("before", "strokes", "black_boxes")
 """What a file may hold of the fit beside the uncertainty; one made before these were kept does not."""
 TRIALS, EARLIER = "trials_sha256", "earlier_sha256"
 """In the provenance: of the trials fitted, and of those that the values it started from were fitted to."""
-UNKNOWN_STROKE = "tables "
-"""Begins the hash of a trial of tables that do not say which recorded stroke it is."""
 TOLD = 1e-4  # of the variance of the prior: directions that lost (or gained) less are left out
 DIGITS = 7
 CUT = 3.0  # standard deviations, as for parameters that are drawn independently

@@ -81,7 +81,6 @@ def found() -> Found:
         (["--out", "found.json"], "allowed .toml"),
         (["--plan", "next.csv"], "allowed .toml"),
         (["--plan", "none/next.toml"], "there is no folder"),
-        (["--petab", "file/tables"], "is a file"),
     ],
 )
 def test_what_cannot_be_written_is_refused_before_any_work(
@@ -105,46 +104,30 @@ def test_everything_that_was_asked_for_is_written_and_said(
     alike = ["forte x 1.4: too strong", "double: too strong"]
     monkeypatch.setattr(what_next, "next_strokes", lambda identified: ([sensor], alike))
     monkeypatch.setattr(workflows, "check_plan", lambda sessions, motion_driven: None)
-    monkeypatch.setattr(workflows, "check_tables", lambda sessions: None)
-    assert run("identify", "session", "--parameters", "friction", "--plan", "next.toml", "--petab", "tables") == 0
+    assert run("identify", "session", "--parameters", "friction", "--plan", "next.toml") == 0
     said = capsys.readouterr().out
     assert WARNING in said and "no value is called identified" in said and "None of its parts" not in said
     assert "0.90  key encoder known twice as well" in said and "not considered: forte x 1.4, double: too strong" in said
     assert "plan: none is written: no profile could be predicted within the limits" in said  # and all else is kept
-    assert {"identified.toml", "identified.html", "tables"} == {p.name for p in tmp_path.iterdir()}
+    assert {"identified.toml", "identified.html"} == {p.name for p in tmp_path.iterdir()}
     monkeypatch.setattr("validation.identification.write.render_identification", lambda *given: "a page")
     assert run("identify", "session", "--parameters", "friction", "--json") == 0
     told = json.loads(capsys.readouterr().out)
     assert told["files"]["page"] == "identified.html" and told["explained"] == ["which part: none"]
 
 
-def test_nothing_can_be_ranked_where_only_tables_were_fitted(found: Found) -> None:
+def test_nothing_can_be_ranked_without_a_stroke_that_a_force_drives(found: Found) -> None:
     with pytest.raises(CommandInputError, match="no session with forces"):
         workflows.next_strokes(found)  # type: ignore[arg-type]
     ranked, refused, why = workflows.ranked_next(found)  # type: ignore[arg-type]
     assert not ranked and not refused and why.startswith("no session with forces was fitted")
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [(["--motion-driven"], "--plan: ranks strokes by the force"), ([], "--plan: no session with forces was fitted")],
-)
 def test_a_plan_that_cannot_be_made_is_refused_before_any_work(
-    options: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "problem.yaml").write_text("")  # tables: they say nothing of the bench
-    monkeypatch.setattr(validation, "identify", lambda *given, **more: pytest.fail("work was begun"))
-    words = ["--parameters", "friction", "--plan", tmp_path / "next.toml", "--out", tmp_path / "found.toml", *options]
-    assert run("identify", tmp_path, *words) == 2
-    assert said in capsys.readouterr().err
-    assert [p.name for p in tmp_path.iterdir()] == ["problem.yaml"]
-
-
-def test_tables_of_strokes_without_a_force_are_refused_before_any_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(validation, "identify", lambda *given, **more: pytest.fail("work was begun"))
-    words = ["--parameters", "friction", "--petab", tmp_path / "tables", "--out", tmp_path / "found.toml"]
-    assert run("identify", SESSIONS / "kawai_kg3c", *words) == 2
-    assert "trial 2: has no force, and the tables no place" in capsys.readouterr().err
+    words = ["--parameters", "friction", "--plan", tmp_path / "next.toml", "--out", tmp_path / "found.toml"]
+    assert run("identify", tmp_path, *words, "--motion-driven") == 2
+    assert "--plan: ranks strokes by the force" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

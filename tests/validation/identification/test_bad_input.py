@@ -203,6 +203,6 @@ def test_sessions_of_one_name_keep_their_hashes_apart() -> None:
     def session(place: str) -> SimpleNamespace:
         return SimpleNamespace(path=Path(place), info=SimpleNamespace(name="try"))
 
-    assert _names([session("a/one"), session("a/two")], set()) == ["try (one)", "try (two)"]  # type: ignore[list-item]
-    assert len(set(_names([session("a/one"), session("b/one")], {"try"}))) == 2  # type: ignore[list-item]
-    assert _names([session("a/one")], {"other"}) == ["try"]  # type: ignore[list-item]
+    assert _names([session("a/one"), session("a/two")]) == ["try (one)", "try (two)"]  # type: ignore[list-item]
+    assert len(set(_names([session("a/one"), session("b/one")]))) == 2  # type: ignore[list-item]
+    assert _names([session("a/one")]) == ["try"]  # type: ignore[list-item]

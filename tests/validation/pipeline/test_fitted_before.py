@@ -10,7 +10,7 @@ import pytest
 
 import model
 from validation.pipeline.verdict import fitted_trials, identified_warnings, prediction_lines
-from validation.prediction.posterior import UNKNOWN_STROKE, altered, digests, make_posterior
+from validation.prediction.posterior import altered, digests, make_posterior
 
 NAME = "hammer.joint_friction.A"
 
@@ -88,10 +88,8 @@ def test_an_edited_list_of_trials_clears_no_other_trial() -> None:
     assert line.startswith("Not a prediction") and "were not fitted" not in line and "edited after" in line
 
 
-def test_strokes_of_earlier_fits_and_of_unknown_tables_are_remembered() -> None:
+def test_strokes_of_earlier_fits_are_remembered() -> None:
     action = fitted_to("x")
     provenance = {**action.identification["provenance"], "earlier_sha256": ["b"]}
     chained = replace(action, identification={**action.identification, "provenance": provenance})
     assert fitted_trials(chained, TRIALS) == [2]  # type: ignore[arg-type]
-    (line,) = prediction_lines(fitted_to(UNKNOWN_STROKE + "1"), TRIALS)  # type: ignore[arg-type]
-    assert line.startswith("Whether this is a prediction is not known") and "fitted to tables" in line
