@@ -57,6 +57,8 @@ class CineFilm(Film):
         A channel of a grey film is asked for; the file is damaged, cut short, or of a kind that is not read.
     """
 
+    has_camera_times = True
+
     def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
         self.path = path
         self._channel = channel

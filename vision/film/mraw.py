@@ -254,6 +254,8 @@ class MrawFilm(Film):
     header : FilmHeader
     """
 
+    has_camera_times = True
+
     def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
         if channel is not None:
             raise FilmError(f"{path}: films of this format are read in grey; leave the channel ({channel}) out")

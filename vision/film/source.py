@@ -111,21 +111,21 @@ def grey_of(picture: NDArray[Any], channel: str | None) -> NDArray[Any]:
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGRA2GRAY if picture.shape[2] == 4 else cv2.COLOR_BGR2GRAY))
 
 
-def saturated_grey(bit_depth: int) -> int:
+def saturated_grey(film: FrameSource) -> int:
     """Smallest grey value that says no more than "too bright"."""
-    return int(2**bit_depth - 1)
+    white = getattr(film, "white_grey", None)
+    return int(2**film.bit_depth - 1) if white is None else int(white)
 
 
 SATURATED_SHARE = 0.1
 """Saturated areas of less than this share of a body move with it and bias it less than leaving them out costs."""
 
 
-def saturated_areas(picture: NDArray[Any], bit_depth: int) -> NDArray[np.bool_] | None:
-    """Pixels of a picture that are saturated together with their four neighbours; None when there are none.
+def saturated_areas(picture: NDArray[Any], top: int) -> NDArray[np.bool_] | None:
+    """Pixels of a picture that reach ``top`` together with their four neighbours; None when there are none.
 
     A single pixel that the noise lifts over the edge is hardly off; inside an area nothing is known of the light.
     """
-    top = saturated_grey(bit_depth)
     if picture.max() < top:
         return None
     # start-up: as above
@@ -148,6 +148,14 @@ class FrameSource(Protocol):
         None when the file does not say.
     compression : Compression or None
         None when grey values are stored as they were seen.
+    white_grey : int or None
+        Grey value of white where that is less than the largest (235 of 255 in video of limited range).
+    pixel_aspect : float or None
+        Width of a pixel over its height, as the file states it; None when it does not.
+    is_interlaced : bool
+        True when the file says of any frame that its even and odd rows were exposed at different times.
+    has_camera_times : bool
+        True when ``frame_time_s`` was written by the camera; the times of a video may be those of play-back.
     """
 
     path: Path
@@ -158,6 +166,10 @@ class FrameSource(Protocol):
     frame_rate_hz: float | None
     exposure_s: float | None
     compression: Compression | None
+    white_grey: int | None
+    pixel_aspect: float | None
+    is_interlaced: bool
+    has_camera_times: bool
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
@@ -206,6 +218,10 @@ class Film:
     frame_rate_hz: float | None = None
     exposure_s: float | None = None
     compression: Compression | None = None
+    white_grey: int | None = None
+    pixel_aspect: float | None = None
+    is_interlaced: bool = False
+    has_camera_times: bool = False
     in_order = False
     _file: FileWindow
 
@@ -257,6 +273,9 @@ class Corrected(Film):
         self.film = film
         for name in ("path", "n_frames", "height", "width", "bit_depth", "frame_rate_hz", "exposure_s", "compression"):
             setattr(self, name, getattr(film, name))
+        for name in ("white_grey", "pixel_aspect", "is_interlaced", "has_camera_times"):
+            # a source of the user's own may be of before these were asked for
+            setattr(self, name, getattr(film, name, getattr(Film, name)))
         self.in_order = getattr(film, "in_order", True)
 
     @property

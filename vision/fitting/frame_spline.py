@@ -114,9 +114,9 @@ class FilteredPart:
     picture: NDArray[Any]
     n_saturated: int
 
-    def saturated(self, bit_depth: int) -> NDArray[np.bool_] | None:
-        """Pixels inside saturated areas, (h, w), None where there are none."""
-        return saturated_areas(self.picture, bit_depth) if self.n_saturated else None
+    def saturated(self, top: int) -> NDArray[np.bool_] | None:
+        """Pixels inside areas that reach ``top``, (h, w), None where there are none."""
+        return saturated_areas(self.picture, top) if self.n_saturated else None
 
 
 class FrameSpline:
@@ -155,7 +155,7 @@ class FrameSpline:
         if picture.size > self._buffer.size:
             self._buffer = np.empty(picture.size, dtype=np.float32)
         coefficient = self._buffer[: picture.size].reshape(picture.shape)
-        top = saturated_grey(self.film.bit_depth)
+        top = saturated_grey(self.film)
         many = saturated_inside(picture, top) if prefilter(picture, coefficient) >= top else 0
         part = FilteredPart(whole, coefficient, picture, many)
         self._newest = (index, part)

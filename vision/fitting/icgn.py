@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.film.source import SATURATED_SHARE, FrameSource
+from vision.film.source import SATURATED_SHARE, FrameSource, saturated_grey
 from vision.fitting.assessment import (
     N_LEVELS,
     TOO_FEW,
@@ -192,7 +192,7 @@ class IcgnFitter(Fitter):
         coefficient, (y0, _, x0, _) = part.coefficient, part.box
         # turned pixels may fall on one another, two at most
         if 2 * part.n_saturated > SATURATED_SHARE * template.n_pixels:
-            saturated = part.saturated(film.bit_depth)
+            saturated = part.saturated(saturated_grey(film))
             if saturated is not None and self._under(saturated, start, y0, x0) > SATURATED_SHARE * template.n_pixels:
                 # not a number: the compiled loop leaves out every sample that such a coefficient enters
                 coefficient = np.where(saturated, np.float32(np.nan), coefficient)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vision.angles import turn_matrix
 from vision.errors import BodyError
-from vision.film.source import FrameSource
+from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.assessment import blocks_of, ratios_of
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, Fitter, region_of
 from vision.fitting.bspline import noise_gain
@@ -123,7 +123,7 @@ class MarkFitter(Fitter):
             return FAILED
         part = self._frames.part(index, box)
         coefficient = part.coefficient
-        saturated = part.saturated(film.bit_depth)
+        saturated = part.saturated(saturated_grey(film))
         if saturated is not None:
             coefficient = np.where(saturated, np.float32(np.nan), coefficient)
         region = Region(coefficient, float(part.box[2]), float(part.box[0]))

@@ -134,7 +134,7 @@ class WithoutRowFlicker(Corrected):
 
     def __init__(self, film: FrameSource, box: tuple[int, int, int, int]) -> None:
         super().__init__(film)
-        self.box, self._top = box, saturated_grey(film.bit_depth)
+        self.box, self._top = box, saturated_grey(film)
         self._amplitudes: dict[int, float] = {}
 
     def amplitude(self, index: int) -> float:
@@ -155,7 +155,7 @@ def without_row_flicker(film: FrameSource, box: tuple[int, int, int, int]) -> Fr
     """The film itself, or with even light in its rows where that flickers inside a rectangle (y0, y1, x0, x1)."""
     if film.n_frames < 3 or box[1] - box[0] < 8:
         return film
-    top = saturated_grey(film.bit_depth)
+    top = saturated_grey(film)
     frames = range(min(FIRST, film.n_frames))
     amplitude, u = np.array([alternation(film.read_region(k, *box), box[0], top) for k in frames]).T
     changing = float(np.std(amplitude))

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import TrackingError
-from vision.film.source import FrameSource, saturated_areas
+from vision.film.source import FrameSource, saturated_areas, saturated_grey
 
 MAX_STILL = 64
 MOST_PIXELS = 5000
@@ -88,7 +88,8 @@ def average_still_frames(
     if n_still is not None and not 1 <= n_still <= film.n_frames:
         raise TrackingError(f"{film.path}: {n_still} still frames requested, the film has {film.n_frames}")
     total = film.read(0).astype(np.float32)
-    found = saturated_areas(total, film.bit_depth)
+    top = saturated_grey(film)
+    found = saturated_areas(total, top)
     saturated = np.zeros(total.shape, dtype=bool) if found is None else found
     # saturated pixels have no noise; a film of nothing else is refused later, by body
     pixels = np.flatnonzero((region & ~saturated if np.any(region & ~saturated) else region).reshape(-1))
@@ -103,7 +104,7 @@ def average_still_frames(
     limit = min(film.n_frames, n_still if n_still is not None else max_still)
     while count < limit:
         frame = film.read(count)
-        inside = saturated_areas(frame, film.bit_depth)
+        inside = saturated_areas(frame, top)
         if inside is not None:
             saturated |= inside
         difference, gain = _matched_difference(frame.reshape(-1)[pixels].astype(float), mean, light)

@@ -123,7 +123,7 @@ class FilmTracker:
             return 0
         together, (first, frames, n), stop = self._together, span, self._together.stop
         n_still, watched_from, line = watch
-        film = Film(frames, first, saturated_grey(self.ready.film.bit_depth), watched_from, *line)
+        film = Film(frames, first, saturated_grey(self.ready.film), watched_from, *line)
         columns = (getattr(table, name) for name in Rows._fields[3:])
         done = together.walk(film, Rows(index[:n], rows.start, first_step, *columns))
         if done:

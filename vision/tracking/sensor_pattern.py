@@ -64,7 +64,7 @@ class WithoutPattern(Corrected):
 
     def __init__(self, film: FrameSource, pattern: NDArray[np.float32]) -> None:
         super().__init__(film)
-        self._pattern, self._top = pattern, saturated_grey(film.bit_depth)
+        self._pattern, self._top = pattern, saturated_grey(film)
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame."""

@@ -36,7 +36,7 @@ def test_prefilter_gives_the_picture_back() -> None:
 def test_saturated_pixels_are_counted(level: int) -> None:
     picture = np.random.default_rng(3).integers(0, 256, (60, 80)).astype(np.uint8)
     picture[picture >= level] = 255
-    marked = saturated_areas(picture, 8)
+    marked = saturated_areas(picture, 255)
     assert saturated_inside(picture, 255) == (0 if marked is None else np.count_nonzero(marked))
     assert saturated_inside(np.full((20, 30), 255, dtype=np.uint8), 255) == 600
 
