@@ -49,7 +49,7 @@ def rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
 
 
 @finds(
-    {"short record": "Annotate {trials}, which ends early, or record it again: no score looks further."},
+    {"short record": "Annotate the trial that ends early, or record it again: no score looks further."},
     among=OF_TRIALS,
 )
 def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
@@ -74,7 +74,7 @@ def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
 FEWEST_MOVED = 50  # samples that differ from the one before: two records of rest may well agree
 
 
-@finds({"duplicated trial": "Reject {trials}: a copy (pianorig annotate)."}, spoils=BLOW, among=OF_TRIALS)
+@finds({"duplicated trial": "Reject the copy (pianorig annotate)."}, spoils=BLOW, among=OF_TRIALS)
 def duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """Trials that repeat an earlier one, in counts or in force."""
     out = []
@@ -289,7 +289,7 @@ SCALE_EXPLAINS = 0.9  # of the squared distance
 
 
 @finds(
-    {"outlying trial": "Look at {trials}, unlike the others: annotate what was no such blow (pianorig annotate)."},
+    {"outlying trial": "Look at the trial unlike the others; annotate it if it was no such blow."},
     spoils=BLOW,
 )
 def outlying(
@@ -416,7 +416,7 @@ LARGER = 5.0
 
 
 @finds(
-    {"outlying residual": "Look at force and encoders of {trials}; annotate a disturbed blow (pianorig annotate)."},
+    {"outlying residual": "Look at force and encoders of the trial that the model misses; annotate a disturbed blow."},
     spoils=PREDICTION,
 )
 def outlying_residuals(

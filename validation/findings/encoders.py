@@ -28,8 +28,8 @@ STANDS_STILL = 0.01  # of the predicted range
 
 @finds(
     {
-        "sign flip": "Turn the sign of {channel} in the rig file and record {trials} again.",
-        "swapped channels": "Exchange the channels {channel} in the rig file and record {trials} again.",
+        "sign flip": "Turn the sign of the encoder in the rig file and record again.",
+        "swapped channels": "Exchange the channels in the rig file and record again.",
     },
     spoils=CHANNEL,
 )
@@ -54,7 +54,7 @@ def wiring(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     return out
 
 
-@finds({"dead channel": "Check scale, cable and counter of {channel}, which stands still in {trials}."}, spoils=CHANNEL)
+@finds({"dead channel": "Check scale, cable and counter of the encoder that stands still."}, spoils=CHANNEL)
 def dead(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """Encoders that stand still while their body should move."""
     out = []
@@ -135,11 +135,11 @@ def _turns_sharply(time: Array, way: Array, step: float) -> bool:
     return bool(min(rise, fall) > SHARP_M_PER_S)
 
 
-@finds({"encoder scale": "Check decoding and lines per revolution of {channel} in the rig file."}, spoils=CHANNEL)
+@finds({"encoder scale": "Check decoding and lines per revolution of the encoder in the rig file."}, spoils=CHANNEL)
 @finds(
     {
-        "encoder scale or stops": "Measure key dip and blow distance: is it the stops or the scale of {channel}?.",
-        "stops not reached": "Look at the action: in {trials} key and whippen end elsewhere than at its stops.",
+        "encoder scale or stops": "Measure key dip and blow distance, and check the scale of the encoder.",
+        "stops not reached": "Look at the action: key and whippen end elsewhere than at its stops.",
     }
 )
 def encoder_travel(travels: Mapping[int, Travel], without: Sequence[tuple[int, str]] = ()) -> list[SessionFinding]:
@@ -266,7 +266,7 @@ def at_rest_again(m: MeasuredTrial) -> NDArray[np.bool_]:
 
 
 @finds(
-    {"encoder return": "Check signal level and largest count rate of {channel}, then record {trials} again."},
+    {"encoder return": "Check signal level and largest count rate of the encoder, then record again."},
     spoils=CURVES,
 )
 def encoder_return(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
@@ -309,7 +309,7 @@ LOWEST = 6  # below, a sector is so narrow that wrong decoding leaves it empty
 PASSES = 4
 
 
-@finds({"stuck bit": "Check cable and counter of {channel}, then record {trials} again."}, spoils=CURVES)
+@finds({"stuck bit": "Check cable and counter of the encoder, then record again."}, spoils=CURVES)
 def stuck_bits(m: MeasuredTrial) -> list[SessionFinding]:
     """Bits of each encoder's counter that never change.
 

@@ -19,8 +19,8 @@ MOVES = 0.02  # of the largest speed: a frame in which the whippen moves tells t
 
 @finds(
     {
-        "camera offset": "Check trigger frame, exposure and delay of the camera ({trials}).",
-        "film clock": "Check the camera's rate and look for lost frames ({trials}).",
+        "camera offset": "Check trigger frame, exposure and delay of the camera.",
+        "film clock": "Check the camera's rate and look for lost frames.",
     },
     spoils=CURVES,
 )
@@ -116,9 +116,9 @@ SCALES_MAY = 0.05  # also what a late film does to the regression
 
 @finds(
     {
-        "film mirrored": "Mirror the film of {trials} and track it again.",
-        "film bodies swapped": "Correct the names of the outlines of {trials} and track again.",
-        "film body reversed": "Check the outlines of {trials} and track again.",
+        "film mirrored": "Mirror the film and track it again.",
+        "film bodies swapped": "Correct the names of the outlines and track the film again.",
+        "film body reversed": "Check the outlines and track the film again.",
         "film or encoder scale": "Check the scale of the whippen's encoder, and whether the film was seen at an angle.",
     }
 )

@@ -40,12 +40,11 @@ from validation.findings.finding import (
     PREDICTION,
     Kind,
     SessionFinding,
-    left_out,
     sound_trials,
-    with_and_without,
 )
 from validation.findings.force import force_delay, force_drift, force_lag, force_sign_and_unit
 from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
+from validation.findings.unusable import UnusableData, unusable_data, unusable_pairs
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
@@ -60,13 +59,20 @@ def urgent_first() -> dict[str, Kind]:
 
 @dataclass(frozen=True)
 class SessionFindings:
-    """Faults, trials and channels that no pooled figure counts, notes, and the trials of each kind of stroke where
-    there are two."""
+    """Findings, and the trials of each kind of stroke where there are several."""
 
     faults: tuple[SessionFinding, ...]
-    left_out: frozenset[tuple[int, str]]
-    notes: tuple[str, ...]
     kinds: tuple[tuple[int, ...], ...] = ()
+
+    @property
+    def unusable(self) -> tuple[UnusableData, ...]:
+        """Trials and channels that neither the verdict nor a pooled figure may rest on."""
+        return unusable_data(self.faults)
+
+    @property
+    def left_out(self) -> frozenset[tuple[int, str]]:
+        """The same by trial and curve, of encoders and film."""
+        return unusable_pairs(self.unusable)
 
 
 def find_faults(
@@ -76,7 +82,7 @@ def find_faults(
     tested: ModelUnderTest,
 ) -> SessionFindings:
     """Faults of the session, wiring first."""
-    trials, traces = predicted.trials, scored.traces
+    trials = predicted.trials
     found = [f for check in OF_TRIALS for f in check(trials)]
     found += _single_trials(predicted, events, tested)
     travel = _travel(predicted, events, tested, found)
@@ -91,10 +97,8 @@ def find_faults(
         of_kind = _only(numbers, predicted, events, scored)
         odd = _odd_trials(*of_kind, tested, found)
         found += odd + _residuals(*of_kind[:2], tested, [*found, *odd])
-    without = left_out(found)
-    notes = with_and_without(traces.base_s, traces.encoder, found, without)
     apart = () if kinds is None else (kinds.weak, kinds.strong)
-    return SessionFindings(tuple(found), without, tuple(notes), apart)
+    return SessionFindings(tuple(found), apart)
 
 
 def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest) -> list[SessionFinding]:

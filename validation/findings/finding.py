@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-import pandas as pd
 
-from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
 from validation.measurement.trial import MeasuredTrial, trials_in_words
-from validation.statistics.repeatability import curve_repeatability, on_common_base
 
 
 @dataclass(frozen=True)
@@ -61,8 +58,7 @@ def finds(
     """Enter the kinds that a check finds, with what is to be done about each and what all of them spoil, and the check
     ``among`` those of one sort.
 
-    In what is to be done ``{trials}`` and ``{channel}`` stand for where it was found, ``{value_mm}`` and ``{side}`` for
-    its value in mm and whether that lies further from or closer to the string.
+    What is to be done names no trial and no channel: `validation.findings.unusable` names them all.
     """
 
     def entered(check: Check) -> Check:
@@ -72,17 +68,6 @@ def finds(
         return check
 
     return entered
-
-
-def distorted_trials(findings: Sequence[SessionFinding]) -> list[int]:
-    """Trials whose curves are not what happened, or not the others' blow: they distort what is called repeatability."""
-    return sorted({int(f.trial) for f in findings if KINDS[f.kind].spoils in (CURVES, BLOW) and np.isfinite(f.trial)})
-
-
-def are_faulty(numbers: Sequence[int]) -> str:
-    """That trials are faulty, in words."""
-    verb = "are" if numbers[1:] else "is"
-    return f"trial{'s' if numbers[1:] else ''} {', '.join(map(str, numbers))} {verb} faulty"
 
 
 def summary_line(findings: Sequence[SessionFinding]) -> str:
@@ -103,17 +88,6 @@ def summary_line(findings: Sequence[SessionFinding]) -> str:
 
 T = TypeVar("T")
 LeftOut = Collection[tuple[int, str]]
-
-
-def left_out(findings: Iterable[SessionFinding]) -> frozenset[tuple[int, str]]:
-    """Trials and channels that are no measurement of what they are named after.
-
-    Conventions: a pair is (trial, channel). A channel that is reversed, swapped or dead measures something else, and a
-    mean or scatter with it means nothing: the trial's own scores and curves are shown, pooled figures are without it,
-    with the reason and "n of N". A trial that only stands out stays in; the scatter without it is stated beside. A
-    channel of which no trial is left has no pooled figures.
-    """
-    return frozenset((int(f.trial), f.channel) for f in findings if KINDS[f.kind].spoils == CHANNEL)
 
 
 def pooled(trials: Mapping[int, T], channel: str, without: LeftOut) -> dict[int, T]:
@@ -139,7 +113,7 @@ def state_of(numbers: Collection[int], channel: str, without: LeftOut) -> str:
     if not missing:
         return ""
     which = trials_in_words(missing)
-    return f"{len(numbers) - len(missing)} of {len(numbers)}: {which} left out, wired wrong"
+    return f"{len(numbers) - len(missing)} of {len(numbers)}: {which} left out"
 
 
 def sound_trials(
@@ -148,22 +122,3 @@ def sound_trials(
     """Trials without a fault that spoils the comparison of one trial with the model; one kind may be let pass."""
     broken = {f.trial for f in findings if KINDS[f.kind].spoils and f.kind != but}
     return [m for m in trials if m.number not in broken]
-
-
-def with_and_without(
-    base: Array, traces: dict[int, pd.DataFrame], findings: Iterable[SessionFinding], without: LeftOut
-) -> list[str]:
-    """What the scatter of each encoder would be without the trials that stand out, which stay in."""
-    odd = sorted({int(f.trial) for f in findings if f.kind == "outlying trial"})
-    parts = []
-    for channel in ENCODER_CHANNELS if odd else ():
-        frames = pooled(traces, channel, without)
-        few = {number: frame for number, frame in frames.items() if number not in odd}
-        if len(few) < 2 or len(few) == len(frames):
-            continue
-        every, usual = (
-            curve_repeatability(on_common_base(base, some, f"{channel}_measured_rad")).pooled for some in (frames, few)
-        )
-        parts.append(f"{channel} {np.degrees(usual):.2g}° instead of {np.degrees(every):.2g}°")
-    which = f"trial {odd[0]}, which stands" if len(odd) == 1 else f"trials {', '.join(map(str, odd))}, which stand"
-    return [f"without {which} out (kept), sᵣ would be: {', '.join(parts)}"] if parts else []

@@ -43,7 +43,7 @@ COARSE = 0.05
 
 
 @finds(
-    {"force saturation": "Widen the range of the force channel and record {trials} again."},
+    {"force saturation": "Widen the range of the force channel and record again."},
     spoils=PREDICTION,
     among=OF_TRIAL,
 )
@@ -112,7 +112,7 @@ FACTORS = {
 
 @finds(
     {
-        "force sign": "Turn the sign of the load cell in the rig file and record {trials} again.",
+        "force sign": "Turn the sign of the load cell in the rig file and record again.",
         "force unit": "Check unit and sensitivity of the load cell in the rig file.",
     },
     spoils=PREDICTION,

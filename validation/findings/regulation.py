@@ -66,10 +66,8 @@ def _resolved(events: Mapping[str, Event], model: Mapping[str, Event], speed: fl
 
 @finds(
     {
-        "regulation": "Measure the let-off, {value_mm:.1f} mm {side} the string than the model's, and regulate the "
-        "action or the model (pianorig regulate).",
-        "check height": "Measure the height of check, {value_mm:.1f} mm {side} the string than the model's, and "
-        "regulate the action or the model (pianorig regulate), or look at the back check's friction.",
+        "regulation": "Measure the let-off.",
+        "check height": "Measure the height of check.",
     }
 )
 def regulation(let_off_m: Mapping[int, float], check_m: Mapping[int, float]) -> list[SessionFinding]:

@@ -6,12 +6,11 @@ the model. Then what explains the difference, then strokes outside of what was f
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 
-from validation.events.definitions import EVENTS
 from validation.findings.find_faults import urgent_first
 from validation.findings.finding import SessionFinding
+from validation.findings.unusable import name_unusable, unusable_data
 from validation.identification.difference.explain import CompatibleChange, Explained
 from validation.identification.difference.responses import ALL
 from validation.measurement.trial import trials_in_words
@@ -53,7 +52,9 @@ def what_to_do(
     tuple of str
         At most `MOST`; empty where nothing can be advised.
     """
-    said = mend(findings)
+    unusable = name_unusable(unusable_data(findings))
+    said = [f"Record again or reject (pianorig annotate): {unusable}."] if unusable else []
+    said += mend(findings)
     if not any(f.kind in SPOIL for f in findings):
         said += about_the_causes(explained)
         held = rivals.places[~rivals.places["fitted"].astype(bool)]
@@ -66,23 +67,8 @@ def what_to_do(
 
 def mend(findings: Sequence[SessionFinding]) -> list[str]:
     """One sentence for each kind of finding, the most urgent first."""
-    said = []
-    for kind, words in MEND.items():
-        own = [f for f in findings if f.kind == kind]
-        if not own:
-            continue
-        numbers = sorted({int(f.trial) for f in own if math.isfinite(f.trial)})
-        channels = dict.fromkeys(EVENTS[f.channel].title if f.channel in EVENTS else f.channel for f in own)
-        value = own[0].value
-        said.append(
-            words.format(
-                trials=trials_in_words(numbers) if numbers else "the session",
-                channel=" and ".join(channels) or "the channel",
-                value_mm=1e3 * abs(value),
-                side="further from" if value > 0 else "closer to",
-            )
-        )
-    return said
+    kinds = {f.kind for f in findings}
+    return [words for kind, words in MEND.items() if kind in kinds]
 
 
 def about_the_causes(explained: Explained) -> list[str]:

@@ -194,7 +194,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     tables.warnings.extend(identified_warnings(action))
     name = session.info.name or session.path.name
     standing = Standing(tables.judgement, tables.budget, rivals.nearer, tables.phases)
-    found, sentence = outcome(tables.channels, tables.phases, findings.faults, tables.judgement)
+    found, sentence = outcome(tables.channels, tables.phases, tables.judgement)
     if explained.sentence:
         finer = found == AGREES and not explained.nothing
         tables.warnings.append(explained.sentence + (FINER if finer else ""))

@@ -17,7 +17,8 @@ import pandas as pd
 import model
 from validation.curves.display_signs import SIGN
 from validation.events.definitions import EVENTS
-from validation.findings.finding import SessionFinding, are_faulty, distorted_trials, summary_line
+from validation.findings.finding import SessionFinding, summary_line
+from validation.findings.unusable import name_unusable, unusable_data
 from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.posterior import altered, posterior_of
 from validation.result import AGREES, ERROR_SHOWN, NOT_JUDGED
@@ -106,39 +107,30 @@ def verdict_lines(
     """
     scored = channels[channels["rmse_rad"].notna()]
     trials = "1 trial" if n_trials == 1 else f"{n_trials} trials"
-    distorted = distorted_trials(findings)
     head = f"Model {action} against {trials} of {session}, each driven by its own measured force: "
-    head += outcome(channels, standing.phases, findings, standing.judgement)[1]
+    head += outcome(channels, standing.phases, standing.judgement)[1]
     if standing.nearer:
         head += f" {standing.nearer}"
     differing = int((~events["agree"].astype(bool)).sum())
     if differing:
         head += f" {differing} kind{'s' if differing > 1 else ''} of event happen in one but not in the other."
-    lines = [text for text in (head, summary_line(findings)) if text]
+    left_out = name_unusable(unusable_data(findings))
+    lines = [text for text in (head, summary_line(findings), left_out and f"Left out: {left_out}.") if text]
     if len(scored):
         lines.append("RMSE: " + "; ".join(f"{row['channel']} {_score(row)}" for _, row in scored.iterrows()) + ".")
     lines += _beside_ceiling(scored)
-    if distorted:
-        return lines + _distorted(distorted) + _events(events)
     return lines + _shares(scored, standing.judgement) + _resolved(standing.budget) + _events(events)
 
 
-def outcome(
-    channels: pd.DataFrame, phases: pd.DataFrame, findings: Sequence[SessionFinding], judgement: Mapping[str, Any]
-) -> tuple[str, str]:
+def outcome(channels: pd.DataFrame, phases: pd.DataFrame, judgement: Mapping[str, Any]) -> tuple[str, str]:
     """One of `validation.result.OUTCOMES`, and the same in one sentence.
 
     Parameters
     ----------
     channels, phases : DataFrame
         `ValidationResult.channels` and ``phases``.
-    findings : sequence of SessionFinding
-        Faults of the session.
     judgement : `validation.result.SessionTables.judgement`
     """
-    distorted = distorted_trials(findings)
-    if distorted:
-        return NOT_JUDGED, f"cannot be judged, because {are_faulty(distorted)} (below)."
     if not judgement.get("judged", False):
         return (
             NOT_JUDGED,
@@ -184,14 +176,6 @@ def _beside_ceiling(scored: pd.DataFrame) -> list[str]:
     ]
     text = "ISO 18571-style score, 1 at best, in brackets that of a perfect model: "
     return [text + ", ".join(shown) + "."] if shown else []
-
-
-def _distorted(distorted: list[int]) -> list[str]:
-    return [
-        "Not judged against repeatability: sᵣ, limits and bands hold faulty trials "
-        f"({', '.join(map(str, distorted))}) and are too wide, which flatters the model; mend or reject them "
-        "(pianorig annotate) and validate again."
-    ]
 
 
 def _shares(scored: pd.DataFrame, judgement: Mapping[str, Any]) -> list[str]:

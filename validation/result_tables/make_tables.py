@@ -14,7 +14,7 @@ from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
 from validation.events.key_lift import KeyLift, lifted_samples
 from validation.events.session_events import SessionEvents
 from validation.findings.find_faults import SessionFindings
-from validation.findings.finding import are_faulty, counting_events, distorted_trials, sound_trials
+from validation.findings.finding import counting_events, sound_trials
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import ComparisonOptions
@@ -153,7 +153,7 @@ def make_tables(
         findings=pd.DataFrame([asdict(f) for f in findings.faults], columns=FINDING_COLUMNS),
         compatible_changes=pd.DataFrame(changes, columns=CHANGE_COLUMNS),
         channels=with_scores(channels, scored.scores, card, without),
-        phases=phase_table(_in_verdict(judgement, findings), summary, channels, events.window),
+        phases=phase_table(judgement, summary, channels, events.window),
         events=event_table(events.trial, events.model),
         event_summary=summary,
         event_repeatability=event_repeatability(counting, findings.kinds),
@@ -186,16 +186,9 @@ def with_rivals(tables: SessionTables, rivals: Rivals) -> SessionTables:
     return replace(tables, trials=trials, channels=tables.channels.assign(**columns), rivals=rivals.errors)
 
 
-def _in_verdict(judgement: Judgement, findings: SessionFindings) -> Judgement:
-    """The judgement as the verdict takes it: faulty trials judge nothing."""
-    distorted = distorted_trials(findings.faults)
-    return Judgement(why=are_faulty(distorted)) if distorted else judgement
-
-
 def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterator[str]:
     """What a reader must know before using the numbers, faults first."""
     yield from (f.text for f in findings.faults)
-    yield from findings.notes
     few = few_trials_warning(len(predicted.trials))
     if few:
         yield few

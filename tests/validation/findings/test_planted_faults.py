@@ -21,8 +21,9 @@ def test_every_planted_fault_is_named_and_nothing_else(planted):
     assert found == {(kind, trial) for trial, kind in PLANTED.items()}
     (faults,) = (line for line in planted.verdict_lines if line.startswith("Faults found: "))
     assert faults.startswith("Faults found: sample rate (trials 8, 9), sign flip (trial 2), swapped")
-    assert "sᵣ, limits and bands hold faulty trials (4, 7)" in planted.verdict
-    assert "repeatability limit, by which" not in planted.verdict
+    (left_out,) = (line for line in planted.verdict_lines if line.startswith("Left out: "))
+    for named in ("trial 2 (hammer: sign flip)", "trial 3 (key and whippen: swapped channels)", "trial 7 (outlying"):
+        assert named in left_out
     text = "\n".join(planted.warnings)
     for words in (
         "trial 2: encoder hammer: it turns the wrong way round (sign flip)",
@@ -52,17 +53,15 @@ def test_what_is_named_has_the_size_that_was_planted(planted):
 
 def test_a_channel_that_is_wired_wrong_is_shown_but_not_pooled(planted):
     channels = planted.channels.set_index("channel")
-    assert channels.loc["hammer", "state"] == "8 of 9: trial 2 left out, wired wrong"
-    assert channels.loc["key", "state"] == channels.loc["whippen", "state"] == "8 of 9: trial 3 left out, wired wrong"
-    assert list(channels.loc[["key", "whippen", "hammer"], "n_trials"]) == [8, 8, 8]
+    assert channels.loc["hammer", "state"] == "7 of 9: trials 2, 7 left out"
+    assert channels.loc["key", "state"] == channels.loc["whippen", "state"] == "7 of 9: trials 3, 7 left out"
+    assert list(channels.loc[["key", "whippen", "hammer"], "n_trials"]) == [7, 7, 7]
     scores = planted.scores.set_index(["channel", "trial"])["rmse_rad"]
     assert scores["hammer"][2] > 10 * scores["hammer"][1]  # its own score says what it is
-    assert channels.loc["hammer", "rmse_rad"] == pytest.approx(np.sqrt(np.mean(scores["hammer"].drop(2) ** 2)))
+    assert channels.loc["hammer", "rmse_rad"] == pytest.approx(np.sqrt(np.mean(scores["hammer"].drop([2, 7]) ** 2)))
     summary = planted.event_summary.set_index("event")
-    assert summary.loc[["key_bottom", "hammer_speed", "rest"], "n_trials"].tolist() == [8, 8, 7]
-    assert summary.loc["hammer_speed", "found_trial"] == 8
-    (beside,) = [line for line in planted.warnings if line.startswith("without trial 7")]
-    assert "which stands out (kept), sᵣ would be: key" in beside
+    assert summary.loc[["key_bottom", "hammer_speed", "rest"], "n_trials"].tolist() == [7, 7, 6]
+    assert summary.loc["hammer_speed", "found_trial"] == 7
 
 
 def test_trials_with_faults_are_kept_and_counted(planted):

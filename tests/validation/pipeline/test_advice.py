@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 import pandas as pd
-import pytest
 
 from validation.findings.finding import KINDS, SessionFinding
 from validation.identification.difference.explain import CompatibleChange, Explained
@@ -41,17 +40,20 @@ def test_every_finding_but_a_lifting_key_has_its_sentence_and_no_other_has() -> 
         assert said.endswith((".", ").")) and "{" not in said
 
 
-@pytest.mark.parametrize(
-    ("value", "side"), [(1.1e-3, "1.1 mm further from the string"), (-0.7e-3, "0.7 mm closer to the string")]
-)
-def test_let_off_says_how_far_and_to_which_side(value: float, side: str) -> None:
-    (said,) = advice.mend([found("regulation", channel="let_off", value=value)])
-    assert side in said and "regulate" in said
-
-
-def test_trials_and_channels_of_one_kind_are_named_together() -> None:
-    (said,) = advice.mend([found("encoder return", 5.0, "key"), found("encoder return", 2.0, "whippen")])
-    assert "key and whippen" in said and "trials 2, 5" in said
+def test_every_unusable_trial_and_channel_is_named_and_no_other() -> None:
+    findings = [
+        found("encoder return", 5.0, "key"),
+        found("dead channel", 2.0, "whippen"),
+        found("duplicated trial", 7.0, ""),
+        found("force saturation", 7.0, "force"),
+        found("hum", 1.0, "force"),
+        found("outlying residual", 3.0, "hammer"),
+    ]
+    said = advice.what_to_do(findings, Explained(), rivals(), ERROR_SHOWN)
+    assert said[0].endswith(
+        "trial 2 (whippen: dead channel), trial 5 (key: encoder return), trial 7 (duplicated trial)."
+    )
+    assert not any(character.isdigit() for sentence in said[1:] for character in sentence)
 
 
 def test_a_fault_that_spoils_the_comparison_is_all_that_is_said() -> None:

@@ -1,0 +1,80 @@
+"""Trials and channels that no statement about the model may rest on: one list, for the verdict and for *What to do*.
+
+In: the findings of a session. Out: `unusable_data`, a row a trial and channel, with the reason in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
+from validation.findings.finding import BLOW, KINDS, PREDICTION, SessionFinding
+
+FORCE, FILM, WHOLE_TRIAL = "force", "film", ""
+"""What `UnusableData.channel` holds besides the names of encoders: the force of a trial, its film, all of it."""
+
+
+@dataclass(frozen=True)
+class UnusableData:
+    """A trial, or one channel of it, that is left out.
+
+    Attributes
+    ----------
+    trial : int
+    channel : str
+        ``key``, ``whippen``, ``hammer``, ``force``, ``film``, or empty for the whole trial.
+    kind : str
+        Kind of the finding that says so, of `validation.findings.finding.KINDS`.
+    reason : str
+        The sentence of that finding.
+    """
+
+    trial: int
+    channel: str
+    kind: str
+    reason: str
+
+    @property
+    def curves(self) -> tuple[str, ...]:
+        """Channels whose curves may not be compared with a prediction: a wrong force makes the prediction wrong."""
+        if self.channel == FILM:
+            return FILM_CHANNELS
+        return (self.channel,) if self.channel in ENCODER_CHANNELS else (*ENCODER_CHANNELS, *FILM_CHANNELS)
+
+
+def unusable_data(findings: Iterable[SessionFinding]) -> tuple[UnusableData, ...]:
+    """Every unusable trial and channel once, by trial; a channel is not named beside its whole trial."""
+    rows: dict[tuple[int, str], UnusableData] = {}
+    for f in findings:
+        spoils = KINDS[f.kind].spoils
+        if spoils and np.isfinite(f.trial):
+            number = int(f.trial)
+            if spoils == PREDICTION and f.channel != FORCE:
+                continue  # that the model misses a trial makes its data no worse
+            of_channel = spoils != BLOW
+            channel = f.channel if of_channel and f.channel in (*ENCODER_CHANNELS, FORCE, FILM) else WHOLE_TRIAL
+            rows.setdefault((number, channel), UnusableData(number, channel, f.kind, f.text))
+    whole = {number for number, channel in rows if channel == WHOLE_TRIAL}
+    kept = [row for (number, channel), row in rows.items() if channel == WHOLE_TRIAL or number not in whole]
+    return tuple(sorted(kept, key=lambda row: row.trial))
+
+
+def unusable_pairs(unusable: Iterable[UnusableData]) -> frozenset[tuple[int, str]]:
+    """Trials and channels, of encoders and film, whose curves may not be compared with a prediction."""
+    return frozenset((row.trial, channel) for row in unusable for channel in row.curves)
+
+
+def name_unusable(unusable: Sequence[UnusableData]) -> str:
+    """All of them in words: ``trial 4 (hammer: dead channel), trial 7 (duplicated trial)``; empty for none."""
+    by_trial: dict[int, dict[str, list[str]]] = {}
+    for row in unusable:
+        by_trial.setdefault(row.trial, {}).setdefault(row.kind, []).append(row.channel)
+    return ", ".join(f"trial {number} ({'; '.join(map(_name, k, k.values()))})" for number, k in by_trial.items())
+
+
+def _name(kind: str, channels: Collection[str]) -> str:
+    named = [channel for channel in channels if channel]
+    return f"{' and '.join(named)}: {kind}" if named else kind
