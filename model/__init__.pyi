@@ -7,7 +7,6 @@ from . import inside as inside
 from . import null_model as null_model
 from . import observables as observables
 from . import regulation as regulation
-from . import screening as screening
 from . import sensitivity as sensitivity
 from . import stick_slip as stick_slip
 from . import string as string

@@ -1,5 +1,8 @@
 from .differentiate import sensitivities as sensitivities
 from .events import EVENTS as EVENTS
+from .local_table import LocalTable as LocalTable
+from .local_table import draw_local as draw_local
+from .local_table import local_table as local_table
 from .motion_driven import motion_sensitivities as motion_sensitivities
 from .options import SensitivityOptions as SensitivityOptions
 from .parameter_names import Parameter as Parameter

@@ -23,7 +23,7 @@ STUDY, TOUCH = "model.study", "model.touch"
 ANY_SHAPE = (
     *(f"model.observables.{name}" for name in vars(model.observables)),
     *(f"model.string.String.{name}" for name in ("wave_number", "omega", "decay", "shape")),
-    *("model.Scene.check_whole", "model.screening.Spread.at"),
+    "model.Scene.check_whole",
 )
 HEAVY = {
     "model.inside.draw_sheet": ("model.inside.figure._draw_motion",),
@@ -92,21 +92,6 @@ def press() -> tuple[np.ndarray, np.ndarray]:
 @cache
 def felt_fit() -> model.calibration.FeltFit:
     return model.calibration.fit_felt(model.calibration.split_phases(*press()))
-
-
-@cache
-def spreads() -> list[model.screening.Spread]:
-    return model.screening.spreads(action(), ["hammer.mass", "key.mass"])
-
-
-@cache
-def variants() -> model.screening.Variants:
-    parameters = tuple(spread.parameter for spread in spreads())
-    return model.screening.Variants(action(), np.array([0.0, 0.25]), np.array([0.0, 30.0]), parameters)
-
-
-def members() -> np.ndarray:
-    return np.array([[s.parameter.value for s in spreads()]])
 
 
 def key_motion() -> model.KeyMotion:
@@ -186,15 +171,6 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     f"{TOUCH}.feel": lambda: {"action": action(), "forces_n": np.array([20.0, 50.0])},
     f"{TOUCH}.hammer_speeds": lambda: {"action": action(), "forces_n": np.array([50.0])},
     f"{TOUCH}.fastest_repetition": lambda: {"action": action(), "peaks_n": np.array([20.0])},
-    "model.screening.morris": lambda: {
-        "spreads": spreads(), "compute": Gives(lambda v: np.rint(1e6 * v[:, :1])), "quantities": ["y"], "ways": 4,
-    },
-    "model.screening.sobol": lambda: {
-        "spreads": spreads(), "compute": Gives(lambda v: np.rint(1e6 * v[:, :1])), "quantities": ["y"], "n": 8,
-    },
-    "model.screening.Spread.at": lambda: {"self": spreads()[0], "share": np.array([0.0, 1.0])},
-    "model.screening.Variants.sha256": lambda: {"self": variants(), "values": members()},
-    "model.screening.Variants.marks": lambda: {"self": variants(), "values": members()},
     "model.inside.draw_sheet": lambda: {
         "action": action(), "solution": blow(), "force_n": ROWS, "path": Out("blow.svg"),
     },

@@ -99,8 +99,8 @@ def test_what_is_wrong_with_a_call_is_said(capsys: pytest.CaptureFixture[str], m
     with pytest.raises(SystemExit, match="--write: found --quick, allowed is the full size"):
         runner.main(["same_results", "--quick", "--write"])
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    assert runner.main(["cluster_members", "--quick"]) == 0
-    assert capsys.readouterr().out == "skipped: cluster_members needs dask, distributed: not installed\n"
+    assert runner.main(["bench_page", "--quick"]) == 0
+    assert capsys.readouterr().out == "skipped: bench_page needs playwright, psutil, bokeh: not installed\n"
 
 
 @pytest.mark.parametrize(("answer", "code"), [(None, 0), (True, 0), (False, 1), (np.bool_(False), 1)])

@@ -28,6 +28,7 @@ PROMISES = {
     ],
     "felt_with_two_times.py": ["share 0.5: peak", "energy closes to"],
     "felt_with_restitution.py": ["restitution: 0.68", "of 1.13 m/s"],
+    "global_sensitivity.py": ["Morris, 10 trajectories: 60 runs", "Sobol', 64 base members: 448 runs"],
     "own_optimiser.py": ["hammer.joint_friction.A: ", "of the prior's"],
     "validate_session.py": ["as printed", "string_impact", "report.html"],
 }

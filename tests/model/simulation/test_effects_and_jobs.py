@@ -20,7 +20,6 @@ from model.motion_driven.prescribed_key import rest_angle, run_prescribed
 from model.parameters.action import CONTACTS
 from model.parameters.effects import EFFECTS
 from model.scene.key_motion import KeyMotion, angle_at_height
-from model.screening import MARKS, Variants
 from model.sensitivity import find_parameters
 from model.simulation.statics import solve_rest
 from tests.model.batch.members import contents
@@ -112,21 +111,6 @@ def _store(action: model.Action, choice: model.SceneChoice) -> None:
     assert kept is not None and kept.error_rad is not None and kept.error_rad > 0.0
     assert kept.columns().keys() == alone.columns().keys()
     np.testing.assert_allclose(kept.hammer_height_m(action), alone.hammer_height_m(action), atol=1e-5)
-
-
-def _screening(action: model.Action, choice: model.SceneChoice) -> None:
-    """Marks that Morris and Sobol' read are the events of the local table."""
-    chosen, blow = _printed(action, choice), _blow(choice)
-    blow = blow[0], 1.1 * blow[1]
-    variants = Variants(chosen, *blow, tuple(find_parameters(chosen, ["hammer.mass"])), tolerance=1e-6)
-    (marks,) = variants.marks([[chosen["hammer.mass"]]])
-    events = model.sensitivities(chosen, blow, ["hammer.mass"], options=model.SensitivityOptions(tolerance=1e-7)).events
-    accuracy = {"drop_s": 1e-4, "s": 3e-6, "m": 1e-5, "m_per_s": 5e-3}  # of samples every 0.2 ms
-    for name, mark in zip(MARKS, marks, strict=True):
-        unit = "m_per_s" if name.endswith("_per_s") else name.rpartition("_")[2]
-        off = accuracy.get(name, accuracy[unit])
-        assert mark == pytest.approx(events[name], abs=off, nan_ok=True), name
-    assert np.isfinite(marks).sum() > 5
 
 
 def _blocks(action: model.Action, choice: model.SceneChoice) -> None:
@@ -329,7 +313,6 @@ JOBS: dict[str, Callable[[model.Action, model.SceneChoice], None]] = {
     "estimated error": _estimate,
     "batch": _batch,
     "store": _store,
-    "screening": _screening,
     "block by block": _blocks,
     "inside view": _inside,
     "set-valued friction": _set_valued,

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from model.batch.job import Job, Member
 from model.scene.string_terms import LEFT_OUT_ERROR, modes_asked
-from model.screening import Variants, members
-from model.simulation.string_motion import modes_of
 from model.string import C4, C4_HAMMER, strike
 
 ACTION = model.load_action("hirschkorn2004-regulated")
@@ -73,17 +70,3 @@ def test_mistuning_hardly_reaches_the_hammer(speed: float) -> None:
     tuned, off = (strike(C4, C4_HAMMER, speed, cents, tolerance=1e-4) for cents in ((0.0,) * 3, (-1.0, 0.0, 1.0)))
     assert off.rebound == pytest.approx(tuned.rebound, rel=1e-5)
     assert off.contact_time_s == pytest.approx(tuned.contact_time_s, rel=1e-5)
-
-
-def test_members_of_a_screening_take_the_modes_that_their_tolerance_asks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They took those of 1e-5 rad, whatever was asked."""
-    seen: list[list[int]] = []
-
-    def noted(jobs: list[Job]) -> list[Member]:
-        seen.append([int(modes_of(job.run.scene)["string_modes"]) for job in jobs if job.run is not None])
-        return [Member("", "", "", error=model.ModelError("not run")) for _ in jobs]
-
-    monkeypatch.setattr(members, "_computed", noted)
-    for tolerance in (1e-3, 1e-4, 1e-5):
-        Variants(model.load_scene("string").on(ACTION), *FORTE, (), tolerance=tolerance).marks(np.zeros((2, 0)))
-    assert seen == [[8, 8], [24, 24], [75, 75]]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,6 @@ from numpy.typing import NDArray
 from model.arrays import ArrayRecord
 from model.files.figure_sheet import new_sheet
 from model.sensitivity.result import Sensitivities
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -26,8 +23,6 @@ TITLES = {
     "strike_s": "strike time", "strike_m_per_s": "hammer speed", "rebound_s": "rebound time",
     "rebound_m_per_s": "rebound speed", "check_s": "check time", "check_m": "check height", "drop_s": "drop time",
 }  # fmt: skip
-SHOWN = ("let_off_m", "strike_m_per_s", "check_m", "drop_s")
-FIRST, TOTAL = "#0072B2", "#C04A00"
 
 
 @dataclass(frozen=True)
@@ -55,11 +50,6 @@ class LocalTable(ArrayRecord):
     percent: Array
     change: Array
     per_u: Array
-
-    def strongest(self, most: int) -> list[str]:
-        """At most so many parameters, those that change any quantity most per declared uncertainty first."""
-        size = np.max(np.nan_to_num(np.abs(self.per_u) / np.abs(self.values)), axis=1)
-        return [self.parameters[i] for i in np.argsort(-size, kind="stable")[:most] if size[i] > 0.0]
 
     def rows(self) -> list[dict[str, Any]]:
         """One row a parameter and quantity, as written to a file."""
@@ -94,7 +84,7 @@ def local_table(found: Sensitivities) -> LocalTable:
     --------
     >>> import model
     >>> found = model.sensitivities("hirschkorn2004", model.force_table("forte"), ["hammer.mass", "friction"])
-    >>> table = model.screening.local_table(found)
+    >>> table = model.sensitivity.local_table(found)
     >>> table.parameters[0]
     'hammer.mass'
     """
@@ -163,7 +153,7 @@ def draw_local(table: LocalTable, path: str | Path, name: str = "") -> None:
     --------
     >>> import model
     >>> found = model.sensitivities("hirschkorn2004", model.force_table("forte"), ["hammer.mass", "friction"])
-    >>> model.screening.draw_local(model.screening.local_table(found), "local.svg")
+    >>> model.sensitivity.draw_local(model.sensitivity.local_table(found), "local.svg")
     """
     shown = table.percent[:MOST_ROWS]
     with new_sheet(path, 2.5 + 0.62 * len(table.quantities), 2.4 + 0.28 * len(shown)) as figure:
@@ -185,57 +175,3 @@ def draw_local(table: LocalTable, path: str | Path, name: str = "") -> None:
         title = "percent of a quantity per percent of a parameter"
         axes.set_title(f"{name}: {title}" if name else title, fontsize=9)
         figure.colorbar(image, ax=axes, shrink=0.6, extend="both")
-
-
-@dataclass(frozen=True)
-class Ranked(ArrayRecord):
-    """P parameters ranked for each of Q quantities.
-
-    Attributes
-    ----------
-    parameters : (P,) names
-    quantities : (Q,) names
-    """
-
-    parameters: tuple[str, ...]
-    quantities: tuple[str, ...]
-    BY: ClassVar[str] = ""
-    COLUMNS: ClassVar[tuple[str, ...]] = ()
-
-    def ranked(self, q: int) -> list[int]:
-        """Parameters of a quantity, the strongest first; none where nothing can be said."""
-        size = getattr(self, self.BY)[q]
-        return [] if np.all(np.isnan(size)) else np.argsort(np.nan_to_num(-size), kind="stable").tolist()
-
-    def numbers(self, q: int, j: int) -> dict[str, float]:
-        """Numbers of a quantity and parameter by name."""
-        columns = {name: getattr(self, name)[q] for name in self.COLUMNS}
-        return {name: float(column[j] if np.ndim(column) else column) for name, column in columns.items()}
-
-    def rows(self) -> list[dict[str, Any]]:
-        """One row a quantity and parameter, the strongest first, as written to a file."""
-        return [
-            {"quantity": name, "parameter": self.parameters[j]} | self.numbers(q, j)
-            for q, name in enumerate(self.quantities)
-            for j in self.ranked(q) or range(len(self.parameters))
-        ]
-
-
-def draw_ranked(found: Ranked, path: str | Path, draw: Callable[[Axes, int, list[int]], str]) -> None:
-    """Draw a panel for each main quantity, its parameters by what they are ranked by, the strongest on top.
-
-    Parameters
-    ----------
-    found : parameters and quantities
-    path : file to write, .svg, .pdf or .png
-    draw : draws the parameters (k,) of a quantity at heights 0 to k - 1; gives the label of the axis
-    """
-    names = found.quantities
-    panels = [names.index(name) for name in SHOWN if name in names] or list(range(min(4, len(names))))
-    with new_sheet(path, 8.5, 0.5 + 4.0 * len(panels)) as figure:
-        for axes, q in zip(np.atleast_1d(figure.subplots(len(panels), 1)), panels, strict=True):
-            order = (found.ranked(q) or list(range(len(found.parameters))))[:MOST_ROWS][::-1]
-            axes.set_xlabel(draw(axes, q, order), fontsize=8)
-            axes.set_yticks(range(len(order)), [found.parameters[i] for i in order], fontsize=7)
-            axes.grid(alpha=0.3)
-            axes.legend(fontsize=7)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import model
-from model.screening import draw_local, draw_morris, draw_sobol, local_table, morris, sobol, spreads
-from model.screening.local import lines
+from model.sensitivity import draw_local, local_table
+from model.sensitivity.local_table import lines
 
 NAMES = ("friction", "hammer.mass", "contact02")
 
@@ -44,7 +44,7 @@ def test_one_uncertainty_of_a_value_that_is_zero_or_negative(action: model.Actio
             assert expected != 0.0 and table.per_u[i, table.quantities.index(event)] == pytest.approx(expected)
         assert table.per_u[i, table.quantities.index("hammer curve")] > 0.0
         assert table.percent[i, table.quantities.index("hammer curve")] >= 0.0
-    assert table.strongest(3)[0] == "key.pivot.y" != table.parameters[0]
+    assert table.parameters[0] != "key.pivot.y"
 
 
 def test_a_curve_changes_as_a_second_run_does(action: model.Action, found: model.Sensitivities) -> None:
@@ -69,11 +69,8 @@ def test_ranked_by_the_largest_effect_and_printed(found: model.Sensitivities) ->
     assert len(table.rows()) == len(table.parameters) * len(table.quantities)
 
 
-def test_figures_are_written(action: model.Action, found: model.Sensitivities, tmp_path: Path) -> None:
-    drawn = spreads(action, ["hammer.mass", "key.mass"])
+def test_the_figure_is_written(found: model.Sensitivities, tmp_path: Path) -> None:
     draw_local(local_table(found), tmp_path / "local.svg")
-    draw_morris(morris(drawn, lambda x: x[:, :1], ("strike_m_per_s",), 3), tmp_path / "morris.png")
-    draw_sobol(sobol(drawn, lambda x: x[:, :1], ("y_m",), 8), tmp_path / "sobol.pdf")
-    assert all((tmp_path / name).stat().st_size > 5000 for name in ("local.svg", "morris.png", "sobol.pdf"))
+    assert (tmp_path / "local.svg").stat().st_size > 5000
     with pytest.raises(model.InputError, match=r"ending found '\.txt'"):
         draw_local(local_table(found), tmp_path / "local.txt")
