@@ -1,4 +1,3 @@
 from .access import Access as Access
-from .plan import Bench as Bench
 from .server import BenchOptions as BenchOptions
 from .server import serve_until_interrupted as serve_until_interrupted

@@ -2,19 +2,16 @@
 
 The page listens on the loopback only. A name other than those of the loopback, or a request that another site's page
 began, is refused: both are how a page from the internet would reach a server on this computer (DNS rebinding,
-cross-site requests). Writing needs a cookie that is given once, for the token in the address that the terminal shows.
+cross-site requests). Writing needs ``--control`` and a request that this page sends.
 """
 
 from __future__ import annotations
 
-import hmac
-import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 LOOPBACK = "127.0.0.1"
 NAMES = (LOOPBACK, "localhost")
-BYTES = 32
 SAFE = ("GET", "HEAD")
 
 
@@ -33,33 +30,16 @@ class Access:
     Parameters
     ----------
     port : TCP port it listens on
-    control : whether a token for writing is given out at all
+    control : whether the page may write
     """
 
     port: int
     control: bool = False
-    token: str | None = field(default=None, init=False, repr=False)
-    _cookie: str = field(default="", init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        if self.control:
-            self.token = secrets.token_urlsafe(BYTES)
-            self._cookie = secrets.token_urlsafe(BYTES)
-
-    @property
-    def cookie_name(self) -> str:
-        """Cookies do not tell ports apart, so their name does."""
-        return f"pianorig_bench_{self.port}"
 
     @property
     def address(self) -> str:
         """Where the page is."""
         return f"http://{LOOPBACK}:{self.port}/"
-
-    @property
-    def first_address(self) -> str:
-        """Where to open it first: with the token, if there is one that has not been used."""
-        return self.address if self.token is None else f"{self.address}?token={self.token}"
 
     def check(self, method: str, path: str, headers: Mapping[str, str]) -> None:
         """Refuse what does not come from this page or from the address line of this computer's browser.
@@ -88,24 +68,3 @@ class Access:
         navigation = headers.get("Sec-Fetch-Mode", "") == "navigate" and method == "GET" and shown
         if headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none") and not navigation:
             raise Refused(403, "the request was begun by another site; open this page by its address")
-
-    def redeem(self, token: str) -> str:
-        """The cookie for a token, which is worthless from then on.
-
-        Raises
-        ------
-        Refused
-            A token that was never given out, or has been used.
-        """
-        if self.token is None or not hmac.compare_digest(token.encode(), self.token.encode()):
-            raise Refused(
-                403,
-                "this token is not valid, or was used before; it opens the page once: start  pianorig bench --control  "
-                "again for a new one, or open the page without it to look only",
-            )
-        self.token = None
-        return self._cookie
-
-    def may_write(self, cookie: str | None) -> bool:
-        """Whether a request with this cookie may write."""
-        return bool(self._cookie and cookie) and hmac.compare_digest(str(cookie).encode(), self._cookie.encode())

@@ -1,4 +1,4 @@
-"""What answers at each address of the page: a function of what was asked for, of the catalogue, jobs, films and plan.
+"""What answers at each address of the page: a function of what was asked for, of the catalogue, jobs and films.
 
 ``ADDRESSES`` is the list of them. A function is called in a thread; what it returns is sent as JSON, an error that a
 user can cause as one line (`pianorig.page.reply`).
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-from contextlib import suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.util import find_spec
@@ -22,7 +21,6 @@ import rig
 import vision
 from pianorig.console.output import json_text
 from pianorig.errors import CommandInputError
-from pianorig.page.access import Refused
 from pianorig.page.action import (
     BLOWS,
     action_facts,
@@ -46,7 +44,6 @@ from pianorig.page.catalogue import (
 )
 from pianorig.page.live import LiveStream
 from pianorig.page.outlines import FilmSubject, outlines_of, propose, save, save_marks, subject_of, track_again
-from pianorig.page.plan import choices, read_order
 from pianorig.page.reply import Asked, Guarded, Reply, Sent, Served, Stream
 from pianorig.page.review import MOST_MODELS, film_view, trial_view
 from pianorig.player.animation import WEB as PLAYER
@@ -57,11 +54,6 @@ from rig.session.annotation_file import Kind
 from vision.output.colours import BODY_COLOURS, OTHERS
 
 WEB = Path(__file__).with_name("web")
-ON = (
-    '<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=/"><link rel="icon" href="data:,">'
-    "<title>bench</title>"
-)
-"""Sent in answer to a token: the page is then asked for by this page, so that the strict cookie comes with it."""
 LONGEST_TEXT = 2000
 MOST_COMPARED = 8
 MOST_FRAMES = 16
@@ -73,13 +65,8 @@ REPORT_POLICY = (
 """A report is a file of the session, and a session may come from anybody: its scripts run in an origin of their own,
 which may neither read this page nor ask it or the network for anything."""
 LOOKS_HZ = 30.0
-LAMPS_EVERY = 6
-"""Looks between two of the lamps: five times a second is as fast as an eye follows."""
 GONE = 4404
 """Code of our own for a session that is not there, or no more."""
-LOOK_S = 0.1
-ALIVE_S = 0.5
-"""At least so often the page is sent the plan's state, and answers that it is there."""
 
 
 def drawing_scripts() -> Path:
@@ -94,20 +81,9 @@ class Shell(Reply):
     """The page."""
 
     async def get(self, *names: str) -> None:
-        """Send the page, or take a token, once."""
+        """Send the page."""
         self.set_header("Content-Type", "text/html; charset=utf-8")
-        token = self.get_query_argument("token", None)
-        if token is None:
-            self.finish((WEB / "bench.html").read_bytes())
-            return
-        access = self.served.access
-        try:
-            cookie = access.redeem(token)
-        except Refused as refused:
-            self.refuse(refused.status, str(refused))
-            return
-        self.set_cookie(access.cookie_name, cookie, httponly=True, samesite="Strict", path="/")
-        self.finish(ON)
+        self.finish((WEB / "bench.html").read_bytes())
 
 
 class About(Reply):
@@ -115,8 +91,9 @@ class About(Reply):
 
     async def get(self, *names: str) -> None:
         """Send it."""
-        about = {"folder": str(self.served.catalogue.root), "control": self.served.access.control}
-        self.send({**about, "may_write": self.may_write, "colours": BODY_COLOURS, "other_colours": OTHERS})
+        served = self.served
+        about = {"folder": str(served.catalogue.root), "may_write": served.access.control}
+        self.send({**about, "colours": BODY_COLOURS, "other_colours": OTHERS})
 
 
 class OwnFiles(Guarded, StaticFileHandler):
@@ -130,13 +107,6 @@ class OwnFiles(Guarded, StaticFileHandler):
     def set_extra_headers(self, path: str) -> None:
         """Let the browser keep them, but ask whether they are still the same."""
         self.set_header("Cache-Control", "no-cache")
-
-
-def _begin(served: Served, subject: str, words: list[str]) -> dict[str, Any]:
-    """Begin a job about a session or film; not beside a plan, whose recording it would slow."""
-    if served.plan.running:
-        raise CommandInputError("a plan is being played; long work beside it could cost a trial: wait for its end")
-    return served.jobs.begin(subject, words)
 
 
 def _job(served: Served, number: str, asked: Asked) -> dict[str, Any]:
@@ -214,13 +184,13 @@ def _compare(served: Served, asked: Asked) -> dict[str, Any]:
     for folder in folders:
         rig.Session.open(folder)
     out = served.catalogue.root / COMPARISONS / f"{datetime.now(UTC):%Y-%m-%dT%H%M%SZ}"
-    return _begin(served, out.name, ["validate", *map(str, folders), "--out", str(out)])
+    return served.jobs.begin(out.name, ["validate", *map(str, folders), "--out", str(out)])
 
 
 def _validate(served: Served, name: str, asked: Asked) -> dict[str, Any]:
     folder = served.catalogue.folder(name)
     rig.Session.open(folder)  # what cannot be compared is refused before a process is started
-    return _begin(served, name, ["validate", str(folder)])
+    return served.jobs.begin(name, ["validate", str(folder)])
 
 
 # the action as it is set: ``scene=`` and ``set=path=value`` in the address
@@ -330,21 +300,10 @@ def _begin_tracking(served: Served, owner: str, subject: FilmSubject, words: lis
         if type(rate_hz) not in (int, float) or not 0.0 < rate_hz < 1e9:
             raise CommandInputError(f"frame rate {str(rate_hz)[:40]}: allowed a positive number of frames/s")
         words = [*words, "--frame-rate", repr(rate_hz)]
-    return _begin(served, owner, ["track", str(subject.path), "--allow-truncated", *words])
+    return served.jobs.begin(owner, ["track", str(subject.path), "--allow-truncated", *words])
 
 
-# the recording that is made, the plan that is played
-
-
-def _plan(served: Served, asked: Asked) -> dict[str, Any]:
-    bench = {"rig": served.plan.bench.rig, "backend": served.plan.bench.backend}
-    return {"state": served.plan.state, "bench": bench, **choices(served.catalogue)}
-
-
-def _play(served: Served, asked: Asked) -> dict[str, Any]:
-    if busy := served.jobs.running:
-        raise CommandInputError(f"{busy} is running and could slow the recording; wait, or stop it")
-    return {"state": served.plan.start(read_order(asked.content, served.catalogue, served.plan.bench))}
+# the recording that is made
 
 
 class Live(Stream):
@@ -355,52 +314,19 @@ class Live(Stream):
     """
 
     async def tell(self, *arguments: str) -> None:
-        """Send state, samples and lamps of the session named, where they are new."""
+        """Send state and samples of the session named, where they are new."""
         work, workers = IOLoop.current().run_in_executor, self.served.workers
         try:
             stream = await work(workers, lambda: LiveStream(self.served.catalogue.folder(arguments[0])))
-            looks = 0
             while True:
                 state, samples = await work(workers, stream.poll)
                 if state is not None:
                     await self.write_message(json_text(state))
                 if samples:
                     await self.write_message(samples, binary=True)
-                if looks % LAMPS_EVERY == 0 and (lamps := stream.lamps()) is not None:
-                    await self.write_message(json_text({"lamps": lamps}))
-                looks += 1
                 await asyncio.sleep(1.0 / LOOKS_HZ)
         except (RigError, UnknownName, ValueError, OSError) as error:
             self.close(GONE, " ".join(str(error).split()).encode()[:120].decode(errors="ignore"))
-
-
-class PlanState(Stream):
-    """Sends the plan's state, as it changes; whoever may write keeps the plan going by answering."""
-
-    _may_write = False
-
-    def open(self, *arguments: str, **more: str) -> None:
-        """Begin to tell the state."""
-        access = self.served.access
-        self._may_write = access.may_write(self.get_cookie(access.cookie_name))
-        super().open(*arguments, **more)
-
-    async def on_message(self, message: str | bytes) -> None:
-        """The page is there."""
-        if self._may_write:
-            with suppress(CommandInputError):  # ended meanwhile
-                await IOLoop.current().run_in_executor(self.served.workers, self.served.plan.seen)
-
-    async def tell(self, *arguments: str) -> None:
-        """Send the state where it has changed, or was not sent for `ALIVE_S`."""
-        sent, quiet_s = None, ALIVE_S
-        while True:
-            state = self.served.plan.state
-            if state is not sent or quiet_s >= ALIVE_S:
-                await self.write_message(json_text(state))
-                sent, quiet_s = state, 0.0
-            await asyncio.sleep(LOOK_S)
-            quiet_s += LOOK_S
 
 
 NAME, NUMBER = r"([^/]+)", r"(\d{1,9})"
@@ -428,11 +354,6 @@ ADDRESSES: dict[str, dict[str, Any]] = {
     TRIAL: {"get": _review},
     f"{TRIAL}/animation": {"get": _trial_animation},
     f"/api/film/{NAME}/{NUMBER}": {"get": _film},
-    "/api/plan": {"get": _plan, "post": _play},
-    "/api/plan/(pause|resume|abort)": {"post": lambda it, what, asked: {"state": it.plan.do(what)}},
-    "/api/plan/answer": {
-        "post": lambda it, asked: {"state": it.plan.answer(asked.content.get("question"), asked.content.get("text"))}
-    },
     "/api/films": {"get": lambda it, asked: {"films": it.catalogue.films()}},
     OUTLINES: {
         "get": lambda it, owner, number, asked: outlines_of(_of_film(it, owner, number)),
@@ -466,6 +387,5 @@ def routes(served: Served, scripts: Path) -> list[Any]:
         (r"/drawing/(bokeh(?:-api)?\.min\.js)", OwnFiles, {**it, "path": str(scripts)}),
         ("/api/about", About, it),
         (f"/live/{NAME}", Live, it),
-        ("/plan", PlanState, it),
         *((address, Reply, it | does) for address, does in ADDRESSES.items()),
     ]

@@ -1,4 +1,4 @@
-"""What is new in a recording since the last look: samples of every channel, and the state of trial and plan.
+"""What is new in a recording since the last look: samples of every channel, and the state of the trial.
 
 A sample is sent once. A page that was away for longer than `rig.session.journal.KEEP_S` finds the samples
 from then on; the place of each block among the samples is sent with it, so that a gap is seen, not closed. The journal
@@ -7,20 +7,15 @@ is read and never touched: nothing here can slow or end a recording.
 
 from __future__ import annotations
 
-import math
 import shutil
 import struct
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pianorig.page.catalogue import LARGEST_TRIAL_BYTES, open_session, shortened
-from rig.configuration.rig_file import RigConfig
 from rig.errors import RigError
-from rig.recording.recover import session_rig
-from rig.safety.interlocks import LimitWatch
 from rig.session import TrialData
 from rig.session.journal import JournalFollower, TrialHead
 from rig.session.sealed_trial import read_trial
@@ -44,34 +39,6 @@ class LiveStream:
         self._sent = 0
         self._figures: dict[int, dict[str, Any]] = {}
         self._state: dict[str, Any] = {}
-        self._watch: LimitWatch | None = None
-        self._lamps: dict[str, Any] = {}
-        self._rig: RigConfig | None = None
-        self._no_limits = ""
-        try:
-            self._rig = session_rig(self.session).config
-        except (RigError, OSError, ValueError) as error:
-            self._no_limits = shortened(error)
-
-    def lamps(self) -> dict[str, Any] | None:
-        """Limits and how much of them this trial has used, watchdog, what stopped the last trial; None if unchanged."""
-        uses = [] if self._watch is None else [asdict(use) for use in self._watch.uses]
-        for use in uses:
-            use["share"] = use["share"] if math.isfinite(use["share"]) else None
-            use["value"] = use["value"] if math.isfinite(use["value"]) else None
-        watchdog = None if self._rig is None or self._rig.watchdog is None else self._rig.watchdog.timeout_s
-        lamps = {"uses": uses, "watchdog_s": watchdog, "problem": self._no_limits, "ended": self._last_fault()}
-        if lamps == self._lamps:
-            return None
-        self._lamps = lamps
-        return lamps
-
-    def _last_fault(self) -> dict[str, Any] | None:
-        """The last sealed trial, if something stopped it."""
-        last = max(self._figures, default=None)
-        if last is None or self._figures[last]["status"] not in ("fault", "interrupted", "defect"):
-            return None
-        return {key: self._figures[last][key] for key in ("trial", "status", "reason")}
 
     def poll(self) -> tuple[dict[str, Any] | None, bytes]:
         """State where it has changed, else None; new samples, empty where there are none.
@@ -93,7 +60,7 @@ class LiveStream:
             return b""
         path = list(journals.values())[-1]
         if self._journal is None or self._journal.path != path:
-            self._journal, self._sent, self._watch = JournalFollower(path), 0, None
+            self._journal, self._sent = JournalFollower(path), 0
         follower = self._journal
         if not follower.poll() or follower.head is None:
             return b""
@@ -102,10 +69,6 @@ class LiveStream:
             return b""
         part = follower.head.part(new, new[0].first_sample)
         self._sent = new[-1].first_sample + new[-1].force_n.size
-        if self._rig is not None and follower.first_count is not None:
-            if self._watch is None:
-                self._watch = LimitWatch(self._rig, follower.head.sample_rate_hz, follower.first_count[0])
-            self._watch.add(new[0].first_sample, part.force_n, part.encoder_count)
         return struct.pack("<d", new[0].first_sample) + _rows(part, follower.first_count).tobytes()
 
     def _now(self) -> dict[str, Any]:

@@ -20,7 +20,6 @@ from pianorig.console.progress import say
 from pianorig.page.access import Access, Refused
 from pianorig.page.catalogue import Catalogue, UnknownName
 from pianorig.page.jobs import Jobs
-from pianorig.page.plan import PlanControl
 from pianorig.page.review import FilmShelf
 
 POLICY = (
@@ -49,7 +48,6 @@ class Served:
     workers: Executor
     jobs: Jobs
     films: FilmShelf
-    plan: PlanControl
 
 
 class Guarded(RequestHandler):
@@ -115,7 +113,7 @@ Work = Callable[..., Any]
 
 
 class Reply(Guarded):
-    """An answer in JSON, made by a function in a thread; only who may write is answered by ``post`` and ``delete``."""
+    """An answer in JSON, made by a function in a thread; ``post`` and ``delete`` need ``--control``."""
 
     def initialize(  # type: ignore[override]
         self, served: Served, get: Work | None = None, post: Work | None = None, delete: Work | None = None
@@ -139,17 +137,12 @@ class Reply(Guarded):
         if self.let_in():
             await self._answer("delete", names, {})
 
-    @property
-    def may_write(self) -> bool:
-        """Whether this browser was given the permission to write."""
-        access = self.served.access
-        return access.may_write(self.get_cookie(access.cookie_name))
-
     def let_in(self) -> bool:
-        """Whether this browser may write; False after a refusal."""
-        if not self.may_write:
-            self.refuse(403, "this page can only look; start  pianorig bench --control  and use its address")
-        return self.may_write
+        """Whether the page may write; False after a refusal."""
+        control = self.served.access.control
+        if not control:
+            self.refuse(403, "this page can only look; to write, start  pianorig bench --control")
+        return control
 
     async def _answer(self, method: str, names: Sequence[str], content: dict[str, Any]) -> None:
         """Do some work in a thread and send what it returns; an error that a user can cause is one line."""
@@ -182,7 +175,7 @@ class Reply(Guarded):
         self.finish(json_text(content))
 
     def body(self) -> dict[str, Any] | None:
-        """The JSON object that was sent by who may write; None after a refusal."""
+        """The JSON object that was sent; None after a refusal."""
         if not self.let_in():
             return None
         if self.request.headers.get("Content-Type", "").split(";")[0] != "application/json":
@@ -215,7 +208,7 @@ class Stream(Guarded, WebSocketHandler):
         """Nothing is taken from the page."""
 
     def on_close(self) -> None:
-        """The page is gone; whoever records for it notices that it hears nothing more."""
+        """The page is gone."""
         if self._task is not None:
             self._task.cancel()
 

@@ -21,7 +21,6 @@ from pianorig.page.access import LOOPBACK, Access
 from pianorig.page.answers import drawing_scripts, routes
 from pianorig.page.catalogue import Catalogue
 from pianorig.page.jobs import Jobs
-from pianorig.page.plan import Bench, PlanControl
 from pianorig.page.reply import NotFound, Served
 from pianorig.page.review import FilmShelf
 
@@ -37,14 +36,12 @@ class BenchOptions:
     ----------
     folder : of the sessions
     port : TCP port; 0 takes a free one
-    control : give out a token with which the page may write, and play plans
-    bench : on which
+    control : let the page write
     """
 
     folder: Path
     port: int = 0
     control: bool = False
-    bench: Bench = Bench()
 
 
 class BenchServer:
@@ -70,8 +67,7 @@ class BenchServer:
         self._workers = ThreadPoolExecutor(WORKERS, thread_name_prefix="bench page")
         self._jobs = Jobs()
         self._films = FilmShelf()
-        self._plan = PlanControl(options.bench)
-        served = Served(self.access, catalogue, self._workers, self._jobs, self._films, self._plan)
+        served = Served(self.access, catalogue, self._workers, self._jobs, self._films)
         page = Application(
             routes(served, scripts),
             default_handler_class=NotFound,
@@ -84,7 +80,6 @@ class BenchServer:
     async def close(self) -> None:
         """Stop listening, end jobs, close what browsers keep open."""
         self._server.stop()
-        self._plan.close()
         self._jobs.close()
         await self._server.close_all_connections()
         self._workers.shutdown(cancel_futures=True)

@@ -289,12 +289,10 @@ def resume(
     folder: Path,
     access: BenchAccess,
     progress: Callable[[Progress], None] | None = None,
-    before_trial: Callable[[int], None] | None = None,
 ) -> tuple[Session, list[int]]:
     """Record what is left of a session's plan; return the session and the numbers of the new trials.
 
-    The rig file is the session's own; that of ``access`` does not count. ``progress`` and ``before_trial`` as for
-    `rig.record`.
+    The rig file is the session's own; that of ``access`` does not count. ``progress`` as for `rig.record`.
 
     Raises
     ------
@@ -308,7 +306,6 @@ def resume(
             bench,
             opened=before.append,
             progress=progress,
-            before_trial=before_trial,
             ask=access.ask,
             predict=predictor(rig_file),
             permission=access.permission(rig_file, bench),

@@ -16,8 +16,8 @@ const TIME = [["Space", "plays and pauses"], ["\u2190 \u2192", "one frame, or 1 
 const VIEWS = {
   sessions: { title: "Sessions", show: showSessions, keys: [["Enter", "on a column's head sorts by it"]],
     words: "Every folder with a session.toml. A name opens it: trials, report, annotations. What is written is only ever added." },
-  live: { title: "Live", show: showLive, keys: [["p", "pauses the scope, not the plan"], ["h", "holds its picture to compare with"]],
-    words: "What a recording writes, as it writes it; looking can neither slow nor end it. With --control, plans are begun, paused before the next trial, resumed and aborted here. If this page vanishes, the trial ends by itself and the plan pauses." },
+  live: { title: "Live", show: showLive, keys: [["p", "pauses the scope"], ["h", "holds its picture to compare with"]],
+    words: "What a recording writes, as it writes it; looking can neither slow nor end it. Recording is begun and ended in the terminal:  pianorig record" },
   review: { title: "Review", show: showReview, keys: TIME,
     words: "One trial under one time: force, angles measured and predicted, what the model misses, film, the action moving. Another trial or model can stand beside it. Point at a plot for its time." },
   outlines: { title: "Outlines", show: showOutlines, keys: [["Click, Enter", "on the picture: a corner"], ["\u2190 \u2191 \u2192 \u2193", "move the chosen corner by 1 px; Shift 0.1, Ctrl 10"], ["Delete", "takes it away"], ["Ctrl-Z", "takes the last change back"], ["b, [ ]", "on a later frame: choose a tracked body, turn it"]],

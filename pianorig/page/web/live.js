@@ -1,8 +1,6 @@
 // A rolling scope of a recording, as it is made; what it draws from is bounded, so an hour looks like a minute.
 import { link } from "./address.js";
 import { make } from "./elements.js";
-import { lampRow } from "./lamps.js";
-import { planPanel } from "./plan.js";
 import { ask, at } from "./server.js";
 import { trialsPart } from "./trials.js";
 
@@ -34,9 +32,7 @@ class Ring {
 export async function showLive(main, values) {
   const { sessions } = await ask("/api/sessions");
   const name = values.get("session") || (sessions.find((row) => row.status.includes("not sealed")) || sessions[0] || {}).name;
-  const plan = planPanel(name, (session) => { if (session !== name) location.hash = link("live", { session }); });
-  main.append(plan.element);
-  if (!name) { main.append(make("p", {}, "No session here yet. Record one in a terminal:  pianorig record")); return () => plan.close(); }
+  if (!name) { main.append(make("p", {}, "No session here yet. Record one in a terminal:  pianorig record")); return null; }
   const seconds = Number(values.get("window")) || 2;
   const canvas = make("canvas", { class: "scope", width: 1200, height: STRIP_PX, role: "img", "aria-label": `Scope of ${name}` });
   const lamp = make("strong", { class: "lamp", role: "status" }), told = make("span", { class: "values" }), disk = make("span");
@@ -44,15 +40,14 @@ export async function showLive(main, values) {
   const hold = make("button", { type: "button", "aria-pressed": "false", onclick: () => { held = held ? null : picture(); hold.setAttribute("aria-pressed", String(Boolean(held))); dirty = true; } }, "Hold");
   const window_ = make("select", { onchange: () => { length = Number(window_.value); dirty = true; } }, ...WINDOWS_S.map((s) => make("option", { value: s }, `${s} s`)));
   const select = make("select", { onchange: () => { location.hash = link("live", { session: select.value }); } }, ...sessions.map((row) => make("option", { value: row.name }, row.name)));
-  const scales = make("div", { class: "row" }), trials = trialsPart(), lamps = lampRow(), bar = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "This trial" });
-  let limits = null, came = null;
+  const scales = make("div", { class: "row" }), trials = trialsPart(), bar = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "This trial" });
   let socket = null, state = null, ring = null, closed = false, paused = false, held = null, length = seconds, frozen = 0, dirty = true, scale = [], timer = 0;
   window_.value = seconds;
   select.value = name;
   main.append(
     make("div", { class: "row" }, make("label", {}, "Session", select), lamp, bar, told, disk),
     make("div", { class: "row" }, pause, hold, make("label", {}, "Window", window_), make("span", { class: "hint" }, "P pauses it, H holds the picture to compare with")),
-    lamps.element, canvas, make("details", {}, make("summary", {}, "Scale of each channel"), scales), trials.element);
+    canvas, make("details", {}, make("summary", {}, "Scale of each channel"), scales), trials.element);
   const keys = (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || event.target.closest?.("input, textarea, select")) return;
     if (event.key === "p") pause.click(); else if (event.key === "h") hold.click();
@@ -74,7 +69,6 @@ export async function showLive(main, values) {
   }
 
   function newState(now) {
-    if (now.lamps) { limits = now.lamps; lampsNow(); return; }
     const other = !state || !state.recording || now.trial !== state.trial || now.started_utc !== state.started_utc;
     if (now.recording && (other || !ring)) {
       ring = new Ring(now.channels.length, now.rate_hz);
@@ -93,20 +87,14 @@ export async function showLive(main, values) {
     disk.textContent = `disk ${now.disk_free_gb} GB free${minutes < 6000 ? `, some ${minutes < 100 ? `${Math.round(minutes)} min` : `${Math.round(minutes / 60)} h`} of recording` : ""}`;
     disk.className = now.disk_free_gb < 2 ? "problem" : "hint";
     trials.set(now.figures);
-    lampsNow();
     dirty = true;
   }
 
   function newSamples(buffer) {
-    came = performance.now();
     if (!ring) return;
     const first = new DataView(buffer).getFloat64(0, true);
     ring.take(first, new Float32Array(buffer, 8));
     if (!paused) dirty = true;
-  }
-
-  function lampsNow() {
-    if (limits) lamps.set(limits, Boolean(state?.recording), came === null ? null : (performance.now() - came) / 1000);
   }
 
   /** By itself, or from–to as typed. */
@@ -196,9 +184,8 @@ export async function showLive(main, values) {
     if (dirty) { dirty = false; draw(); }
     requestAnimationFrame(tick);
   };
-  const looking = setInterval(lampsNow, 250);
   connect();
   tick();
   main.dataset.ready = "true";
-  return () => { closed = true; plan.close(); clearInterval(looking); clearTimeout(timer); document.removeEventListener("keydown", keys); removeEventListener("resize", resized); socket?.close(); delete main.dataset.ready; };
+  return () => { closed = true; clearTimeout(timer); document.removeEventListener("keydown", keys); removeEventListener("resize", resized); socket?.close(); delete main.dataset.ready; };
 }

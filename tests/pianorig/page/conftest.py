@@ -13,7 +13,7 @@ import threading
 from collections.abc import Coroutine, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -47,16 +47,14 @@ class Answer:
 
 @dataclass
 class Page:
-    """A served page; ``cookie`` is sent once `take` has been called."""
+    """A served page."""
 
     address: str
-    first_address: str
     port: int
-    cookie: str | None = field(default=None)
 
     def ask(self, path: str, method: str = "GET", body: Any = None, **headers: str | None) -> Answer:
         """Send a request as this page's own browser would; headers replace those, None leaves one out."""
-        sent: dict[str, str | None] = {"Host": f"127.0.0.1:{self.port}", "Cookie": self.cookie}
+        sent: dict[str, str | None] = {"Host": f"127.0.0.1:{self.port}"}
         if method != "GET":
             sent |= {"Origin": f"http://127.0.0.1:{self.port}", "Content-Type": "application/json"}
         sent |= {name.replace("_", "-"): value for name, value in headers.items()}
@@ -73,20 +71,14 @@ class Page:
             answer = connection.getresponse()
             return Answer(answer.status, dict(answer.getheaders()), answer.read())
 
-    def take(self) -> Answer:
-        """Use the token."""
-        answer = self.ask(self.first_address.removeprefix(self.address.rstrip("/")))
-        self.cookie = answer.headers.get("Set-Cookie", "").split(";")[0] or None
-        return answer
 
-
-def serve(folder: Path, control: bool, backend: str = "sim://") -> Iterator[Page]:
+def serve(folder: Path, control: bool) -> Iterator[Page]:
     server = pytest.importorskip("pianorig.page.server", reason="the page needs the extra 'bench'")
     pytest.importorskip("bokeh", reason="the page needs the extra 'bench'")
     ready: Future[tuple[Any, asyncio.AbstractEventLoop, asyncio.Event]] = Future()
 
     async def run() -> None:
-        served = server.BenchServer(server.BenchOptions(folder, 0, control, server.Bench(backend=backend)))
+        served = server.BenchServer(server.BenchOptions(folder, 0, control))
         ended = asyncio.Event()
         ready.set_result((served.access, asyncio.get_running_loop(), ended))
         await ended.wait()
@@ -96,7 +88,7 @@ def serve(folder: Path, control: bool, backend: str = "sim://") -> Iterator[Page
     thread.start()
     access, loop, ended = ready.result(30)
     try:
-        yield Page(access.address, access.first_address, access.port)
+        yield Page(access.address, access.port)
     finally:
         loop.call_soon_threadsafe(ended.set)
         thread.join(60)
@@ -123,7 +115,6 @@ def heard(page: Page, path: str, count: int = 1, **headers: str) -> tuple[list[A
         if found[-1] is None:
             socket.close()  # the client's half
         else:
-            await socket.write_message("seen")  # who only looks keeps nothing going
             await left(socket)
         return found, socket.close_reason
 
@@ -144,9 +135,8 @@ def own_process(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[
     server = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
     assert server.stdout is not None
     try:
-        first = json.loads(server.stdout.readline())["address"]
-        address = first.split("?")[0]
-        yield server, Page(address, first, int(address.rsplit(":", 1)[1].strip("/")))
+        address = json.loads(server.stdout.readline())["address"]
+        yield server, Page(address, int(address.rsplit(":", 1)[1].strip("/")))
     finally:
         server.send_signal(signal.SIGCONT)
         server.send_signal(signal.SIGINT)
@@ -206,9 +196,7 @@ def looking(folder: Path) -> Iterator[Page]:
 
 @pytest.fixture
 def writing(folder: Path) -> Iterator[Page]:
-    for page in serve(folder, control=True):
-        page.take()
-        yield page
+    yield from serve(folder, control=True)
 
 
 @pytest.fixture(scope="module")  # while it lives, no other event loop runs in this thread

@@ -45,34 +45,3 @@ def test_other_requests_are_refused(method: str, path: str, headers: dict[str, s
     with pytest.raises(Refused, match=words) as caught:
         Access(8123).check(method, path, headers)
     assert caught.value.status == 403
-
-
-def test_a_token_works_once_and_gives_the_cookie() -> None:
-    access = Access(8123, control=True)
-    token = access.token
-    assert token is not None and len(token) >= 40 and token in access.first_address
-    cookie = access.redeem(token)
-    assert access.may_write(cookie)
-    assert access.first_address == access.address  # it is not shown again
-    for used in (token, cookie, ""):
-        with pytest.raises(Refused, match="token"):
-            access.redeem(used)
-
-
-def test_a_guess_gives_nothing_and_leaves_the_token() -> None:
-    access = Access(8123, control=True)
-    for guess in ("", "x" * 43, str(access.token)[:-1], str(access.token) + "x", "ü"):
-        with pytest.raises(Refused, match="token"):
-            access.redeem(guess)
-    assert access.redeem(str(access.token))
-    assert Access(8123, control=True).token != Access(8123, control=True).token
-
-
-def test_without_control_nobody_writes() -> None:
-    access = Access(8123)
-    assert access.token is None
-    for cookie in (None, "", "None"):
-        assert not access.may_write(cookie)
-    with pytest.raises(Refused):
-        access.redeem("None")
-    assert not Access(8123, control=True).may_write("")

@@ -71,7 +71,7 @@ def test_from_a_foreign_film_to_three_angles(browser: Any, tmp_path: Path) -> No
     blow = model.simulate(model.load_action(), times, force)
     truth = film_of(blow, tmp_path / "foreign.mraw")
     for page in serve(tmp_path, control=True):
-        with opened(browser, page, page.first_address) as tab:
+        with opened(browser, page, page.address) as tab:
             user = User(tab)
             user.click(tab.get_by_role("link", name="Outlines"))
             tab.locator("main[data-ready]").wait_for()
