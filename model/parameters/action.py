@@ -187,7 +187,7 @@ def _unknown_path(path: str, known: Mapping[str, Any]) -> str:
 @lru_cache(maxsize=8)
 def _parsed(text: str) -> dict[str, Any]:
     """Table of a text, not to be changed: parsing takes three quarters of reading an action."""
-    return tomllib.loads(text)
+    return tomllib.loads(text.removeprefix("\ufeff"))
 
 
 def read_toml(path: Path) -> dict[str, Any]:

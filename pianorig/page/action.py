@@ -62,7 +62,7 @@ def chosen_scene(text: str) -> model.SceneChoice:
         if len(text) > MOST_TEXT:
             raise CommandInputError(f"scene: {len(text)} letters, allowed {MOST_TEXT}")
         try:
-            choice = model.scene_of(tomllib.loads(text), "scene")
+            choice = model.scene_of(tomllib.loads(text.removeprefix("\ufeff")), "scene")
         except tomllib.TOMLDecodeError as problem:
             raise CommandInputError(f"scene: is not valid TOML: {problem}") from None
     else:

@@ -32,7 +32,8 @@ from rig import (
 )
 from rig import record as record_session
 from rig.atomic_write import replace_when_complete, write_text
-from rig.foreign.channel_table import SECONDS, known
+from rig.foreign.channel_table import known
+from rig.foreign.sample_times import SECONDS
 
 DPI = 120
 

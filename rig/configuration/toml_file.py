@@ -51,9 +51,9 @@ def named(name: str | Path, folder: Path, what: str) -> Path:
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """Parse TOML text; ``where`` names it in the one-line error."""
+    """Parse TOML text, with or without a byte-order mark; ``where`` names it in the one-line error."""
     try:
-        return tomllib.loads(text)
+        return tomllib.loads(text.removeprefix("\ufeff"))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise RigInputError(f"{where}: not a TOML file ({str(error).splitlines()[0]})") from error
 

@@ -8,22 +8,25 @@ that is not known here contradicts any other: kgf is not N, although both are fo
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime, timedelta
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigInputError
+from rig.foreign.sample_times import JITTER, SECONDS, TIME_NAMES, Clock, check_times, even_interval, find_breaks
 
 SYNONYMS = {
-    "n": "N", "newton": "N", "newtons": "N", "mn": "mN", "kn": "kN", "lbf": "lbf", "pound-force": "lbf",
+    "n": "N", "newton": "N", "newtons": "N", "mn": "mN", "millinewton": "mN", "millinewtons": "mN", "kn": "kN",
+    "dan": "daN", "dyn": "dyn", "kp": "kp", "ozf": "ozf", "lbf": "lbf", "pound-force": "lbf", "kgf": "kgf", "gf": "gf",
     "v": "V", "volt": "V", "volts": "V", "mv": "mV", "mv/v": "mV/V", "kg": "kg", "g": "g", "lb": "lb", "lbs": "lb",
     "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "rad": "rad", "radian": "rad", "radians": "rad",
-    "rev": "rev", "count": "counts", "counts": "counts", "tick": "counts", "ticks": "counts",
-    "s": "s", "sec": "s", "second": "s", "seconds": "s", "ms": "ms", "us": "us", "µs": "us", "μs": "us",
-    "kgf": "kgf", "gf": "gf", "hz": "Hz", "°c": "°C", "a": "A", "mm": "mm", "m": "m",
+    "mrad": "mrad", "rev": "rev", "count": "counts", "counts": "counts", "tick": "counts", "ticks": "counts",
+    "s": "s", "sec": "s", "second": "s", "seconds": "s", "ms": "ms", "millisecond": "ms", "milliseconds": "ms",
+    "us": "us", "µs": "us", "μs": "us", "microsecond": "us", "microseconds": "us", "ns": "ns", "nanoseconds": "ns",
+    "hz": "Hz", "°c": "°C", "a": "A", "mm": "mm", "m": "m",
 }  # fmt: skip
 SILENT = ("", "-", "1", "none", "default si unit")
 """Texts in the place of a unit that state none."""
@@ -43,35 +46,26 @@ def of_name(name: str) -> str:
     return unit if unit.lower() in SYNONYMS else ""
 
 
-def is_units_row(cells: list[str]) -> bool:
-    """Whether a row below the names states units: every cell a known unit or silent, one at least known."""
+def is_units_row(cells: list[str], decimal: str = ".") -> bool:
+    """Whether a row below the names states units: one known unit at least, and no cell that could be a value."""
     bare = [cell.strip().strip("()[]").strip().lower() for cell in cells]
-    return any(cell in SYNONYMS for cell in bare) and all(cell in SYNONYMS or cell in SILENT for cell in bare)
+    return any(cell in SYNONYMS for cell in bare) and not any(_is_value(cell, decimal) for cell in bare)
+
+
+def _is_value(cell: str, decimal: str) -> bool:
+    """Whether a cell without a known unit is a number, a time of day, or what programs write for a missing number."""
+    try:
+        float(cell.replace(decimal, "."))
+    except ValueError:
+        return ":" in cell
+    return cell not in SILENT
 
 
 _GROUPED = r"[+-]?[1-9]\d{0,2}(%s\d{3})+(?![\d%s])"
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,4})?", re.ASCII)
-JITTER = 0.02
-"""Largest deviation of a time from even spacing, relative to the spacing."""
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-"""Units a channel of times may have."""
-
-
-class Clock(NamedTuple):
-    """Sample times of a channel as the file states them: sample k at ``start_s + k * interval_s`` after ``stamp_s``.
-
-    ``stamp_s`` is the time of day or date it states beside, s from an origin of the file's; 0 where it states none.
-    ``resolution_s`` is the decimal place the interval is written with; 0 where it is stated in binary.
-    """
-
-    interval_s: float
-    start_s: float = 0.0
-    stamp_s: float = 0.0
-    resolution_s: float = 0.0
-
-    def agrees(self, interval_s: float) -> bool:
-        """Whether the stated interval is this one to its number of digits: 0.000021 s may be 1/48000 s."""
-        return abs(self.interval_s - interval_s) <= max(0.51 * self.resolution_s, 1e-5 * interval_s)
+_PLAIN = frozenset("0123456789+-.eE ")
+_ALIKE = {" ": "\u00a0\u202f\u2009", "'": "\u2019"}
+"""Signs between thousands that also stand for the one a mapping names: no-break and thin spaces, an apostrophe."""
 
 
 def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
@@ -80,6 +74,8 @@ def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
     ``thousands``: sign between groups of three digits, which must be whole groups.
     """
     text = cell.strip()
+    for alike in _ALIKE.get(thousands, ""):
+        text = text.replace(alike, thousands)
     if thousands and thousands in text:
         sign = re.escape(thousands)
         grouped = re.match(_GROUPED % (sign, sign), text)
@@ -96,6 +92,25 @@ def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
     if not np.isfinite(value):
         raise ValueError(cell)
     return value
+
+
+def numbers(cells: Sequence[str], decimal: str = ".", thousands: str = "") -> NDArray[np.float64]:
+    """Read a column of decimal numbers; ValueError with the place, from 0, and the text of the first other cell."""
+    signs = set().union(*cells)
+    if not thousands and signs <= _PLAIN | {decimal} and (decimal == "." or "." not in signs):
+        try:
+            values = np.array([float(cell if decimal == "." else cell.replace(decimal, ".")) for cell in cells])
+        except ValueError:
+            values = np.array([np.nan])
+        if np.isfinite(values).all():
+            return values
+    values = np.empty(len(cells))
+    for i, cell in enumerate(cells):
+        try:
+            values[i] = number(cell, decimal, thousands)
+        except ValueError:
+            raise ValueError(i, cell) from None
+    return values
 
 
 def shown(cell: str) -> str:
@@ -117,6 +132,12 @@ class ChannelTable:
     clocks : mapping of name to Clock, where the file gives one
     unreadable : mapping of name to what is wrong with that channel
         Refused when it is used.
+    doubts : mapping of name to what the file states of a channel and is not known here, as a scale
+        Refused when the channel is used, unless a mapping overrules the file.
+    computed : tuple of str
+        Channels of times that follow from the stated clock, not recorded.
+    cut_off : str
+        Why the recording is not whole; empty where it is.
     started : str
         When the recording began, by the file itself, ISO 8601: with a zone where the file knows it; empty where it does
         not say.
@@ -127,12 +148,15 @@ class ChannelTable:
     units: Mapping[str, str] = field(default_factory=dict)
     clocks: Mapping[str, Clock] = field(default_factory=dict)
     unreadable: Mapping[str, str] = field(default_factory=dict)
+    doubts: Mapping[str, str] = field(default_factory=dict)
+    computed: tuple[str, ...] = ()
+    cut_off: str = ""
     started: str = ""
 
     def channel(self, name: str) -> NDArray[np.float64]:
         """Return one channel; RigInputError when it is missing or holds a value that is not finite."""
-        if name in self.unreadable:
-            raise RigInputError(f"{self.where}: {self.unreadable[name]}")
+        if name in self.unreadable or name in self.doubts:
+            raise RigInputError(f"{self.where}: {self.unreadable.get(name) or self.doubts[name]}")
         if name not in self.channels:
             there = ", ".join([*self.channels, *self.unreadable])[:400] or "none"
             raise RigInputError(f"{self.where}: no channel {name!r}; there are {there}")
@@ -208,54 +232,56 @@ class ChannelTable:
                     "(time.same_start = true in the mapping where they did)"
                 )
 
+    def without_doubts(self, names: Collection[str]) -> ChannelTable:
+        """Return the table with the values of ``names`` as they are, whatever the file states of their scale."""
+        return replace(self, doubts={name: doubt for name, doubt in self.doubts.items() if name not in names})
 
-def even_interval(time_s: NDArray[np.float64], what: str) -> float:
-    """Return the interval of even times, s; ``what`` names file and channel in errors.
+    def time_columns(self, size: int, interval_s: float, ignored: Collection[str]) -> dict[str, NDArray[np.float64]]:
+        """Return the recorded columns of ``size`` sample times, s, by name.
 
-    Text rounds times: rounding is not taken for jitter, as long as a lost sample would still show.
+        A column is one by its name, or by its unit where it rises about as samples every ``interval_s`` do.
+        """
+        found = {}
+        for name, values in self.channels.items():
+            named = TIME_NAMES.fullmatch(name)
+            unit = known(self.units.get(name, "")) or (named and (named["unit"] or "s"))
+            if name in ignored or name in self.computed or unit not in SECONDS or values.size != size or size < 2:
+                continue
+            time_s = values * SECONDS[unit]
+            typical = float(np.median(np.diff(time_s)))
+            if np.isfinite(time_s).all() and (named or abs(typical - interval_s) < 0.1 * interval_s):
+                found[name] = time_s
+        return found
 
-    Raises
-    ------
-    RigInputError
-        Times that do not rise, are uneven, or are written too coarsely to tell.
-    """
-    if time_s.size < 2:
-        raise RigInputError(f"{what}: {time_s.size} samples, allowed from 2")
-    steps = np.diff(time_s)
-    step = float(time_s[-1] - time_s[0]) / (time_s.size - 1)
-    if not step > 0:
-        raise RigInputError(f"{what} does not rise; times must be in s and in order")
-    if steps.min() < 0:
-        row = int(np.argmax(steps < 0)) + 2
-        raise RigInputError(f"{what} row {row}: {time_s[row - 1]:.9g} s comes after {time_s[row - 2]:.9g} s")
-    uneven = np.abs(steps - step) / step
-    # residuals of the line through the ends: jitter, rounding at both, and a step that changes
-    away = np.abs(time_s - (time_s[0] + step * np.arange(time_s.size))) / step
-    if max(uneven.max(), away.max()) <= JITTER:
-        return step
-    rounding = _rounding(time_s) / step
-    if rounding > 0.45 and abs(np.median(steps) - step) > 0.1 * step:
-        raise RigInputError(
-            f"{what} is written in steps of {rounding * step:g} s, too coarse for samples every {step:g} s; "
-            "give sample_rate_hz instead"
-        )
-    explained = 0.0 if rounding > 0.45 else 1.01 * rounding
-    most = max(JITTER, explained)
-    if uneven.max() > explained + JITTER or away.max() > most:
-        row = int(np.argmax(uneven)) + 2 if uneven.max() > explained + JITTER else int(np.argmax(away)) + 1
-        raise RigInputError(
-            f"{what} row {row}: {time_s[row - 1]:.9g} s is {max(away[row - 1], uneven.max()):.3g} intervals off even "
-            "spacing; samples are missing, or the times are not the sample clock's"
-        )
-    return step
+    def check_rate(self, names: Sequence[str], interval_s: float, ignored: Collection[str] = ()) -> None:
+        """Refuse an interval that the file's own clock or a column of its times contradicts, sample by sample."""
+        stated = self.stated_clock(names)
+        if stated is not None and not stated.agrees(interval_s):
+            raise RigInputError(
+                f"{self.where}: sample interval {stated.interval_s:g} s by the file itself, the mapping or a column of "
+                f"times says {interval_s:g} s"
+            )
+        size = self.channel(names[0]).size
+        for name, time_s in self.time_columns(size, interval_s, [*names, *ignored]).items():
+            check_times(time_s, interval_s, f"{self.where}: {name}")
 
-
-def _rounding(time_s: NDArray[np.float64]) -> float:
-    """Decimal place the times are written with, s, at least their floating-point resolution."""
-    floor = float(4 * np.spacing(np.abs(time_s).max()))
-    for digits in range(1, 9):
-        if 10.0**-digits < floor:
-            break
-        if np.all(np.abs(np.round(time_s, digits) - time_s) <= max(floor, 1e-15)):
-            return float(10.0**-digits)
-    return floor
+    def cut(self, time_s: NDArray[np.float64], interval_s: float) -> list[ChannelTable]:
+        """Return the pieces between breaks of the times, (n,); channels of other lengths are left out of them."""
+        at = [0, *find_breaks(time_s, interval_s), time_s.size]
+        if len(at) == 2:
+            return [self]
+        pieces = []
+        for k, (first, end) in enumerate(zip(at, at[1:], strict=False), 1):
+            later_s = float(time_s[first] - time_s[0])
+            started = self.started and (datetime.fromisoformat(self.started) + timedelta(seconds=later_s)).isoformat()
+            pieces.append(
+                replace(
+                    self,
+                    where=f"{self.where} piece {k}",
+                    channels={name: v[first:end] for name, v in self.channels.items() if v.size == time_s.size},
+                    clocks={name: c._replace(start_s=c.start_s + later_s) for name, c in self.clocks.items()},
+                    cut_off=f"piece {k} of {len(at) - 1}: the times of the recording break there",
+                    started=started,
+                )
+            )
+        return pieces

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from rig.configuration import toml_file
-from rig.configuration.rig_file import BODIES, RESERVED_NAMES, Number, RulerConfig, Table, Text
+from rig.configuration.rig_file import BODIES, RESERVED_NAMES, LimitsConfig, Number, RulerConfig, Table, Text
 from rig.errors import RigInputError, refuse
 from rig.foreign.channel_table import ChannelTable, known
 from rig.session.info import ActionInfo, RoomInfo
@@ -91,9 +91,11 @@ class TimeMapping(Table):
     """
 
     channel: Text | None = None
-    unit: Literal["s", "ms", "us"] = "s"
+    unit: Literal["s", "ms", "us", "ns"] = "s"
     sample_rate_hz: Annotated[float, Field(strict=True, gt=0, le=1e7, allow_inf_nan=False)] | None = None
     same_start: bool = Field(default=False, strict=True)
+    ignore: tuple[Text, ...] = ()
+    """Columns of times that are not the sample clock's: they are not compared with it."""
 
     @model_validator(mode="after")
     def _one(self) -> TimeMapping:
@@ -137,14 +139,24 @@ class ForceMapping(Table):
 
 
 class EncoderMapping(Table):
-    """An encoder: ``sign`` +1 when the value rises as the body turns counter-clockwise (thesis Fig. 2.3), else -1."""
+    """An encoder: ``sign`` +1 when the value rises as the body turns counter-clockwise (thesis Fig. 2.3), else -1.
+
+    ``counter_bits`` is the width of the counter whose wraps the recording holds.
+    """
 
     name: Literal["key", "whippen", "hammer"]
     channel: Text
     unit: Literal["counts", "rad", "deg"]
     counts_per_revolution: Annotated[int, Field(strict=True, ge=16, le=2**31)]
     sign: Literal[1, -1]
+    counter_bits: Annotated[int, Field(strict=True, ge=8, le=52)] | None = None
     u_scale_relative: Number = Field(default=0.0, ge=0, le=0.5)
+
+    @model_validator(mode="after")
+    def _counted(self) -> EncoderMapping:
+        if self.counter_bits is not None and self.unit != "counts":
+            raise ValueError(f"encoders.{self.name}.counter_bits: allowed with unit = 'counts', found {self.unit!r}")
+        return self
 
 
 class MotorMapping(Table):
@@ -166,11 +178,15 @@ class ImportMapping(Table):
     segments : "trials", "join" or None
         Meaning of a file's segments: one trial each, or parts of one. None refuses files of several.
     thousands : str
-        Sign between groups of three digits in CSV; empty for none.
+        Sign between groups of three digits in CSV; empty for none. A space also stands for no-break and thin ones.
+    names_row, skip_rows : int
+        Line of the names in CSV, from 1, or how many lines before it are left out.
+    limits : LimitsConfig
+        Force and speeds beyond which a recording is doubtful.
     utc_offset_h : float or None
         Zone of the times of day in the files, hours ahead of UTC; None where it is not known.
     overrule_units : tuple of str
-        Channels whose unit the file states wrongly: the mapping's is taken.
+        Channels whose unit, or a scale that is not known here, the file states wrongly: the mapping's is taken.
     """
 
     schema_name: Literal["piano-action-rig mapping 1"] = Field(alias="schema")
@@ -179,6 +195,8 @@ class ImportMapping(Table):
     separator: Literal[",", ";", "\t", " "] = ","
     decimal: Literal[".", ","] = "."
     thousands: Literal["", ".", ",", " ", "'"] = ""
+    names_row: Annotated[int, Field(strict=True, ge=1, le=10_000)] | None = None
+    skip_rows: Annotated[int, Field(strict=True, ge=0, le=10_000)] = 0
     utc_offset_h: Number | None = Field(default=None, ge=-14, le=14)
     mains_frequency_hz: Number = Field(ge=40, le=70)
     blow_start_s: Number | None = Field(default=None, ge=0)
@@ -191,6 +209,7 @@ class ImportMapping(Table):
     segments: Literal["trials", "join"] | None = None
     overrule_units: tuple[Text, ...] = ()
     motor: MotorMapping | None = None
+    limits: LimitsConfig = LimitsConfig()
     action: ActionInfo = ActionInfo()
     room: RoomInfo = RoomInfo()
 
@@ -232,6 +251,7 @@ class ImportMapping(Table):
                 unknown,
                 f"overrule_units names {', '.join(map(repr, unknown))}, allowed are the channels of the mapping",
             ),
+            (self.names_row and self.skip_rows, "names_row and skip_rows: allowed is one of them"),
             (self.separator == self.decimal, "separator and decimal are the same sign"),
             (
                 self.thousands in (self.separator, self.decimal),

@@ -13,10 +13,9 @@ refused; a stroke that is not whole, because the recording begins or ends with i
 
 from __future__ import annotations
 
-import re
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
@@ -24,10 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.atomic_write import sha256_of_bytes, sha256_of_file
+from rig.configuration.rig_file import BODIES, LimitsConfig
 from rig.errors import RigInputError
-from rig.foreign.channel_table import SECONDS, ChannelTable, even_interval, known
+from rig.foreign.channel_table import ChannelTable
 from rig.foreign.mapping import EncoderMapping, ImportMapping, MappingFile, PositionMapping, check_unit
 from rig.foreign.reading import joined, read_segments
+from rig.foreign.sample_times import SECONDS, BrokenTimes, typical_interval
+from rig.safety.interlocks import SPEED_OVER_S
 from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
 from rig.session.info import NO_FORCE, ChannelInfo, EncoderInfo, FileInfo, ForceInfo, PlanInfo, RulerInfo, of_same_name
@@ -237,7 +239,6 @@ def _trial(
 
 RATES_HZ = (100.0, 1e6)
 """Sample rates a blow can have been recorded at; others mean a wrong unit of time."""
-TIME_NAMES = re.compile(r"(t|time|zeit|temps|x_value)(_s)?", re.IGNORECASE)
 
 
 def sample_interval(table: ChannelTable, mapping: ImportMapping) -> float:
@@ -245,25 +246,32 @@ def sample_interval(table: ChannelTable, mapping: ImportMapping) -> float:
 
     Raises RigInputError when they contradict each other, or no action was ever sampled like that.
     """
+    try:
+        return _agreed_interval(table, mapping)
+    except BrokenTimes as error:
+        raise RigInputError(f'{error}; segments = "trials" in the mapping cuts the recording there') from None
+
+
+def _agreed_interval(table: ChannelTable, mapping: ImportMapping) -> float:
     time = mapping.time
     time_channel = time.channel if time.channel in table.channels or not table.clocks else None
     if time_channel is not None:
         check_unit(table, time_channel, time.unit, mapping.overrule_units)
+    names = mapping.channels
     if time.sample_rate_hz is None:
         interval_s = table.interval(
-            mapping.channels, time_channel, "time.sample_rate_hz in the mapping", unit=time.unit,
-            same_start=time.same_start,
-        )  # fmt: skip
-    else:
-        table.check_together(mapping.channels, time.same_start)
-        interval_s = 1.0 / time.sample_rate_hz
-        stated = table.stated_clock(mapping.channels)
-        if stated is not None and not stated.agrees(interval_s):
+            names, time_channel, "time.sample_rate_hz in the mapping", unit=time.unit, same_start=time.same_start
+        )
+        clock = table.stated_clock(names)
+        if time_channel is None and clock is not None and clock.is_rounded:
             raise RigInputError(
-                f"{table.where}: sample interval {stated.interval_s:g} s by the file itself, the mapping says "
-                f"{interval_s:g} s"
+                f"{table.where}: the interval {interval_s:g} s is rounded to {clock.resolution_s:g} s: its rate is "
+                f"known to {50 * clock.resolution_s / interval_s:.2g} % only; give time.sample_rate_hz in the mapping"
             )
-        _check_unmapped_times(table, table.channel(mapping.channels[0]).size, interval_s)
+    else:
+        table.check_together(names, time.same_start)
+        interval_s = 1.0 / time.sample_rate_hz
+    table.check_rate(names, interval_s, [*time.ignore, *([time_channel] if time_channel else [])])
     rate_hz = 1.0 / interval_s
     if not RATES_HZ[0] <= rate_hz <= RATES_HZ[1]:
         raise RigInputError(
@@ -271,23 +279,6 @@ def sample_interval(table: ChannelTable, mapping: ImportMapping) -> float:
             "unit of the times (time.unit in the mapping)"
         )
     return interval_s
-
-
-def _check_unmapped_times(table: ChannelTable, size: int, interval_s: float) -> None:
-    """Refuse a rate of the mapping that contradicts an unmapped column of even times in the file."""
-    for name, values in table.channels.items():
-        unit = known(table.units.get(name, "")) or ("s" if TIME_NAMES.fullmatch(name) else "")
-        if unit not in SECONDS or values.size != size:
-            continue
-        try:
-            found = even_interval(values * SECONDS[unit], name)
-        except RigInputError:
-            continue
-        if abs(found - interval_s) * size > interval_s:
-            raise RigInputError(
-                f"{table.where}: {name} rises by {found:g} s, the mapping says {interval_s:g} s; name it as "
-                "time.channel, or correct time.sample_rate_hz"
-            )
 
 
 QUIET_S = 0.02
@@ -343,7 +334,9 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
                 trials += [trial for trial, _ in cut]
                 rejected |= {trial.number: reason for trial, reason in cut if reason}
             else:
-                trials.append(make_trial(table, config, first, started))
+                trials.append(trial := make_trial(table, config, first, started))
+                if beyond := values_beyond_limits(trial, config.limits):
+                    notes[f"limits of trial {first}"] = beyond
             for trial in trials[first - 1 :]:
                 if not table.started:
                     notes[f"start of trial {trial.number}"] = "not stated by the file; its last change is taken"
@@ -388,16 +381,47 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
 
 def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
     """Return one table for each trial of a file."""
-    segments = read_segments(file, separator=config.separator, decimal=config.decimal, thousands=config.thousands)
-    if len(segments) == 1 or config.segments == "trials":
+    segments = read_segments(
+        file, separator=config.separator, decimal=config.decimal, thousands=config.thousands,
+        names_row=config.names_row, skip_rows=config.skip_rows,
+    )  # fmt: skip
+    segments = tuple(_shortened(table.without_doubts(config.overrule_units), config) for table in segments)
+    if config.segments == "trials":
+        return tuple(piece for table in segments for piece in _pieces(table, config))
+    if len(segments) == 1:
         return segments
     if config.segments is None:
         raise RigInputError(
             f'{file}: {len(segments)} segments; say in the mapping what they are: segments = "trials" or "join"'
         )
+    for table in segments:
+        sample_interval(table, config)
     names = config.channels
     timed = all(name in segment.clocks for segment in segments for name in names)
     return (joined(segments, names if timed or config.time.channel is None else [*names, config.time.channel]),)
+
+
+def _shortened(table: ChannelTable, config: ImportMapping) -> ChannelTable:
+    """Return a table that is not whole with its used channels as long as the shortest of them."""
+    if not table.cut_off:
+        return table
+    used = [name for name in (*config.channels, config.time.channel or "") if name in table.channels]
+    end = min((table.channels[name].size for name in used), default=0)
+    return replace(table, channels={**table.channels, **{name: table.channels[name][:end] for name in used}})
+
+
+def _pieces(table: ChannelTable, config: ImportMapping) -> list[ChannelTable]:
+    """Return the pieces of a table between breaks of its times."""
+    time, names, clock = config.time, config.channels, table.stated_clock(config.channels)
+    stated_s = 1.0 / time.sample_rate_hz if time.sample_rate_hz else clock.interval_s if clock else np.nan
+    if time.channel is not None and time.channel in table.channels:
+        columns = [table.channel(time.channel) * SECONDS[time.unit]]
+    else:
+        columns = [*table.time_columns(table.channel(names[0]).size, stated_s, [*names, *time.ignore]).values()]
+    if not columns or columns[0].size < 2:
+        return [table]
+    interval_s = typical_interval(columns[0]) if np.isnan(stated_s) else stated_s
+    return table.cut(columns[0], interval_s) if interval_s > 0 else [table]
 
 
 def _started(table: ChannelTable, file: Path, config: ImportMapping) -> str:
@@ -436,8 +460,14 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
     if mapping.motor is not None:
         volts = table.channel(mapping.motor.channel) * mapping.motor.volts_per_unit
     start_s = mapping.blow_start_s
+    reason = table.cut_off if "piece" not in table.cut_off else ""
     if start_s is None:
-        start_s = find_start(force, interval_s, table.where)
+        try:
+            start_s = find_start(force, interval_s, table.where)
+        except RigInputError:
+            if not table.cut_off:
+                raise
+            start_s, reason = 0.0, table.cut_off
     elif not start_s < raw.size * interval_s:
         raise RigInputError(f"{table.where}: blow_start_s = {start_s:g} s, allowed below {raw.size * interval_s:g} s")
     encoders = tuple(
@@ -445,7 +475,8 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
     )
     return TrialData(
         number=number,
-        status="complete",
+        status="incomplete" if reason else "complete",
+        reason=reason,
         started_utc=started_utc,
         simulated=mapping.simulated,
         sample_rate_hz=rate_hz,
@@ -484,6 +515,9 @@ def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, 
     values = table.channel(encoder.channel)
     if encoder.unit == "counts":
         whole = np.round(values)
+        if encoder.counter_bits is not None:
+            whole = _unwrapped(whole, encoder.counter_bits, f"{table.where}: {encoder.channel}")
+            values = whole + (values - np.round(values))
         if np.any(whole != values):
             row = int(np.argmax(whole != values)) + 1
             raise RigInputError(
@@ -495,6 +529,13 @@ def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, 
     if np.abs(whole).max(initial=0.0) >= LARGEST_COUNT:
         raise RigInputError(f"{table.where}: {encoder.channel} reaches {np.abs(whole).max():.3g} counts, allowed 2^53")
     counts = whole.astype(np.int64)
+    bits = None if encoder.unit != "counts" else next((b for b in (16, 24, 32) if _wraps(counts, b)), None)
+    if bits is not None:
+        row = int(np.argmax(np.abs(np.diff(counts)))) + 2
+        raise RigInputError(
+            f"{table.where}: {encoder.channel} row {row}: {counts[row - 1]} counts come after {counts[row - 2]}, the "
+            f"wrap of a counter of {bits} bits; say counter_bits = {bits} of this encoder in the mapping"
+        )
     turned = 2 * np.pi * float(np.ptp(counts)) / encoder.counts_per_revolution
     if turned > LARGEST_TURN_RAD:
         raise RigInputError(
@@ -502,6 +543,60 @@ def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, 
             f"unit {encoder.unit!r} and counts_per_revolution = {encoder.counts_per_revolution} in the mapping"
         )
     return counts
+
+
+def _unwrapped(values: Array, bits: int, what: str) -> Array:
+    """Return the counts of a counter of ``bits`` bits, signed or not, without its wraps; the first stays as it is."""
+    span = 2.0**bits
+    outside = (values < -span / 2) | (values >= span) | ((values >= span / 2) & (values.min() < 0))
+    if outside.any():
+        row = int(np.argmax(outside)) + 1
+        raise RigInputError(
+            f"{what} row {row}: {values[row - 1]:.0f} counts, more than a counter of counter_bits = {bits} holds"
+        )
+    steps = np.diff(values)
+    return np.concatenate((values[:1], values[0] + np.cumsum(steps - span * np.round(steps / span))))
+
+
+WRAP_SHARE = 1 / 16
+"""Largest step between samples, as a share of a counter's range, beside which a jump by the range is its wrap."""
+
+
+def _wraps(counts: NDArray[np.int64], bits: int) -> bool:
+    """Whether counts lie within a counter's range, jump by about all of it, and move slowly but for that."""
+    span = 2**bits
+    low, high = int(counts.min(initial=0)), int(counts.max(initial=0))
+    steps = np.diff(counts)
+    if not steps.size or high - low >= span or not (low >= -span // 2 and high < (span if low >= 0 else span // 2)):
+        return False
+    rest = np.abs(steps - span * np.round(steps / span))
+    return bool(np.abs(steps).max() > span * (1 - WRAP_SHARE) and rest.max() <= span * WRAP_SHARE)
+
+
+def values_beyond_limits(trial: TrialData, limits: LimitsConfig) -> str:
+    """Return the first row at which the force, and each body's speed over 1 ms, leave the limits; empty for none."""
+    said = []
+    for name, beyond in (
+        ("force_min_n", trial.force_n < limits.force_min_n),
+        ("force_max_n", trial.force_n > limits.force_max_n),
+    ):
+        if beyond.any():
+            row = int(np.argmax(beyond))
+            limit = getattr(limits, name)
+            said.append(f"row {row + 1}: force {trial.force_n[row]:.4g} N, beyond limits.{name} = {limit:g} N")
+    over = max(int(round(SPEED_OVER_S * trial.sample_rate_hz)), 1)
+    angles = trial.angle_rad()
+    for encoder, angle in zip(trial.encoders, angles.T, strict=True):
+        limit = limits.speed_rad_per_s[BODIES.index(encoder.name)]
+        speed = np.abs(angle[over:] - angle[:-over]) * (trial.sample_rate_hz / over)
+        if (speed > limit).any():
+            first = int(np.argmax(speed > limit))
+            row = first + 2 + int(np.argmax(np.abs(np.diff(angle[first : first + over + 1]))))
+            said.append(
+                f"row {row}: {encoder.name} {speed[first : first + over].max():.4g} rad/s, beyond "
+                f"limits.speed_rad_per_s of {limit:g} rad/s"
+            )
+    return "; ".join(said)
 
 
 def find_start(force_n: NDArray[np.float64], interval_s: float, where: str) -> float:

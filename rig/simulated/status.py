@@ -35,6 +35,9 @@ TEXTS: dict[int, str] = {
     Code.BUILT_IN_CJC_SRC_NOT_SUPPORTED: (
         "The device has no built-in cold junction sensor; give a constant temperature or a channel."
     ),
+    Code.WAIT_UNTIL_DONE_DOES_NOT_INDICATE_DONE: (
+        "Wait Until Done did not indicate that the task was done within the specified timeout."
+    ),
     Code.TDMS_NOT_FOUND: "The TDMS library is not installed.",
     Code.UNITS_NOT_FROM_CUSTOM_SCALE: "A custom scale is named, but the units are not from a custom scale.",
     Code.WRITE_NUM_CHANS_MISMATCH: "The number of values does not fit channels and samples of the task.",

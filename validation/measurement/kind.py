@@ -28,8 +28,8 @@ def has_positions_only(session: str | Path) -> bool:
     (True, False)
     """
     try:
-        with (Path(session) / "session.toml").open("rb") as file:
-            notes = tomllib.load(file).get("notes", {})
+        text = (Path(session) / "session.toml").read_text(encoding="utf-8-sig")
+        notes = tomllib.loads(text).get("notes", {})
     except (OSError, ValueError):
         return False
     return isinstance(notes, dict) and notes.get(FORCE) == NOT_RECORDED

@@ -49,7 +49,7 @@ def _wait_until_done(device: DeviceState, task: SimulatedTask, request: Any) -> 
         wait_until_done(device, task, request.time_to_wait)
     refuse_failed(task)
     if not task.done:
-        raise DaqStatusError(Code.OPERATION_TIMED_OUT, f"Task: {task.name}")
+        raise DaqStatusError(Code.WAIT_UNTIL_DONE_DOES_NOT_INDICATE_DONE, f"Task: {task.name}")
 
 
 def _is_task_done(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:

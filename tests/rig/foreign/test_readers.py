@@ -13,8 +13,11 @@ import pytest
 
 from rig.errors import InputError
 from rig.foreign import read_channels
-from rig.foreign.channel_table import ChannelTable, Clock, number
-from rig.foreign.reading import joined, parse_csv, parse_lvm
+from rig.foreign.channel_table import ChannelTable, number
+from rig.foreign.csv_file import parse_csv
+from rig.foreign.lvm_file import parse_lvm
+from rig.foreign.reading import joined
+from rig.foreign.sample_times import Clock
 from tests.rig.foreign import tdms_bytes
 
 TIME = np.arange(5) * 2e-4
@@ -100,7 +103,9 @@ def test_csv_with_its_separator_and_decimal_sign() -> None:
         ("", "0 rows"),
         ("a,b\n", "0 rows"),
         ("a,b,b\n1,2,3\n", "2 columns are named 'b'"),
-        ("a,b\ns,what\n1,2\n", "found 'what'"),
+        ("a,b\nwhy,what\n1,2\n", "found 'what'"),
+        ("1,2\n3,4\n", "its first row holds numbers, no names"),
+        ("a,b\ns,nan\n1,2\n", "found 'nan'"),
         ("a,b\n1,10:00\n2,3\n", "row 2: found '3', allowed a time like"),
         ("a,b\n1\n", "row 1: 1 cells, allowed 2"),
         ("a,b\n1,2\n1,x\n", "b row 2: found 'x'"),

@@ -101,7 +101,11 @@ def test_every_channel_arrives_in_its_unit_and_sense(tmp_path, recording) -> Non
             'unit = "rad"\ncounts_per_revolution = 327680',
             "k turns by",
         ),
-        ('[time]\nchannel = "t"', "[time]\nsample_rate_hz = 5000.0", "t rises by 0.00025 s, the mapping says 0.0002 s"),
+        (
+            '[time]\nchannel = "t"',
+            "[time]\nsample_rate_hz = 5000.0",
+            "t rises by 0.00025 s a sample, the stated rate means 0.0002 s",
+        ),
         ("newtons_per_unit = -25.0", "newtons_per_unit = 25.0", "change the sign of force.newtons_per_unit"),
         ("operator =", "blow_start_s = 7.0\noperator =", "blow_start_s = 7 s"),
     ],

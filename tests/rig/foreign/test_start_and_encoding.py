@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from rig.errors import InputError, RigInputError
+from rig.foreign.csv_file import decoded, parse_csv
 from rig.foreign.mapping import parse_mapping
-from rig.foreign.reading import decoded, parse_csv, read_segments
+from rig.foreign.reading import read_segments
 from rig.foreign.session_import import import_session
 from rig.session import Session
 from tests.rig.foreign.test_session_import import FORCE_V, HAMMER_RAD, KEY, MAPPING, TIME, WHIPPEN_DEG

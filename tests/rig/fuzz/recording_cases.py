@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from rig.foreign.reading import parse_csv, parse_lvm
+from rig.foreign.csv_file import parse_csv
+from rig.foreign.lvm_file import parse_lvm
 from tests.rig.foreign.test_readers import file_of, segment
 from tests.rig.fuzz.damage import Case, text
 

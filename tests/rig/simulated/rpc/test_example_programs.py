@@ -92,7 +92,7 @@ def test_a_single_pulse_ends_and_a_train_is_counted_and_its_frequency_measured(c
     pulse = card.task()
     pulse.co_channels.add_co_pulse_chan_time("Dev1/ctr0", initial_delay=1.0, low_time=0.5, high_time=1.0)
     pulse.start()
-    with pytest.raises(nidaqmx.errors.DaqError, match="-200474"):
+    with pytest.raises(nidaqmx.errors.DaqError, match="-200560"):
         pulse.wait_until_done(timeout=1.5)
     pulse.wait_until_done(timeout=10.0)
     assert card.device.bench.edge / card.device.bench.rate_hz == pytest.approx(2.0, abs=1e-3)

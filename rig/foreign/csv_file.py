@@ -1,0 +1,225 @@
+"""CSV: one row of names, optionally one of units, then one row per sample; ``#`` lines and empty lines are skipped.
+
+Separator, decimal sign and sign between thousands are given, never guessed. Names may stand on a stated line, below
+lines that are skipped, or in the ``#`` lines directly above the numbers, as numpy.savetxt writes them. A unit may also
+stand in brackets after a name, ``Force (N)``; the name keeps it. A column of clock times (``10:15:00.0002``, ISO 8601
+date and time) becomes seconds after its first row, whose date tells when the recording began. A row that is too short
+or long is refused with its number (from 1 below the names), a column with a cell that is not a number when that column
+is used.
+
+Text is UTF-8, UTF-16 with or without its mark, or the western Latin-1 of Windows. Numbers are ASCII in all of them; an
+encoding guessed wrongly could only garble a name or a unit, which the mapping would then not find.
+
+The standard library's parser is used, not pandas': it keeps a short row short, where pandas fills it with NaN.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import gzip
+import re
+import zlib
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.atomic_write import refused
+from rig.errors import RigInputError
+from rig.foreign.channel_table import ChannelTable, is_units_row, number, numbers, of_name, shown
+
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF32_LE, "utf-32-le"),  # before UTF-16, whose mark begins like it
+    (codecs.BOM_UTF32_BE, "utf-32-be"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+
+
+def read_text(path: Path) -> str:
+    """Read a text file of another program, gzipped or not; raises RigInputError when it cannot be read."""
+    with refused(path, "read"):
+        data = path.read_bytes()
+    if path.suffix.lower() == ".gz":
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, zlib.error) as error:
+            raise RigInputError(f"{path}: not a whole gzip file ({error}); fetch it again") from None
+    return decoded(data, str(path))
+
+
+def decoded(data: bytes, where: str) -> str:
+    """Return the text of ``data``; ``where`` names it in errors."""
+    for mark, encoding in _MARKS:
+        if data.startswith(mark):
+            return _decode(data[len(mark) :], encoding, where)
+    if wide := _unmarked_utf16(data):
+        return _decode(data, wide, where)
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        # cp1252 leaves five bytes undefined, Latin-1 none
+        return data.decode("latin-1" if set(data) & set(b"\x81\x8d\x8f\x90\x9d") else "cp1252")
+
+
+def _decode(data: bytes, encoding: str, where: str) -> str:
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        raise RigInputError(f"{where}: byte {error.start} is not {encoding} text, as its first bytes say") from error
+
+
+def _unmarked_utf16(data: bytes) -> str:
+    """Return the byte order of UTF-16 without a mark: ASCII signs beside a zero each; empty for other text."""
+    begin = data[:256]
+    if len(begin) < 4 or len(data) % 2:
+        return ""
+    for order, zeros, signs in (("utf-16-le", begin[1::2], begin[::2]), ("utf-16-be", begin[::2], begin[1::2])):
+        if zeros.count(0) > 0.9 * len(zeros) and 0 not in signs:
+            return order
+    return ""
+
+
+UNDATED = 1900
+"""Year of clock times without a date."""
+_SEPARATOR_LINE = re.compile(r"\"?sep=(.)\"?\s*", re.IGNORECASE)
+"""First line of a CSV file for Excel."""
+
+
+def parse_csv(
+    text: str,
+    where: str,
+    separator: str = ",",
+    decimal: str = ".",
+    thousands: str = "",
+    *,
+    names_row: int | None = None,
+    skip_rows: int = 0,
+) -> ChannelTable:
+    """Read CSV text; ``where`` names it in errors.
+
+    ``names_row`` is the line of the names, from 1, ``skip_rows`` how many lines before them are left out.
+
+    Raises RigInputError when it has no rows, or rows of several lengths.
+    """
+    if "\0" in text:
+        raise RigInputError(f"{where}: holds null characters; not a CSV text file")
+    lines = text.removeprefix("\ufeff").splitlines()
+    stated = _SEPARATOR_LINE.fullmatch(lines[0]) if lines else None
+    if stated and stated[1] != separator:
+        raise RigInputError(f"{where}: its first line says sep={stated[1]}, the mapping separator = {separator!r}")
+    lines = lines[max(skip_rows if names_row is None else names_row - 1, int(stated is not None)) :]
+    if names_row is not None and lines:
+        lines[0] = lines[0].lstrip("# ")
+    try:
+        rows = list(csv.reader(_without_comments(lines), delimiter=separator, strict=True))
+        if rows and names_row is None and all(_is_value(cell, decimal, thousands) for cell in rows[0]):
+            rows = [*_commented_names(lines, len(rows[0]), separator, where), *rows]
+    except csv.Error as error:
+        raise RigInputError(f"{where}: not a CSV file ({error})") from None
+    names = [name.strip() for name in rows[0]] if rows else []
+    units = [of_name(name) for name in names]
+    first = 1
+    if len(rows) > 1 and len(rows[1]) == len(names) and is_units_row(rows[1], decimal):
+        units = [cell.strip().strip("()[]").strip() or unit for cell, unit in zip(rows[1], units, strict=True)]
+        first = 2
+    if len(rows) <= first:
+        raise RigInputError(
+            f"{where}: {max(len(rows) - first, 0)} rows of numbers, allowed from 1 below a row of names"
+        )
+    for i, row in enumerate(rows[first:], first):
+        if len(row) != len(names):
+            raise RigInputError(
+                f"{where}: row {i}: {len(row)} cells, allowed {len(names)}, one for each name (separator "
+                f"{separator!r}); names_row in the mapping tells the line of the names"
+            )
+    if all(not name for name in names):
+        raise RigInputError(f"{where}: its first row holds no name of a column")
+    columns, unreadable, started = {}, {}, ""
+    for k, name in enumerate(names):
+        if names.count(name) > 1 and name:
+            unreadable[name] = f"{names.count(name)} columns are named {name!r}; names must be unique"
+        elif name:
+            try:
+                columns[name], clock = _column([row[k] for row in rows[first:]], decimal, thousands, first)
+                units[k] = "s" if clock else units[k]
+                if clock is not None and clock.year > UNDATED:
+                    started = started or clock.isoformat()
+            except ValueError as error:
+                unreadable[name] = f"{name} {error}"
+    known = {name: unit for name, unit in zip(names, units, strict=True) if unit and name in columns}
+    return ChannelTable(where, columns, known, unreadable=unreadable, started=started)
+
+
+def _without_comments(lines: list[str]) -> Iterator[str]:
+    return (line for line in lines if line.strip() and not line.startswith("#"))
+
+
+def _is_value(cell: str, decimal: str, thousands: str) -> bool:
+    """Whether a cell is a number or a time, so that no name of a column can be meant."""
+    try:
+        number(cell, decimal, thousands)
+    except ValueError:
+        return _clock_time(cell, decimal) is not None
+    return True
+
+
+def _commented_names(lines: list[str], width: int, separator: str, where: str) -> list[list[str]]:
+    """Return the names, and units if they are there, of the ``#`` lines directly above the first row of numbers."""
+    first = next(i for i, line in enumerate(lines) if line.strip() and not line.startswith("#"))
+    above = [line.lstrip("# ") for line in lines[max(first - 2, 0) : first] if line.startswith("#")]
+    rows = [row for row in csv.reader(above, delimiter=separator, strict=True) if len(row) == width]
+    if not rows:
+        raise RigInputError(
+            f"{where}: its first row holds numbers, no names of columns; write a row of names above it, or tell its "
+            "line by names_row in the mapping"
+        )
+    return rows if len(rows) == 2 and is_units_row(rows[1]) else rows[-1:]
+
+
+def _column(cells: list[str], decimal: str, thousands: str, first: int) -> tuple[NDArray[np.float64], datetime | None]:
+    """Numbers of a column; the first of clock times, None for plain numbers."""
+    started = _clock_time(cells[0], decimal)
+    if started is None:
+        try:
+            return numbers(cells, decimal, thousands), None
+        except ValueError as error:
+            i, cell = error.args
+        raise ValueError(f"row {first + i}: found {shown(cell)}, allowed a number{_advice(cell, decimal, thousands)}")
+    values = np.empty(len(cells))
+    for i, cell in enumerate(cells):
+        read = _clock_time(cell, decimal)
+        try:
+            values[i] = np.nan if read is None else (read - started).total_seconds()
+        except TypeError:  # one with a zone, one without
+            read = None
+        if read is None:
+            raise ValueError(f"row {first + i}: found {shown(cell)}, allowed a time like the first")
+    return values, started
+
+
+def _advice(cell: str, decimal: str, thousands: str) -> str:
+    """Return what the mapping can say so that a cell is a number; empty where nothing helps."""
+    for sign in (".", ",", " ", "'"):
+        if sign != decimal and not thousands:
+            try:
+                number(cell, decimal, sign)
+            except ValueError:
+                continue
+            return f' (the mapping can say thousands = "{sign}")'
+    return ""
+
+
+def _clock_time(cell: str, decimal: str) -> datetime | None:
+    """A time of day, on an arbitrary date, or a date and time; None for anything else."""
+    text = cell.strip().replace(decimal, ".")
+    if ":" not in text:
+        return None
+    try:
+        return datetime.fromisoformat(text if "-" in text or "/" in text else f"{UNDATED}-01-01T{text}")
+    except ValueError:
+        return None

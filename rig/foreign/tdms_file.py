@@ -1,0 +1,236 @@
+"""TDMS of LabVIEW and NI-DAQmx, by npTDMS (extra ``tdms``): every numeric channel, as ``channel`` or ``group/channel``.
+
+Clocks are the waveform properties ``wf_increment``, ``wf_start_offset`` and ``wf_start_time``; a channel of time stamps
+becomes seconds after its first. Scales of DAQmx and LabVIEW are applied by npTDMS; one that it does not know is a
+doubt. Where a later segment states another start, rate, unit or scale of a channel that has samples already, the file
+is several recordings, one table each: npTDMS itself would give all samples the last statement. TDMS has no checksum: a
+file that is cut off or whose sizes do not fit the file is refused, changed numbers cannot be noticed. A last segment
+without a size was not finalised; its whole samples are read, and the table says so.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import struct
+import warnings
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from nptdms import TdmsFile, log
+from nptdms.reader import TdmsReader
+
+from rig.errors import RigInputError
+from rig.foreign.channel_table import ChannelTable, known
+from rig.foreign.sample_times import SECONDS, Clock
+
+_MARK = struct.Struct("<4sI")
+_SIZES = {False: struct.Struct("<IQQ"), True: struct.Struct(">IQQ")}
+_BIG_ENDIAN = 1 << 6
+"""Bit of the table of contents, which itself is always little-endian."""
+_NOT_FINALISED = 2**64 - 1
+_OF_A_RECORDING = re.compile(
+    r"wf_(increment|start_time|start_offset|xunit_string)|unit_string|NI_UnitDescription|NI_.*Scal.*"
+)
+"""Properties that say what the numbers of a recording mean."""
+
+Properties = dict[str, dict[str, Any]]
+"""Property values by path of the object and name."""
+
+
+class _Complaints(logging.Handler):
+    """Collects the warnings of npTDMS."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Store one line."""
+        self.lines.append(record.getMessage())
+
+    def take(self) -> str:
+        """Return the first line since the last call; empty where there is none."""
+        lines, self.lines = self.lines, []
+        return lines[0] if lines else ""
+
+
+def read_tdms(path: Path) -> tuple[ChannelTable, ...]:
+    """Read all numeric channels of a TDMS file, one table for each recording in it.
+
+    Raises RigInputError when the file is damaged, cut off or without numeric channels.
+    """
+    complaints = _Complaints()
+    logger, console = logging.getLogger("nptdms"), log.log_manager.console_handler
+    logger.addHandler(complaints)
+    console.addFilter(_refuse_all)
+    try:
+        size = path.stat().st_size
+        count, is_whole = _check_segments(path, size)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            with path.open("rb") as stream:
+                parts = _parts(stream, count, str(path))
+                tables = []
+                for number, part in enumerate(parts, 1):
+                    complaints.take()
+                    stream.seek(0)
+                    # opened for each part: npTDMS keeps a scale once it has been used; and it leaves a file open that
+                    # it fails to read
+                    with TdmsFile.open(stream) as file:
+                        complaint = complaints.take()
+                        if complaint and is_whole:
+                            raise RigInputError(f"{path}: not a whole TDMS file ({complaint[:120]})")
+                        where = str(path) if len(parts) == 1 else f"{path} segment {number}"
+                        tables.append(_table(ChannelTable(where, {}), file, size, part, complaints))
+            cut_off = "" if is_whole else "the program that recorded it did not finalise the file"
+            return (*tables[:-1], replace(tables[-1], cut_off=cut_off))
+    except RigInputError:
+        raise
+    except OSError as error:
+        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except Exception as error:  # a damaged file makes npTDMS raise nearly anything
+        words = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        raise RigInputError(f"{path}: not a whole TDMS file ({words})") from None
+    finally:
+        console.removeFilter(_refuse_all)
+        logger.removeHandler(complaints)
+
+
+def _refuse_all(record: logging.LogRecord) -> bool:
+    return False
+
+
+def _check_segments(path: Path, size: int) -> tuple[int, bool]:
+    """Return how many segments a file has, and whether the last one has its size.
+
+    Raises RigInputError where they do not follow each other from its first byte to its last.
+    """
+    at = count = 0
+    with path.open("rb") as stream:
+        while at < size:
+            stream.seek(at)
+            lead = stream.read(_MARK.size + _SIZES[False].size)
+            if len(lead) < _MARK.size + _SIZES[False].size or lead[:4] != b"TDSm":
+                raise RigInputError(f"{path}: not a whole TDMS file (no segment at byte {at})")
+            contents = _MARK.unpack_from(lead)[1]
+            version, following, raw = _SIZES[bool(contents & _BIG_ENDIAN)].unpack_from(lead, _MARK.size)
+            at, count = at + len(lead) + following, count + 1
+            if following == _NOT_FINALISED and version in (4712, 4713):
+                return count, False
+            if at > size or raw > following or version not in (4712, 4713):
+                raise RigInputError(f"{path}: not a whole TDMS file (its last segment is cut off at byte {size})")
+    if not size:
+        raise RigInputError(f"{path}: is empty")
+    return count, True
+
+
+class _Part:
+    """A recording within a file: its samples by path of the channel, from and to, and what is stated of them."""
+
+    def __init__(self, first: dict[str, int], end: dict[str, int], stated: Properties) -> None:
+        self.first, self.end, self.stated = first, end, stated
+
+
+def _parts(stream: BinaryIO, segments: int, where: str) -> list[_Part]:
+    """Split a file where a later segment changes a property that says what a channel's numbers mean."""
+    reader = TdmsReader(stream)
+    history: list[tuple[dict[str, int], Mapping[str, Any]]] = []
+    sizes: dict[str, int] = {}
+
+    def note(properties: Mapping[str, Any] | None) -> None:
+        nonlocal sizes
+        history.append((sizes, properties or {}))
+        sizes = {name: metadata.num_values for name, metadata in reader.object_metadata.items()}
+
+    # npTDMS keeps the last value of a property only; there is no public way to those of each segment
+    reader._update_object_properties = note
+    reader.read_metadata()
+    if len(history) not in (segments, segments - 1):  # of the last one the metadata may be cut off
+        raise RigInputError(f"{where}: this version of npTDMS does not tell the segments; install the latest one")
+    stated: Properties = {}
+    parts: list[_Part] = []
+    first: dict[str, int] = {}
+    for before, properties in history:
+        new: Properties = {
+            name: {key: value.as_datetime64() if hasattr(value, "as_datetime64") else value for key, value in pairs}
+            for name, pairs in properties.items()
+        }
+        if before != first and any(
+            _OF_A_RECORDING.fullmatch(key) and key in stated.get(name, {}) and stated[name][key] != value
+            for name, values in new.items()
+            for key, value in values.items()
+        ):
+            parts.append(_Part(first, before, {name: dict(values) for name, values in stated.items()}))
+            first = before
+        for name, values in new.items():
+            stated.setdefault(name, {}).update(values)
+    return [*parts, _Part(first, sizes, stated)]
+
+
+def _table(table: ChannelTable, file: Any, size: int, part: _Part, complaints: _Complaints) -> ChannelTable:
+    """Fill a table with the samples of one part of a file of ``size`` bytes."""
+    channels = [channel for group in file.groups() for channel in group.channels() if len(channel)]
+    for node in (file, *file.groups(), *channels):
+        # npTDMS applies the scales that an object's properties state
+        node.properties.clear()
+        node.properties.update(part.stated.get(getattr(node, "path", "/"), {}))
+    kinds, unscaled = {}, {}
+    for channel in channels:
+        kinds[channel.path] = channel.dtype.kind  # takes its scale, and complains of one that is not known
+        unscaled[channel.path] = complaints.take()
+    channels = [channel for channel in channels if kinds[channel.path] in "iufM"]
+    if not channels:
+        raise RigInputError(f"{table.where}: no numeric channel")
+    if sum(len(channel) * channel.dtype.itemsize for channel in channels) > 16 * size:
+        raise RigInputError(f"{table.where}: names more samples than its {size} bytes hold; the file is damaged")
+    short = Counter(channel.name for channel in channels)
+    columns, doubts, started = {}, {}, ""
+    units: dict[str, str] = {}
+    clocks: dict[str, Clock] = {}
+    for channel in channels:
+        name = channel.name if short[channel.name] == 1 else f"{channel.group_name}/{channel.name}"
+        first, end = part.first.get(channel.path, 0), part.end.get(channel.path, 0)
+        if first == end:
+            continue
+        values = channel[first:end]
+        if len(values) != end - first:
+            raise RigInputError(f"{table.where}: not a whole TDMS file ({name} is cut off)")
+        stated, is_stamp = channel.properties, values.dtype.kind == "M"
+        columns[name] = (
+            (values - values[0]) / np.timedelta64(1, "ns") * 1e-9 if is_stamp else np.asarray(values, dtype=np.float64)
+        )
+        unit = "s" if is_stamp else str(stated.get("unit_string") or stated.get("NI_UnitDescription", ""))
+        units |= {name: unit} if unit else {}
+        if complaint := complaints.take():
+            raise RigInputError(f"{table.where}: not a whole TDMS file ({complaint[:120]})")
+        if complaint := unscaled[channel.path]:
+            doubts[name] = f"{name}: {complaint[:120]}; overrule_units in the mapping takes its numbers as they are"
+        try:
+            clock = _waveform_clock(stated)
+        except ValueError as error:
+            doubts[name] = f"{name}: {error}"
+        else:
+            clocks |= {name: clock} if clock else {}
+        begun = values[0] if is_stamp else stated.get("wf_start_time")
+        if not started and isinstance(begun, np.datetime64) and not np.isnat(begun):
+            started = f"{begun.astype('datetime64[us]')}+00:00"  # TDMS keeps times in UTC
+    return replace(table, channels=columns, units=units, clocks=clocks, doubts=doubts, started=started)
+
+
+def _waveform_clock(properties: Mapping[str, object]) -> Clock | None:
+    """Clock by the waveform properties; None where the increment is not stated, ValueError where it is no time."""
+    interval, offset = properties.get("wf_increment"), properties.get("wf_start_offset", 0.0)
+    if not isinstance(interval, float | int) or not (np.isfinite(interval) and interval > 0):
+        return None
+    unit = known(str(properties.get("wf_xunit_string", ""))) or "s"
+    if unit not in SECONDS:
+        raise ValueError(f"wf_xunit_string = {unit!r}, allowed {', '.join(SECONDS)}: the samples are not over time")
+    start = float(offset) if isinstance(offset, float | int) and np.isfinite(offset) else 0.0
+    begun = properties.get("wf_start_time")
+    stamp = begun.astype("datetime64[ns]").astype(np.int64) * 1e-9 if isinstance(begun, np.datetime64) else 0.0
+    return Clock(float(interval) * SECONDS[unit], start * SECONDS[unit], float(stamp))
