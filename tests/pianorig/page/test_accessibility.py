@@ -25,9 +25,7 @@ VIEWS = {
 @contextmanager
 def shown(browser: Any, page: Page, view: str, **options: Any) -> Iterator[Any]:
     """A tab of somebody who may write, with a view."""
-    name, _, value = str(page.cookie).partition("=")
     with opened(browser, page, **options) as tab:
-        tab.context.add_cookies([{"name": name, "value": value, "url": page.address}])
         tab.goto(f"{page.address}#{view}")
         tab.reload()
         tab.locator(VIEWS[view]).first.wait_for()
