@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -41,7 +42,20 @@ def test_quick_commands_of_all_pages_run_as_they_stand(folder: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_commands_of_the_readme_change_no_tracked_file_of_a_clone(tmp_path: Path) -> None:
+    clone = tmp_path / "clone"
+    subprocess.run(["git", "clone", "-q", "--no-hardlinks", str(ROOT), str(clone)], check=True)
+    run_documented(["examples", "."], clone)
+    for words in commands_of((clone / "README.md").read_text("utf-8")):
+        run_documented(words, clone)
+    changed = subprocess.run(
+        ["git", "status", "--porcelain", "--untracked-files=no"], cwd=clone, capture_output=True, text=True, check=True
+    )
+    assert changed.stdout == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.stem)
 def test_all_commands_of_a_page_run_as_they_stand_one_after_the_other(page: Path, folder: Path) -> None:
     text = page.read_text("utf-8")
     if "--out sessions/try" not in text:  # a page that goes on with the README's session
