@@ -21,6 +21,7 @@ from .errors import ModelInputError as ModelInputError
 from .errors import RegulationError as RegulationError
 from .errors import StaticsError as StaticsError
 from .files.force_library import force_table as force_table
+from .files.force_table import blow_implausibility as blow_implausibility
 from .files.force_table import check_force_table as check_force_table
 from .files.force_table import read_force_table as read_force_table
 from .force_driven import output_times as output_times

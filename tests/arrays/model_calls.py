@@ -100,6 +100,7 @@ def key_motion() -> model.KeyMotion:
 
 CALLS: dict[str, Callable[[], Arguments]] = {
     "model.check_force_table": lambda: TABLE,
+    "model.blow_implausibility": lambda: TABLE,
     "model.simulate": lambda: {"action": action(), **TABLE, "output_time_s": OUTPUTS},
     "model.simulate_many": lambda: {
         "action": action(), "trials": {"a": (TIME, FORCE)}, "output_time_s": OUTPUTS, "lanes": False,
