@@ -1,15 +1,13 @@
 """Find, write, compile and load the kernels of a scene's structure.
 
 Machine code lies in the kernel cache under the hash of the structure, in a folder that is keyed by all sources and the
-processor (`model.kernels.compile`): a structure is compiled once per machine, a changed value never. Where no cache can
-be written it is compiled in memory.
+processor (`model.kernels.compile`), and is verified when it is loaded (`model.kernels.disk_cache`): a structure is
+compiled once per machine, a changed value never. Where no cache can be written it is compiled in memory.
 """
 
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -29,6 +27,7 @@ from model.derived.stepping import Stepping
 from model.elements.laws.felt_law import Law
 from model.elements.structure import Structure
 from model.kernels import compile as _compile
+from model.kernels.disk_cache import read_entry, write_entry
 from model.kernels.kernel_value import Kernel
 from model.kernels.lanes import lanes_pay
 from model.kernels.layout import Tables
@@ -122,16 +121,17 @@ def _path(tables: Kind, functions: dict[str, Any], lanes: int) -> Path | None:
 def _compiled(tables: Kind, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
     path = _path(tables, functions, lanes)
     machine = _target_machine()
-    code = path.read_bytes() if path is not None and path.is_file() else None
+    code = read_entry(path) if path is not None else None
     made = code is None
     if code is None:
         with alone(_compile.FOLDER, path.stem if path is not None else "scene"):
-            if path is not None and path.is_file():  # another process was first
-                code, made = path.read_bytes(), False
-            else:
+            if path is not None:
+                code = read_entry(path)  # where another process was first
+                made = code is None
+            if code is None:
                 code = bytes(machine.emit_object(linked(tables, functions, lanes, machine)))
                 if path is not None:
-                    _write(path, code)
+                    write_entry(path, code)
     if "stage" in functions:
         COMPILED["scenes"] += 1
         COMPILED["compiled"] += made
@@ -139,14 +139,6 @@ def _compiled(tables: Kind, functions: dict[str, Any], lanes: int) -> dict[str, 
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return {name: Kernel(engine.get_function_address(name), of, engine) for name, of in functions.items()}
-
-
-def _write(path: Path, code: bytes) -> None:
-    """Write whole or not at all."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    with os.fdopen(handle, "wb") as file:
-        file.write(code)
-    os.replace(temporary, path)
 
 
 def written(program: Program, module: ir.Module, name: str, lanes: int = 1) -> None:

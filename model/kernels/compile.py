@@ -27,6 +27,7 @@ from numba.core import codegen
 from numba.core import config as _config
 from numba.np import linalg
 
+from model.kernels.disk_cache import verify_cache
 from model.kernels.machine_code import make_machine_code_when_called
 from model.kernels.once import alone
 
@@ -99,12 +100,12 @@ def cache_root() -> Path:
 
 
 def _writable_cache() -> Path | None:
-    folder = cache_root() / cache_key()
     try:
+        folder = cache_root() / cache_key()
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError:
+    except (OSError, RuntimeError):  # RuntimeError: there is no home folder
         return None
     return folder
 
@@ -112,15 +113,17 @@ def _writable_cache() -> Path | None:
 FOLDER = _writable_cache()
 
 
-def _inner(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+def _inner(function: Callable[..., Any], options: dict[str, Any], keep: bool = False) -> Any:
     """Compile a ``function`` that compiled code calls, without what Python needs to call it: a sixth less to compile.
 
-    A call from Python goes to a twin that has it, compiled then.
+    A call from Python goes to a twin that has it, compiled then. With ``keep`` it has a cache of its own on disk.
     """
     compile_with: Any = numba.njit  # its types do not name all options
     made = compile_with(**options | NO_WRAPPERS)(function)
+    if keep:
+        verify_cache(made)
     made._insert = lambda *_: None  # numba's dispatcher is to find nothing that it may call, and to ask
-    twin = cache(lambda: compile_with(**options | {"cache": False})(function))
+    twin = cache(lambda: compile_with(**options)(function))
     made._compile_for_args = lambda *given, **named: twin()._compile_for_args(*given, **named)
     return made
 
@@ -132,11 +135,17 @@ def _cached(*signature: Any, inner: bool = False, **options: Any) -> Callable[[C
         before = numba_config.CACHE_DIR
         numba_config.CACHE_DIR = "" if FOLDER is None else str(FOLDER)
         try:
-            common = COMMON | {"cache": FOLDER is not None, "no_cfunc_wrapper": True}
+            common = COMMON | {"no_cfunc_wrapper": True}
             if inner:
-                return _inner(function, common | options)
+                return _inner(function, common | options, FOLDER is not None)
             njit: Any = numba.njit  # its types do not name all options
-            return njit(*signature, **common | options)(function)
+            made = njit(**common | options)(function)
+            if FOLDER is not None:
+                verify_cache(made)
+            if signature:
+                made.compile(*signature)
+                made.disable_compile()
+            return made
         finally:
             numba_config.CACHE_DIR = before
 

@@ -11,7 +11,7 @@ import vision
 from vision.frame_fit.compiled import digest_of_sources, fit_bodies, walk
 
 ROOT = Path(vision.__file__).parent
-DECORATORS = ("njit", "uncounted")
+DECORATORS = ("cached_njit", "uncounted")
 
 
 def compiled_and_imported() -> tuple[dict[Path, dict[str, bool]], dict[Path, set[str]]]:
@@ -21,7 +21,7 @@ def compiled_and_imported() -> tuple[dict[Path, dict[str, bool]], dict[Path, set
     for path in ROOT.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         compiled[path] = {
-            node.name: any("cache=True" in ast.unparse(d) for d in node.decorator_list)
+            node.name: any(ast.unparse(d).startswith("cached_njit") for d in node.decorator_list)
             for node in ast.walk(tree)
             if isinstance(node, ast.FunctionDef)
             and any(ast.unparse(d).startswith(DECORATORS) for d in node.decorator_list)

@@ -13,12 +13,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.bodies.masks import CLEARANCE_PX
 from vision.bodies.outlines import Body
 from vision.fitting.template import Template
+from vision.kernel_cache import cached_njit
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 
@@ -27,7 +27,7 @@ GROUP = 64
 """Pixels that are looked at together first: where their whole neighbourhood is clear, none of them is."""
 
 
-@njit(cache=True, fastmath=FAST)
+@cached_njit(fastmath=FAST)
 def mark_covered(
     offset: NDArray[np.float32],
     around: NDArray[np.float64],

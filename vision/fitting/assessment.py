@@ -20,11 +20,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.fitting.kernels import F32, F64, I32, I64, RigidFit
 from vision.fitting.template import TILE_PX
+from vision.kernel_cache import cached_njit
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 MOST = 1e9
@@ -68,7 +68,7 @@ class Assessed(NamedTuple):
 
 
 # short, so that releasing the lock of the interpreter would cost more than it gives other threads
-@njit(cache=True)
+@cached_njit()
 def inverse_and_covariance(
     normal: F64, noise_normal: F64, share: float, factor: float, inverse: F64, covariance: F64
 ) -> bool:
@@ -113,7 +113,7 @@ def inverse_and_covariance(
     return True
 
 
-@njit(cache=True, fastmath=FAST)
+@cached_njit(fastmath=FAST)
 def block_sums(columns: F32, work: F32, weight: F32, start: int, end: int) -> tuple[Any, Any, Any, Any, Any]:
     """Scores of pixels ``start..end-1``: sums of their weighted residuals times each column, and of these residuals."""
     # slices begin at zero, as the compiler needs to keep the sums in vector registers
@@ -126,7 +126,7 @@ def block_sums(columns: F32, work: F32, weight: F32, start: int, end: int) -> tu
     return s0, s1, s2, s3, s4
 
 
-@njit(cache=True)
+@cached_njit()
 def block_ratios(
     blocks: Blocks, columns: F32, work: F32, weight: F32, influence: F64, white: F64, ratio: F64, count: F64
 ) -> None:
@@ -158,7 +158,7 @@ def block_ratios(
             count[size, j] = 3.0 * squares**2 / max(fourth, 1e-300)
 
 
-@njit(cache=True)
+@cached_njit()
 def assess(facts: BodyFacts, blocks: Blocks, fit: RigidFit, work: F32, weight: F32, out: Assessed) -> int:
     """Fill in ``out`` from the last iteration of a fit; returns 0, or why it is not whole (`SUSPECTED` and beyond)."""
     sums, gain, covariance = fit.sums, fit.gain, out.covariance

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.film.source import FrameSource
 from vision.fitting.assessment import UNKNOWN, Ratios
 from vision.fitting.template import Template
+from vision.kernel_cache import cached_njit
 
 MARGIN_PX = 14
 """Read around the body: 8 px for the spline filter, the rest for motion beyond the prediction."""
@@ -75,7 +75,7 @@ class Fitter(ABC):
         """Continue from what `state` gave."""
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def region_at(
     turn: float, x: float, y: float, box: tuple[float, float, float, float], size: tuple[int, int], margin: int
 ) -> tuple[int, int, int, int]:

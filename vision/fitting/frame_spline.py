@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.film.source import FrameSource, saturated_areas, saturated_grey
 from vision.fitting.bspline import HALF_TAPS, POLE, prefilter_taps
+from vision.kernel_cache import cached_njit
 
 TAPS = tuple(np.float32(6.0 * tap) for tap in prefilter_taps()[HALF_TAPS:])
 """From the middle outwards, times the gain of the recursion; frozen into the compiled code."""
@@ -29,7 +29,7 @@ START = 16
 F32 = NDArray[np.float32]
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def filter_along(line: F32, out: F32) -> None:
     """Filter a line, of which ``out`` lacks `HALF_TAPS` values at each end."""
     t0, t1, t2, t3, t4, t5, t6, t7 = TAPS
@@ -40,21 +40,21 @@ def filter_along(line: F32, out: F32) -> None:
         out[x] = near + far + rest
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def add_times(factor: np.float32, one: F32, out: F32) -> None:
     """Add ``factor`` times a line."""
     for x in range(out.size):
         out[x] += factor * one[x]
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def less_times(factor: np.float32, one: F32, out: F32) -> None:
     """Replace a line by ``factor`` times its difference from another."""
     for x in range(out.size):
         out[x] = factor * (one[x] - out[x])
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def prefilter(picture: NDArray[Any], out: F32) -> int:
     """Fill ``out`` with the coefficients of a picture of at least 17 x 17 pixels; returns its largest grey value."""
     rows, width = picture.shape
@@ -86,7 +86,7 @@ def prefilter(picture: NDArray[Any], out: F32) -> int:
     return brightest
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def saturated_inside(picture: NDArray[Any], top: int) -> int:
     """Number of pixels that reach ``top`` together with their four neighbours, as far as the picture has them."""
     rows, width = picture.shape

@@ -17,9 +17,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
+
+from vision.kernel_cache import cached_njit
 
 F64 = NDArray[np.float64]
 F32 = NDArray[np.float32]
@@ -112,7 +114,7 @@ BASIS = ((-SIXTH, 0.5, -0.5, SIXTH), (0.5, -1.0, 0.5, 0.0), (-0.5, 0.0, 0.5, 0.0
 # module constants are frozen into the compiled code, so they are defined in this file, as the cache needs
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def solve5(matrix: F64, right: F64, solution: F64) -> bool:
     """Solve a symmetric positive 5 x 5 system by Cholesky with Jacobi scaling; False when it is not positive."""
     scale = np.empty(5)
@@ -181,7 +183,7 @@ def spline_sample(typing: Any, flat: Any, at: Any, width: Any, fx: Any, fy: Any)
     return types.float32(flat, types.int64, types.int64, types.float32, types.float32), code
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def place_pixels(region: Region, subset: Subset, pose: F64, places: Places, visible: F32) -> None:
     """Where each template pixel lies in the region; ``visible`` is 1 or 0."""
     height, width = region.coefficient.shape
@@ -204,7 +206,7 @@ def place_pixels(region: Region, subset: Subset, pose: F64, places: Places, visi
         places.at[i] = np.int32(iy - 1) * step + np.int32(ix - 1) if inside else np.int32(0)
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def sample(region: Region, places: Places, value: F32, visible: F32) -> None:
     """Sample the frame at every visible template pixel; the others, and what is not a number, become zero."""
     flat, width = region.coefficient.reshape(-1), region.coefficient.shape[1]
@@ -217,7 +219,7 @@ def sample(region: Region, places: Places, value: F32, visible: F32) -> None:
         visible[i] = np.float32(1.0) if known else zero
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
     """Mean noise gain of every sixteenth sample."""
     total, count, steps = 0.0, 0, np.float32(gain_table.size - 1)
@@ -229,7 +231,7 @@ def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
     return total / count if count > 0 else 1.0
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@cached_njit(nogil=True, fastmath=FAST)
 def accumulate(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64, right: F64) -> None:
     """Weighted normal equations of ``value = columns.T @ q[:4] + q[4]``."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
@@ -253,7 +255,7 @@ def accumulate(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64,
     right[0], right[1], right[2], right[3], right[4] = b0, b1, b2, b3, b4
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def robust_scale(residual: F32, visible: F32, top: float, bin_of: I32) -> float:
     """1.4826 times the median of ``|residual|`` over the visible pixels, from a histogram up to ``top``.
 
@@ -287,7 +289,7 @@ def robust_scale(residual: F32, visible: F32, top: float, bin_of: I32) -> float:
 
 
 # These store: where arrays lie decides between vector and scalar loop, which without fast arithmetic give the same bits
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def residuals(columns: F32, value: F32, q: F64, residual: F32) -> None:
     """Grey values less the linear fit ``q``."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
@@ -296,7 +298,7 @@ def residuals(columns: F32, value: F32, q: F64, residual: F32) -> None:
         residual[i] = value[i] - (q0 * at[i] + q1 * ax[i] + q2 * ay[i] + q3 * ref[i] + q4)
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def tukey_weights(residual: F32, scale: float, weight: F32) -> None:
     """Weights of residuals of the given scale."""
     per, one, zero = np.float32(1.0 / (TUKEY * scale)), np.float32(1.0), np.float32(0.0)
@@ -306,7 +308,7 @@ def tukey_weights(residual: F32, scale: float, weight: F32) -> None:
         weight[i] = rest * rest
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@cached_njit(nogil=True, fastmath=FAST)
 def weighted_sums(residual: F32, weight: F32, value: F32, visible: F32, scale: float) -> ResidualSums:
     """Sums over the visible pixels."""
     near, one, zero = np.float32(3.0 * scale), np.float32(1.0), np.float32(0.0)
@@ -323,7 +325,7 @@ def weighted_sums(residual: F32, weight: F32, value: F32, visible: F32, scale: f
     return ResidualSums(scale, sum_w, sum_wr2, inlier, seen, sum_wv, sum_wvv)
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def step_in_u(matrix: F64, q: F64, sums: ResidualSums, right: F64, column: F64) -> float:
     """Largest of turn, x and y of a step, each over its standard uncertainty."""
     largest = 0.0
@@ -336,7 +338,7 @@ def step_in_u(matrix: F64, q: F64, sums: ResidualSums, right: F64, column: F64) 
     return largest
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def fit_rigid(region: Region, subset: Subset, settings: Settings, state: State) -> RigidFit:
     """Inverse-compositional Gauss-Newton fit of one body in one frame.
 

@@ -21,7 +21,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.fitting.base import Fit
@@ -29,6 +28,7 @@ from vision.fitting.bspline import noise_gain
 from vision.fitting.kernels import F32, F64, I32, I64
 from vision.fitting.slow_changes import Changes, light_factor
 from vision.fitting.template import Template
+from vision.kernel_cache import cached_njit
 
 
 def row_median(values: F64) -> F64:
@@ -112,7 +112,7 @@ class Squares(NamedTuple):
     middle: F64
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def middle_of(values: F64, n: int) -> float:
     """Median of the first n values, which are left in another order."""
     low, high, at = 0, n - 1, n // 2
@@ -141,7 +141,7 @@ def middle_of(values: F64, n: int) -> float:
     return 0.5 * (below + values[at])
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def may_show_light(squares: Squares, visible: F32, residual: F32, gain: float, noise: float) -> bool:
     """Whether enough squares may show a light, be it a shade or a glow, for `LightField.shown` to be asked.
 
@@ -432,7 +432,7 @@ MEAN_NOISE_GAIN = float(noise_gain().mean())
 """Frozen into compiled code."""
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def noise_left(noise_grey: float, gain: float, n_averaged: float) -> float:
     """Standard deviation of a residual that is noise, grey."""
     return max(noise_grey, LEAST_NOISE_GREY) * math.sqrt(MEAN_NOISE_GAIN**2 + gain**2 / n_averaged)

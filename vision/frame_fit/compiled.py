@@ -42,6 +42,7 @@ from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET
 from vision.fitting.kernels import F32, F64, I32, I64, Region, Settings, State, Subset, fit_rigid
 from vision.fitting.light import HIDDEN_SUSPECTED, Squares, may_show_light, noise_left
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR
+from vision.kernel_cache import cached_njit
 from vision.results import flags
 from vision.results.flags import FrameFlag
 
@@ -467,7 +468,7 @@ def go_on(
 def _compiled(digest: str) -> Callable[..., int]:
     """The compiled call; ``digest`` is closed over, and thereby part of the key of numba's cache."""
 
-    @njit(cache=True, nogil=True)
+    @cached_njit(nogil=True)
     def fit_bodies(
         part: Region,
         n_saturated: int,
@@ -552,7 +553,7 @@ def store(rows: Rows, row: int, found: Found) -> None:
 def _compiled_walk(digest: str) -> Callable[..., int]:
     """The compiled walk; ``digest`` is closed over, and thereby part of the key of numba's cache."""
 
-    @njit(cache=True, nogil=True)
+    @cached_njit(nogil=True)
     def walk(
         film: Film,
         settings: Settings,

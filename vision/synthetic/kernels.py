@@ -10,8 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from vision.kernel_cache import cached_njit
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 
@@ -44,7 +45,7 @@ class PlanarPose(NamedTuple):
     phi: float
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@cached_njit(nogil=True, fastmath=FAST)
 def composite(picture: NDArray[np.float32], table: TextureTable, shown: PlanePoints, pose: PlanarPose) -> None:
     """Draw a textured body over a picture: its table is sampled by cubic splines, its edge blended by ``alpha``."""
     coefficient, alpha, oversampling = table.coefficient, table.alpha, table.oversampling

@@ -1,0 +1,133 @@
+"""Entries of the kernel cache on disk, verified by a SHA-256 at every load.
+
+Machine code that was damaged on the disk crashes the process or computes other numbers without a word, so none is
+loaded that is not exactly what was written. An entry is its content followed by the SHA-256 of its file name and
+content. It is written under a temporary name, synchronised and renamed. An entry that is damaged, cut off, of another
+name or unreadable counts as absent: the kernel is compiled again and the entry replaced, with one warning a process.
+
+`verify_cache` has numba keep the entries of a compiled function in this way. Numba's data file also states the key it
+was compiled for, since numba writes the index, which names it, first. `vision.kernel_cache` does the same, because
+neither package imports the other.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import pickle
+import uuid
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+DIGEST_BYTES = hashlib.sha256().digest_size
+_warned: set[str] = set()
+
+
+def read_entry(path: Path) -> bytes | None:
+    """Content of an entry; None where there is none, or where it is not as `write_entry` wrote it."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        _warn_once("read", path, f"cannot be read ({error.strerror or error}); the kernel is compiled again")
+        return None
+    content = data[:-DIGEST_BYTES]
+    if data[-DIGEST_BYTES:] != _digest(path, content):
+        _warn_once("read", path, "is damaged; the kernel is compiled again")
+        return None
+    return content
+
+
+def write_entry(path: Path, content: bytes) -> None:
+    """Write an entry whole, or leave what was there; a folder that refuses it costs a warning."""
+    temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}.tmp")
+    try:
+        try:
+            with temporary.open("xb") as file:
+                file.write(content)
+                file.write(_digest(path, content))
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        reason = error.strerror or error
+        _warn_once("write", path, f"cannot be written ({reason}); the kernel is compiled at every start")
+
+
+def _digest(path: Path, content: bytes) -> bytes:
+    digest = hashlib.sha256(path.name.encode() + b"\0")
+    digest.update(content)
+    return digest.digest()
+
+
+def _warn_once(kind: str, path: Path, reason: str) -> None:
+    if kind not in _warned:
+        _warned.add(kind)
+        warnings.warn(f"cache of compiled kernels: {path}: {reason}", stacklevel=3)
+
+
+class _VerifiedFile(IndexDataCacheFile):  # type: ignore[misc]
+    """Index and data files of one function as entries of `read_entry`."""
+
+    def __init__(self, cache_path: str, filename_base: str, source_stamp: Any) -> None:
+        super().__init__(cache_path, f"{filename_base}.numba{numba.__version__}", source_stamp)
+
+    def load(self, key: Any) -> Any:
+        found = super().load(key)
+        return found[2] if found is not None and found[:2] == (self._source_stamp, key) else None
+
+    def save(self, key: Any, data: Any) -> None:
+        super().save(key, (self._source_stamp, key, data))
+
+    def _load_index(self) -> Any:
+        stamp, overloads = self._load_entry(self._index_path) or (None, {})
+        return overloads if stamp == self._source_stamp else {}
+
+    def _save_index(self, overloads: Any) -> None:
+        write_entry(Path(self._index_path), self._dump((self._source_stamp, overloads)))
+
+    def _load_data(self, name: str) -> Any:
+        return self._load_entry(self._data_path(name))
+
+    def _save_data(self, name: str, data: Any) -> None:
+        write_entry(Path(self._data_path(name)), self._dump(data))
+
+    def _load_entry(self, path: str) -> Any:
+        content = read_entry(Path(path))
+        try:
+            return None if content is None else pickle.loads(content)
+        except Exception:  # names types that another version of this program had
+            return None
+
+
+class _VerifiedCache(FunctionCache):  # type: ignore[misc]
+    """Numba's cache of one function, of verified files."""
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        self._cache_file = _VerifiedFile(
+            self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp()
+        )
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        with contextlib.suppress(OSError):  # the folder has gone, or cannot be written any more
+            super().save_overload(sig, data)
+
+
+def verify_cache(dispatcher: Any) -> Any:
+    """Have a compiled function, given and returned, keep its machine code on disk, verified at every load.
+
+    Where no folder can be written, it is kept in memory only.
+    """
+    if hasattr(dispatcher, "enable_caching"):  # not so where numba is told to compile nothing
+        with contextlib.suppress(RuntimeError):
+            dispatcher._cache = _VerifiedCache(dispatcher.py_func)
+    return dispatcher
