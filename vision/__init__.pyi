@@ -28,6 +28,7 @@ from .film.open import open_film as open_film
 from .film.source import ArrayFilm as ArrayFilm
 from .film.source import Film as Film
 from .film.source import FrameSource as FrameSource
+from .film.time_scale import frame_times_at_rate as frame_times_at_rate
 from .fitting.pose_covariance import cramer_rao_bound as cramer_rao_bound
 from .marks.follow import MarkResult as MarkResult
 from .marks.follow import follow_marks as follow_marks

@@ -83,7 +83,7 @@ class SessionFilm:
     def frame_times(self, source: vision.Film) -> tuple[NDArray[np.float64] | None, float]:
         """Times of the film's frames and their standard uncertainty, s.
 
-        From its trial's frame clock, else from the rate named, else None: the film's own.
+        From its trial's frame clock, else for the rate named, else None: the film's own.
         """
         rate_hz = self.frame_rate_hz
         if self.owner is not None:
@@ -94,9 +94,7 @@ class SessionFilm:
             return frame_times(self.owner[1], source)
         if rate_hz is None:
             return None, 0.0
-        if not 0.0 < rate_hz < 1e9:
-            raise CommandInputError(f"{self.path}: frame rate {rate_hz:g} Hz; needs a positive number")
-        return np.arange(source.n_frames) / rate_hz + 0.5 * (source.exposure_s or 0.0), 0.0
+        return vision.frame_times_at_rate(source, rate_hz), 0.0
 
     @property
     def doubt_about_times(self) -> str | None:
@@ -104,7 +102,7 @@ class SessionFilm:
         # start-up: 0.1 s of every recording, which reads no film
         from vision.film.open import VIDEO_SUFFIXES
 
-        video = self.path.suffix.lower() in (".avi", *VIDEO_SUFFIXES)
+        video = self.path.suffix.lower() in VIDEO_SUFFIXES
         if not video or self.owner is not None or self.frame_rate_hz is not None:
             return None
         with self.open(allow_truncated=True) as source:

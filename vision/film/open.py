@@ -8,28 +8,16 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 from vision.errors import FilmError
-from vision.film.avi_reader import AviFilm
 from vision.film.cine_reader import CineFilm
 from vision.film.mraw import MrawFilm
-from vision.film.opencv_video import VideoFilm
 from vision.film.picture_stack import PICTURE_SUFFIXES, PagedPicture, PictureFolder
 from vision.film.source import CHANNELS, Film, FrameSource
+from vision.film.video_reader import VideoFilm
 
-
-def _avi(path: Path, *, allow_truncated: bool, channel: str | None) -> Film:
-    """By our own reader; what that cannot read, through OpenCV."""
-    film = AviFilm(path, allow_truncated=allow_truncated, channel=channel)
-    if film.readable:
-        return film
-    film.close()
-    return VideoFilm(path, allow_truncated=allow_truncated, channel=channel)
-
-
-VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".m4v")
+VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v")
 READERS: dict[str, Callable[..., Film]] = {
     **dict.fromkeys((".mraw", ".cih", ".cihx"), MrawFilm),
     ".cine": CineFilm,
-    ".avi": _avi,
     **dict.fromkeys(VIDEO_SUFFIXES, VideoFilm),
     **dict.fromkeys(PICTURE_SUFFIXES, PagedPicture),
 }

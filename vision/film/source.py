@@ -222,12 +222,15 @@ class Film:
     pixel_aspect: float | None = None
     is_interlaced: bool = False
     has_camera_times: bool = False
+    camera_time_s: NDArray[np.float64] | None = None
     in_order = False
     _file: FileWindow
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
         """Middle of each exposure, s; None when the file states no frame rate."""
+        if self.camera_time_s is not None:
+            return self.camera_time_s
         if self.frame_rate_hz is None:
             return None
         return np.arange(self.n_frames) / self.frame_rate_hz + 0.5 * (self.exposure_s or 0.0)

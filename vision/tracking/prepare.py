@@ -19,6 +19,7 @@ from vision.each import Each, in_turn
 from vision.errors import VisionInputError, VisionWarning
 from vision.film.open import film_of
 from vision.film.source import FrameSource
+from vision.film.time_scale import warn_of_uneven_times
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import build_template
 from vision.reference.camera_faults import (
@@ -160,10 +161,12 @@ def frame_times(film: FrameSource, given_s: ArrayLike | None) -> NDArray[np.floa
             raise VisionInputError(
                 f"{film.path}: the film states no frame rate; give the time of each frame (--frame-rate)"
             )
+        warn_of_uneven_times(film, own)
         return own
     time_s = as_numbers(given_s, f"{film.path}: frame times")
     if time_s.shape != (film.n_frames,):
         raise VisionInputError(f"{film.path}: {time_s.size} frame times for {film.n_frames} frames; give one per frame")
     if not np.all(np.isfinite(time_s)) or np.any(np.diff(time_s) <= 0.0):
         raise VisionInputError(f"{film.path}: frame times must be finite and increase from frame to frame")
+    warn_of_uneven_times(film, time_s)
     return time_s

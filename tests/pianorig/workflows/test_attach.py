@@ -198,10 +198,12 @@ def test_the_film_of_a_virtual_camera_that_runs_by_itself_shows_when_it_exposed(
 
 def test_a_film_on_its_own_is_timed_by_the_middle_of_each_exposure(tmp_path: Path) -> None:
     write_mraw(tmp_path / "film.mraw", np.zeros((3, 4, 6), np.uint8), 1000.0, exposure_s=4e-4)
-    alone = SessionFilm(tmp_path / "film.mraw", frame_rate_hz=500.0)
+    alone = SessionFilm(tmp_path / "film.mraw", frame_rate_hz=1000.0)
     with alone.open() as source:
         times, u_time = alone.frame_times(source)
-    assert times == pytest.approx([0.0002, 0.0022, 0.0042], abs=1e-9) and u_time == 0.0
+        assert times == pytest.approx([0.0002, 0.0012, 0.0022], abs=1e-9) and u_time == 0.0
+        with pytest.raises(ValueError, match=r"a rate of 500 frames/s is stated, the camera's own times say 1000"):
+            SessionFilm(tmp_path / "film.mraw", frame_rate_hz=500.0).frame_times(source)
 
 
 def test_a_trial_to_be_filmed_is_one_of_the_plan(tmp_path: Path) -> None:

@@ -1,0 +1,372 @@
+"""Index of a container video: which frames it shows, at which stamps, and how they are stored.
+
+Packets are read without being decoded. Those that the container discards (cut off by an edit list) are no frames. A
+codec that predicts frames from others is then decoded once: how many frames come out, with which stamps, and whether
+they are interlaced, is known only then. Frames that stand alone or are stored without loss, a packet each, are checked
+when they are read.
+
+A film that announces more frames than it holds is refused: it was cut short.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.errors import FilmError
+from vision.film.source import jpeg_segments
+from vision.film.time_scale import Spacing, spacing_of
+
+if TYPE_CHECKING:
+    import av
+
+LIMITED_RANGE = 1
+"""FFmpeg's code of luma between 16 and 235."""
+STANDALONE = frozenset(["ffv1", "png"])
+"""Not listed by FFmpeg as coding every frame alone, but they do when all packets are key frames."""
+HELD = 8
+"""Indices kept, so that opening a film again within a command decodes nothing twice."""
+
+
+NO_JPEG = "frame {} is not a whole JPEG picture of {} x {}; export the film again, or copy it again"
+
+
+def jpeg_is_whole(data: bytes, width: int, height: int) -> bool:
+    """Whether a JPEG ends with its mark and states a film's size, or half its rows (a field): a decoder would fill up
+    what breaks off, and allocate for any size."""
+    if not (data.startswith(b"\xff\xd8") and data[-64:].rstrip(b"\0").endswith(b"\xff\xd9")):
+        return False
+    for kind, at in jpeg_segments(data):
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC) and at + 5 <= len(data):
+            rows, columns = (int.from_bytes(data[at + k : at + k + 2], "big") for k in (1, 3))
+            return columns == width and rows in (height, (height + 1) // 2)
+    return False
+
+
+@dataclass(frozen=True)
+class VideoIndex:
+    """What is known of a video before its frames are asked for.
+
+    Attributes
+    ----------
+    packet_of : ndarray of int, shape (n_frames,)
+        Of films whose frames stand alone: the packet of each frame, counted as they lie in the file.
+    packet_number : dict
+        Packet by its place in the file, stamp and size; None where two are the same.
+    seek_ticks : ndarray of int, shape (n_packets,)
+    is_standalone : bool
+        Every packet is one frame, decoded without any other.
+    stamp_s : ndarray, shape (n_frames,), or None
+    display_matrix : tuple of int, or None
+        a, b, c, d of the matrix that turns the stored picture into the shown one.
+    """
+
+    codec: str
+    tag: str
+    is_lossless: bool
+    width: int
+    height: int
+    n_frames: int
+    packet_of: NDArray[np.int64]
+    packet_number: dict[tuple[Any, ...], int | None]
+    seek_ticks: NDArray[np.int64]
+    is_standalone: bool
+    stamp_s: NDArray[np.float64] | None
+    spacing: Spacing | None
+    tick_s: float
+    rate_hz: float | None
+    is_interlaced: bool
+    is_limited: bool
+    pixel_format: str
+    pixel_aspect: float | None
+    display_matrix: tuple[int, int, int, int] | None
+    first_packet: bytes
+    remarks: tuple[str, ...]
+    damage: str
+
+
+@dataclass
+class _Packets:
+    """Packets in the order of the file; ``empty`` counts chunks without a frame."""
+
+    pts: list[int | None]
+    dts: list[int | None]
+    key: list[tuple[Any, ...]]
+    shown: list[bool]
+    is_key: list[bool]
+    first: bytes = b""
+    empty: int = 0
+    n_discarded: int = 0
+    is_damaged: bool = False
+
+
+def key_of(packet: av.Packet) -> tuple[Any, ...]:
+    """What tells a packet from the others of its film."""
+    return packet.pos, packet.pts, packet.dts, packet.size
+
+
+def open_container(path: Path) -> av.container.InputContainer:
+    """A container with a video in it; `FilmError` for all else."""
+    # start-up: PyAV costs 0.1 s, films of cameras do without
+    import av
+
+    if not path.is_file():
+        raise FilmError(f"{path}: cannot be opened; give an existing film")
+    try:
+        container = av.open(str(path), metadata_errors="ignore")
+    except (av.error.FFmpegError, ValueError, OSError) as error:
+        raise FilmError(f"{path}: cannot be decoded; the file is damaged or no video ({_said(error)})") from None
+    if not container.streams.video:
+        container.close()
+        raise FilmError(f"{path}: cannot be decoded; it holds no video")
+    if container.streams.video[0].codec_context is None:
+        container.close()
+        raise FilmError(f"{path}: cannot be decoded; its codec is not known to FFmpeg")
+    return container
+
+
+def _said(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)
+
+
+def index_of(path: Path, allow_truncated: bool) -> VideoIndex:
+    """Index of a video, made once for a file that does not change."""
+    if not path.is_file():
+        raise FilmError(f"{path}: cannot be opened; give an existing film")
+    state = path.stat()
+    index = _index(path.resolve(), path, state.st_mtime_ns, state.st_size)
+    if index.damage and not allow_truncated:
+        raise FilmError(f"{path}: {index.damage}")
+    return index
+
+
+@lru_cache(maxsize=HELD)
+def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIndex:
+    with open_container(path) as container:
+        stream: Any = container.streams.video[0]
+        packets = _demux(path, container, stream)
+        context = stream.codec_context
+        n_shown = sum(packets.shown)
+        damage = _what_is_missing(container, stream, packets)
+        codec = context.codec
+        remarks = []
+        if len(container.streams.video) > 1:
+            remarks.append(f"holds {len(container.streams.video)} videos, of which the first is read")
+        cut_off = packets.n_discarded
+        if cut_off:
+            kept = len(packets.shown) - cut_off
+            remarks.append(f"shows {kept} of {kept + cut_off} stored frames (an edit list cuts off the others)")
+        # the palette of a film lies in its first packet only
+        is_standalone = (
+            all(packets.is_key)
+            and (codec.intra_only or codec.name in STANDALONE)
+            and getattr(context, "pix_fmt", None) != "pal8"
+        )
+        facts: dict[str, Any] = {
+            "codec": codec.name,
+            "tag": _tag(context),
+            "is_lossless": bool(codec.lossless and not codec.lossy),
+            "first_packet": packets.first,
+            "tick_s": float(stream.time_base),
+            "pixel_aspect": float(stream.sample_aspect_ratio) if stream.sample_aspect_ratio else None,
+        }
+        is_avi = container.format.name == "avi"
+        average = stream.average_rate
+        rate = 0.0 if average is None else float(average)
+        states_rate = is_avi or "matroska" in container.format.name
+    is_counted = is_standalone or facts["is_lossless"]
+    first, pts, is_interlaced, undecoded = _decode(path, is_counted, packets.first)
+    if is_counted:
+        order = _shown_order(packets, is_avi)
+        stamps = [(packets.dts if is_avi else packets.pts)[k] for k in order]
+    else:
+        order = list(range(len(pts)))
+        if len(pts) != n_shown:
+            remarks.append(f"{n_shown} stored frames decode to {len(pts)}")
+        # an AVI has no stamps but the places of its chunks, which decoders mix up with the order of prediction
+        shown_dts = [dts for dts, shown in zip(packets.dts, packets.shown, strict=True) if shown]
+        stamps = sorted(shown_dts) if is_avi and len(pts) == n_shown and None not in shown_dts else pts  # type: ignore[type-var]  # no None
+    stamp_s, spacing = _times(path, stamps, facts["tick_s"], 1.0 / rate if states_rate and rate > 0.0 else None)
+    if spacing is not None and spacing.interval_s < 0.99 * facts["tick_s"]:
+        remarks.append(
+            f"its time stamps are rounded to {1e3 * facts['tick_s']:g} ms, and a frame lasts "
+            f"{1e3 * spacing.interval_s:.3g} ms: frames left out would not show in them"
+        )
+    return VideoIndex(
+        **facts,
+        **_picture(first),
+        n_frames=len(order),
+        packet_of=np.array(order, dtype=np.int64),
+        packet_number=_numbers(packets),
+        seek_ticks=_seek_ticks(packets, is_avi),
+        is_standalone=is_standalone,
+        stamp_s=stamp_s,
+        spacing=spacing,
+        rate_hz=1.0 / spacing.interval_s if spacing is not None else (rate if 0.0 < rate < 1e9 else None),
+        is_interlaced=is_interlaced or context_is_interlaced(context),
+        remarks=tuple(remarks),
+        damage=damage or undecoded,
+    )
+
+
+def context_is_interlaced(context: Any) -> bool:
+    """Whether the container or the codec's header says that rows alternate (FFmpeg's field orders from 2 on)."""
+    return int(getattr(context, "field_order", 0) or 0) >= 2
+
+
+def _tag(context: Any) -> str:
+    text = str(context.codec_tag).strip("\0 ")
+    return text if text.isprintable() and text else context.codec.name
+
+
+def _demux(path: Path, container: Any, stream: Any) -> _Packets:
+    # start-up: as above
+    import av
+
+    found = _Packets([], [], [], [], [])
+    try:
+        for packet in container.demux(stream):
+            if packet.size == 0:
+                found.empty += packet.dts is not None
+                continue
+            if not found.first:
+                found.first = bytes(packet)
+            found.pts.append(packet.pts)
+            found.dts.append(packet.dts)
+            found.key.append(key_of(packet))
+            found.shown.append(not (packet.is_discard or packet.is_corrupt))
+            found.n_discarded += packet.is_discard
+            found.is_key.append(packet.is_keyframe)
+            found.is_damaged |= packet.is_corrupt
+    except (av.error.FFmpegError, OSError) as error:
+        raise FilmError(f"{path}: cannot be read to its end ({_said(error)}); copy it again") from None
+    if not any(found.shown):
+        raise FilmError(f"{path}: holds no frame; the film is cut short or no video")
+    return found
+
+
+def _what_is_missing(container: Any, stream: Any, packets: _Packets) -> str:
+    """In what a film holds less than it announces; empty when it is whole."""
+    # an AVI marks a frame that was left out by an empty chunk, which its decoder skips but counts
+    dts = [at for at in packets.dts if at is not None]
+    counted = len(packets.shown) + packets.empty
+    if container.format.name == "avi" and dts:
+        counted = max(counted, max(dts) + 1)
+    if stream.frames and counted < stream.frames:
+        return f"announces {stream.frames} frames but ends after {counted}; the film is cut short, copy it again"
+    if packets.is_damaged:
+        return "a frame ends before its container says; the film is cut short, copy it again"
+    pts = [at for at in packets.pts if at is not None]
+    if not stream.frames and container.duration and len(pts) > 2:
+        tick_s = float(stream.time_base)
+        spare_s = container.duration * 1e-6 - (max(pts) - min(pts)) * tick_s
+        # the last frame lasts as long as the longest before it, and stamps are rounded
+        longest_s = float(np.diff(np.sort(pts)).max()) * tick_s
+        others = any(other.type != "video" for other in container.streams)
+        if spare_s > 2.0 * longest_s + 4.0 * tick_s and not others and min(pts) * tick_s < longest_s + tick_s:
+            return (
+                f"lasts {container.duration * 1e-6:.6g} s by its header, but its frames end {spare_s:.3g} s earlier; "
+                "the film is cut short, copy it again"
+            )
+    return ""
+
+
+def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[Any, list[int | None], bool, str]:
+    """The first frame; of a predicting codec the stamps of all, whether any is interlaced, and where decoding ends."""
+    # start-up: as above
+    import av
+
+    pts: list[int | None] = []
+    first, is_interlaced, damage = None, False, ""
+    with open_container(path) as container:
+        stream: Any = container.streams.video[0]
+        context = stream.codec_context
+        if not is_counted:
+            stream.thread_type = "AUTO"
+        elif context.name == "mjpeg" and not jpeg_is_whole(head, context.width, context.height):
+            raise FilmError(f"{path}: {NO_JPEG.format(0, context.width, context.height)}")
+        try:
+            for frame in container.decode(stream):
+                if frame.is_corrupt and not is_counted:
+                    raise av.error.InvalidDataError(0, "a frame is damaged")
+                first = frame if first is None else first
+                is_interlaced |= bool(frame.interlaced_frame)
+                pts.append(frame.pts)
+                if is_counted:
+                    break
+        except (av.error.FFmpegError, OSError, ValueError) as error:
+            damage = f"frame {len(pts)} cannot be decoded ({_said(error)}); the film is damaged, copy it again"
+    if first is None:
+        raise FilmError(f"{path}: {damage or 'frame 0 cannot be decoded; the film is damaged'}")
+    return first, pts, is_interlaced, damage
+
+
+def _shown_order(packets: _Packets, is_avi: bool) -> list[int]:
+    """Packets of the frames in the order in which they are shown."""
+    shown = [k for k, is_shown in enumerate(packets.shown) if is_shown]
+    if is_avi or any(packets.pts[k] is None for k in shown):
+        return shown
+    return sorted(shown, key=lambda k: (packets.pts[k], k))
+
+
+def _numbers(packets: _Packets) -> dict[tuple[Any, ...], int | None]:
+    numbers: dict[tuple[Any, ...], int | None] = {}
+    for number, key in enumerate(packets.key):
+        numbers[key] = None if key in numbers else number
+    return numbers
+
+
+def _seek_ticks(packets: _Packets, is_avi: bool) -> NDArray[np.int64]:
+    ticks = packets.dts if is_avi else packets.pts
+    return np.array([0 if at is None else at for at in ticks], dtype=np.int64)
+
+
+def _times(
+    path: Path, stamps: list[int | None], tick_s: float, nominal_s: float | None
+) -> tuple[NDArray[np.float64] | None, Spacing | None]:
+    """Stamps from the first on, s, and how they are spaced; None where the file has none."""
+    if len(stamps) < 2 or any(at is None for at in stamps) or len(set(stamps)) == 1:
+        return None, None
+    ticks = np.array(stamps, dtype=np.int64)
+    stamp_s = (ticks - ticks[0]) * tick_s
+    try:
+        spacing = spacing_of(stamp_s, tick_s, nominal_s)
+    except FilmError as error:
+        raise FilmError(f"{path}: {error}; export the film again") from None
+    if spacing.kind == "even":
+        stamp_s = np.arange(ticks.size) * spacing.interval_s
+    return stamp_s, spacing
+
+
+def _picture(frame: Any) -> dict[str, Any]:
+    """What the first frame says of all."""
+    # start-up: as above
+    from av.sidedata.sidedata import Type
+
+    matrix = None
+    side = frame.side_data.get(Type.DISPLAYMATRIX)
+    if side is not None:
+        values = np.frombuffer(bytes(side), dtype=np.int32, count=9)
+        matrix = (int(values[0]), int(values[1]), int(values[3]), int(values[4]))
+    return {
+        "width": frame.width,
+        "height": frame.height,
+        "pixel_format": frame.format.name,
+        "is_limited": is_limited(frame),
+        "display_matrix": matrix,
+    }
+
+
+def is_limited(frame: Any) -> bool:
+    """Whether luma runs from 16 to 235; where it is not said it does, unless it is grey or of the kind ``yuvj``."""
+    name = frame.format.name
+    if frame.format.is_rgb or name == "pal8":
+        return False
+    if int(frame.color_range) == 0:
+        return not name.startswith(("gray", "yuvj", "mono"))
+    return int(frame.color_range) == LIMITED_RANGE

@@ -1,0 +1,292 @@
+"""Container video (AVI, MOV, MP4, MKV), decoded by FFmpeg through PyAV: luma as stored, with the stamp of every frame.
+
+Frames whose codec stores each alone are read in any order, by several threads; those predicted from others in order,
+going back to the start. A seek is believed only when the packet it lands on is known from the index.
+
+Grey is the luma plane, without a conversion; of RGB and palette pictures OpenCV's or FFmpeg's weights make it. Luma of
+limited range stays as it is: ``white_grey`` says where white is. A picture that the file wants turned or mirrored for
+display is turned, which is said.
+
+Rows stored from the bottom upwards have a negative step in FFmpeg's memory, which a plane's buffer does not follow.
+"""
+
+from __future__ import annotations
+
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.errors import FilmError, VisionWarning
+from vision.film.source import Compression, Film, NewestFrame, grey_of, jpeg_compression
+from vision.film.video_index import NO_JPEG, VideoIndex, index_of, is_limited, jpeg_is_whole, key_of, open_container
+
+Picture = NDArray[Any]
+PACKED_LUMA = {"yuyv422": 0, "yvyu422": 0, "uyvy422": 1}
+"""First byte of luma in formats that store it between the colours."""
+NEAR = 16
+"""Frames that are decoded and thrown away rather than sought."""
+
+
+class VideoFilm(Film):
+    """A film in a video container.
+
+    ``frame_rate_hz`` and ``frame_time_s`` are what the container says, which for high-speed film is often the scale of
+    play-back: `vision.frame_times_at_rate` gives those of the true rate.
+
+    Attributes
+    ----------
+    spacing : Spacing or None
+        How the stamps follow one another.
+    codec : str
+        FFmpeg's name.
+    """
+
+    def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
+        self.path, self._channel = path, channel
+        self._index = index = index_of(path, allow_truncated)
+        self._local = threading.local()
+        self._open: list[_Decoder] = []
+        self._newest = NewestFrame()
+        self.n_frames, self.codec, self.spacing = index.n_frames, index.codec, index.spacing
+        self.in_order = not index.is_standalone
+        self.frame_rate_hz, self.is_interlaced = index.rate_hz, index.is_interlaced
+        if self.n_frames < 1:
+            raise FilmError(f"{path}: holds no frame; the film is cut short or no video")
+        self.bit_depth = _bits(path, index.pixel_format)
+        if channel is not None and index.pixel_format.startswith(("gray", "mono")):
+            raise FilmError(f"{path}: is a grey film; leave the channel ({channel}) out")
+        if channel is not None:
+            self.bit_depth = 8
+        elif index.is_limited:
+            self.white_grey = 235 << (self.bit_depth - 8)
+        self._orient(index)
+        self._read_compression(index)
+        for remark in index.remarks:
+            warnings.warn(f"{path}: {remark}", VisionWarning, stacklevel=3)
+
+    @property
+    def frame_time_s(self) -> NDArray[np.float64] | None:
+        """Stamps of the frames, s after the first, or the camera's times from a header beside the film."""
+        if self.camera_time_s is not None:
+            return self.camera_time_s
+        if self._index.stamp_s is None:
+            return super().frame_time_s
+        return self._index.stamp_s[: self.n_frames] + 0.5 * (self.exposure_s or 0.0)
+
+    def read(self, index: int) -> Picture:
+        """Whole frame, shape (height, width), uint8 or uint16; fastest in order."""
+        self._check_index(index)
+        return self._newest.of(index, self._decoded)
+
+    def close(self) -> None:
+        """Close the file; frames already read stay valid."""
+        while self._open:
+            self._open.pop().close()
+        self._local = threading.local()
+
+    def _decoded(self, index: int) -> Picture:
+        decoder = getattr(self._local, "decoder", None)
+        if decoder is None:
+            decoder = self._local.decoder = _Decoder(self.path, self._index)
+            self._open.append(decoder)
+        frame = decoder.frame(index)
+        if (frame.width, frame.height, frame.format.name) != (
+            self._index.width,
+            self._index.height,
+            self._index.pixel_format,
+        ):
+            self._refuse(
+                index,
+                f"is {frame.width} x {frame.height} {frame.format.name}, the first {self._index.width} x "
+                f"{self._index.height} {self._index.pixel_format}",
+            )
+        if frame.interlaced_frame and not self.is_interlaced:
+            self._refuse(index, "is interlaced, those before are not; export progressive frames")
+        if is_limited(frame) != self._index.is_limited:
+            self._refuse(index, "has another range of grey than the first")
+        grey = _grey(frame, self._channel)
+        return grey if self._turned is None else self._turned(grey)
+
+    def _refuse(self, index: int, words: str) -> NoReturn:
+        raise FilmError(f"{self.path}: frame {index} of {self.n_frames} {words}; the film is damaged or two in one")
+
+    def _orient(self, index: VideoIndex) -> None:
+        """Size and pixel aspect as shown, and what turns a stored picture."""
+        self.width, self.height, self.pixel_aspect = index.width, index.height, index.pixel_aspect
+        self._turned: Callable[[Picture], Picture] | None = None
+        if index.display_matrix is None:
+            return
+        turned = _turn(index.display_matrix)
+        if turned is None:
+            raise FilmError(
+                f"{self.path}: is to be shown turned by an angle that is no multiple of 90 deg; export it as taken"
+            )
+        words, is_transposed, self._turned = turned
+        if self._turned is None:
+            return
+        if is_transposed:
+            self.width, self.height = self.height, self.width
+            self.pixel_aspect = 1.0 / self.pixel_aspect if self.pixel_aspect else None
+        warnings.warn(f"{self.path}: its file wants the picture {words}, which is done", VisionWarning, stacklevel=4)
+
+    def _read_compression(self, index: VideoIndex) -> None:
+        if index.codec == "mjpeg":
+            self.compression = jpeg_compression(self.path, index.first_packet, stacklevel=4)
+        if index.is_lossless or self.compression is not None:
+            return
+        self.compression = Compression(None)
+        warnings.warn(
+            f"{self.path}: codec {index.codec} predicts frames from their neighbours, or hides its loss, so angles "
+            "will be worse than stated; export raw or MJPEG film",
+            VisionWarning,
+            stacklevel=4,
+        )
+
+
+class _Decoder:
+    """One decoder of a film's frames, at a place in it."""
+
+    def __init__(self, path: Path, index: VideoIndex) -> None:
+        self._path, self._index = path, index
+        self._start()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._container.close()
+
+    def frame(self, number: int) -> Any:
+        """Frame ``number`` as PyAV gives it; `FilmError` where it cannot be decoded."""
+        # start-up: PyAV costs 0.1 s, films of cameras do without
+        import av
+
+        try:
+            return self._standalone(number) if self._index.is_standalone else self._predicted(number)
+        except (av.error.FFmpegError, StopIteration, OSError, ValueError) as error:
+            said = getattr(error, "strerror", None) or "it is not there"
+            raise FilmError(
+                f"{self._path}: frame {number} of {self._index.n_frames} cannot be decoded ({said}); the film is "
+                "damaged"
+            ) from None
+
+    def _start(self) -> None:
+        self._container = open_container(self._path)
+        self._stream = self._container.streams.video[0]
+        if self._index.is_standalone:
+            # damage of one frame concerns no other
+            self._stream.codec_context.options = {"err_detect": "crccheck+bitstream+buffer+explode"}
+            self._stream.thread_type = "SLICE"
+        else:
+            self._stream.thread_type = "AUTO"
+        self._next = 0
+        self._packets = self._packets_of(self._container.demux(self._stream))
+        self._frames = self._container.decode(self._stream) if not self._index.is_standalone else iter(())
+
+    @staticmethod
+    def _packets_of(packets: Iterator[Any]) -> Iterator[Any]:
+        return (packet for packet in packets if packet.size)
+
+    def _predicted(self, number: int) -> Any:
+        if number < self._next:
+            self.close()
+            self._start()
+        while True:
+            frame = next(self._frames)
+            self._next += 1
+            if self._next > number:
+                return frame
+
+    def _standalone(self, number: int) -> Any:
+        wanted = int(self._index.packet_of[number])
+        if not self._next <= wanted <= self._next + NEAR:
+            self._seek(wanted)
+        while True:
+            packet = next(self._packets)
+            self._next += 1
+            if self._next > wanted:
+                break
+        size = self._index.width, self._index.height
+        if self._index.codec == "mjpeg" and not jpeg_is_whole(bytes(packet), *size):
+            raise FilmError(f"{self._path}: {NO_JPEG.format(number, *size)}")
+        context = self._stream.codec_context
+        frames = packet.decode()
+        if not frames:
+            # a decoder that holds a frame back gives it when told that none follows
+            frames = context.decode(None)
+            context.flush_buffers()
+        if not frames or frames[0].is_corrupt:
+            raise StopIteration
+        return frames[0]
+
+    def _seek(self, wanted: int) -> None:
+        """Go to a packet, or to one before it."""
+        self._container.seek(int(self._index.seek_ticks[wanted]), stream=self._stream, backward=True)
+        first = next(packets := self._packets_of(self._container.demux(self._stream)), None)
+        landed = None if first is None else self._index.packet_number.get(key_of(first))
+        if landed is None or landed > wanted:
+            self.close()
+            self._start()
+            return
+        self._next, self._packets = landed, _after(first, packets)
+
+
+def _after(first: Any, others: Iterator[Any]) -> Iterator[Any]:
+    yield first
+    yield from others
+
+
+def _bits(path: Path, pixel_format: str) -> int:
+    """Bits of a grey value."""
+    # start-up: as above
+    import av
+
+    if pixel_format.startswith("bayer"):
+        raise FilmError(f"{path}: holds the raw mosaic of a colour sensor ({pixel_format}); export grey or colour")
+    form = av.VideoFormat(pixel_format)
+    return 8 if form.is_rgb or not form.components else max(8, int(form.components[0].bits))
+
+
+def _grey(frame: Any, channel: str | None) -> Picture:
+    """Grey values of a decoded frame; where they lie as such, without a copy."""
+    form = frame.format
+    name, height, width = form.name, frame.height, frame.width
+    if channel is not None:
+        return grey_of(frame.to_ndarray(format="bgr24"), channel)
+    if form.is_rgb and name != "pal8":
+        colour = frame.to_ndarray(format="bgr24")
+        return grey_of(colour, None)
+    plane = frame.planes[0]
+    is_upright = plane.line_size > 0
+    if name in PACKED_LUMA and is_upright:
+        rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[:height, : 2 * width]
+        return rows[:, PACKED_LUMA[name] :: 2]
+    bits = int(form.components[0].bits)
+    is_plane = (form.is_planar or len(form.components) == 1) and is_upright
+    if name == "pal8" or not is_plane or bits < 8 or (bits > 8 and not name.endswith("le")):
+        return np.asarray(frame.to_ndarray(format="gray16le" if bits > 8 else "gray"))
+    if bits == 8:
+        return np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[:height, :width]
+    rows = np.frombuffer(plane, "<u2").reshape(-1, plane.line_size // 2)[:height, :width]
+    # the formats of hardware decoders have their bits in the upper half
+    return rows >> (16 - bits) if name.startswith(("p0", "p2", "p4")) else rows
+
+
+def _turn(matrix: tuple[int, int, int, int]) -> tuple[str, bool, Callable[[Picture], Picture] | None] | None:
+    """Words, whether rows become columns, and the turn of a display matrix; None for one that is no right angle.
+
+    A stored point (x, y) is shown at (a x + c y, b x + d y).
+    """
+    a, b, c, d = (int(np.sign(value)) for value in matrix)
+    if a and d and not b and not c:
+        if a > 0 and d > 0:
+            return "as it is", False, None
+        words = {(-1, -1): "turned by 180 deg", (-1, 1): "mirrored", (1, -1): "mirrored top to bottom"}[a, d]
+        return words, False, lambda grey: grey[::d, ::a]
+    if b and c and not a and not d:
+        words = {(1, -1): "turned clockwise", (-1, 1): "turned counter-clockwise"}.get((b, c), "turned and mirrored")
+        return words, True, lambda grey: grey.T[::b, ::c]
+    return None
