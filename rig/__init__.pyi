@@ -37,6 +37,7 @@ from .foreign.mapping import MappingFile as MappingFile
 from .foreign.mapping import load_mapping as load_mapping
 from .foreign.reading import read_channels as read_channels
 from .foreign.session_import import import_session as import_session
+from .foreign.session_import import read_recording as read_recording
 from .learning import Blow as Blow
 from .learning import Learned as Learned
 from .learning import TargetForce as TargetForce

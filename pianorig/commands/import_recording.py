@@ -28,7 +28,8 @@ def _doubts(row: dict[str, Any]) -> str:
     """What a reader must know of a trial, after its line."""
     found = [row["condition"]] if row["condition"] else []
     found += [f"rejected: {row['rejected']}"] if row["rejected"] else []
-    found += [row["status"]] if row["status"] != "complete" else []
+    found += [f"{row['status']}: {row['reason']}"] if row["status"] != "complete" else []
+    found += [f"beyond the limits: {row['beyond_limits']}"] if row["beyond_limits"] else []
     for name, facts in row["positions"].items():
         if facts["beyond_ruler_share"] > 0:
             found.append(f"{name} {100 * facts['beyond_ruler_share']:.1f} % beyond its ruler, flagged")
@@ -56,6 +57,8 @@ def command(
             "samples": (data := trial.read()).n_valid,
             "sample_rate_hz": data.sample_rate_hz,
             "status": data.status,
+            "reason": data.reason,
+            "beyond_limits": session.info.notes.get(f"limits of trial {trial.number}", ""),
             "rejected": trial.rejected,
             "condition": data.condition,
             "peak_force_n": float(data.force_n.max()) if data.has_force else None,

@@ -1,4 +1,4 @@
-"""``pianorig info``: what a session holds, what answers at a backend, or which versions are installed."""
+"""``pianorig info``: what a session or recording holds, what answers at a backend, or which versions are installed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ PACKAGES = (
 
 
 def command(
-    session: Annotated[Path | None, typer.Argument(help="Session folder; without one: versions.")] = None,
+    session: Annotated[
+        Path | None, typer.Argument(help="Session folder, or a recording to import; without one: versions.")
+    ] = None,
     backend: Annotated[
         str | None, typer.Option("--backend", help="Show what answers at sim://, ni://local or ni-grpc://host:31763.")
     ] = None,
@@ -28,20 +30,30 @@ def command(
         str | None, typer.Option("--rig", help="Built-in rig or a TOML file to hold against the backend.")
     ] = None,
     propose: Annotated[
-        Path | None, typer.Option("--propose", help="With --backend: write a rig file for the devices found there.")
+        Path | None,
+        typer.Option(
+            "--propose",
+            help="With --backend: write a rig file for the devices found there; with a recording: a mapping.",
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show a session, a backend, or the installed versions.
+    """Show a session, a recording by another program, a backend, or the installed versions.
+
+    Of a recording (TDMS, LVM, CSV, HDF5) it lists the channels and proposes a mapping for its import.
 
     Example:  pianorig info sessions/try
+    Example:  pianorig info lab.csv
     Example:  pianorig info --backend sim:// --rig pcie6363
     Example:  pianorig info --backend ni://local --propose found_rig.toml
     """
-    if propose is not None:
+    is_recording = backend is None and session is not None and workflows.is_recording(session)
+    if is_recording and session is not None:
+        facts: dict[str, Any] = workflows.recording_facts(session, propose)
+    elif propose is not None:
         if backend is None:
-            raise CommandInputError("--propose: goes with --backend ADDRESS")
-        facts: dict[str, Any] = workflows.write_proposal(backend, propose, rig)
+            raise CommandInputError("--propose: goes with --backend ADDRESS or with a recording")
+        facts = workflows.write_proposal(backend, propose, rig)
     elif backend is not None:
         facts = workflows.backend_facts(backend, rig)
     else:
@@ -50,6 +62,8 @@ def command(
     for key, value in facts.items():
         if isinstance(value, list):
             lines += ["  " + "  ".join(f"{k} {v}" for k, v in row.items()) for row in value]
+        elif key == "mapping" and "\n" in value:
+            lines += [f"# proposed mapping of {session}; look at each line marked CHECK", *value.splitlines()]
         else:
             lines.append(f"{key:<16} {value}")
     tell(as_json, facts, lines)

@@ -30,8 +30,13 @@ def command(
     force: Annotated[
         Path | None,
         typer.Option(
-            "--force", help="CSV file with the columns time_s,force_n, or a trial (.h5): the motion is computed."
+            "--force",
+            help="Table with the columns time_s,force_n (CSV, LVM, TDMS, HDF5), a trial (.h5), or with --mapping any "
+            "recording that import reads: the motion is computed.",
         ),
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option("--mapping", help="With --force: TOML file, which channel is what, as for import.")
     ] = None,
     key_motion: Annotated[
         Path | None,
@@ -96,7 +101,13 @@ def command(
     choice = model.choice_of(chosen, scene)
     named = scene or ", ".join(choice.effects) or "whole"
     if key_motion is not None:
-        force_only = {"--force": force, "--forces": forces, "--inside": inside, "--figure": figure}
+        force_only = {
+            "--force": force,
+            "--mapping": mapping,
+            "--forces": forces,
+            "--inside": inside,
+            "--figure": figure,
+        }
         also = [name for name, given in (force_only | {"--animation": animation}).items() if given]
         if also:
             raise CommandInputError(f"--key-motion: found together with {', '.join(also)}; give one or the other")
@@ -120,10 +131,12 @@ def command(
         return
     if from_rest:
         raise CommandInputError("--from-rest: found without --key-motion, whose angles it is about; leave it out")
+    if mapping is not None and force is None:
+        raise CommandInputError("--mapping: found without --force, whose channels it explains")
     if force is None:
         raise CommandInputError("simulate: found neither --force nor --key-motion; give one of them")
     model.compile_ahead([choice])
-    driving = workflows.read_driving_force(force, choice.input_column)
+    driving = workflows.read_driving_force(force, choice.input_column, mapping)
     times, values = driving.time_s, driving.force_n
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
     rest = driving.rest(chosen, choice)

@@ -15,6 +15,8 @@ from .examples import write_examples as write_examples
 from .export import export_session as export_session
 from .force_input import DrivingForce as DrivingForce
 from .force_input import read_driving_force as read_driving_force
+from .foreign_file import is_recording as is_recording
+from .foreign_file import recording_facts as recording_facts
 from .info import backend_facts as backend_facts
 from .info import session_facts as session_facts
 from .info import write_proposal as write_proposal

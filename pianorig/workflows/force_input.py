@@ -1,4 +1,4 @@
-"""The force that drives a simulation: a CSV table, or a recorded trial with its force as ``validate`` corrects it."""
+"""The force that drives a simulation: a table, or a recorded trial with its force as ``validate`` corrects it."""
 
 from __future__ import annotations
 
@@ -38,28 +38,37 @@ class DrivingForce:
         return model.rest_state(action, force_n=self.preload_n, scene=model.build_scene(action, scene))
 
 
-def read_driving_force(path: Path, column: str = "force_n") -> DrivingForce:
-    """Read a CSV table, or a sealed trial (``.h5``).
+TABLE_ENDINGS = (".lvm", ".tdms", ".h5", ".hdf5", ".txt", ".gz")
+"""Files that are tables with the channels ``time_s`` and ``force_n`` in another format than CSV."""
 
-    The force of a trial is corrected as in a comparison: offset, mains hum and group delay are taken off, the preload
-    of the arm stays.
+
+def read_driving_force(path: Path, column: str = "force_n", mapping: Path | None = None) -> DrivingForce:
+    """Read a table (CSV, LVM, TDMS, HDF5), a sealed trial (``.h5``), or a recording that a mapping explains.
+
+    The force of a trial, and of a recording with a mapping, is corrected as in a comparison: offset, mains hum and
+    group delay are taken off, the preload of the arm stays. That of a table is taken as it is.
 
     Raises
     ------
     CommandInputError : a trial cannot drive this scene, or its force cannot be corrected
     model.InputError : a table that cannot be used
-    rig.RigInputError : not a trial, or altered since it was sealed
+    rig.RigInputError : a file or mapping that cannot be used, or a trial altered since it was sealed
     """
-    if path.suffix != ".h5":
+    if mapping is None and path.suffix.lower() not in TABLE_ENDINGS:
         return DrivingForce(*model.read_force_table(path, column))
+    if mapping is None and not _is_trial(path):
+        from rig.foreign.reading import read_force  # start-up: h5py costs 0.1 s that a CSV table does not need
+
+        return DrivingForce(*model.check_force_table(*read_force(path, column), str(path), column))
     if column != "force_n":
         raise CommandInputError(f"{path}: a trial records a force, this scene is driven by {column}; give a CSV table")
     # start-up: pandas and h5py cost 0.4 s that a table does not need
+    from rig import load_mapping, read_recording
     from rig.session.sealed_trial import read_trial
     from validation.errors import TrialError
     from validation.measurement.force_correction import correct_force, find_quiet
 
-    data = read_trial(path)
+    data = read_trial(path) if mapping is None else read_recording(path, load_mapping(mapping))
     info = data.force_info
     if not data.has_force:
         raise CommandInputError(f"{path}: no force was recorded, positions only; give a trial with a force or a table")
@@ -77,3 +86,16 @@ def read_driving_force(path: Path, column: str = "force_n") -> DrivingForce:
     except TrialError as problem:
         raise CommandInputError(f"{path}: {problem}") from None
     return DrivingForce(*model.check_force_table(force.time_s, force.force_n, str(path)), info.preload_n)
+
+
+def _is_trial(path: Path) -> bool:
+    """Whether a file is a trial of a session, so that its seal is checked; also one that cannot be read as HDF5."""
+    if path.suffix.lower() != ".h5":
+        return False
+    import h5py  # start-up: 0.1 s that a CSV table does not need
+
+    try:
+        with h5py.File(path, "r") as file:
+            return "schema" in file.attrs
+    except OSError:
+        return True

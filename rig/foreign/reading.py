@@ -9,12 +9,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.errors import RigInputError
-from rig.foreign.channel_table import ChannelTable
+from rig.foreign.channel_table import ChannelTable, known
 from rig.foreign.csv_file import parse_csv, read_text
 from rig.foreign.hdf5_file import read_hdf5
 from rig.foreign.lvm_file import parse_lvm
+from rig.foreign.mapping import NEWTONS
+from rig.foreign.sample_times import SECONDS
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".lvm", ".tdms", ".h5", ".hdf5")
 
@@ -82,6 +85,37 @@ def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".")
             f"{path}: {len(segments)} segments, allowed 1 here; save the one that is meant to its own file"
         )
     return segments[0]
+
+
+def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Read times, s, and a force, N, of a recording of one segment, (n,) each.
+
+    Parameters
+    ----------
+    path : path
+        TDMS, LVM, CSV or HDF5 file.
+    column : str
+        Channel of the force, or of what else drives a simulation. Times are the channel ``time_s`` or the file's clock.
+
+    Raises
+    ------
+    RigInputError
+        When the file cannot be read, has no such channel or times, uneven times, or a force in a unit that is none.
+    """
+    table = read_channels(path)
+    unit = known(table.units.get(column, "")) or "N"
+    if column == "force_n" and unit not in NEWTONS:
+        raise RigInputError(
+            f"{path}: {column} is in {unit!r}, allowed {', '.join(NEWTONS)}; state the scale in a mapping"
+        )
+    values = table.channel(column) * (NEWTONS[unit] if column == "force_n" else 1.0)
+    time_channel = "time_s" if "time_s" in table.channels or not table.clocks else None
+    time_unit = known(table.units.get("time_s", "")) or "s"
+    if time_unit not in SECONDS:
+        raise RigInputError(f"{path}: time_s is in {time_unit!r}, allowed {', '.join(SECONDS)}")
+    interval_s = table.interval([column], time_channel, "a channel time_s", unit=time_unit)
+    start_s = 0.0 if time_channel is None else float(table.channel(time_channel)[0]) * SECONDS[time_unit]
+    return start_s + interval_s * np.arange(values.size, dtype=np.float64), values
 
 
 def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTable:

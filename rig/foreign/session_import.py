@@ -379,6 +379,33 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
     return session
 
 
+def read_recording(path: Path, mapping: MappingFile) -> TrialData:
+    """Return a foreign recording of one blow as the trial that its import would give.
+
+    Parameters
+    ----------
+    path : path
+    mapping : MappingFile
+        With a force.
+
+    Raises
+    ------
+    RigInputError
+        When the recording cannot be used, or holds several trials.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import rig
+    >>> rig.read_recording(Path("lab.csv"), rig.load_mapping("lab.toml")).has_force
+    True
+    """
+    tables = _recordings(path, mapping.config)
+    if len(tables) != 1:
+        raise RigInputError(f"{path}: holds {len(tables)} trials, allowed one here; import it and give a trial")
+    return make_trial(tables[0], mapping.config, 1, _started(tables[0], path, mapping.config))
+
+
 def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
     """Return one table for each trial of a file."""
     segments = read_segments(
@@ -529,7 +556,7 @@ def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, 
     if np.abs(whole).max(initial=0.0) >= LARGEST_COUNT:
         raise RigInputError(f"{table.where}: {encoder.channel} reaches {np.abs(whole).max():.3g} counts, allowed 2^53")
     counts = whole.astype(np.int64)
-    bits = None if encoder.unit != "counts" else next((b for b in (16, 24, 32) if _wraps(counts, b)), None)
+    bits = None if encoder.unit != "counts" else next((b for b in COUNTER_BITS if has_wraps(counts, b)), None)
     if bits is not None:
         row = int(np.argmax(np.abs(np.diff(counts)))) + 2
         raise RigInputError(
@@ -558,11 +585,12 @@ def _unwrapped(values: Array, bits: int, what: str) -> Array:
     return np.concatenate((values[:1], values[0] + np.cumsum(steps - span * np.round(steps / span))))
 
 
+COUNTER_BITS = (16, 24, 32)
 WRAP_SHARE = 1 / 16
 """Largest step between samples, as a share of a counter's range, beside which a jump by the range is its wrap."""
 
 
-def _wraps(counts: NDArray[np.int64], bits: int) -> bool:
+def has_wraps(counts: NDArray[np.int64], bits: int) -> bool:
     """Whether counts lie within a counter's range, jump by about all of it, and move slowly but for that."""
     span = 2**bits
     low, high = int(counts.min(initial=0)), int(counts.max(initial=0))

@@ -1,0 +1,240 @@
+"""What a recording by another program holds, and a mapping for its import that a person completes.
+
+The separator, decimal sign and line of names of a text file are searched for: those under which most columns are
+numbers. What no file states (counts per revolution, signs, scales) stands in the mapping with a mark to be checked.
+"""
+
+from __future__ import annotations
+
+import re
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pianorig.errors import CommandInputError
+from rig.atomic_write import write_text
+from rig.configuration.toml_file import dump_toml
+from rig.errors import RigInputError
+from rig.foreign.channel_table import ChannelTable, known
+from rig.foreign.csv_file import parse_csv, read_text
+from rig.foreign.mapping import NEWTONS, parse_mapping
+from rig.foreign.reading import SUFFIXES, read_segments
+from rig.foreign.sample_times import SECONDS, TIME_NAMES, typical_interval
+from rig.foreign.session_import import COUNTER_BITS, has_wraps, make_trial
+
+MOST_LINES_ABOVE = 60
+"""Lines above the names that are tried; headers of data loggers take up to about 50."""
+NAMES = {
+    "force": re.compile(r".*(force|load|kraft|druck|fz|newton|\bn\b).*", re.IGNORECASE),
+    "key": re.compile(r".*(key|taste|touche|tecla).*", re.IGNORECASE),
+    "whippen": re.compile(r".*(whippen|wippen|hebeglied|chevalet).*", re.IGNORECASE),
+    "hammer": re.compile(r".*(hammer|marteau|martello).*", re.IGNORECASE),
+}
+COUNTS_PER_REVOLUTION = {"key": 327680, "whippen": 327680, "hammer": 163840}
+"""Of the encoders of the built-in rig, as a place to start from."""
+FORCE_UNITS = (*NEWTONS, "V", "mV", "mV/V")
+CHECK = "  # CHECK: "
+
+
+def recording_facts(path: Path, out: Path | None = None) -> dict[str, Any]:
+    """Return channels, units, rates and lengths of a foreign file, and a mapping for it, which is written to ``out``.
+
+    Raises
+    ------
+    CommandInputError : the file ``out`` exists, or there is nothing to write
+    rig.RigInputError : the file cannot be read
+    """
+    tables, text_format = _read(path)
+    rows = [
+        {
+            "channel": name,
+            "unit": table.units.get(name, "") or "not stated",
+            "samples": values.size,
+            "rate_hz": _rate(table, name),
+            "from": f"{np.nanmin(values):.6g}" if np.isfinite(values).any() else "nan",
+            "to": f"{np.nanmax(values):.6g}" if np.isfinite(values).any() else "nan",
+            "segment": number,
+        }
+        for number, table in enumerate(tables, 1)
+        for name, values in table.channels.items()
+    ]
+    unusable = {name: reason for table in tables for name, reason in {**table.unreadable, **table.doubts}.items()}
+    facts: dict[str, Any] = {"file": path, "segments": len(tables), **text_format, "channels": rows}
+    facts |= (
+        {"unusable": [{"channel": name, "because": reason} for name, reason in unusable.items()]} if unusable else {}
+    )
+    cut_off = [table.cut_off for table in tables if table.cut_off]
+    facts |= {"not_whole": cut_off[0]} if cut_off else {}
+    proposal = _proposal(tables, text_format)
+    if out is not None:
+        if out.exists() or "\n" not in proposal["mapping"]:
+            reason = "exists already; choose another name" if out.exists() else f"not written, {proposal['mapping']}"
+            raise CommandInputError(f"{out}: {reason}")
+        write_text(out, proposal["mapping"])
+    return facts | proposal
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a path is a file that an import could read, by the ending of its name."""
+    return path.is_file() and path.name.lower().endswith(SUFFIXES + (".txt.gz",))
+
+
+def _read(path: Path) -> tuple[tuple[ChannelTable, ...], dict[str, Any]]:
+    """Return the tables of a file, and how its text is written where it is CSV."""
+    if not path.name.lower().removesuffix(".gz").endswith((".csv", ".txt")):
+        return read_segments(path), {}
+    text = read_text(path)
+    head = "\n".join(text.splitlines()[: MOST_LINES_ABOVE + 40])
+    best: tuple[tuple[int, int], dict[str, Any]] | None = None
+    for (separator, decimal), thousands in product(
+        ((",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (" ", ".")), ("", ".", ",", " ", "'")
+    ):
+        if thousands in (separator, decimal) or (thousands and best and best[0][1] == 0):
+            continue
+        for row in (None, *range(1, 1 + min(MOST_LINES_ABOVE, head.count("\n")))):
+            found = {"separator": separator, "decimal": decimal, "thousands": thousands, "names_row": row}
+            try:
+                table = parse_csv(head, str(path), **found)
+            except RigInputError:
+                continue
+            # most columns of numbers; then fewest that are none; the first found wins
+            score = (len(table.channels), -len(table.unreadable))
+            if best is None or score > best[0]:
+                best = score, found
+            break
+    if best is None:
+        raise RigInputError(
+            f"{path}: no separator and line of names give columns of equal length; look at it in a text editor"
+        )
+    stated = best[1]
+    table = parse_csv(text, str(path), **stated)
+    advised = [re.search(r'thousands = "(.)"', reason) for reason in table.unreadable.values()]
+    if any(advised) and not stated["thousands"]:  # groups of three digits stand below the lines that were tried
+        stated["thousands"] = next(found[1] for found in advised if found)
+        table = parse_csv(text, str(path), **stated)
+    return (table,), {key: value for key, value in stated.items() if value}
+
+
+def _rate(table: ChannelTable, name: str) -> str:
+    """Return the rate of a channel by the file's clock or a column of times, Hz, and "not stated" without either."""
+    size = table.channels[name].size
+    if name in table.clocks:
+        return f"{1.0 / table.clocks[name].interval_s:.6g}"
+    times = _time_column(table)
+    if times is None or table.channels[times].size != size or size < 2:
+        return "not stated"
+    interval_s = typical_interval(table.channels[times]) * SECONDS[known(table.units.get(times, "")) or "s"]
+    return f"{1.0 / interval_s:.6g}" if interval_s > 0 else "not stated"
+
+
+def _time_column(table: ChannelTable) -> str | None:
+    """Return the channel of times: by its name, or the first with a unit of time."""
+    of_name = [name for name in table.channels if TIME_NAMES.fullmatch(name)]
+    of_unit = [name for name in table.channels if known(table.units.get(name, "")) in SECONDS]
+    return next(iter([*of_name, *of_unit]), None)
+
+
+def _channel(table: ChannelTable, what: str, taken: list[str]) -> str | None:
+    """Return the channel that is a force or the angle of a body, by its unit first, then by its name."""
+    units = {name: known(table.units.get(name, "")) for name in table.channels if name not in taken}
+    if what == "force":
+        found = [name for name, unit in units.items() if unit in NEWTONS]
+        if found:
+            return found[0]
+        units = {name: unit for name, unit in units.items() if unit is None or unit in FORCE_UNITS}
+    else:
+        units = {name: unit for name, unit in units.items() if unit in (None, "counts", "rad", "deg")}
+    return next((name for name in units if NAMES[what].fullmatch(name)), None)
+
+
+def _proposal(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> dict[str, Any]:
+    """Return the text of a mapping for the first table, and why it does not import where it does not."""
+    table = tables[0]
+    time = None if table.clocks else _time_column(table)
+    force = _channel(table, "force", [time or "", *table.computed])
+    if force is None:
+        return {"mapping": "none: no channel has a unit of force or a name like force, load, Kraft"}
+    encoders = _encoders(table, [time or "", force, *table.computed])
+    absent = [body for body in COUNTS_PER_REVOLUTION if body not in encoders]
+    settings = {**text_format, **({"segments": "trials"} if len(tables) > 1 else {})}
+    settings |= {"absent_encoders": absent} if absent else {}
+    head = [
+        'schema = "piano-action-rig mapping 1"',
+        "simulated = false",
+        f"mains_frequency_hz = 50.0{CHECK}50 or 60 Hz",
+        *dump_toml(settings).splitlines(),
+    ]
+    body = ["", "[time]", *_time_lines(table, time), "", "[force]", *_force_lines(table, force)]
+    for name, (channel, unit) in encoders.items():
+        body += [
+            "", "[[encoders]]", f"name = {_text(name)}", f"channel = {_text(channel)}", f"unit = {_text(unit)}",
+            *(f"counter_bits = {bits}" for bits in COUNTER_BITS if _wraps(table, channel, unit, bits)),
+            f"counts_per_revolution = {COUNTS_PER_REVOLUTION[name]}{CHECK}of your encoder, quadrature included",
+            f"sign = 1{CHECK}-1 where the value rises as the body turns clockwise (thesis Fig. 2.3)",
+        ]  # fmt: skip
+    problem = _problem(tables, "\n".join([*head, *body]))
+    if "blow_start_s" in problem:
+        head.append(f"blow_start_s = 0.0{CHECK}no rest before the push was found; when does the blow start?")
+        problem = _problem(tables, "\n".join([*head, *body]))
+    text = "\n".join([*head, *body]) + "\n"
+    return {"mapping": text} | ({"does_not_import_yet": problem} if problem else {})
+
+
+def _text(value: str) -> str:
+    """Return a text as TOML writes it."""
+    return dump_toml({"x": value}).strip().removeprefix("x = ")
+
+
+def _encoders(table: ChannelTable, taken: list[str]) -> dict[str, tuple[str, str]]:
+    """Return channel and unit of each body's encoder that a name tells."""
+    found: dict[str, tuple[str, str]] = {}
+    for body in COUNTS_PER_REVOLUTION:
+        name = _channel(table, body, taken)
+        if name is None:
+            continue
+        taken = [*taken, name]
+        values = table.channels[name]
+        unit = known(table.units.get(name, "")) or ("counts" if np.all(values == np.round(values)) else "rad")
+        found[body] = name, unit
+    return found
+
+
+def _wraps(table: ChannelTable, channel: str, unit: str, bits: int) -> bool:
+    return unit == "counts" and has_wraps(table.channels[channel].astype(np.int64), bits)
+
+
+def _time_lines(table: ChannelTable, time: str | None) -> list[str]:
+    """Return the lines of ``[time]``."""
+    if time is not None:
+        return [f"channel = {_text(time)}", f"unit = {_text(known(table.units.get(time, '')) or 's')}"]
+    clock = next(iter(table.clocks.values()), None)
+    if clock is None:
+        return [f"sample_rate_hz = 1000.0{CHECK}the file states no times; with which rate was it recorded?"]
+    if clock.is_rounded:
+        low, high = (1.0 / (clock.interval_s + side * clock.resolution_s) for side in (0.5, -0.5))
+        rate_hz = 1.0 / clock.interval_s
+        return [f"sample_rate_hz = {rate_hz:.6g}{CHECK}the file rounds its interval: {low:.0f} to {high:.0f} Hz"]
+    return []
+
+
+def _force_lines(table: ChannelTable, force: str) -> list[str]:
+    """Return the lines of ``[force]``."""
+    unit = known(table.units.get(force, ""))
+    said = "" if unit else f"{CHECK}the file states no unit of the force"
+    lines = [f"channel = {_text(force)}", f"unit = {_text(unit or 'N')}{said}"]
+    if unit is not None and unit not in NEWTONS:
+        lines.append(f"newtons_per_unit = 1.0{CHECK}newtons per {unit}, by the calibration of the load cell")
+    return lines
+
+
+def _problem(tables: tuple[ChannelTable, ...], text: str) -> str:
+    """Return why a mapping does not import the tables; empty where it does."""
+    try:
+        config = parse_mapping(text).config
+        for number, table in enumerate(tables, 1):
+            make_trial(table, config, number)
+    except RigInputError as error:
+        return str(error)
+    return ""

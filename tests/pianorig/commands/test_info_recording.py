@@ -1,0 +1,96 @@
+"""``pianorig info FILE``: the channels of a foreign recording, and a mapping that then imports."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from rig.session import Session
+from tests.command_line import run
+
+N, RATE_HZ = 700, 4000
+TIME_S = np.arange(N) / RATE_HZ
+PUSH = np.clip((TIME_S - 0.05) / 0.04, 0.0, 1.0)
+CHANNELS = {"Zeit": TIME_S, "Kraft": 9.0 * PUSH, "Taste": np.round(-3100 * PUSH), "Hammer": 0.3 * PUSH**2}
+
+
+def text(decimal: str, separator: str, names: str, above: str = "", thousands: str = "") -> str:
+    def cell(value: float) -> str:
+        plain = f"{value:,.5f}" if thousands else f"{value:.5f}"
+        return plain.replace(",", "\0").replace(".", decimal).replace("\0", thousands)
+
+    rows = "\n".join(separator.join(cell(v) for v in row) for row in zip(*CHANNELS.values(), strict=True))
+    return f"{above}{names}\n{rows}\n"
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        text(".", ",", "Zeit,Kraft,Taste,Hammer\ns,N,counts,rad"),
+        text(",", ";", "Zeit;Kraft;Taste;Hammer\ns;N;counts;rad", thousands="\u202f"),
+        text(",", "\t", "Zeit\tKraft\tTaste\tHammer\ns\tN\tcounts\trad", above="Versuch 3\nRate\t4000\n\n"),
+        text(".", " ", "# Zeit Kraft Taste Hammer\n# s N counts rad"),
+    ],
+)
+def test_a_proposed_mapping_of_a_text_file_imports(written: str, tmp_path: Path, capsys) -> None:
+    recording, mapping = tmp_path / "a.csv", tmp_path / "m.toml"
+    recording.write_text(written, encoding="utf-8")
+    assert run("info", recording, "--propose", mapping) == 0
+    said = capsys.readouterr().out
+    assert "channel Kraft  unit N  samples 700  rate_hz 4000  from 0  to 9" in said and "CHECK" in said
+    assert run("import", recording, "--mapping", mapping, "--out", tmp_path / "s") == 0
+    data = Session.open(tmp_path / "s").trial(1).read()
+    assert data.absent == ("whippen",) and data.sample_rate_hz == pytest.approx(RATE_HZ)
+    np.testing.assert_allclose(data.force_n, CHANNELS["Kraft"], atol=1e-5)
+    np.testing.assert_array_equal(data.encoder_count[:, 0], CHANNELS["Taste"])
+    np.testing.assert_allclose(data.angle_rad()[:, 1], CHANNELS["Hammer"], atol=1e-5)
+    assert run("info", recording, "--propose", mapping) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_what_is_not_stated_is_marked_and_what_is_unusual_is_proposed(tmp_path: Path, capsys) -> None:
+    recording, mapping = tmp_path / "a.h5", tmp_path / "m.toml"
+    wrapped = (CHANNELS["Taste"] + 20) % 2**16
+    with h5py.File(recording, "w") as file:
+        file["run/load"], file["run/key"] = CHANNELS["Kraft"] / 20, wrapped.astype(np.uint16)
+        file["run/load"].attrs["unit"] = "mV"
+        file["run/key"].attrs["gain"] = 3.0
+        file["scaled"] = np.zeros((4, 3))
+    assert run("info", recording, "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert {row["channel"]: row["rate_hz"] for row in facts["channels"]} == dict.fromkeys(
+        ("run/load", "run/key"), "not stated"
+    )
+    assert [row["channel"] for row in facts["unusable"]] == ["scaled", "run/key"]
+    assert "gain = 3" in facts["does_not_import_yet"]
+    with h5py.File(recording, "a") as file:
+        del file["run/key"].attrs["gain"]
+    assert run("info", recording, "--propose", mapping) == 0
+    lines = mapping.read_text(encoding="utf-8").splitlines()
+    for start in ("sample_rate_hz = 1000", "newtons_per_unit = 1.0", "counts_per_revolution", "sign = 1"):
+        assert any(line.startswith(start) and "# CHECK: " in line for line in lines), start
+    assert "counter_bits = 16" in lines
+    right = (
+        mapping.read_text("utf-8")
+        .replace("1000.0", "4000.0")
+        .replace("newtons_per_unit = 1.0", "newtons_per_unit = 20.0")
+    )
+    mapping.write_text(right, encoding="utf-8")
+    assert run("import", recording, "--mapping", mapping, "--out", tmp_path / "s") == 0
+    data = Session.open(tmp_path / "s").trial(1).read()
+    np.testing.assert_array_equal(data.encoder_count[:, 0], CHANNELS["Taste"] + 20)
+    assert data.force_n.max() == pytest.approx(9.0)
+
+
+def test_a_file_without_a_force_is_listed_all_the_same(tmp_path: Path, capsys) -> None:
+    recording = tmp_path / "a.csv"
+    recording.write_text("time_s,depth\n" + "\n".join(f"{k / 1000},{k}" for k in range(50)), encoding="utf-8")
+    assert run("info", recording) == 0
+    said = capsys.readouterr().out
+    assert "channel depth" in said and "none: no channel has a unit of force" in said
+    assert run("info", recording, "--propose", tmp_path / "m.toml") == 2
+    assert "not written" in capsys.readouterr().err and not (tmp_path / "m.toml").exists()
