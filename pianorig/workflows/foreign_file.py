@@ -34,6 +34,8 @@ NAMES = {
 }
 COUNTS_PER_REVOLUTION = {"key": 327680, "whippen": 327680, "hammer": 163840}
 """Of the encoders of the built-in rig, as a place to start from."""
+STEPS_OF_ANGLES = 2**24
+"""Counts of a turn in which angles are stored: 0.4 microradians, finer than encoders read."""
 FORCE_UNITS = (*NEWTONS, "V", "mV", "mV/V")
 CHECK = "  # CHECK: "
 
@@ -171,7 +173,9 @@ def _proposal(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> 
         body += [
             "", "[[encoders]]", f"name = {_text(name)}", f"channel = {_text(channel)}", f"unit = {_text(unit)}",
             *(f"counter_bits = {bits}" for bits in COUNTER_BITS if _wraps(table, channel, unit, bits)),
-            f"counts_per_revolution = {COUNTS_PER_REVOLUTION[name]}{CHECK}of your encoder, quadrature included",
+            f"counts_per_revolution = {COUNTS_PER_REVOLUTION[name]}{CHECK}of your encoder, quadrature included"
+            if unit == "counts"
+            else f"counts_per_revolution = {STEPS_OF_ANGLES}  # angles are stored in steps of a turn by this",
             f"sign = 1{CHECK}-1 where the value rises as the body turns clockwise (thesis Fig. 2.3)",
         ]  # fmt: skip
     problem = _problem(tables, "\n".join([*head, *body]))
