@@ -388,6 +388,11 @@ def read_recording(path: Path, mapping: MappingFile) -> TrialData:
     mapping : MappingFile
         With a force.
 
+    Returns
+    -------
+    TrialData
+        Trial 1, of no session.
+
     Raises
     ------
     RigInputError

@@ -58,5 +58,5 @@ def test_plan_mapping_session_and_scene_files(tmp_path: Path) -> None:
     assert run("info", marked_session) == 0
     assert not validation.has_positions_only(marked_session)
     scene = tmp_path / "scene.toml"
-    scene.write_bytes(MARK + b'effects = ["lifting-key"]\n')
+    scene.write_bytes(MARK + b'effects = ["balance_rail"]\n')
     assert model.choice_of(model.load_action(), str(scene)).effects
