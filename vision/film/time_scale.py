@@ -231,30 +231,24 @@ def in_words(spacing: Spacing) -> str:
 
 
 def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -> None:
-    """Refuse a rate that contradicts the camera's times; say where it is another that the camera states."""
+    """Refuse a rate that contradicts the camera's times."""
     if time_s.size < 2:
         return
     intervals = np.diff(time_s)
-    multiple = np.maximum(np.rint(intervals / np.median(intervals)), 1.0)
+    multiple = np.maximum(np.rint(intervals / np.median(intervals)), 1.0).astype(np.int64)
     saved = float(multiple.sum() / intervals.sum())
     # stamps of a camera are rounded to a microsecond at worst
     allowed = CLOCKS_AGREE + 1e-6 / float(intervals.sum())
+    header, words = film.frame_rate_hz, ""
+    if header is not None and header > 1.5 * saved:
+        words = f" (it took {header:.6g} and saved every {round(header / saved)}th)"
     if abs(frame_rate_hz - saved) <= allowed * saved:
-        return
-    header = film.frame_rate_hz
-    if header is not None and abs(frame_rate_hz - header) <= allowed * header:
-        step = header / saved
-        if step > 1.5 and abs(step - round(step)) <= WHOLE:
-            warnings.warn(
-                f"{film.path}: the camera took {header:.6g} frames/s and every {round(step)}th was saved; frames are "
-                f"timed as saved, {saved:.6g} a second",
-                VisionWarning,
-                stacklevel=4,
-            )
-        return
+        if multiple.max() == 1:
+            return
+        words = f", and {in_words(Spacing('gaps', 1.0 / saved, multiple - 1))}"
     raise FilmError(
-        f"{film.path}: a rate of {frame_rate_hz:.9g} frames/s is stated, the camera's own times say {saved:.9g}; leave "
-        "out the rate (--frame-rate), or correct it"
+        f"{film.path}: a rate of {frame_rate_hz:.9g} frames/s is stated, the camera's own times say {saved:.9g}{words}; "
+        "leave out the rate (--frame-rate): its own times are used"
     )
 
 

@@ -101,9 +101,11 @@ def test_a_rate_is_compared_with_the_camera_s_own_times() -> None:
         with pytest.raises(FilmError, match=rf"{wrong:g} frames/s is stated, the camera's own times say (3000|2999.9)"):
             frame_times_at_rate(film, wrong)
     fourth = Stamped(np.arange(60) * 4 / 2000.0, from_camera=True, rate_hz=2000.0)
-    with pytest.warns(VisionWarning, match="took 2000 frames/s and every 4th was saved"):
-        assert frame_times_at_rate(fourth, 2000.0)[-1] == 59 * 4 / 2000.0
+    with pytest.raises(FilmError, match=r"2000 frames/s is stated, .* say 500 \(it took 2000 and saved every 4th\)"):
+        frame_times_at_rate(fourth, 2000.0)
     assert frame_times_at_rate(fourth, 500.0)[-1] == 59 * 4 / 2000.0
+    with pytest.raises(FilmError, match="say 2000, and 10 frames missing in 1 gap, after frame 29; leave out"):
+        frame_times_at_rate(Stamped(GAP / 2000.0, from_camera=True), 2000.0)
 
 
 def test_a_rate_that_is_none_is_refused() -> None:
