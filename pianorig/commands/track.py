@@ -64,7 +64,8 @@ def command(
         bool, typer.Option("--allow-truncated", help="Read a film that was cut short to its last whole frame.")
     ] = False,
     channel: Annotated[
-        str | None, typer.Option("--channel", help="Of a colour film, track this one: red, green or blue.")
+        str | None,
+        typer.Option("--channel", help="Of a colour film red, green or blue; of a TIFF a channel's number."),
     ] = None,
     restart: Annotated[
         bool, typer.Option("--restart", help="Start from the first frame, although an interrupted run could go on.")
@@ -104,6 +105,10 @@ def command(
 
     Example:  pianorig track film.mraw --bodies bodies.toml --out jack.csv --contact-sheet worst.png --figure jack.png
     """
+    if film.name in ("", ".."):
+        film = film.resolve()
+        if not film.name:
+            raise CommandInputError(f"{film}: is no film; give a film or a folder of pictures")
     target = out if out is not None else film.with_suffix(".angles.csv")
     for path, endings in (
         (target, (".csv",)),

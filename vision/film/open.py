@@ -10,16 +10,19 @@ from pathlib import Path
 from vision.errors import FilmError
 from vision.film.cine_reader import CineFilm
 from vision.film.mraw import MrawFilm
-from vision.film.picture_stack import PICTURE_SUFFIXES, PagedPicture, PictureFolder
+from vision.film.picture_stack import PICTURE_SUFFIXES, OnePicture, PictureFolder
 from vision.film.source import CHANNELS, Film, FrameSource
+from vision.film.tiff_reader import TiffFilm
 from vision.film.video_reader import VideoFilm
 
+TIFF_SUFFIXES = (".tif", ".tiff")
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v")
 READERS: dict[str, Callable[..., Film]] = {
     **dict.fromkeys((".mraw", ".cih", ".cihx"), MrawFilm),
     ".cine": CineFilm,
     **dict.fromkeys(VIDEO_SUFFIXES, VideoFilm),
-    **dict.fromkeys(PICTURE_SUFFIXES, PagedPicture),
+    **dict.fromkeys(PICTURE_SUFFIXES, OnePicture),
+    **dict.fromkeys(TIFF_SUFFIXES, TiffFilm),
 }
 """By suffix; those found beside a trial, and attached to it, are `rig.session.folder.FILM_SUFFIXES`."""
 """Reader of each suffix, called with the path, ``allow_truncated`` and ``channel``."""
@@ -32,13 +35,13 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
     ----------
     path : path
         ``.mraw``, ``.cih`` or ``.cihx`` (film and header lie side by side), a Phantom ``.cine``, AVI/MP4/MOV/MKV, a
-        TIFF with one frame per page, or a folder of PNG, TIFF, BMP or JPEG pictures, read in the order of the numbers
-        in their names.
+        TIFF with one frame per page or axes (ImageJ, OME), or a folder of PNG, TIFF, BMP or JPEG pictures, read in the
+        order of the numbers in their names.
     allow_truncated : bool
         Read a film that was cut short up to its last whole frame instead of refusing it.
-    channel : {"red", "green", "blue"}, optional
+    channel : {"red", "green", "blue"} or str, optional
         Of a colour film, take the grey values of this channel; weighted as the eye does when None. JPEG and most video
-        codecs store red and blue at half the resolution.
+        codecs store red and blue at half the resolution. Of a TIFF that holds channels, the number of one, from "1".
 
     Returns
     -------
@@ -62,8 +65,11 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
     readable = f"{', '.join(READERS)}, or a folder of pictures"
     if not path.exists():
         raise FilmError(f"{path}: no such film; readable: {readable}")
-    if channel is not None and channel not in CHANNELS:
-        raise FilmError(f"channel {channel!r} is not known; choose {', '.join(CHANNELS)}, or none")
+    if channel is not None and channel not in CHANNELS and not (suffix in TIFF_SUFFIXES and channel.isdecimal()):
+        raise FilmError(
+            f"channel {channel!r} is not known; choose {', '.join(CHANNELS)}, of a TIFF with channels their number, or "
+            "none"
+        )
     if not path.is_dir() and suffix not in READERS:
         raise FilmError(f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {readable}")
     reader = PictureFolder if path.is_dir() else READERS[suffix]

@@ -247,8 +247,8 @@ def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -
             return
         words = f", and {in_words(Spacing('gaps', 1.0 / saved, multiple - 1))}"
     raise FilmError(
-        f"{film.path}: a rate of {frame_rate_hz:.9g} frames/s is stated, the camera's own times say {saved:.9g}{words}; "
-        "leave out the rate (--frame-rate): its own times are used"
+        f"{film.path}: a rate of {frame_rate_hz:.9g} frames/s is stated, the camera's own times say "
+        f"{saved:.9g}{words}; leave out the rate (--frame-rate): its own times are used"
     )
 
 

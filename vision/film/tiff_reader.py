@@ -1,0 +1,333 @@
+"""TIFF films through tifffile: pages, ImageJ hyperstacks, stacks beyond 4 GB, OME; the axes say which pages are frames.
+
+One axis beside the picture's own is time, whichever its name; channels are never taken for it, one has to be chosen.
+Frames that lie uncompressed in the file are read region by region; others are decoded whole, each from its own place,
+so that the last costs what the first does. What tifffile decodes only with a package of its own (LZW, JPEG, palettes,
+packed 12 bit) goes to OpenCV as a file of one page.
+
+A file must hold all the pages it points to; readers stop at a broken pointer as if it were the last. Format: TIFF 6.0
+(Adobe, 1992) and BigTIFF: a header with the place of the first directory; each directory ends with the place of the
+next, zero after the last. Directories list where the strips or tiles of their picture lie.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import struct
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.errors import FilmError
+from vision.film.mmap_window import FileWindow
+from vision.film.source import CHANNELS, Compression, Film, NewestFrame, grey_of
+
+if TYPE_CHECKING:
+    import tifffile
+
+OFFSETS, COUNTS = (273, 324), (279, 325)
+"""Tags of the places and sizes of strips and tiles."""
+SIZES = {3: ("H", 2), 4: ("I", 4), 16: ("Q", 8)}
+MAX_PAGES = 10_000_000
+PLAIN, BY_TIFFFILE = 1, (1, 8, 32946, 32773)
+"""Compression: none, and what tifffile decodes by itself (deflate, PackBits)."""
+JPEG = (6, 7)
+WHITE_IS_ZERO, BLACK_IS_ZERO, RGB = 0, 1, 2
+TAGS_OF_A_PAGE = {256: "I", 257: "I", 258: "H", 259: "H", 262: "H", 266: "H", 277: "H", 278: "I", 284: "H", 317: "H",
+                  320: "H", 322: "I", 323: "I", 338: "H", 339: "H", 347: "B", 530: "H"}  # fmt: skip
+"""What a page needs to be decoded without the others: tag and kind of number."""
+CODES = {"B": 7, "H": 3, "I": 4}
+
+
+class TiffFilm(Film):
+    """A TIFF file with one frame per page, or with axes.
+
+    Parameters
+    ----------
+    path : Path
+    allow_truncated : bool
+        Read up to the last whole page instead of refusing a file that was cut short.
+    channel : str, optional
+        ``red``, ``green`` or ``blue`` of colour pages; a number from 1 where the file has channels.
+    """
+
+    def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
+        # start-up: tifffile costs 0.05 s, other films do without
+        import tifffile
+
+        # what it remarks of a file is found here, and said in one line
+        logging.getLogger("tifffile").setLevel(logging.CRITICAL)
+        self.path = path
+        if not allow_truncated and not chain_is_whole(path):
+            raise FilmError(
+                f"{path}: the file ends before its last page; copy it again, or read what is whole with "
+                "--allow-truncated"
+            )
+        try:
+            self._tiff = tifffile.TiffFile(path)
+            series = list(self._tiff.series)
+        except (tifffile.TiffFileError, OSError, ValueError, IndexError, KeyError, struct.error) as error:
+            raise FilmError(f"{path}: cannot be decoded; the file is damaged or not a picture ({error})") from None
+        self._file = FileWindow(path)
+        self._newest = NewestFrame()
+        try:
+            self._read_axes(series, channel)
+            self._count_imagej(allow_truncated)
+            self._end_at_last_whole(allow_truncated)
+        except FilmError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file; frames already read stay valid."""
+        self._tiff.close()
+        super().close()
+
+    def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
+        """Rectangle of a frame; of uncompressed films only its rows are read."""
+        self._check_index(index)
+        self._check_region(y0, y1, x0, x1)
+        start = self._place(index)
+        if start is None:
+            return self._newest.of(index, self._decoded)[y0:y1, x0:x1]
+        row = self.width * self._samples * self._type.itemsize
+        data = self._file.view(start + y0 * row, start + y1 * row).view(self._type)
+        return self._grey(data.reshape(y1 - y0, self.width, self._samples)[:, x0:x1])
+
+    def _read_axes(self, series: list[Any], channel: str | None) -> None:
+        """Which page is which frame."""
+        if not series:
+            raise FilmError(f"{self.path}: holds no picture")
+        kinds = {(one.axes.lstrip("IQT"), one.shape[-len(one.axes.lstrip("IQT")) :], str(one.dtype)) for one in series}
+        if len(kinds) > 1:
+            shapes = ", ".join(sorted({" x ".join(map(str, one.shape)) for one in series}))
+            raise FilmError(
+                f"{self.path}: holds {len(series)} series of pictures ({shapes}); keep one film per folder or file"
+            )
+        one = series[0]
+        size = dict(zip(one.axes, one.shape, strict=True))
+        if "Y" not in size or "X" not in size or one.dtype not in (np.uint8, np.uint16):
+            kind = one.dtype if "Y" in size else f"axes {one.axes}"
+            raise FilmError(f"{self.path}: pixel type {kind}, readable are 8 and 16 bit; convert the picture")
+        self._key = one.keyframe
+        self.height, self.width, self._samples = size["Y"], size["X"], size.get("S", 1)
+        self.bit_depth = 8 * one.dtype.itemsize
+        self._type = np.dtype(one.dtype).newbyteorder(self._tiff.byteorder)
+        outer = [(axis, count) for axis, count in zip(one.axes, one.shape, strict=True) if axis not in "YXS"]
+        along = [(axis, count) for axis, count in outer if count > 1 and axis != "C"]
+        if len(along) > 1:
+            words = " and ".join(f"{count} along {axis}" for axis, count in along)
+            raise FilmError(f"{self.path}: its pages have two axes ({words}); a film has one: save one of them")
+        chosen = self._chosen(size.get("C", 1), channel)
+        grid = np.arange(int(np.prod([count for _, count in outer], dtype=np.int64))).reshape(
+            [n for _, n in outer] or [1]
+        )
+        for place, (axis, _) in enumerate(outer):
+            if axis == "C":
+                grid = grid.take([chosen], axis=place)
+        # programs that append pages make a series of each
+        self._at = [(one, int(page)) for page in grid.reshape(-1)]
+        for other in series[1:]:
+            self._at += [(other, page) for page in range(other.size // (self.height * self.width * self._samples))]
+        self.n_frames = len(self._at)
+        if one.keyframe.compression in JPEG:
+            self.compression = Compression(None)
+
+    def _count_imagej(self, allow_truncated: bool) -> None:
+        """Refuse a stack with fewer images than ImageJ's header says; one with one directory is read as far as it is."""
+        said = int((self._tiff.imagej_metadata or {}).get("images", 1)) if self._tiff.is_imagej else 1
+        series = self._at[0][0]
+        found = sum(one.size for one in {id(one): one for one, _ in self._at}.values())
+        found //= self.height * self.width * self._samples
+        if found >= said:
+            return
+        if len(self._tiff.pages) == 1 and series.dataoffset is not None:
+            frame_bytes = self.height * self.width * self._samples * self._type.itemsize
+            found = (self._file.size - series.dataoffset) // frame_bytes
+        if not allow_truncated and found < said:
+            raise FilmError(
+                f"{self.path}: its header says {said} images and holds {found}; the file is cut short: copy it again, or "
+                "read what is whole with --allow-truncated"
+            )
+        self._at = [(series, page) for page in range(min(found, said))]
+        self.n_frames = len(self._at)
+
+    def _chosen(self, n_channels: int, channel: str | None) -> int:
+        """Number of the channel, from 0; ``self._colour`` is the name of one of a colour picture."""
+        self._colour = channel if channel in CHANNELS else None
+        is_number = channel is not None and channel.isdecimal()
+        if n_channels > 1:
+            if not is_number or not 1 <= int(channel or 0) <= n_channels:
+                found = "" if channel is None else f", {channel} is none"
+                raise FilmError(
+                    f"{self.path}: holds {n_channels} channels{found}; choose one by its number (--channel 1 to "
+                    f"{n_channels})"
+                )
+            return int(channel or 1) - 1
+        if is_number and channel != "1":
+            raise FilmError(f"{self.path}: holds one channel; leave the channel ({channel}) out")
+        if self._colour is not None and self._samples < 3 and self._key.photometric in (WHITE_IS_ZERO, BLACK_IS_ZERO):
+            raise FilmError(f"{self.path}: is a grey film; leave the channel ({channel}) out")
+        return 0
+
+    def _place(self, index: int) -> int | None:
+        """Byte at which a frame lies as such; None where it has to be decoded."""
+        key = self._key
+        if key.compression != PLAIN or key.bitspersample != self.bit_depth or key.photometric > RGB or key.is_tiled:
+            return None
+        series, page = self._at[index]
+        frame_bytes = self.height * self.width * self._samples * self._type.itemsize
+        if series.dataoffset is not None:
+            return int(series.dataoffset) + page * frame_bytes
+        if self._samples > 1 and key.planarconfig != 1:
+            return None
+        offsets, counts = self._strips(index)
+        lies_together = all(a + n == b for a, n, b in zip(offsets, counts, offsets[1:], strict=False))
+        return int(offsets[0]) if lies_together and sum(counts) >= frame_bytes else None
+
+    def _strips(self, index: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        series, number = self._at[index]
+        page = series.pages[number]
+        if page is None:
+            raise FilmError(f"{self.path}: page {index} is not in the file; keep all files of the film together")
+        return page.dataoffsets, page.databytecounts
+
+    def _end_at_last_whole(self, allow_truncated: bool) -> None:
+        """Leave out frames beyond the end of the file, or refuse them."""
+        for index in range(self.n_frames):
+            start = self._place(index) if self._at[index][0].dataoffset is not None else None
+            if start is not None:
+                end = start + self.height * self.width * self._samples * self._type.itemsize
+            else:
+                offsets, counts = self._strips(index)
+                end = max((a + n for a, n in zip(offsets, counts, strict=True)), default=0)
+            if end <= self._file.size:
+                continue
+            if allow_truncated and index:
+                self.n_frames = index
+                return
+            raise FilmError(
+                f"{self.path}: frame {index} of {self.n_frames} lies beyond the end of the file; copy it again, or "
+                "read what is whole with --allow-truncated"
+            )
+
+    def _decoded(self, index: int) -> NDArray[Any]:
+        series, number = self._at[index]
+        page, key = series.pages[number], self._key
+        try:
+            if key.compression in BY_TIFFFILE and key.photometric <= RGB and key.bitspersample == self.bit_depth:
+                picture = page.asarray()
+                if key.planarconfig != 1 and picture.ndim == 3:
+                    picture = np.moveaxis(picture, 0, -1)
+                picture = picture.reshape(self.height, self.width, self._samples)
+            else:
+                return self._by_opencv(page, index)
+        except (ValueError, OSError, IndexError, RuntimeError, struct.error) as error:
+            raise FilmError(f"{self.path}: page {index} cannot be decoded ({error}); the film is damaged") from None
+        return self._grey(picture)
+
+    def _by_opencv(self, page: tifffile.TiffPage, index: int) -> NDArray[Any]:
+        # start-up: OpenCV costs 0.12 s, other films do without
+        import cv2
+
+        strips = [
+            self._file.view(at, at + count).tobytes()
+            for at, count in zip(page.dataoffsets, page.databytecounts, strict=True)
+        ]
+        data = np.frombuffer(one_page(self._key, strips, self._tiff.byteorder), np.uint8)
+        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+        if picture is None or picture.shape[:2] != (self.height, self.width):
+            raise FilmError(f"{self.path}: page {index} of {self.n_frames} cannot be decoded; the film is damaged")
+        if picture.dtype not in (np.uint8, np.uint16):
+            raise FilmError(f"{self.path}: pixel type {picture.dtype}, readable are 8 and 16 bit; convert the picture")
+        return grey_of(picture, self._colour)
+
+    def _grey(self, picture: NDArray[Any]) -> NDArray[Any]:
+        """Grey of (height, width, samples) as stored; colours are red, green, blue there."""
+        if not self._type.isnative:
+            picture = picture.astype(self._type.newbyteorder("="))
+        if self._samples >= 3:
+            return grey_of(np.ascontiguousarray(picture[..., 2::-1]), self._colour)
+        grey = picture[..., 0]
+        return (2**self.bit_depth - 1) - grey if self._key.photometric == WHITE_IS_ZERO else grey
+
+
+def one_page(key: Any, strips: list[bytes], byteorder: str) -> bytes:
+    """A TIFF file of one page: what its keyframe says of all pages, and its own strips or tiles."""
+    where, how_long = (324, 325) if key.is_tiled else (273, 279)
+    entries: dict[int, tuple[str, list[int]]] = {}
+    for tag in key.tags:
+        if tag.code in TAGS_OF_A_PAGE:
+            value = tag.value
+            values = list(value) if isinstance(value, tuple | list | bytes | np.ndarray) else [value]
+            entries[tag.code] = (TAGS_OF_A_PAGE[tag.code], [int(one) for one in values])
+    at_strips = 8 + 2 + 12 * (len(entries) + 2) + 4
+    extra = b""
+    places = []
+    at = at_strips
+    for strip in strips:
+        places.append(at)
+        at += len(strip)
+    entries[where], entries[how_long] = ("I", places), ("I", [len(strip) for strip in strips])
+    directory = struct.pack(byteorder + "H", len(entries))
+    for tag_code, (kind, numbers) in sorted(entries.items()):
+        data = struct.pack(f"{byteorder}{len(numbers)}{kind}", *numbers)
+        if len(data) > 4:
+            field = struct.pack(byteorder + "I", at + len(extra))
+            extra += data + b"\0" * (len(data) % 2)
+        else:
+            field = data.ljust(4, b"\0")
+        directory += struct.pack(byteorder + "HHI", tag_code, CODES[kind], len(numbers)) + field
+    head = (b"II*\0" if byteorder == "<" else b"MM\0*") + struct.pack(byteorder + "I", 8)
+    return head + directory + b"\0" * 4 + b"".join(strips) + extra
+
+
+def chain_is_whole(path: Path) -> bool:
+    """False when a directory or a strip lies beyond the end of the file; True for files of another format."""
+    with path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        head = file.read(16)
+        if head[:4] not in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
+            return True
+        order, big = "<" if head[:2] == b"II" else ">", b"+" in head[:4]
+        try:
+            at = int(struct.unpack(order + ("Q" if big else "I"), head[8:16] if big else head[4:8])[0])
+            seen: set[int] = set()
+            while at and at not in seen and len(seen) < MAX_PAGES:
+                seen.add(at)
+                at, whole = _page(file, at, order, big, size)
+                if not whole:
+                    return False
+        except struct.error:
+            return False
+    return True
+
+
+def _page(file: BinaryIO, at: int, order: str, big: bool, size: int) -> tuple[int, bool]:
+    """Place of the next directory, and whether this page's own data lie inside the file."""
+    entry, count_code, offset_code = (20, "Q", "Q") if big else (12, "H", "I")
+    file.seek(at)
+    (n,) = struct.unpack(order + count_code, file.read(struct.calcsize(count_code)))
+    if n * entry > size:
+        return 0, False
+    table = file.read(n * entry)
+    (following,) = struct.unpack(order + offset_code, file.read(struct.calcsize(offset_code)))
+    found: dict[int, tuple[int, ...]] = {}
+    for k in range(n):
+        raw = table[k * entry : (k + 1) * entry]
+        tag, kind, count = struct.unpack(order + ("HHQ" if big else "HHI"), raw[: 12 if big else 8])
+        if tag in OFFSETS + COUNTS and kind in SIZES:
+            code, width = SIZES[kind]
+            room = raw[12:] if big else raw[8:]
+            if count * width > len(room):
+                file.seek(struct.unpack(order + offset_code, room)[0])
+                room = file.read(min(count * width, size))
+            found[tag] = struct.unpack(f"{order}{count}{code}", room[: count * width])
+    for where, length in zip(OFFSETS, COUNTS, strict=True):
+        ends = zip(found.get(where, ()), found.get(length, ()), strict=False)
+        if any(start + extent > size for start, extent in ends):
+            return int(following), False
+    return int(following), True
