@@ -137,7 +137,7 @@ class TiffFilm(Film):
             self.compression = Compression(None)
 
     def _count_imagej(self, allow_truncated: bool) -> None:
-        """Refuse a stack with fewer images than ImageJ's header says; one with one directory is read as far as it is."""
+        """Refuse a stack with fewer images than ImageJ's header says; count those behind a single directory."""
         said = int((self._tiff.imagej_metadata or {}).get("images", 1)) if self._tiff.is_imagej else 1
         series = self._at[0][0]
         found = sum(one.size for one in {id(one): one for one, _ in self._at}.values())
@@ -149,8 +149,8 @@ class TiffFilm(Film):
             found = (self._file.size - series.dataoffset) // frame_bytes
         if not allow_truncated and found < said:
             raise FilmError(
-                f"{self.path}: its header says {said} images and holds {found}; the file is cut short: copy it again, or "
-                "read what is whole with --allow-truncated"
+                f"{self.path}: its header says {said} images and holds {found}; the file is cut short: copy it again, "
+                "or read what is whole with --allow-truncated"
             )
         self._at = [(series, page) for page in range(min(found, said))]
         self.n_frames = len(self._at)
