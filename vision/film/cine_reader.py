@@ -16,13 +16,14 @@ most two counts of 4,095 (`tests/vision/film/test_cine_reader.py` against pycine
 from __future__ import annotations
 
 import struct
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.errors import FilmError
+from vision.errors import FilmError, VisionWarning
 from vision.film.mmap_window import FileWindow
 from vision.film.mraw import unpack12_region
 from vision.film.source import Film, grey_of
@@ -104,6 +105,7 @@ class CineFilm(Film):
         self.start_frame = first
         self._place = self._places(at_table, n, allow_truncated)
         self.n_frames = len(self._place)
+        self._shift = self._unused_low_bits()
         self._time_s = self._image_times(at_settings + settings["length"], at_table, trigger)
 
     @property
@@ -134,10 +136,36 @@ class CineFilm(Film):
         below, above = (self.height - y1) * self._row_bytes, (self.height - y0) * self._row_bytes
         data = self._file.view(start + below, start + above).reshape(y1 - y0, self._row_bytes)
         rows = data.view("<u2" if self._value_bytes == 2 else np.uint8)[::-1]
+        if self._shift:
+            rows = rows >> self._shift
         if self._colours == 1:
             return rows[:, x0:x1]
         colour = rows.reshape(y1 - y0, self.width, 3)[:, x0:x1]
         return grey_of(np.ascontiguousarray(colour), self._channel)
+
+    def _unused_low_bits(self) -> int:
+        """By how many bits the values of 16 are to be shifted: programs write the camera's 10 or 12 in either half.
+
+        Where both halves are used the values fill all 16 bits, whatever the header says.
+        """
+        spare = 16 - self.bit_depth
+        if self._packing != PLAIN or self._value_bytes == 1 or spare == 0:
+            return 0
+        used = 0
+        for index in {0, self.n_frames // 2, self.n_frames - 1}:
+            start = self._pixels_at(int(self._place[index]), index)
+            used |= int(np.bitwise_or.reduce(self._file.view(start, start + self._image_bytes).view("<u2")))
+        if used >> self.bit_depth == 0:
+            return 0
+        if used & ((1 << spare) - 1) == 0:
+            return spare
+        warnings.warn(
+            f"{self.path}: its header says {self.bit_depth} bit, its values fill 16; they are read as 16 bit",
+            VisionWarning,
+            stacklevel=6,
+        )
+        self.bit_depth = 16
+        return 0
 
     def _unpack(self, layout: struct.Struct, at: int) -> tuple[Any, ...]:
         return layout.unpack(self._file.view(at, min(at + layout.size, self._file.size)).tobytes())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.vision.film.cine_file import write_cine
-from vision.errors import FilmError
+from vision.errors import FilmError, VisionWarning
 from vision.film.open import open_film
 from vision.film.source import CHANNELS
 
@@ -131,3 +131,24 @@ def test_a_film_cut_short(tmp_path: Path) -> None:
     path.write_bytes(b"no film at all" * 500)
     with pytest.raises(FilmError, match=r"no \.cine film"):
         open_film(path)
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14])
+def test_values_in_either_half_of_16_bit_are_the_same_grey(tmp_path: Path, bits: int) -> None:
+    frames = np.random.default_rng(bits).integers(0, 2**bits, (3, 6, 8), dtype=np.uint16)
+    frames[0, 0, :2] = 1, 2**bits - 1
+    for shift in (0, 16 - bits):
+        write_cine(tmp_path / "film.cine", frames << shift, bits=bits)
+        with open_film(tmp_path / "film.cine") as film:
+            assert film.bit_depth == bits
+            for k in (2, 0):
+                np.testing.assert_array_equal(film.read(k), frames[k])
+            np.testing.assert_array_equal(film.read_region(1, 1, 5, 2, 7), frames[1, 1:5, 2:7])
+    frames[1, 2, 3] = 2**15 + 1
+    write_cine(tmp_path / "film.cine", frames, bits=bits)
+    with (
+        pytest.warns(VisionWarning, match=f"says {bits} bit, its values fill 16"),
+        open_film(tmp_path / "film.cine") as film,
+    ):
+        assert film.bit_depth == 16
+        np.testing.assert_array_equal(film.read(1), frames[1])
