@@ -46,7 +46,7 @@ def command(
         frame_rate_hz=frame_rate,
         author=author,
     )
-    last = record.first_frame + record.n_frames - 1
+    last = record.last_frame
     lines = [f"trial {trial}: {record.film}, frames {record.first_frame} to {last}, SHA-256 {record.sha256[:16]}…"]
     if record.frames_after:
         lines.insert(

@@ -7,14 +7,18 @@ hash that the camera's computer gave. The original stays where it is. Nothing ha
 from __future__ import annotations
 
 import shutil
+import warnings
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 import vision
 from pianorig.errors import CommandInputError
 from rig import CameraInfo, Session, Trial
 from rig.atomic_write import replace_when_complete, sha256_of_file
 from rig.session.annotation_file import utc_now
-from rig.session.film_record import FilmRecord, record_path, write_record
+from rig.session.film_record import FilmRecord, clock_steps, record_path, write_record
 from rig.session.folder import FILM_SUFFIXES
 
 RATE_TOLERANCE = 1e-3
@@ -55,14 +59,17 @@ def attach_film(
         n_frames, rate = source.n_frames, source.frame_rate_hz
         header = getattr(source, "header", None)
         said = int(header.start_frame) if header is not None else getattr(source, "start_frame", None)
-        step = int(header.frame_step) if header is not None else 1
-    if data.is_dir() or data.suffix.lower() not in FILM_SUFFIXES:
-        raise CommandInputError(f"{film}: is one picture or a folder of them; allowed {', '.join(FILM_SUFFIXES)}")
-    if frame_rate_hz is not None and said is not None:
-        raise CommandInputError(f"{film}: its header says {rate} frames/s; leave out --frame-rate")
-    rate = frame_rate_hz if frame_rate_hz is not None else rate
-    first = _first_frame(film, said, first_frame)
-    _check_clock(film, trial, camera, n_frames, rate, first, step)
+        if data.is_dir() or data.suffix.lower() not in FILM_SUFFIXES:
+            raise CommandInputError(f"{film}: is one picture or a folder of them; allowed {', '.join(FILM_SUFFIXES)}")
+        if frame_rate_hz is not None and said is not None:
+            raise CommandInputError(f"{film}: its header says {rate} frames/s; leave out --frame-rate")
+        rate = frame_rate_hz if frame_rate_hz is not None else rate
+        first = _first_frame(film, said, first_frame)
+        _check_rate(film, trial, camera, rate)
+        steps = clock_steps(source, camera.frame_rate_hz)
+    last = first + int(steps[-1])
+    _check_range(film, trial, camera, first, last)
+    _say_gaps(film, steps)
     digest = sha256_of_file(data)
     if sha256 is not None and digest != sha256.strip().lower():
         raise CommandInputError(
@@ -83,7 +90,7 @@ def attach_film(
             raise CommandInputError(f"{target}: differs from {data} after copying; look at the disk, then try again")
         record = FilmRecord(
             film=target.name, source=str(data), sha256=digest, n_frames=n_frames, first_frame=first,
-            frames_after=camera.n_frames - first - n_frames,
+            frames_after=camera.n_frames - 1 - last, frames_missing=last - first + 1 - n_frames,
             frame_rate_hz=rate if rate is not None else "unknown", attached_utc=utc_now(), author=author,
         )  # fmt: skip
         done.append(record_path(target))
@@ -120,22 +127,32 @@ def _first_frame(film: Path, said: int | None, given: int | None) -> int:
     return int(first or 0)
 
 
-def _check_clock(
-    film: Path, trial: Trial, camera: CameraInfo, n_frames: int, rate: float | None, first: int, step: int
-) -> None:
+def _check_rate(film: Path, trial: Trial, camera: CameraInfo, rate: float | None) -> None:
     if rate is not None and abs(rate - camera.frame_rate_hz) > RATE_TOLERANCE * camera.frame_rate_hz:
         raise CommandInputError(
             f"{film}: {rate:.6g} frames/s, trial {trial.number} has {camera.frame_rate_hz:.6g}; allowed within "
             f"{RATE_TOLERANCE:.1%}; it belongs to another trial, or says its play-back rate: then add --frame-rate"
         )
-    if step != 1:
-        raise CommandInputError(
-            f"{film}: every {step}th frame was saved, allowed every frame; save it again from the camera"
-        )
+
+
+def _check_range(film: Path, trial: Trial, camera: CameraInfo, first: int, last: int) -> None:
     if first < 0:
         raise CommandInputError(f"{film}: begins {-first} frames before the trigger; save it from the trigger on")
-    if first + n_frames > camera.n_frames:
+    if last >= camera.n_frames:
         raise CommandInputError(
-            f"{film}: frames {first} to {first + n_frames - 1}, trial {trial.number} has 0 to {camera.n_frames - 1}; "
+            f"{film}: frames {first} to {last}, trial {trial.number} has 0 to {camera.n_frames - 1}; "
             "the film belongs to another trial"
+        )
+
+
+def _say_gaps(film: Path, steps: NDArray[np.int64]) -> None:
+    """Say which pulses of the frame clock have no frame in the film."""
+    gaps = np.flatnonzero(np.diff(steps) > 1)
+    if gaps.size:
+        missing = int(steps[-1]) + 1 - steps.size
+        warnings.warn(
+            f"{film}: {missing} frames that the clock counted are missing in it, in {gaps.size} gaps, the first after "
+            f"its frame {gaps[0]}; the others are at their times",
+            vision.VisionWarning,
+            stacklevel=3,
         )

@@ -26,8 +26,8 @@ SCHEMA: Literal["piano-action-rig film 1"] = "piano-action-rig film 1"
 class FilmRecord(Table):
     """One attached film; ``first_frame`` is the number of its first frame on the trial's frame clock, from 0.
 
-    ``frames_after`` is by how many frames the clock ran on after its last one: the film was cut there, or frames were
-    dropped within it. With frame pulses nothing else distinguishes the two.
+    ``frames_missing`` counts those that the film's own times leave out. ``frames_after`` is by how many frames the
+    clock ran on after its last one: the film was cut there, or frames were dropped that its times do not show.
     """
 
     model_config = ConfigDict(populate_by_name=True)
@@ -39,9 +39,15 @@ class FilmRecord(Table):
     n_frames: Annotated[int, Field(strict=True, ge=1)]
     first_frame: Annotated[int, Field(strict=True, ge=0)]
     frames_after: Annotated[int, Field(strict=True, ge=0)] = 0
+    frames_missing: Annotated[int, Field(strict=True, ge=0)] = 0
     frame_rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | Literal["unknown"] = "unknown"
     attached_utc: str
     author: str = "unknown"
+
+    @property
+    def last_frame(self) -> int:
+        """Number of its last frame on the trial's frame clock."""
+        return self.first_frame + self.n_frames + self.frames_missing - 1
 
 
 def record_path(film: Path) -> Path:
@@ -70,17 +76,57 @@ class FilmFile(Protocol):
     path: Path
     n_frames: int
     exposure_s: float | None
+    has_camera_times: bool
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
         """Middle of each exposure after the camera's trigger."""
 
 
+WHOLE = 0.25
+"""Frames may be off the pulse of the frame clock by this share of its period: stamps are rounded, clocks drift."""
+
+
+def clock_steps(film: FilmFile, clock_hz: float) -> NDArray[np.int64]:
+    """Pulses of the frame clock from the first frame of a film to each, shape (n_frames,).
+
+    From the camera's own times; of a video from its time stamps, whose scale may be that of play-back; else one pulse a
+    frame.
+
+    Raises
+    ------
+    RigInputError : the times are none that frames triggered by such a clock can have
+    """
+    steps = np.zeros(film.n_frames, dtype=np.int64)
+    own = film.frame_time_s
+    if own is None or film.n_frames < 2:
+        return np.arange(film.n_frames)
+    intervals = np.diff(own)
+    period = 1.0 / clock_hz if film.has_camera_times else float(np.median(intervals))
+    if not film.has_camera_times and not _are_whole(intervals / period):
+        # where most frames were left out, the shortest interval is that of the clock
+        period = float(intervals.min())
+    if not _are_whole(intervals / period):
+        off = intervals / period - np.maximum(np.rint(intervals / period), 1.0)
+        at = int(np.argmax(np.abs(off)))
+        raise RigInputError(
+            f"{film.path}: frame {at + 1} comes {intervals[at] / period:.3g} periods of the frame clock "
+            f"({clock_hz:.6g} Hz) after the one before, allowed whole numbers from 1 on; the film belongs to another "
+            "trial, or its time stamps were changed"
+        )
+    steps[1:] = np.cumsum(np.rint(intervals / period))
+    return steps
+
+
+def _are_whole(multiples: NDArray[np.float64]) -> bool:
+    return bool(multiples.min() > 1.0 - WHOLE and np.abs(multiples - np.rint(multiples)).max() <= WHOLE)
+
+
 def frame_times(trial: Trial, film: FilmFile) -> tuple[NDArray[np.float64], float]:
     """Times of a film's frames, s, shape (n_frames,), and their common standard uncertainty.
 
-    Which pulse belongs to which frame is known from the record of an attached film, else from the frame numbers in
-    the film's header, else the first frame is the first pulse.
+    Which pulse belongs to the first frame is known from the record of an attached film, else from the film's header,
+    else it is the first. The others follow as the film's own times say (`clock_steps`), so that a gap stays one.
 
     Raises
     ------
@@ -91,11 +137,11 @@ def frame_times(trial: Trial, film: FilmFile) -> tuple[NDArray[np.float64], floa
         raise RigInputError(f"{trial.path}: has no frame clock; record with a camera, or track a copy elsewhere")
     attached = read_record(film.path)
     own = film.frame_time_s
-    pulse = np.arange(film.n_frames)
+    pulse = clock_steps(film, camera.frame_rate_hz)
     if attached is not None:
         pulse += attached.first_frame
     elif own is not None:
-        pulse = np.rint((own - 0.5 * (film.exposure_s or 0.0)) * camera.frame_rate_hz).astype(int)
+        pulse += round(float(own[0] - 0.5 * (film.exposure_s or 0.0)) * camera.frame_rate_hz)
     if pulse[0] < 0 or pulse[-1] >= camera.n_frames:
         raise RigInputError(
             f"{film.path}: frames {pulse[0]} to {pulse[-1]} found, allowed 0 to {camera.n_frames - 1}, "

@@ -135,7 +135,7 @@ class CineFilm(Film):
         # the last row is stored first
         below, above = (self.height - y1) * self._row_bytes, (self.height - y0) * self._row_bytes
         data = self._file.view(start + below, start + above).reshape(y1 - y0, self._row_bytes)
-        rows = data.view("<u2" if self._value_bytes == 2 else np.uint8)[::-1]
+        rows: NDArray[Any] = data.view("<u2" if self._value_bytes == 2 else np.uint8)[::-1]
         if self._shift:
             rows = rows >> self._shift
         if self._colours == 1:

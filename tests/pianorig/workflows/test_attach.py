@@ -20,7 +20,8 @@ from rig.session import Session, Trial
 from rig.session.film_record import read_record
 from tests.command_line import run
 from tests.vision.film.cine_file import write_cine
-from vision import open_film
+from tests.vision.turning_bar import write_video
+from vision import VisionWarning, open_film
 from vision.film.mraw import write_mraw
 from vision.film.open import READERS
 
@@ -151,6 +152,28 @@ def test_a_phantom_film_says_its_first_frame_and_is_found_beside_its_trial(sessi
     np.testing.assert_array_equal(times, trial.read().camera.frame_time_s[7:17])
     with pytest.raises(InputError, match="has a film already"):
         attach_film(tmp_path / "film.cine", session.path, 2)
+
+
+def test_frames_that_a_camera_left_out_keep_the_others_at_their_times(session, tmp_path, capsys) -> None:
+    """A Phantom film whose own times lack six frames; every third frame of a Photron film; a video on 25 frames/s."""
+    frames = np.random.default_rng(4).integers(0, 4000, (10, 8, 12), dtype=np.uint16)
+    kept = np.r_[0:4, 10:16]
+    write_cine(tmp_path / "film.cine", frames, first=7, rate=2000, kept=kept)
+    with pytest.warns(VisionWarning, match="6 frames that the clock counted are missing in it, in 1 gaps, .* frame 3"):
+        record = attach_film(tmp_path / "film.cine", session.path, 2)
+    assert (record.first_frame, record.last_frame, record.frames_missing) == (7, 22, 6)
+    trial = session.trial(2)
+    clock = trial.read().camera
+    assert record.frames_after == clock.n_frames - 23
+    with open_film(trial.film) as source:
+        times, _ = SessionFilm(trial.film).frame_times(source)
+    np.testing.assert_array_equal(times, clock.frame_time_s[7 + kept])
+    path = write_video(tmp_path / "film.avi", (frames >> 4).astype(np.uint8), stamps=kept, rate=25)
+    with pytest.warns(VisionWarning, match="6 frames that the clock"):
+        record = attach_film(path, session.path, 1, first_frame=3, frame_rate_hz=2000.0)
+    with open_film(session.trial(1).film) as source:
+        times, _ = SessionFilm(session.trial(1).film).frame_times(source)
+    np.testing.assert_array_equal(times, clock.frame_time_s[3 + kept])
 
 
 @pytest.mark.parametrize("suffix", sorted(READERS.keys() - {*HEADERS, ".png", ".bmp", ".jpg", ".jpeg"}))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rig.errors import InputError
-from rig.session.film_record import FilmRecord, frame_times, write_record
+from rig.session.film_record import FilmRecord, clock_steps, frame_times, write_record
 from rig.session.trial_data import CameraInfo
 
 CLOCK = CameraInfo(2000.0, 0.0123, 1e-4, 500, 2e-6)
@@ -23,7 +23,7 @@ def trial(camera: CameraInfo | None = CLOCK) -> Any:
 def film(path: Path, n_frames: int = 40, first: int | None = None) -> Any:
     """A film whose header counts its frames from ``first``, or says nothing."""
     own = None if first is None else (first + np.arange(n_frames)) / 2000.0 + 0.5e-4
-    return SimpleNamespace(path=path, n_frames=n_frames, exposure_s=1e-4, frame_time_s=own)
+    return SimpleNamespace(path=path, n_frames=n_frames, exposure_s=1e-4, frame_time_s=own, has_camera_times=True)
 
 
 @pytest.mark.parametrize(("header", "attached", "first"), [(None, None, 0), (17, None, 17), (17, 30, 30)])
@@ -49,3 +49,38 @@ def test_frames_without_a_counted_pulse_are_refused(tmp_path: Path) -> None:
         frame_times(trial(), film(path, first=-3))
     with pytest.raises(InputError, match="has no frame clock"):
         frame_times(trial(None), film(path))
+
+
+GAP = np.r_[0:15, 21:46]
+
+
+@pytest.mark.parametrize(("camera", "rate_hz"), [(True, 2000.0), (True, 2000.1), (False, 25.0)])
+def test_frames_that_the_film_leaves_out_stay_out(tmp_path: Path, camera: bool, rate_hz: float) -> None:
+    """From a camera's times, also of a clock 50 ppm off; from a video's stamps on the scale of play-back."""
+    own = GAP / rate_hz + 0.5e-4
+    gapped = SimpleNamespace(
+        path=tmp_path / "f.cine", n_frames=40, exposure_s=1e-4, frame_time_s=own, has_camera_times=camera
+    )
+    times, _ = frame_times(trial(), gapped)
+    np.testing.assert_array_equal(times, CLOCK.frame_time_s[GAP])
+
+
+def test_a_clock_that_drifts_by_frames_in_a_long_film_counts_right() -> None:
+    own = np.arange(40_000) / 2000.2
+    film = SimpleNamespace(
+        path=Path("f.cine"), n_frames=own.size, exposure_s=None, frame_time_s=own, has_camera_times=True
+    )
+    np.testing.assert_array_equal(clock_steps(film, 2000.0), np.arange(40_000))
+
+
+@pytest.mark.parametrize(
+    "bad", [[0.0, 1.0, 1.5, 2.5], [0.0, 0.5, 1.0, 1.5], [0.0, 1.0, 1.0, 2.0], [0.0, 1.0, 2.4, 3.0]]
+)
+def test_times_that_no_frame_clock_gives_are_refused(bad: list[float]) -> None:
+    film = SimpleNamespace(
+        path=Path("f.cine"), n_frames=4, exposure_s=None, frame_time_s=np.array(bad) / 2000.0, has_camera_times=True
+    )
+    with pytest.raises(
+        InputError, match=r"frame \d comes .* periods of the frame clock .2000 Hz. after the one before"
+    ):
+        clock_steps(film, 2000.0)

@@ -10,11 +10,19 @@ import numpy as np
 SETTINGS_BYTES = 12_000
 
 
-def write_cine(path: Path, frames: np.ndarray, *, packed: int = 0, stamps: bool = True, **changed: int) -> None:
+def write_cine(
+    path: Path,
+    frames: np.ndarray,
+    *,
+    packed: int = 0,
+    stamps: bool = True,
+    kept: np.ndarray | None = None,
+    **changed: int,
+) -> None:
     """A film of frames (n, height, width) or, blue first, (n, height, width, 3), uint8 or uint16.
 
     ``packed`` is the number of bits, 10 or 12, that values are packed to as they are; ``changed`` are fields other than
-    usual.
+    usual. ``kept`` are the numbers of the frames by their own times, where some were left out.
     """
     field = {"rate": 10_000, "shutter_ns": 40_000, "bits": 12, "first": -5, "compression": 0, "cfa": 0, "flip_v": 0,
              "packing": {0: 0, 10: 256, 12: 1024}[packed], "missing_mark": 0} | changed  # fmt: skip
@@ -26,7 +34,10 @@ def write_cine(path: Path, frames: np.ndarray, *, packed: int = 0, stamps: bool 
                       (808, field["cfa"]), (896, field["bits"]), (1568, field["shutter_ns"])):  # fmt: skip
         settings[at : at + 4] = struct.pack("<I", value)
     trigger = (1_700_000_000 << 32) + 12345
-    ticks = [trigger + round((field["first"] + i) / field["rate"] * 2**32) for i in range(n)]
+    ticks = [
+        trigger + round((field["first"] + i) / field["rate"] * 2**32)
+        for i in (range(n) if kept is None else kept.tolist())
+    ]
     blocks = struct.pack("<IHH", 16, 1003, 1) + bytes(8)
     if stamps:
         blocks += struct.pack("<IHH", 8 + 8 * n, 1002, 0) + struct.pack(f"<{n}Q", *ticks)
