@@ -135,12 +135,12 @@ class CineFilm(Film):
         # the last row is stored first
         below, above = (self.height - y1) * self._row_bytes, (self.height - y0) * self._row_bytes
         data = self._file.view(start + below, start + above).reshape(y1 - y0, self._row_bytes)
-        rows: NDArray[Any] = data.view("<u2" if self._value_bytes == 2 else np.uint8)[::-1]
+        lines: NDArray[Any] = data.view("<u2" if self._value_bytes == 2 else np.uint8)[::-1]
         if self._shift:
-            rows = rows >> self._shift
+            lines = lines >> self._shift
         if self._colours == 1:
-            return rows[:, x0:x1]
-        colour = rows.reshape(y1 - y0, self.width, 3)[:, x0:x1]
+            return lines[:, x0:x1]
+        colour = lines.reshape(y1 - y0, self.width, 3)[:, x0:x1]
         return grey_of(np.ascontiguousarray(colour), self._channel)
 
     def _unused_low_bits(self) -> int:
