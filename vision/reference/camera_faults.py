@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from vision.film.source import Corrected, FrameSource, saturated_grey
 from vision.fitting.template import Template
+from vision.reference.rectified_film import RectifiedFilm
 
 FAR = 2.5
 """Difference from the median of three by three, over that which 98 of 100 pixels do not reach."""
@@ -203,6 +204,8 @@ LEAST_VALUES = 3
 def grey_step(film: FrameSource, box: tuple[int, int, int, int]) -> float:
     """Smallest difference of two grey values that occur in a rectangle (y0, y1, x0, x1) of the first frame."""
     while hasattr(film, "film"):  # what was taken off a frame has no steps
+        if isinstance(film, RectifiedFilm):
+            box = (0, film.film.height, 0, film.film.width)
         film = film.film
     values = np.unique(film.read_region(0, *box))
     return float(np.diff(values.astype(np.float64)).min()) if values.size >= LEAST_VALUES else np.inf

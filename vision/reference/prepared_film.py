@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from vision.bodies.occlusion import Occlusion
 from vision.bodies.outlines import Body
-from vision.film.source import FrameSource
+from vision.film.source import Corrected, FrameSource
 from vision.fitting.template import Template
+from vision.reference.rectified_film import RectifiedFilm
 from vision.reference.still_average import Reference
 
 
@@ -29,6 +30,8 @@ class PreparedFilm:
         Whether its frames repeat squares of the frame before, as a codec leaves them of which the file says nothing.
     grey_step : float
         Smallest difference of two grey values around the bodies.
+    delay_frames : float
+        Delay of steady motion by the camera's filtering in time, frames.
     """
 
     film: FrameSource
@@ -39,6 +42,15 @@ class PreparedFilm:
     method: str
     skips_blocks: bool = False
     grey_step: float = 1.0
+    delay_frames: float = 0.0
+
+    @property
+    def rectified(self) -> RectifiedFilm | None:
+        """The resampled film whose frames are tracked; None where they are tracked as they are."""
+        film = self.film
+        while isinstance(film, Corrected) and not isinstance(film, RectifiedFilm):
+            film = film.film
+        return film if isinstance(film, RectifiedFilm) else None
 
     @property
     def parents(self) -> list[int | None]:

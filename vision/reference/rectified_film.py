@@ -1,4 +1,4 @@
-"""A film resampled to square pixels of the plane of motion: pixel aspect, one field of interlaced frames, a calibration.
+"""A film resampled to square pixels of the plane of motion: pixel aspect, fields of interlaced frames, calibration.
 
 A rigid fit needs a picture in which a turning body keeps its shape. Where pixels are not square, or a calibrated camera
 shows the plane stretched, every frame is resampled by the cubic B-spline that the fit itself uses, so that nothing is
@@ -64,16 +64,16 @@ class RectifiedFilm(Corrected):
             )
         self.pixel_aspect, self.projection, self.is_field = pixel_aspect, projection, is_field
         # never fewer pixels than the film has
-        self._stretch = (max(pixel_aspect, 1.0), max(1.0 / pixel_aspect, 1.0))
+        self.stretch = (max(pixel_aspect, 1.0), max(1.0 / pixel_aspect, 1.0))
         self.width, self.height = (
-            round(size * factor) for size, factor in zip((film.width, film.height), self._stretch, strict=True)
+            round(size * factor) for size, factor in zip((film.width, film.height), self.stretch, strict=True)
         )
-        self._top = np.float32(saturated_grey(film.bit_depth))
-        self.oversampling = self._stretch[0] * self._stretch[1] * (2.0 if is_field else 1.0)
+        self._top = np.float32(saturated_grey(film))
+        self.oversampling = self.stretch[0] * self.stretch[1] * (2.0 if is_field else 1.0)
 
     def to_film(self, rectified_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points of the film, shape (..., 2)."""
-        points = (np.asarray(rectified_px, dtype=float) + 0.5) / self._stretch - 0.5
+        points = (np.asarray(rectified_px, dtype=float) + 0.5) / self.stretch - 0.5
         return points if self.projection is None else self.projection.seen(points)
 
     def from_film(self, film_px: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -81,11 +81,18 @@ class RectifiedFilm(Corrected):
         points = np.asarray(film_px, dtype=float)
         if self.projection is not None:
             points = self.projection.rectified(points)
-        return np.asarray((points + 0.5) * self._stretch - 0.5)
+        return np.asarray((points + 0.5) * self.stretch - 0.5)
 
     def rectified_bodies(self, bodies: Sequence[Body]) -> list[Body]:
         """The outlines in rectified points."""
         return [replace(body, polygon_px=self.from_film(body.polygon_px)) for body in bodies]
+
+    def field_difference(self, index: int) -> NDArray[np.float32]:
+        """What a frame's rows interpolated between those of the first field differ by from the second field, (height,
+        width); 0 in the rows of the first."""
+        both = RectifiedFilm(self.film, self.pixel_aspect, self.projection)
+        whole = (0, self.height, 0, self.width)
+        return np.asarray(self.read_region(index, *whole) - both.read_region(index, *whole))
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame, float32."""
@@ -100,7 +107,7 @@ class RectifiedFilm(Corrected):
         grey = self.film.read_region(index, top * step, min((bottom - 1) * step + 1, self.film.height), left, right)
         grey = np.ascontiguousarray(grey[::step], dtype=np.float32)
         out = np.empty(at_x.shape, dtype=np.float32)
-        _sample(coefficients(grey), grey, (at_x - left), (at_y - top), self._top, out)
+        sample_spline(coefficients(grey), grey, (at_x - left), (at_y - top), self._top, out)
         return out
 
 
@@ -112,7 +119,7 @@ def _range(at: NDArray[np.float64], size: int) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True)
-def _sample(  # type: ignore[no-untyped-def]
+def sample_spline(  # type: ignore[no-untyped-def]
     coefficient,
     grey,
     at_x,

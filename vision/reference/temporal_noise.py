@@ -31,8 +31,8 @@ LEVEL = 1e-4
 TILE_PX = 16
 """Side of a tile; neighbouring tiles share few of the pixels that a second difference reaches."""
 SHARED = 1.12
-"""Standard error over that of independent tiles, whose second differences reach `STEP_PX` into their neighbours. With it
-0.05 and 0.01 of 400 films of white noise are found at these levels."""
+"""Standard error over that of independent tiles, whose second differences reach `STEP_PX` into their neighbours. With
+it 0.05 and 0.01 of 400 films of white noise are found at these levels."""
 LEAST_TILES = 30
 """From which the sum over tiles is normal."""
 MOST_FRAMES = 16
@@ -65,7 +65,7 @@ def delay_in_frames(film: FrameSource, n_still: int, level: float = LEVEL) -> fl
         return 0.0
     frames = np.stack([film.read(k).astype(np.float32) for k in range(first, n)])
     n -= first
-    noise = _noise_by_tile(frames, float(saturated_grey(film.bit_depth)))
+    noise = _noise_by_tile(frames, float(saturated_grey(film)))
     if noise is None:
         return 0.0
     pairs = [np.mean((noise[lag:] - noise[:-lag]) ** 2, axis=(0, 2)) / 2.0 for lag in range(1, n)]

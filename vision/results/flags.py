@@ -47,6 +47,9 @@ class FrameFlag(IntFlag):
     """The stated standard uncertainty is more than twice what texture and noise allow, and than that of the body's best
     quarter of rows, and above 12.5 mdeg, up to 25: usable with that uncertainty, which covers what disturbs the row;
     not a failure."""
+    TIME_FILTERED = 8192
+    """The camera averages frames in time, and motion may be shown late by more than the angle's other uncertainty; the
+    lag is in the total standard uncertainty; not a failure."""
 
 
 FAILURE = (

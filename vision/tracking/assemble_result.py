@@ -111,6 +111,8 @@ def _widened_table(ready: PreparedFilm, table: PoseTable, camera: Projection | N
     factor = variance_factor(ratio, table.blocks)
     if ready.skips_blocks:
         factor = factor + UNDECLARED_FACTOR**2
+    if ready.rectified is not None:
+        factor = np.maximum(factor, ready.rectified.oversampling)
     return replace(table, covariance=widened(table.covariance, factor))
 
 
@@ -122,28 +124,51 @@ def assemble_result(
     settings: FitSettings,
     info: dict[str, Any],
     each: Each = in_turn,
+    u_stretch: float = 0.0,
 ) -> TrackResult:
     """Angles, uncertainties and budget from the poses; ``time_s`` of all frames of the film, shape (n_frames,)."""
     film, bodies, reference = ready.film, ready.bodies, ready.reference
-    nominal = settings.camera_model.nominal(film.width, film.height)
+    # what the film was resampled by is corrected already
+    is_corrected = ready.rectified is not None and ready.rectified.projection is not None
+    nominal = None if is_corrected else settings.camera_model.nominal(film.width, film.height)
     table = _widened_table(ready, table, nominal)
+    predicted = np.array([predicted_u_angle(t, reference.noise_grey) for t in ready.templates])
+    if ready.rectified is not None:
+        predicted *= np.sqrt(ready.rectified.oversampling)
     u_single = zero.u_single_rad.copy()
     # a still frame agrees too well with the average it is part of, so the noise is taken from the other frames
     others = table.u_turn[table.frame >= reference.n_averaged]
     known = np.isfinite(others).sum(axis=0) > 0
     u_single[known] = np.nanmedian(others[:, known], axis=0)
-    u_common = u_single / np.sqrt(zero.n_frames)
+    # noise that is correlated in time averages out more slowly
+    u_common = u_single * np.sqrt((1.0 + 2.0 * ready.delay_frames) / zero.n_frames)
     pose = table.pose.copy()
     pose[..., 0] -= zero.turn_rad
     if nominal is not None:
         for i, template in enumerate(ready.templates):
             pose[:, i, 0] = PoseResponse(template).without_error(nominal, pose[:, i])
-    tracked = TrackedAngles(time_s[table.frame], pose, picture_to_ccw(pose[..., 0]), table.u_turn, u_common)
+    tracked = TrackedAngles(
+        time_s[table.frame],
+        pose,
+        picture_to_ccw(pose[..., 0]),
+        table.u_turn,
+        u_common,
+        float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0,
+        u_stretch,
+    )
+    budget = budget_of(ready, settings.camera_model, tracked, settings.u_time_s, settings.rows_per_s, each)
     u_angle = np.hypot(tracked.u_noise_rad, u_common)
     flag = table.flag.copy()
-    predicted = np.array([predicted_u_angle(t, reference.noise_grey) for t in ready.templates])
+    if ready.delay_frames:
+        late = budget.absolute["lag"] > u_angle
+        flag |= np.where(late, np.uint16(int(FrameFlag.TIME_FILTERED)), np.uint16(0))
     flag |= _width_flags(ready, predicted, u_angle)
-    centre = np.array([template.centre_px for template in ready.templates])
+    place = np.array([template.centre_px for template in ready.templates]) + table.pose[..., 1:]
+    covariance = turned_covariance(table.covariance, table.pose[..., 0])
+    if ready.rectified is not None:
+        place = ready.rectified.to_film(place)
+        per_film_px = np.array([1.0, *ready.rectified.stretch])
+        covariance = covariance / (per_film_px[:, None] * per_film_px)
     return TrackResult(
         bodies=tuple(body.name for body in bodies),
         parents=tuple(body.parent for body in bodies),
@@ -152,15 +177,15 @@ def assemble_result(
         angle_rad=tracked.angle_rad,
         u_angle_rad=u_angle,
         u_common_rad=u_common,
-        x_px=centre[:, 0] + table.pose[..., 1],
-        y_px=centre[:, 1] + table.pose[..., 2],
+        x_px=place[..., 0],
+        y_px=place[..., 1],
         zncc=table.zncc,
         inlier=table.inlier,
         noise_grey=table.noise_grey,
         flag=flag,
         predicted_u_rad=predicted,
-        covariance=turned_covariance(table.covariance, table.pose[..., 0]),
-        budget=budget_of(ready, settings.camera_model, tracked, settings.u_time_s, settings.rows_per_s, each),
+        covariance=covariance,
+        budget=budget,
         n_still=reference.n_averaged,
         method=ready.method,
         film=str(film.path),

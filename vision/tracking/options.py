@@ -11,6 +11,7 @@ import numpy as np
 
 from vision.camera.model import AssumedCamera, CameraModel
 from vision.errors import VisionInputError
+from vision.reference.rectified_film import ASPECTS
 from vision.uncertainty.budget import ErrorBudget
 
 METHODS = ("icgn", "ecc")
@@ -29,6 +30,8 @@ class FitOptions(TypedDict, total=False):
     camera: CameraModel | None
     u_time_s: float
     rows_per_s: float | None
+    pixel_aspect: float | None
+    deinterlace: bool
 
 
 class TrackOptions(FitOptions, total=False):
@@ -58,6 +61,8 @@ class FitSettings:
     camera: CameraModel | None = None
     u_time_s: float = 0.0
     rows_per_s: float | None = None
+    pixel_aspect: float | None = None
+    deinterlace: bool = False
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -71,11 +76,27 @@ class FitSettings:
                 f"rows_per_s = {self.rows_per_s!r}; needs the rows that a rolling shutter reads per second, above 0, "
                 "or infinity for a global shutter"
             )
+        if self.pixel_aspect is not None:
+            if self.is_calibrated:
+                raise VisionInputError(
+                    f"pixel_aspect = {self.pixel_aspect:g} beside a calibrated camera, which has measured it; "
+                    "leave one out"
+                )
+            if not ASPECTS[0] <= self.pixel_aspect <= ASPECTS[1]:
+                raise VisionInputError(
+                    f"pixel_aspect = {self.pixel_aspect!r}; needs the width of a pixel over its height, {ASPECTS[0]:g} "
+                    f"to {ASPECTS[1]:g}"
+                )
 
     @property
     def camera_model(self) -> CameraModel:
         """The calibrated camera, or the assumed one."""
         return self.camera or AssumedCamera()
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether the camera's view of the plane was measured."""
+        return self.camera is not None and not isinstance(self.camera, AssumedCamera)
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,11 @@ from vision.reference.camera_faults import (
     without_defects,
     without_row_flicker,
 )
+from vision.reference.first_light import check_first_light
 from vision.reference.prepared_film import PreparedFilm
+from vision.reference.rectified_film import RectifiedFilm
 from vision.reference.still_average import Reference, average_still_frames, still_count
+from vision.reference.temporal_noise import delay_in_frames
 from vision.tracking.film_tracker import FilmTracker, first_poses
 from vision.tracking.options import MAX_PIXELS
 from vision.tracking.sensor_pattern import WithoutPattern
@@ -59,6 +62,7 @@ def prepare(
     distances = outline_distances(bodies, film.height, film.width, each)
     masks = masks_of(bodies, distances)
     region = np.logical_or.reduce(masks)
+    check_first_light(film, region)
     film, still = _film_and_still(film, region, n_still, each)
 
     def prepared(reference: Reference) -> PreparedFilm:
@@ -75,6 +79,12 @@ def prepare(
         skips = skips_blocks(film, box, reference.noise_grey)
         return replace(found, skips_blocks=skips, grey_step=grey_step(film, box))
 
+    def with_delay(found: PreparedFilm) -> PreparedFilm:
+        predicted = found.film.compression is not None and found.film.compression.steps is None
+        if predicted or found.skips_blocks:
+            return found  # the noise of frames predicted from others is correlated whatever the camera did
+        return replace(found, delay_frames=delay_in_frames(found.film, found.reference.n_averaged))
+
     if n_still is None:
         candidates = still.n_averaged
         first = prepared(average_still_frames(film, region, min(FIRST_AVERAGED, candidates)))
@@ -87,14 +97,38 @@ def prepare(
                 stacklevel=4,
             )
         still = average_still_frames(film, region, n_still)
-    return prepared(still)
+    elif n_still > FIRST_AVERAGED and not isinstance(film, WithoutPattern):
+        first = prepared(average_still_frames(film, region, FIRST_AVERAGED))
+        _warn_of_motion(first, n_still)
+    return with_delay(prepared(still))
+
+
+def _warn_of_motion(ready: PreparedFilm, n_still: int) -> None:
+    """Name each body that moves within the still frames that the user has given."""
+    pose, u = first_poses(FilmTracker(ready), n_still)
+    for i, template in enumerate(ready.templates):
+        count = still_count(pose[:, i], u[:, i])
+        if count == n_still:
+            continue
+        way = pose[count:, i] - pose[:count, i].mean(axis=0)
+        if np.isfinite(way).all(axis=1).any():
+            turn, px = np.degrees(np.nanmax(np.abs(way[:, 0]))), np.nanmax(np.hypot(way[:, 1], way[:, 2]))
+            what = f"moves from about frame {count} on, by up to {turn:.3f} deg and {px:.2f} px"
+        else:
+            what = f"is lost from frame {count} on"
+        warnings.warn(
+            f"{ready.film.path}: body {template.name} {what}, within the {n_still} frames given as still: the zero of "
+            f"its angle is off by part of that; give --n-still {count}, or leave it out",
+            VisionWarning,
+            stacklevel=5,
+        )
 
 
 def _film_and_still(
     film: FrameSource, region: NDArray[np.bool_], n_still: int | None, each: Each
 ) -> tuple[FrameSource, Reference]:
     """The film, less its defect pixels and its rows' flicker where it has any, and the average of its still frames."""
-    if isinstance(film, WithoutDefects | WithoutPattern | WithoutRowFlicker):
+    if isinstance(film, WithoutDefects | WithoutPattern | WithoutRowFlicker | RectifiedFilm):
         return film, average_still_frames(film, region, n_still)
     # most films have none, so that the average need not wait for the answer
     found: list[Any] = each(

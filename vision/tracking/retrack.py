@@ -25,6 +25,7 @@ from vision.tracking.options import FitOptions, FitSettings
 from vision.tracking.passes import fit_alone
 from vision.tracking.prepare import frame_times, prepare
 from vision.tracking.sensor_pattern import residual_variance
+from vision.tracking.square_film import square_film
 from vision.tracking.stretches import starts
 
 Places = Mapping[str, tuple[float, float, float]]
@@ -50,7 +51,7 @@ def retrack_frames(
     places : sequence of dict
         Per frame: body name to (angle rad, x px, y px) from which the fit starts; every body must be named. The row
         of a good neighbour, or an estimate by eye, is near enough: 4 degrees and 4 px, backed by a wide search.
-    method, n_still, max_pixels, camera, u_time_s, rows_per_s
+    method, n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace
         As for `track`, and with the same values; the zero is found anew from the still frames.
 
     Returns
@@ -83,6 +84,7 @@ def retrack_frames(
             raise VisionInputError(
                 f"{film.path}: {found} to track again; allowed 0..{film.n_frames - 1}, each once, one place per frame"
             )
+        film, bodies = square_film(film, bodies, settings)
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
         zero = zero_of_still_frames(ready)
 
@@ -94,6 +96,8 @@ def retrack_frames(
                 if there.size != 3 or not np.all(np.isfinite(there)):
                     raise VisionInputError(f"{film.path}: frame {frame}: no place given for body {template.name}")
                 angle, x, y = there.tolist()
+                if ready.rectified is not None:
+                    x, y = ready.rectified.from_film(np.array([x, y])).tolist()
                 phi = float(ccw_to_picture(angle)) + zero_rad
                 pose.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
             start[int(frame)] = pose
@@ -115,7 +119,7 @@ def preview(
         As for `track`.
     count : int
         Frames, spread over the film up to its last.
-    method, n_still, max_pixels, camera, u_time_s, rows_per_s
+    method, n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace
         As for `track`.
 
     Returns
@@ -141,6 +145,7 @@ def preview(
         time_s = frame_times(film, frame_time_s)
         if isinstance(count, bool) or count < 1:
             raise VisionInputError(f"{film.path}: {count} frames to preview; allowed 1..{film.n_frames - 1}")
+        film, bodies = square_film(film, bodies, settings)
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
         chosen = np.unique(np.rint(np.linspace(0, film.n_frames - 1, count + 1)[1:]).astype(np.int64))
         walked = starts(ready, np.arange(film.n_frames), (chosen + 1).tolist())

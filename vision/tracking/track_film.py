@@ -33,6 +33,7 @@ from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.moving_parts import confirm_hidden, moving_parts
 from vision.tracking.options import TrackOptions, TrackSettings
 from vision.tracking.passes import confirm_backward, renew, track_forward
+from vision.tracking.picture_stretch import U_NOT_STATED, U_STATED, PictureStretch, measure_stretch
 from vision.tracking.prepare import frame_times, prepare
 from vision.tracking.sensor_pattern import (
     TRACKED_AGAIN,
@@ -44,13 +45,11 @@ from vision.tracking.sensor_pattern import (
     pattern_is_suspected,
     residual_variance,
 )
+from vision.tracking.square_film import square_film
 from vision.tracking.stretches import first_rows, several_may_read
 from vision.tracking.workers import usable_threads, workers
 from vision.uncertainty.budget_terms import expected_budget
 from vision.uncertainty.coherence import widened
-
-FIRST_ORDER_RADIAL = 0.006
-"""Beyond this distortion pixels of one body move so differently that the weights leave some of them out."""
 
 
 def track(
@@ -86,6 +85,10 @@ def track(
     rows_per_s : float or None
         Rows that the sensor's rolling shutter reads per second, first the top one, for the budget; infinity for a
         global shutter, None (default) where it is not declared: no film shows it.
+    pixel_aspect : float or None
+        Width of a pixel over its height; None (default) takes what the film states, else 1.
+    deinterlace : bool
+        Track the even rows of interlaced frames, which are refused otherwise.
     threads : int or None
         Threads that track parts of the film at the same time; None takes what the computer has, at most 8. The result
         is the same to the bit.
@@ -128,14 +131,8 @@ def _track(
     film: FrameSource, bodies: Sequence[Body], frame_time_s: ArrayLike | None, settings: TrackSettings
 ) -> TrackResult:
     time_s, camera = frame_times(film, frame_time_s), settings.camera_model
-    nominal = camera.nominal(film.width, film.height)
-    if nominal is not None and abs(nominal.radial) > FIRST_ORDER_RADIAL:
-        warnings.warn(
-            f"{film.path}: the lens distorts by {100 * nominal.radial:.2f} % at the corner; above "
-            f"{100 * FIRST_ORDER_RADIAL:g} % the correction of angles is good to about 10 mdeg only: use a longer lens",
-            VisionWarning,
-            stacklevel=3,
-        )
+    is_stated = settings.pixel_aspect is not None or getattr(film, "pixel_aspect", None) is not None
+    film, bodies = square_film(film, bodies, settings)
     threads = settings.threads or usable_threads()
     with workers(threads if several_may_read(film) else 1) as crew:
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method, crew.each)
@@ -168,6 +165,7 @@ def _track(
             VisionWarning,
             stacklevel=3,
         )
+    stretch = _stretch(ready, table, settings, is_stated)
     apart = moving_parts(ready, table)
     for name, parts in apart.items():
         if parts.bends:
@@ -192,10 +190,13 @@ def _track(
         "rows_uncovered": confirmed,
         "defect_pixels": ready_defects(ready),
         "skips_blocks": ready.skips_blocks,
+        "delay_frames": ready.delay_frames,
+        "pixel_aspect": 1.0 if ready.rectified is None else ready.rectified.pixel_aspect,
         "moving_parts": {name: asdict(parts) for name, parts in apart.items()},
     }
     with workers(threads) as crew:
-        result = assemble_result(ready, done.zero, table, time_s, settings, info, crew.each)
+        result = assemble_result(ready, done.zero, table, time_s, settings, info, crew.each, stretch.effect)
+    _warn_of_delay(result, ready)
     if checkpoint is not None:
         checkpoint.clear()
     return result
@@ -222,6 +223,39 @@ def _reject_hopeless(ready: PreparedFilm, table: PoseTable) -> None:
         )
         for row in range(table.frame.size):
             table.reject(row, i, FrameFlag.NO_COVARIANCE)
+
+
+def _stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSettings, is_stated: bool) -> PictureStretch:
+    """The picture's stretch, of an uncalibrated camera; a line where it is there."""
+    if settings.is_calibrated:
+        return PictureStretch(0.0, 0.0, False)
+    stretch = measure_stretch(ready, table, U_STATED if is_stated else U_NOT_STATED)
+    if stretch.is_significant:
+        used = 1.0 if ready.rectified is None else ready.rectified.pixel_aspect
+        warnings.warn(
+            f"{ready.film.path}: bodies change their shape as they turn, as in pixels of width over height "
+            f"{used * stretch.pixel_aspect:.4f} (u {2.0 * stretch.u:.4f}), not {used:g}; the error of the angles is in "
+            "u (term aspect): give the true value (--pixel-aspect), or calibrate the camera (--calibration)",
+            VisionWarning,
+            stacklevel=4,
+        )
+    return stretch
+
+
+def _warn_of_delay(result: TrackResult, ready: PreparedFilm) -> None:
+    """Say how late motion may be shown where rows are flagged for it."""
+    late = np.any(result.flag & np.uint16(int(FrameFlag.TIME_FILTERED)), axis=1)
+    if not late.any():
+        return
+    most = np.degrees(np.nanmax(result.budget.absolute["lag"]))
+    warnings.warn(
+        f"{ready.film.path}: the noise of the still frames is correlated in time, as of a camera that averages frames "
+        f"(noise reduction, blended frames): motion may be shown up to {ready.delay_frames:.2f} frames late, "
+        f"{most:.3f} deg at most; it is in u (term lag), and {int(late.sum())} rows are flagged (8192): switch the "
+        "filter off",
+        VisionWarning,
+        stacklevel=4,
+    )
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,10 @@ Terms, all standard uncertainties in rad, of the angle at the middle of the expo
 ``noise`` (of the frame), ``reference`` (of the zero; common to all frames), ``shutter`` (a blurred picture
 shows the mean over the exposure), ``tilt`` and ``distortion`` (see `vision.camera.model`), ``codec``,
 ``synchronisation`` (speed times the standard uncertainty of the frame times), ``rows`` (a rolling shutter shows each
-row of a frame at another time; 0 where it is global or not declared). Independent terms add in squares (GUM 5.1.2). A
-term is NaN where the body is lost.
+row of a frame at another time; 0 where it is global or not declared), ``lag`` (filtering in time by the camera, see
+`vision.reference.temporal_noise`), ``aspect`` (pixels that are not square, see `vision.tracking.picture_stretch`),
+``interlace`` (rows that are interpolated, and the unknown order of the fields). Independent terms add in squares (GUM
+5.1.2). A term is NaN where the body is lost.
 """
 
 from __future__ import annotations
@@ -17,7 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-TERMS = ("noise", "reference", "shutter", "tilt", "distortion", "codec", "synchronisation", "rows")
+TERMS = (
+    *("noise", "reference", "shutter", "tilt", "distortion", "codec", "synchronisation", "rows"),
+    *("lag", "aspect", "interlace"),
+)
 
 
 @dataclass(frozen=True)

@@ -211,6 +211,10 @@ class TrackedAngles:
         Angle, and its standard uncertainty from the frame's noise.
     u_common_rad : ndarray, shape (m,)
         Standard uncertainty of the zero.
+    frame_s : float
+        Time from frame to frame of the film.
+    u_stretch : float
+        Standard uncertainty of the picture's stretch, see `vision.tracking.picture_stretch`.
     """
 
     time_s: NDArray[np.float64]
@@ -218,6 +222,8 @@ class TrackedAngles:
     angle_rad: NDArray[np.float64]
     u_noise_rad: NDArray[np.float64]
     u_common_rad: NDArray[np.float64]
+    frame_s: float = 0.0
+    u_stretch: float = 0.0
 
 
 def expected_budget(
@@ -245,11 +251,13 @@ def expected_budget(
         "codec": _codec(ready, u),
         "synchronisation": np.full(m, u_time_s * motion.speed_rad_per_s),
         "shutter": np.full(m, motion.acceleration_rad_per_s2 * _shutter_factor(ready.film, frame_s)),
+        "lag": np.full(m, motion.speed_rad_per_s * ready.delay_frames * frame_s),
+        "interlace": np.hypot(_row_interpolation(ready), motion.speed_rad_per_s * _field_order_s(ready, frame_s)),
     }
     own = {name: np.tile(values, (2, 1)) for name, values in single.items()}
     speed = np.zeros_like(pose)
     speed[..., 0] = motion.speed_rad_per_s
-    return _budget(ready, camera, pose, speed, own, {}, rows_per_s)
+    return _budget(ready, camera, (pose, speed), (own, {}), rows_per_s)
 
 
 def budget_of(
@@ -278,28 +286,97 @@ def budget_of(
     for terms, angle, u in ((own, angle_rad, u_noise_rad), (against, relative_rad, u_relative_rad)):
         turning, acceleration = _speed_and_acceleration(tracked.time_s, angle, u)
         terms["synchronisation"] = u_time_s * turning
+        terms["lag"] = _newest_speed(turning, tracked, ready.delay_frames) * ready.delay_frames * tracked.frame_s
+        terms["interlace"] = turning * _field_order_s(ready, tracked.frame_s)
         terms["shutter"] = acceleration * _shutter_factor(ready.film, apart_s)
-    return _budget(ready, camera, tracked.pose, speed, own, against, rows_per_s, each)
+    rows = _row_interpolation(ready)
+    if rows.any():
+        own["interlace"] = np.hypot(own["interlace"], rows)
+        against["interlace"] = np.hypot(against["interlace"], _paired(rows[None], ready.parents))
+    return _budget(ready, camera, (tracked.pose, speed), (own, against), rows_per_s, each, tracked.u_stretch)
 
 
 def _budget(
     ready: PreparedFilm,
     camera: CameraModel,
-    pose: NDArray[np.float64],
-    speed: NDArray[np.float64],
-    own: dict[str, NDArray[np.float64]],
-    against: dict[str, NDArray[np.float64]],
+    motion: tuple[NDArray[np.float64], NDArray[np.float64]],
+    terms: tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]],
     rows_per_s: float | None,
     each: Each = in_turn,
+    u_stretch: float = 0.0,
 ) -> ErrorBudget:
-    """Terms of camera and shutter at poses (n, m, 3) of a speed, beside each body's ``own``, (n, m); of a body and its
-    parent these are independent but for those that are given as ``against`` each other."""
+    """Terms of camera and shutter in a ``motion``, poses (n, m, 3) and their speed, beside each body's own terms, (n,
+    m); of a body and its parent these are independent but for the second ones, against each other."""
+    (pose, speed), (own, against) = motion, terms
     absolute, relative = _camera_terms(ready, camera, pose, each)
+    absolute["aspect"], relative["aspect"] = _stretch_terms(ready, pose, u_stretch)
     absolute |= own
     relative |= {name: _paired(values, ready.parents) for name, values in own.items()} | against
     absolute["rows"], relative["rows"] = _row_terms(ready, pose, speed, rows_per_s)
     names = tuple(b.name for b in ready.bodies)
     return ErrorBudget(names, absolute, relative, camera.description(), shutter_text(rows_per_s))
+
+
+def _stretch_terms(
+    ready: PreparedFilm, pose: NDArray[np.float64], u_stretch: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Term of a picture that is stretched along x and shortened along y, absolute and relative, (n, m)."""
+    off = np.where(np.isfinite(pose[..., 0]), 0.0, np.nan)
+    if u_stretch > 0.0:
+        stretched = Projection(ready.film.width, ready.film.height, np.diag([1.0 + u_stretch, 1.0 - u_stretch, 1.0]))
+        off = np.column_stack(
+            [PoseResponse(one).error(stretched, pose[:, i])[:, 0] for i, one in enumerate(ready.templates)]
+        )
+    return np.abs(off), np.abs(_paired(off, ready.parents, np.subtract))
+
+
+FIELDS_APART = 0.5
+"""Of a frame's time, between its two fields."""
+
+
+def _field_order_s(ready: PreparedFilm, frame_s: float) -> float:
+    """Standard uncertainty of the time of an interlaced frame's even rows, s: they are exposed first or second, which
+    the file does not tell."""
+    is_field = ready.rectified is not None and ready.rectified.is_field
+    return FIELDS_APART * frame_s / math.sqrt(2.0) if is_field else 0.0
+
+
+def _row_interpolation(ready: PreparedFilm) -> NDArray[np.float64]:
+    """Standard uncertainty of each body's turn from the rows that are interpolated between those of a field, rad, (m,).
+
+    At rest both fields show the same, so that their difference is that of the interpolation, and noise. Frame and
+    reference are interpolated alike at rest and independently once the body has moved.
+    """
+    film = ready.rectified
+    found = np.zeros(len(ready.templates))
+    if film is None or not film.is_field:
+        return found
+    n = ready.reference.n_averaged
+    off = np.mean([film.field_difference(k) for k in range(n)], axis=0)
+    for i, template in enumerate(ready.templates):
+        columns = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
+        influence = np.linalg.solve(template.normal, columns)[0]
+        x, y = np.rint(template.offset_px + np.array(template.centre_px)[:, None]).astype(int)
+        # blocks of one row distance are independent errors
+        block = (y // FIELD_BLOCK_PX) * (film.width // FIELD_BLOCK_PX + 1) + x // FIELD_BLOCK_PX
+        part = np.bincount(block, influence * off[y, x])
+        found[i] = math.sqrt(2.0 * float(np.sum(part**2)))
+    return found
+
+
+FIELD_BLOCK_PX = 8
+"""Side of the squares over which an interpolation error keeps together: some grains of a texture."""
+
+
+def _newest_speed(speed: NDArray[np.float64], tracked: TrackedAngles, delay_frames: float) -> NDArray[np.float64]:
+    """Largest speed of the rows that a filter of a delay still holds, (n, m)."""
+    if not delay_frames or len(speed) < 2:
+        return speed
+    row_s = float(np.median(np.diff(tracked.time_s)))
+    held = math.ceil(3.0 * delay_frames * tracked.frame_s / row_s)
+    known = np.nan_to_num(speed)
+    most = np.max([np.vstack([known[:1]] * k + [known[: len(known) - k]]) for k in range(min(held + 1, len(known)))], 0)
+    return np.where(np.isfinite(speed), most, np.nan)
 
 
 def _row_terms(

@@ -1,0 +1,48 @@
+"""First frames that were exposed to another light than those after: a lamp or shutter that starts, a flash.
+
+The template is the mean of the first frames, so that one without light, or with so much that it is clipped, spoils
+every angle. Method: each of the first frames is regressed on the median picture of the first `LOOKED_AT`, inside the
+outlines; the slope is its gain. The tracker follows gains within `GAINS`; beyond them a frame is of another light.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.errors import TrackingError
+from vision.film.source import FrameSource, saturated_grey
+
+LOOKED_AT = 9
+GAINS = (0.5, 2.0)
+"""Of a frame against the others: what is left to flicker. One so dim has four times the variance."""
+CLIPPED = 0.1
+"""Share of a frame's pixels that may be clipped beyond those of the median picture."""
+MOST_PIXELS = 5000
+
+
+def check_first_light(film: FrameSource, region: NDArray[np.bool_]) -> None:
+    """Refuse a film whose first frames are darker or brighter than those after (`TrackingError`), by their numbers."""
+    n = min(LOOKED_AT, film.n_frames)
+    if n < 3:
+        return
+    pixels = np.flatnonzero(region.reshape(-1))
+    pixels = pixels[:: pixels.size // MOST_PIXELS + 1]
+    grey = np.stack([film.read(k).reshape(-1)[pixels] for k in range(n)]).astype(float)
+    usual = np.median(grey, axis=0)
+    centred = usual - usual.mean()
+    power = float(centred @ centred)
+    if not power > 0.0:
+        return
+    gain = grey @ centred / power
+    clipped = np.mean(grey >= saturated_grey(film), axis=1) - np.mean(usual >= saturated_grey(film))
+    is_dark, is_bright = gain < GAINS[0], (gain > GAINS[1]) | (clipped > CLIPPED)
+    bad = is_dark | is_bright
+    first = int(np.argmin(bad)) if not bad.all() else n
+    if not first or first > n // 2:
+        return
+    which = "frame 0 is" if first == 1 else f"frames 0 to {first - 1} are"
+    raise TrackingError(
+        f"{film.path}: {which} {'dark' if is_dark[0] else 'flashed (too bright)'}: mean grey value "
+        f"{grey[0].mean():.0f}, in the frames after {usual.mean():.0f}; leave them out (--from {first})"
+    )

@@ -1,0 +1,195 @@
+"""The stretch of a film's picture, measured by the bodies that turn in it.
+
+Where pixels are not square, or the camera looks askew, a turning body changes its shape in the picture: what was long
+along x is longer or shorter along y. With the picture stretched by ``1 + e`` along x and ``1 - e`` along y, a body that
+has turned by phi is stretched in its own axes by ``e (cos 2 phi - 1)`` along and sheared by ``-e sin 2 phi``. The
+rigid fit reads part of this as a turn of up to ``e sin 2 phi``.
+
+Method: in rows spread over the way, stretch and shear are fitted to the residuals together with pose, scale, light,
+gradients of the light and focus. Over all rows and bodies e is then fitted by weighted least squares, with a constant
+stretch and shear of each body (the reference's noise), and ones in proportion to its speed (a rolling shutter). Its
+standard uncertainty is enlarged by the root of chi-squared
+over the degrees of freedom, the Birge ratio. e is believed where it differs from zero at the level `LEVEL`.
+
+How well e is known grows with the turn as its effect does: a film tells its own stretch about as well as its angles.
+Before it is asked, a stated pixel aspect is known to `U_STATED`, another one to `U_NOT_STATED`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from vision.film.source import saturated_grey
+from vision.fitting.base import region_of
+from vision.fitting.bspline import coefficients
+from vision.fitting.template import Template, thinned
+from vision.reference.prepared_film import PreparedFilm
+from vision.reference.rectified_film import sample_spline
+from vision.results.pose_table import PoseTable
+
+LEVEL = 1e-4
+"""Probability that pixels are said not to be square of a film where they are."""
+U_NOT_STATED = 0.004
+"""Of the pixel aspect of a file that does not state one. Nearly all cameras have square pixels; a picture that was
+resized is found by this test, and where texture and turn cannot tell, 2 % are within 5 u."""
+U_STATED = 0.0005
+"""Of a stated one, or of a sensor's own pixels: what a lens and its mount add."""
+MOST_ROWS = 24
+"""Of each body."""
+LEAST_ROWS = 4
+PIXELS = 3000
+ROUNDS = 2
+OUTLYING = 3.5
+"""Residuals beyond this many standard deviations are left out."""
+BLUR_PX = 0.5
+
+
+@dataclass(frozen=True)
+class PictureStretch:
+    """Stretch of the picture by ``1 + value`` along x and ``1 - value`` along y.
+
+    Attributes
+    ----------
+    value, u : float
+        As measured, with its standard uncertainty.
+    is_significant : bool
+    """
+
+    value: float
+    u: float
+    is_significant: bool
+
+    @property
+    def effect(self) -> float:
+        """What goes into the budget as a standard uncertainty."""
+        return math.hypot(self.value, self.u) if self.is_significant else self.u
+
+    @property
+    def pixel_aspect(self) -> float:
+        """Width of a pixel over its height that would explain the stretch."""
+        return (1.0 - self.value) / (1.0 + self.value)
+
+
+def measure_stretch(ready: PreparedFilm, table: PoseTable, u_pixel_aspect: float) -> PictureStretch:
+    """Measure the stretch of the picture; ``u_pixel_aspect`` is what is known of it before."""
+    before = 0.5 * u_pixel_aspect
+    right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
+    for i, template in enumerate(ready.templates):
+        found = _strains(ready, table, i, thinned(template, PIXELS))
+        if found is None:
+            continue
+        turn, speed, strain, weight = found  # (k,), (k,), (k, 2), (k, 2, 2)
+        model = np.stack([np.cos(2.0 * turn) - 1.0, -np.sin(2.0 * turn)], axis=-1)
+        # each body's constant strain, and that in proportion to its speed, are fitted with it and eliminated
+        own = np.concatenate([np.tile(np.eye(2), (len(turn), 1, 1)), speed[:, None, None] * np.eye(2)], axis=2)
+        total = np.einsum("kia,kij,kjb->ab", own, weight, own)
+        model, strain = (
+            part - own @ np.linalg.lstsq(total, np.einsum("kia,kij,kj->a", own, weight, part), rcond=1e-9)[0]
+            for part in (model, strain)
+        )
+        right += float(np.einsum("ki,kij,kj->", model, weight, strain))
+        normal += float(np.einsum("ki,kij,kj->", model, weight, model))
+        chi2 += float(np.einsum("ki,kij,kj->", strain, weight, strain))
+        degrees += 2 * len(turn) - 4
+    if not normal > 0.0:
+        return PictureStretch(0.0, before, False)
+    degrees -= 1
+    birge = max(1.0, (chi2 - right**2 / normal) / max(degrees, 1))
+    value, u = right / normal, math.sqrt(birge / normal)
+    is_significant = degrees > 0 and abs(value) > -float(ndtri(0.5 * LEVEL)) * u
+    if not is_significant:
+        u = 1.0 / math.hypot(1.0 / u, 1.0 / before)
+    return PictureStretch(value, u, is_significant)
+
+
+def _strains(
+    ready: PreparedFilm, table: PoseTable, body: int, template: Template
+) -> tuple[NDArray[np.float64], ...] | None:
+    """Turns (k,) of some rows, turns from row to row (k,), stretch and shear in them (k, 2), and the inverse of their
+    covariance (k, 2, 2)."""
+    rows = np.flatnonzero(~table.failed[:, body] & (table.frame >= ready.reference.n_averaged))
+    if rows.size < LEAST_ROWS:
+        return None
+    rows = rows[np.argsort(np.abs(table.pose[rows, body, 0]), kind="stable")]
+    rows = np.sort(rows[np.unique(np.linspace(0, rows.size - 1, MOST_ROWS).astype(int))])
+    dx, dy = template.offset_px.astype(float)
+    g_turn, gx, gy, grey = template.columns.astype(float)
+    light = grey + template.mean_grey
+    design = np.stack(
+        [g_turn, gx, gy, grey, np.ones_like(dx), light * dx, light * dy, -(gx * dx + gy * dy)]
+        + [gy * dy - gx * dx, -(gx * dy + gy * dx)]
+    )
+    blur = _blur_column(template)
+    if blur is not None:
+        design = np.vstack([blur, design])
+    scale = 1.0 / np.sqrt(np.sum(design**2, axis=1))
+    turns, speeds, strains, weights = [], [], [], []
+    speed = np.gradient(table.pose[:, body, 0]) / max(float(np.nanmax(np.abs(table.pose[:, body, 0]))), 1e-9)
+    for row in rows:
+        found = _fit_strain(ready, int(table.frame[row]), table.pose[row, body], template, design * scale[:, None])
+        if found is None:
+            continue
+        amplitude, covariance = found[0] * scale, found[1] * scale[:, None] * scale
+        part = covariance[-2:, -2:]
+        if not np.all(np.isfinite(part)) or np.linalg.cond(part) > 1e10:
+            continue
+        if not np.isfinite(speed[row]):
+            continue
+        turns.append(float(table.pose[row, body, 0]))
+        speeds.append(float(speed[row]))
+        strains.append(amplitude[-2:])
+        weights.append(np.linalg.inv(part))
+    if len(turns) < LEAST_ROWS:
+        return None
+    return np.array(turns), np.array(speeds), np.array(strains), np.array(weights)
+
+
+def _blur_column(template: Template) -> NDArray[np.float64] | None:
+    """Change of the grey values (n,) by a little blur; None where the picture around the body is not kept."""
+    if template.patch is None:
+        return None
+    change = cv2.GaussianBlur(template.patch, (0, 0), BLUR_PX, borderType=cv2.BORDER_REPLICATE) - template.patch
+    dx, dy = template.offset_px.astype(float)
+    columns = np.rint(dx + template.centre_px[0] - template.patch_corner_px[0]).astype(np.intp)
+    rows = np.rint(dy + template.centre_px[1] - template.patch_corner_px[1]).astype(np.intp)
+    return np.asarray(change[rows, columns], dtype=np.float64)
+
+
+def _fit_strain(
+    ready: PreparedFilm, frame: int, pose: NDArray[np.float64], template: Template, design: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Amplitudes of the columns of ``design`` (p, n) in the residuals of a frame at a pose, and their covariance."""
+    film = ready.film
+    box = region_of(template, pose, film.height, film.width, margin_px=6)
+    if box is None:
+        return None
+    picture = np.ascontiguousarray(film.read_region(frame, *box), dtype=np.float32)
+    c, s = math.cos(pose[0]), math.sin(pose[0])
+    dx, dy = template.offset_px.astype(float)
+    x = template.centre_px[0] + pose[1] + c * dx - s * dy - box[2]
+    y = template.centre_px[1] + pose[2] + s * dx + c * dy - box[0]
+    top = np.float32(saturated_grey(film))
+    seen = np.empty((1, dx.size), dtype=np.float32)
+    sample_spline(coefficients(picture), picture, x[None], y[None], top, seen)
+    kept = seen[0] < top
+    target = seen[0].astype(float) - template.mean_grey
+    expected = template.columns[3].astype(float)
+    for _ in range(ROUNDS):
+        if np.count_nonzero(kept) < 10 * len(design):
+            return None
+        some = design[:, kept]
+        normal = some @ some.T
+        if np.linalg.cond(normal) > 1e10:
+            return None
+        inverse = np.linalg.inv(normal)
+        amplitude = inverse @ (some @ (target - expected)[kept])
+        rest = target - expected - amplitude @ design
+        spread = 1.4826 * float(np.median(np.abs(rest[kept])))
+        kept = (seen[0] < top) & (np.abs(rest) <= OUTLYING * spread)
+    return amplitude, inverse * max(spread, 1e-3) ** 2
