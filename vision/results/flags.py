@@ -39,7 +39,7 @@ class FrameFlag(IntFlag):
     """Something no outline describes hides part of the body, and a fit without that part did not confirm the pose; not
     a failure."""
     REPEATED = 1024
-    """The frame repeats the one before, byte for byte, so it says nothing about its own time."""
+    """The frame repeats the one before, byte for byte or as a codec stores that: it tells nothing of its time."""
     RENEWED = 2048
     """Fitted against a later frame of the film, which the still frames no longer resemble; its drift is in u; not a
     failure."""

@@ -35,6 +35,7 @@ from vision.tracking.options import TrackOptions, TrackSettings
 from vision.tracking.passes import confirm_backward, renew, track_forward
 from vision.tracking.picture_stretch import U_NOT_STATED, U_STATED, PictureStretch, measure_stretch
 from vision.tracking.prepare import frame_times, prepare
+from vision.tracking.repeated_frames import reject_repeated
 from vision.tracking.sensor_pattern import (
     TRACKED_AGAIN,
     WithoutPattern,
@@ -146,6 +147,7 @@ def _track(
     done = _both_passes(ready, frame, settings, checkpoint)
     ready, done, pattern_grey = _without_pattern(ready, done, settings)
     table = done.table
+    reject_repeated(ready, table)
     doubted = residual_variance(ready, table) > PATTERN_EXCESS
     confirmed = confirm_hidden(ready, table, doubted) if settings.method == "icgn" else 0
     table.covariance[..., [0, 1, 2], [0, 1, 2]] += held_back(ready, table)

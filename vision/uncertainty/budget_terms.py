@@ -232,6 +232,7 @@ def expected_budget(
     u_time_s: float = 0.0,
     motion: ExpectedMotion | None = None,
     rows_per_s: float | None = None,
+    u_stretch: float = 0.0,
 ) -> ErrorBudget:
     """Budget of one frame in which every body has turned about its centre, before the film is tracked.
 
@@ -257,7 +258,7 @@ def expected_budget(
     own = {name: np.tile(values, (2, 1)) for name, values in single.items()}
     speed = np.zeros_like(pose)
     speed[..., 0] = motion.speed_rad_per_s
-    return _budget(ready, camera, (pose, speed), (own, {}), rows_per_s)
+    return _budget(ready, camera, (pose, speed), (own, {}), rows_per_s, u_stretch=u_stretch)
 
 
 def budget_of(
