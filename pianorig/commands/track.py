@@ -13,6 +13,7 @@ from pianorig.console.options import AsJson, refuse_beside
 from pianorig.console.output import tell
 from pianorig.console.progress import bar, say
 from pianorig.errors import CommandInputError
+from vision.tracking.options import FitOptions
 
 READ = ("film", "out", "frame_rate", "allow_truncated", "channel")
 """What counts however a film is read."""
@@ -60,6 +61,13 @@ def command(
     frame_rate: Annotated[
         float | None, typer.Option("--frame-rate", help="True rate, frames/s, where the film does not say it.")
     ] = None,
+    pixel_aspect: Annotated[
+        float | None,
+        typer.Option("--pixel-aspect", help="Width of a pixel over its height; default: the film's, else 1."),
+    ] = None,
+    deinterlace: Annotated[
+        bool, typer.Option("--deinterlace", help="Of interlaced frames, track the first field only.")
+    ] = False,
     allow_truncated: Annotated[
         bool, typer.Option("--allow-truncated", help="Read a film that was cut short to its last whole frame.")
     ] = False,
@@ -135,14 +143,20 @@ def command(
         tell(as_json, {"out": target, "marks": summary}, lines)
         return
     camera = workflows.camera_of(calibration, tilt, distortion)
-    rows_per_s = workflows.rows_per_second(shutter, rows_per_second)
+    workflows.check_pixel_aspect(pixel_aspect, calibration)
+    fit: FitOptions = {
+        "method": method,
+        "n_still": n_still,
+        "camera": camera,
+        "pixel_aspect": pixel_aspect,
+        "deinterlace": deinterlace,
+        "rows_per_s": workflows.rows_per_second(shutter, rows_per_second),
+    }
     if retrack:
         whole = {"restart", "preview", "overlay", "contact_sheet", "figure"}
         refuse_beside(ctx, "--retrack", "fits single frames only", *(ctx.params.keys() - whole))
         places = workflows.read_places(place or [])
-        rows = workflows.retrack(
-            filmed, target, retrack, places, method=method, n_still=n_still, camera=camera, rows_per_s=rows_per_s
-        )
+        rows = workflows.retrack(filmed, target, retrack, places, **fit)
         facts = {"out": target, "rows": rows.to_dict(orient="records")}
         tell(as_json, facts, [f"{target}: {len(rows)} frames fitted again"])
         return
@@ -153,7 +167,7 @@ def command(
     seen = None
     if preview is not None:
         looked_at = target.with_suffix(".preview.png")
-        seen = workflows.preview_track(filmed, looked_at, preview, method=method, n_still=n_still, camera=camera)
+        seen = workflows.preview_track(filmed, looked_at, preview, **fit)
         say("\n".join([*seen["lines"], f"look at {looked_at}; Ctrl-C if outlines do not fit"]), quiet=as_json)
     unfinished = target.with_name(f"{target.name}.unfinished.npz")
     if restart:
@@ -161,13 +175,10 @@ def command(
     with workflows.tracking_kept(unfinished), bar("tracking", quiet=as_json) as progress:
         result = workflows.track_film_file(
             filmed,
+            **fit,
             every=every,
-            method=method,
-            n_still=n_still,
             confirm=confirm,
             threads=threads,
-            camera=camera,
-            rows_per_s=rows_per_s,
             checkpoint=unfinished,
             expected=lambda budget: say("expected " + "\n".join(workflows.budget_lines(budget)), quiet=as_json),
             progress=progress,

@@ -47,6 +47,7 @@ from .session_paths import new_session_folder as new_session_folder
 from .session_paths import session_folder as session_folder
 from .track import budget_lines as budget_lines
 from .track import camera_of as camera_of
+from .track import check_pixel_aspect as check_pixel_aspect
 from .track import draw_track as draw_track
 from .track import follow_marks_of as follow_marks_of
 from .track import marks_lines as marks_lines

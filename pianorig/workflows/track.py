@@ -21,6 +21,7 @@ from pianorig.workflows.session_film import STEP, SessionFilm
 from validation.measurement.film_offset import clock_offsets
 from vision.output.outline_drawing import grey_picture
 from vision.output.overlay import words_of
+from vision.reference.rectified_film import ASPECTS
 from vision.tracking.options import FitOptions, TrackOptions
 from vision.uncertainty.budget import TERMS
 
@@ -181,6 +182,19 @@ def camera_of(
     return vision.load_calibration(calibration)
 
 
+def check_pixel_aspect(pixel_aspect: float | None, calibration: Path | None) -> None:
+    """Refuse a pixel aspect that is out of range, or given beside a calibration, which has measured it."""
+    if pixel_aspect is None:
+        return
+    if calibration is not None:
+        raise CommandInputError(f"{calibration}: has measured the pixel aspect; leave out --pixel-aspect")
+    if not ASPECTS[0] <= pixel_aspect <= ASPECTS[1]:
+        raise CommandInputError(
+            f"--pixel-aspect {pixel_aspect:g}: allowed {ASPECTS[0]:g} to {ASPECTS[1]:g}, the width of a pixel over its "
+            "height"
+        )
+
+
 def rows_per_second(shutter: str | None, rows: float | None) -> float | None:
     """Rows per second of the sensor's shutter: infinite for a global one, None where it is not declared."""
     if shutter not in (None, "global", "rolling"):
@@ -272,9 +286,16 @@ def tracking_summary(result: vision.TrackResult) -> dict[str, Any]:
     }
 
 
+ALWAYS = TERMS[: TERMS.index("rows") + 1]
+"""Terms that are shown although they are 0."""
+
+
 def budget_lines(budget: vision.ErrorBudget) -> list[str]:
     """A budget as lines of text, mdeg: one row per angle, one column per term."""
-    names = (*TERMS, "total")
+    everything = [*budget.absolute.items(), *budget.relative.items()]
+    # terms that this film does not have are not shown
+    names = [name for name in TERMS if name in ALWAYS or any(key == name and np.any(u > 0.0) for key, u in everything)]
+    names.append("total")
     lines = [f"{'u in mdeg':<26}" + "".join(f"{name[:10]:>11}" for name in names)]
     rows = {**budget.typical(), **{f"{b} from parent": terms for b, terms in budget.typical(relative=True).items()}}
     for body, terms in rows.items():
@@ -305,11 +326,7 @@ def retrack(
     table_file: Path,
     frames: Sequence[int],
     places: dict[str, Place],
-    *,
-    method: str | None = None,
-    n_still: int | None = None,
-    camera: vision.CameraModel | None = None,
-    rows_per_s: float | None = None,
+    **options: Unpack[FitOptions],
 ) -> pd.DataFrame:
     """Fit single frames again and put them into the film's table, and into its session.
 
@@ -318,7 +335,7 @@ def retrack(
     table_file : CSV that tracking wrote; rewritten whole
     frames : frame numbers that stand in the table
     places : body to (angle rad, x px, y px); bodies not named start between their good neighbours
-    method, n_still, camera, rows_per_s : as for `vision.track`; the first two by default as the session has them stored
+    options : as for `vision.track`; method and n_still by default as the session has them stored
 
     Returns
     -------
@@ -347,17 +364,17 @@ def retrack(
         times, u_time = film.frame_times(source)
         if film.owner is None and len(table) > 1:  # times of a film on its own are those it was tracked with
             times = make_interp_spline(table["frame"], table["time_s"], k=1)(np.arange(source.n_frames))
+        options["u_time_s"] = u_time
+        options["method"] = options.get("method") or attributes.get("method", "icgn")
+        if options.get("n_still") is None:
+            options["n_still"] = attributes.get("n_still")
         result = vision.retrack_frames(
             source,
             bodies,
             frames,
             [{**_between_neighbours(table, row, bodies), **places} for row in rows],
             times,
-            method=method or attributes.get("method", "icgn"),
-            n_still=attributes.get("n_still") if n_still is None else n_still,
-            camera=camera,
-            u_time_s=u_time,
-            rows_per_s=rows_per_s,
+            **options,
         )
     now = _attributes(result, 1)
     for name in ("method", "n_still", "camera", "shutter"):

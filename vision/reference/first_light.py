@@ -43,6 +43,6 @@ def check_first_light(film: FrameSource, region: NDArray[np.bool_]) -> None:
         return
     which = "frame 0 is" if first == 1 else f"frames 0 to {first - 1} are"
     raise TrackingError(
-        f"{film.path}: {which} {'dark' if is_dark[0] else 'flashed (too bright)'}: mean grey value "
+        f"{film.path}: {which} {'flashed (too bright)' if is_bright[0] else 'dark'}: mean grey value "
         f"{grey[0].mean():.0f}, in the frames after {usual.mean():.0f}; leave them out (--from {first})"
     )

@@ -62,7 +62,8 @@ class RectifiedFilm(Corrected):
             raise VisionInputError(
                 f"{film.path}: pixel aspect {pixel_aspect:g}; allowed {ASPECTS[0]:g} to {ASPECTS[1]:g} (--pixel-aspect)"
             )
-        self.pixel_aspect, self.projection, self.is_field = pixel_aspect, projection, is_field
+        self.aspect, self.projection, self.is_field = pixel_aspect, projection, is_field
+        self.pixel_aspect, self.is_interlaced = 1.0, False
         # never fewer pixels than the film has
         self.stretch = (max(pixel_aspect, 1.0), max(1.0 / pixel_aspect, 1.0))
         self.width, self.height = (
@@ -90,7 +91,7 @@ class RectifiedFilm(Corrected):
     def field_difference(self, index: int) -> NDArray[np.float32]:
         """What a frame's rows interpolated between those of the first field differ by from the second field, (height,
         width); 0 in the rows of the first."""
-        both = RectifiedFilm(self.film, self.pixel_aspect, self.projection)
+        both = RectifiedFilm(self.film, self.aspect, self.projection)
         whole = (0, self.height, 0, self.width)
         return np.asarray(self.read_region(index, *whole) - both.read_region(index, *whole))
 

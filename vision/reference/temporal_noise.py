@@ -122,7 +122,7 @@ def _noise_by_tile(frames: NDArray[np.float32], top: float) -> NDArray[np.float3
 
 def _high_passed(picture: NDArray[np.float32], chosen: NDArray[np.intp]) -> NDArray[np.float32]:
     """Second difference of a picture in some tiles, (tiles, pixels)."""
-    return _tiles(cv2.filter2D(picture, cv2.CV_32F, SECOND_DIFFERENCE))[chosen]
+    return _tiles(np.asarray(cv2.filter2D(picture, cv2.CV_32F, SECOND_DIFFERENCE), dtype=np.float32))[chosen]
 
 
 def _tiles(picture: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -25,13 +25,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from vision.film.source import saturated_grey
+from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.base import region_of
 from vision.fitting.bspline import coefficients
 from vision.fitting.template import Template, thinned
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import sample_spline
 from vision.results.pose_table import PoseTable
+from vision.tracking.options import FitSettings
 
 LEVEL = 1e-4
 """Probability that pixels are said not to be square of a film where they are."""
@@ -44,6 +45,9 @@ MOST_ROWS = 24
 """Of each body."""
 LEAST_ROWS = 4
 PIXELS = 3000
+REFINEMENTS = 4
+LINEAR_STRETCH = 0.002
+"""Up to this one a body of 60 px changes its shape by a tenth of a pixel."""
 ROUNDS = 2
 OUTLYING = 3.5
 """Residuals beyond this many standard deviations are left out."""
@@ -76,15 +80,36 @@ class PictureStretch:
         return (1.0 - self.value) / (1.0 + self.value)
 
 
-def measure_stretch(ready: PreparedFilm, table: PoseTable, u_pixel_aspect: float) -> PictureStretch:
-    """Measure the stretch of the picture; ``u_pixel_aspect`` is what is known of it before."""
-    before = 0.5 * u_pixel_aspect
+def stretch_before(film: FrameSource, settings: FitSettings) -> float:
+    """Standard uncertainty of the picture's stretch before it is measured; 0 of a calibrated camera."""
+    if settings.is_calibrated:
+        return 0.0
+    is_stated = settings.pixel_aspect is not None or getattr(film, "pixel_aspect", None) is not None
+    return 0.5 * (U_STATED if is_stated else U_NOT_STATED)
+
+
+def measure_stretch(ready: PreparedFilm, table: PoseTable, before: float) -> PictureStretch:
+    """Measure the stretch of the picture; ``before`` is its standard uncertainty without that."""
+    found = _measured_beyond(ready, table, before, 0.0)
+    for _ in range(REFINEMENTS):
+        if not found.is_significant or abs(found.value) < LINEAR_STRETCH:
+            break
+        # a large one is followed to first order only
+        more = _measured_beyond(ready, table, before, found.value)
+        found = PictureStretch(found.value + more.value, more.u, True)
+        if abs(more.value) < more.u:
+            break
+    return found
+
+
+def _measured_beyond(ready: PreparedFilm, table: PoseTable, before: float, value: float) -> PictureStretch:
+    """Stretch of the picture beyond a known one."""
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for i, template in enumerate(ready.templates):
-        found = _strains(ready, table, i, thinned(template, PIXELS))
-        if found is None:
+        strains = _strains(ready, table, i, thinned(template, PIXELS), value)
+        if strains is None:
             continue
-        turn, speed, strain, weight = found  # (k,), (k,), (k, 2), (k, 2, 2)
+        turn, speed, strain, weight = strains  # (k,), (k,), (k, 2), (k, 2, 2)
         model = np.stack([np.cos(2.0 * turn) - 1.0, -np.sin(2.0 * turn)], axis=-1)
         # each body's constant strain, and that in proportion to its speed, are fitted with it and eliminated
         own = np.concatenate([np.tile(np.eye(2), (len(turn), 1, 1)), speed[:, None, None] * np.eye(2)], axis=2)
@@ -109,7 +134,7 @@ def measure_stretch(ready: PreparedFilm, table: PoseTable, u_pixel_aspect: float
 
 
 def _strains(
-    ready: PreparedFilm, table: PoseTable, body: int, template: Template
+    ready: PreparedFilm, table: PoseTable, body: int, template: Template, value: float
 ) -> tuple[NDArray[np.float64], ...] | None:
     """Turns (k,) of some rows, turns from row to row (k,), stretch and shear in them (k, 2), and the inverse of their
     covariance (k, 2, 2)."""
@@ -132,7 +157,9 @@ def _strains(
     turns, speeds, strains, weights = [], [], [], []
     speed = np.gradient(table.pose[:, body, 0]) / max(float(np.nanmax(np.abs(table.pose[:, body, 0]))), 1e-9)
     for row in rows:
-        found = _fit_strain(ready, int(table.frame[row]), table.pose[row, body], template, design * scale[:, None])
+        found = _fit_strain(
+            ready, int(table.frame[row]), table.pose[row, body], template, design * scale[:, None], value
+        )
         if found is None:
             continue
         amplitude, covariance = found[0] * scale, found[1] * scale[:, None] * scale
@@ -162,9 +189,15 @@ def _blur_column(template: Template) -> NDArray[np.float64] | None:
 
 
 def _fit_strain(
-    ready: PreparedFilm, frame: int, pose: NDArray[np.float64], template: Template, design: NDArray[np.float64]
+    ready: PreparedFilm,
+    frame: int,
+    pose: NDArray[np.float64],
+    template: Template,
+    design: NDArray[np.float64],
+    value: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Amplitudes of the columns of ``design`` (p, n) in the residuals of a frame at a pose, and their covariance."""
+    """Amplitudes of the columns of ``design`` (p, n) in the residuals of a frame at a pose, in a picture stretched by
+    ``value``, and their covariance."""
     film = ready.film
     box = region_of(template, pose, film.height, film.width, margin_px=6)
     if box is None:
@@ -172,6 +205,8 @@ def _fit_strain(
     picture = np.ascontiguousarray(film.read_region(frame, *box), dtype=np.float32)
     c, s = math.cos(pose[0]), math.sin(pose[0])
     dx, dy = template.offset_px.astype(float)
+    along, across = value * (math.cos(2.0 * pose[0]) - 1.0), -value * math.sin(2.0 * pose[0])
+    dx, dy = (1.0 + along) * dx + across * dy, across * dx + (1.0 - along) * dy
     x = template.centre_px[0] + pose[1] + c * dx - s * dy - box[2]
     y = template.centre_px[1] + pose[2] + s * dx + c * dy - box[0]
     top = np.float32(saturated_grey(film))
@@ -192,4 +227,4 @@ def _fit_strain(
         rest = target - expected - amplitude @ design
         spread = 1.4826 * float(np.median(np.abs(rest[kept])))
         kept = (seen[0] < top) & (np.abs(rest) <= OUTLYING * spread)
-    return amplitude, inverse * max(spread, 1e-3) ** 2
+    return np.asarray(amplitude, dtype=np.float64), np.asarray(inverse * max(spread, 1e-3) ** 2, dtype=np.float64)

@@ -59,11 +59,11 @@ def reject_repeated(ready: PreparedFilm, table: PoseTable) -> None:
     if not likely.size:
         return
     change = _picture_changes(ready, table)
-    for row in likely:
+    for row in likely.tolist():
         around = np.delete(change[max(row - NEAR, 0) : row + NEAR + 1], min(row, NEAR))
         if change[row] < LESS_CHANGED * float(np.nanmedian(around)):
             for i in range(len(ready.templates)):
-                table.reject(int(row), i, FrameFlag.REPEATED)
+                table.reject(row, i, FrameFlag.REPEATED)
 
 
 def _running_median(step: NDArray[np.float64]) -> NDArray[np.float64]:

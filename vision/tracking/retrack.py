@@ -23,6 +23,7 @@ from vision.tracking.assemble_result import Zero, assemble_result, zero_of_still
 from vision.tracking.moving_parts import confirm_hidden
 from vision.tracking.options import FitOptions, FitSettings
 from vision.tracking.passes import fit_alone
+from vision.tracking.picture_stretch import stretch_before
 from vision.tracking.prepare import frame_times, prepare
 from vision.tracking.sensor_pattern import residual_variance
 from vision.tracking.square_film import square_film
@@ -84,6 +85,7 @@ def retrack_frames(
             raise VisionInputError(
                 f"{film.path}: {found} to track again; allowed 0..{film.n_frames - 1}, each once, one place per frame"
             )
+        u_stretch = stretch_before(film, settings)
         film, bodies = square_film(film, bodies, settings)
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
         zero = zero_of_still_frames(ready)
@@ -101,7 +103,7 @@ def retrack_frames(
                 phi = float(ccw_to_picture(angle)) + zero_rad
                 pose.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
             start[int(frame)] = pose
-        return _fitted(ready, zero, (frames, start), time_s, settings, "retracked")
+        return _fitted(ready, zero, (frames, start), time_s, (settings, u_stretch), "retracked")
 
 
 def preview(
@@ -145,12 +147,13 @@ def preview(
         time_s = frame_times(film, frame_time_s)
         if isinstance(count, bool) or count < 1:
             raise VisionInputError(f"{film.path}: {count} frames to preview; allowed 1..{film.n_frames - 1}")
+        u_stretch = stretch_before(film, settings)
         film, bodies = square_film(film, bodies, settings)
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
         chosen = np.unique(np.rint(np.linspace(0, film.n_frames - 1, count + 1)[1:]).astype(np.int64))
         walked = starts(ready, np.arange(film.n_frames), (chosen + 1).tolist())
         start = {frame: list(pose) for frame, (_, pose) in zip(chosen.tolist(), walked, strict=False)}
-        return _fitted(ready, zero_of_still_frames(ready), (chosen, start), time_s, settings, "preview")
+        return _fitted(ready, zero_of_still_frames(ready), (chosen, start), time_s, (settings, u_stretch), "preview")
 
 
 def _fitted(
@@ -158,10 +161,14 @@ def _fitted(
     zero: Zero,
     asked: tuple[ArrayLike, Mapping[int, Sequence[NDArray[np.float64]]]],
     time_s: NDArray[np.float64],
-    settings: FitSettings,
+    known: tuple[FitSettings, float],
     what: str,
 ) -> TrackResult:
-    """Frames and those beside them fitted each by itself, from the poses of all bodies; one without poses is lost."""
+    """Frames and those beside them fitted each by itself, from the poses of all bodies; one without poses is lost.
+
+    ``known`` are the settings and the standard uncertainty of the picture's stretch, which few frames do not measure.
+    """
+    settings, u_stretch = known
     frames, start, last = np.asarray(asked[0], dtype=np.int64), dict(asked[1]), time_s.size - 1
     for frame, pose in asked[1].items():
         first = min(max(frame - 1, 0), max(last - 2, 0))
@@ -172,7 +179,7 @@ def _fitted(
         fit_alone(ready, table, row, start[int(rows[row])])
     if settings.method == "icgn":
         confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
-    result = assemble_result(ready, zero, table, time_s, settings, {what: frames.tolist()})
+    result = assemble_result(ready, zero, table, time_s, settings, {what: frames.tolist()}, u_stretch=u_stretch)
     return _rows_of(result, np.searchsorted(rows, frames))
 
 

@@ -33,7 +33,7 @@ from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.moving_parts import confirm_hidden, moving_parts
 from vision.tracking.options import TrackOptions, TrackSettings
 from vision.tracking.passes import confirm_backward, renew, track_forward
-from vision.tracking.picture_stretch import U_NOT_STATED, U_STATED, PictureStretch, measure_stretch
+from vision.tracking.picture_stretch import PictureStretch, measure_stretch, stretch_before
 from vision.tracking.prepare import frame_times, prepare
 from vision.tracking.repeated_frames import reject_repeated
 from vision.tracking.sensor_pattern import (
@@ -132,13 +132,16 @@ def _track(
     film: FrameSource, bodies: Sequence[Body], frame_time_s: ArrayLike | None, settings: TrackSettings
 ) -> TrackResult:
     time_s, camera = frame_times(film, frame_time_s), settings.camera_model
-    is_stated = settings.pixel_aspect is not None or getattr(film, "pixel_aspect", None) is not None
+    u_stretch = stretch_before(film, settings)
     film, bodies = square_film(film, bodies, settings)
     threads = settings.threads or usable_threads()
     with workers(threads if several_may_read(film) else 1) as crew:
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method, crew.each)
     if settings.expected is not None:
-        settings.expected(expected_budget(ready, camera, settings.u_time_s, rows_per_s=settings.rows_per_s))
+        expected = expected_budget(
+            ready, camera, settings.u_time_s, rows_per_s=settings.rows_per_s, u_stretch=u_stretch
+        )
+        settings.expected(expected)
     frame = np.arange(0, film.n_frames, settings.every)
     checkpoint = None
     if settings.checkpoint is not None:
@@ -167,7 +170,7 @@ def _track(
             VisionWarning,
             stacklevel=3,
         )
-    stretch = _stretch(ready, table, settings, is_stated)
+    stretch = _stretch(ready, table, settings, u_stretch)
     apart = moving_parts(ready, table)
     for name, parts in apart.items():
         if parts.bends:
@@ -193,7 +196,7 @@ def _track(
         "defect_pixels": ready_defects(ready),
         "skips_blocks": ready.skips_blocks,
         "delay_frames": ready.delay_frames,
-        "pixel_aspect": 1.0 if ready.rectified is None else ready.rectified.pixel_aspect,
+        "pixel_aspect": 1.0 if ready.rectified is None else ready.rectified.aspect,
         "moving_parts": {name: asdict(parts) for name, parts in apart.items()},
     }
     with workers(threads) as crew:
@@ -227,13 +230,13 @@ def _reject_hopeless(ready: PreparedFilm, table: PoseTable) -> None:
             table.reject(row, i, FrameFlag.NO_COVARIANCE)
 
 
-def _stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSettings, is_stated: bool) -> PictureStretch:
+def _stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSettings, u_before: float) -> PictureStretch:
     """The picture's stretch, of an uncalibrated camera; a line where it is there."""
     if settings.is_calibrated:
         return PictureStretch(0.0, 0.0, False)
-    stretch = measure_stretch(ready, table, U_STATED if is_stated else U_NOT_STATED)
+    stretch = measure_stretch(ready, table, u_before)
     if stretch.is_significant:
-        used = 1.0 if ready.rectified is None else ready.rectified.pixel_aspect
+        used = 1.0 if ready.rectified is None else ready.rectified.aspect
         warnings.warn(
             f"{ready.film.path}: bodies change their shape as they turn, as in pixels of width over height "
             f"{used * stretch.pixel_aspect:.4f} (u {2.0 * stretch.u:.4f}), not {used:g}; the error of the angles is in "
