@@ -31,6 +31,7 @@ from vision.tracking.body_tracker import BodyTracker
 from vision.tracking.film_tracker import repeats_around
 from vision.tracking.options import check_count
 from vision.tracking.prepare import FIRST_AVERAGED, frame_times
+from vision.tracking.square_film import refuse_interlaced
 from vision.uncertainty.coherence import variance_factor, widened
 
 if TYPE_CHECKING:
@@ -157,6 +158,7 @@ def follow_marks(
     ((15, 1), 0)
     """
     with film_of(path_or_source) as film:
+        refuse_interlaced(film)
         if not marks:
             raise VisionInputError(f"{film.path}: no marks given; name at least one point or line")
         check_count("every", every)

@@ -120,7 +120,10 @@ class OutlineDrawer:
             at = int(before[-1])
             phi = float(ccw_to_picture(result.angle_rad[at, i]))
             c, s = np.cos(phi), np.sin(phi)
-            points = shape @ np.array([[c, s], [-s, c]]) + (result.x_px[at, i], result.y_px[at, i])
+            # a rigid turn is one of square pixels
+            square = np.array([result.info.get("pixel_aspect", 1.0), 1.0])
+            turned = (shape * square) @ np.array([[c, s], [-s, c]]) / square
+            points = turned + (result.x_px[at, i], result.y_px[at, i])
             whole = np.rint(points * 2**SUBPIXEL_BITS).astype(np.int32)
             tint = bgr(LOST if lost else colour_of(result.bodies[i], i))
             cv2.polylines(colour, [whole], True, tint, 1, cv2.LINE_AA, SUBPIXEL_BITS)

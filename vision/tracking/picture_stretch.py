@@ -34,7 +34,7 @@ from vision.reference.rectified_film import sample_spline
 from vision.results.pose_table import PoseTable
 from vision.tracking.options import FitSettings
 
-LEVEL = 1e-4
+LEVEL = 1e-5
 """Probability that pixels are said not to be square of a film where they are."""
 U_NOT_STATED = 0.004
 """Of the pixel aspect of a file that does not state one. Nearly all cameras have square pixels; a picture that was
@@ -44,6 +44,9 @@ U_STATED = 0.0005
 MOST_ROWS = 24
 """Of each body."""
 LEAST_ROWS = 4
+LEAST_INLIER = 0.97
+"""Share of a row's pixels that agree with the fit; 0.997 of white noise do. In others something else changes it:
+a cover, a second body under the outline, one that bends."""
 PIXELS = 3000
 REFINEMENTS = 4
 LINEAR_STRETCH = 0.002
@@ -138,7 +141,8 @@ def _strains(
 ) -> tuple[NDArray[np.float64], ...] | None:
     """Turns (k,) of some rows, turns from row to row (k,), stretch and shear in them (k, 2), and the inverse of their
     covariance (k, 2, 2)."""
-    rows = np.flatnonzero(~table.failed[:, body] & (table.frame >= ready.reference.n_averaged))
+    moving = table.frame >= ready.reference.n_averaged
+    rows = np.flatnonzero(~table.failed[:, body] & moving & (table.inlier[:, body] >= LEAST_INLIER))
     if rows.size < LEAST_ROWS:
         return None
     rows = rows[np.argsort(np.abs(table.pose[rows, body, 0]), kind="stable")]
