@@ -203,10 +203,10 @@ def film_frames_lost(n: int) -> ChangeFilm:
 
 
 FILMED = 2
-TRAVEL = frozenset({"encoder scale", "encoder scale or stops"})
-ALSO_BY_FILM = frozenset({"film or encoder scale"}) | SYMPTOMS
+TRAVEL = frozenset({"gross travel difference", "travel difference"})
+ALSO_BY_FILM = frozenset({"film travel difference"}) | SYMPTOMS
 CHANGED = frozenset({"changed condition"})
-LATE = frozenset({"camera offset"})
+LATE = frozenset({"film time offset"})
 
 
 def _kind(*names: str) -> frozenset[str]:
@@ -227,37 +227,41 @@ def _encoders() -> Iterator[Fault]:
     yield Fault("swap key hammer, all trials", "", _kind("swapped channels"), ALL, swapped(0, 2))
     for i, c in enumerate(CHANNELS):
         for by in (0.25, 0.5, 4.0):
-            yield Fault(f"decoding {c}", f"× {by:g}", _kind("encoder scale"), ALL, scaled(i, by), flagged=ALSO_BY_FILM)
+            yield Fault(
+                f"decoding {c}", f"× {by:g}", _kind("gross travel difference"), ALL, scaled(i, by), flagged=ALSO_BY_FILM
+            )
         for percent in (10, 6, 2):
             yield Fault(f"scale {c}", f"{percent} %", TRAVEL, ALL, scaled(i, 1 + percent / 100), flagged=ALSO_BY_FILM)
-    yield Fault("dead encoder", "", _kind("dead channel"), 3, scaled(0, 0.0))
+    yield Fault("dead encoder", "", _kind("no motion"), 3, scaled(0, 0.0))
     for counts in (2000, 600, 60):
-        yield Fault("slip hammer, all trials", f"{counts}", _kind("encoder return"), ALL, slipped(2, counts))
-        yield Fault("slip key", f"{counts}", _kind("encoder return"), 4, slipped(0, counts))
+        yield Fault(
+            "slip hammer, all trials", f"{counts}", _kind("encoder return", "reading leaps"), ALL, slipped(2, counts)
+        )
+        yield Fault("slip key", f"{counts}", _kind("encoder return", "reading leaps"), 4, slipped(0, counts))
     for bit in (9, 6, 3):
         yield Fault("stuck bit whippen", f"{bit}", _kind("stuck bit"), 2, stuck(1, bit))
     for mm, trial in ((0.6, 1), (0.3, 5), (0.05, 5)):
-        yield Fault("lift", f"{mm} mm", _kind("key lift"), trial, lifted(1e-3 * mm, 6e-3))
+        yield Fault("lift", f"{mm} mm", _kind("capstan gap"), trial, lifted(1e-3 * mm, 6e-3))
     yield Fault("swap and lift", "", _kind("swapped channels"), 2, both(lifted(0.3e-3, 6e-3), swapped(1, 2)))
 
 
 def _forces() -> Iterator[Fault]:
-    yield Fault("force sign, all trials", "", _kind("force sign"), ALL, louder(-1.0))
-    yield Fault("force sign", "", _kind("force sign"), 3, louder(-1.0))
-    yield Fault("force unit", "lbf", _kind("force unit"), ALL, louder(1 / 4.448222))
-    yield Fault("force unit", "kgf", _kind("force unit"), ALL, louder(1 / 9.80665))
-    yield Fault("force unit", "lbf in one", _kind("force unit"), 2, louder(1 / 4.448222))
+    yield Fault("force sign, all trials", "", _kind("reversed force"), ALL, louder(-1.0))
+    yield Fault("force sign", "", _kind("reversed force"), 3, louder(-1.0))
+    yield Fault("force unit", "lbf", _kind("force factor"), ALL, louder(1 / 4.448222))
+    yield Fault("force unit", "kgf", _kind("force factor"), ALL, louder(1 / 9.80665))
+    yield Fault("force unit", "lbf in one", _kind("force factor"), 2, louder(1 / 4.448222))
     for percent in (10, 3, 1):
         yield Fault("force gain in one", f"{percent} %", SYMPTOMS, 4, louder(1 + percent / 100))
     for rate in (0.5, 0.2, 0.03):
-        yield Fault("force drift", f"{rate} N/s", _kind("force drift"), ALL, drifting(rate))
+        yield Fault("force drift", f"{rate} N/s", _kind("force return"), ALL, drifting(rate))
     for newton in (1.0, 0.3, 0.05):
-        yield Fault("force zero in one", f"{newton} N", _kind("force drift"), 5, stepping(newton))
+        yield Fault("force zero in one", f"{newton} N", _kind("force return"), 5, stepping(newton))
         yield Fault("force bump in one", f"{newton} N", SYMPTOMS, 2, bumped(newton))
     for share in (0.7, 0.9, 0.99):
         yield Fault("saturation", f"{share}", _kind("force saturation"), 3, clipped(share))
     for ms in (5.0, 2.4, 0.3):
-        yield Fault("undeclared delay", f"{ms} ms", _kind("force delay"), ALL, delayed(1e-3 * ms))
+        yield Fault("undeclared delay", f"{ms} ms", _kind("force lag"), ALL, delayed(1e-3 * ms))
     for newton, hz in ((0.8, 59.95), (0.3, 50.07), (0.05, 60.0)):
         yield Fault("hum", f"{newton} N", _kind("hum"), 3, humming(newton, hz))
 
@@ -267,12 +271,17 @@ def _films() -> Iterator[Fault]:
     yield Fault("film bodies swapped", "", _kind("film bodies swapped"), FILMED, film=film_swapped)
     for percent in (1.0, 0.5, 0.05):
         yield Fault(
-            "film rate", f"{percent} %", _kind("film clock"), FILMED, film=film_rate(1 + percent / 100), flagged=LATE
+            "film rate",
+            f"{percent} %",
+            _kind("film time drift"),
+            FILMED,
+            film=film_rate(1 + percent / 100),
+            flagged=LATE,
         )
     for n in (20, 5, 1):
-        yield Fault("frames lost", f"{n}", _kind("film clock"), FILMED, film=film_frames_lost(n), flagged=LATE)
+        yield Fault("frames lost", f"{n}", _kind("film time drift"), FILMED, film=film_frames_lost(n), flagged=LATE)
     for ms in (2.0, 0.5, 0.05):
-        yield Fault("camera late", f"{ms} ms", _kind("camera offset"), FILMED, play={"film_late_s": 1e-3 * ms})
+        yield Fault("camera late", f"{ms} ms", _kind("film time offset"), FILMED, play={"film_late_s": 1e-3 * ms})
 
 
 def _sessions() -> Iterator[Fault]:
@@ -286,16 +295,18 @@ def _sessions() -> Iterator[Fault]:
         yield Fault(
             "mixed strokes", f"× {strength}", _kind("mixed strokes"), NONE, play={"strength": strength}, late=True
         )
-    yield Fault("weak trial", "0.7", _kind("outlying trial"), 1, play={"strength": 0.7})
+    yield Fault("weak trial", "0.7", _kind("stroke of its own"), 1, play={"strength": 0.7})
     yield Fault("late trial", "20 ms", _kind("outlying trial"), 6, play={"late_s": 0.02})
     yield Fault("rate", "4 kHz", _kind("sample rate"), 2, play={"rate_hz": 4000.0})
     yield Fault("truncated", "0.55", _kind("short record"), 6, cut(0.55))
     for percent in (1.0, 0.5, 0.1):
-        yield Fault("time base", f"{percent} %", _kind("film clock"), ALL, stretched(1 + percent / 100), flagged=LATE)
+        yield Fault(
+            "time base", f"{percent} %", _kind("film time drift"), ALL, stretched(1 + percent / 100), flagged=LATE
+        )
 
 
 def _actions() -> Iterator[Fault]:
-    named = _kind("regulation")
+    named = _kind("let-off", "check height")
     for mm in (2.0, 1.0, 0.3):
         for sign in (1, -1):
             play = {"changed": {"contact08.second.y": -sign * mm * 0.2e-3}}
@@ -303,7 +314,12 @@ def _actions() -> Iterator[Fault]:
     for mm in (3.6, 3.0, 1.0):
         play = {"changed": {"contact04.second.x": mm * 1e-3 / 3}}
         yield Fault(
-            "check moved", f"{mm:g} mm", _kind("check height"), NONE, play=play, flagged=_kind("encoder return")
+            "check moved",
+            f"{mm:g} mm",
+            _kind("check height", "let-off"),
+            NONE,
+            play=play,
+            flagged=_kind("encoder return", "reading leaps"),
         )
     for path, factor in (
         ("key.joint_friction.A", 2.0),
@@ -400,7 +416,7 @@ def judged(fault: Fault | None, said: set[tuple[str, int]]) -> str:
         if fault.late:  # a condition begins at one trial
             where = trial in (0, FROM)
         # a clock is told by the film alone
-        return kind in (fault.named | fault.flagged) and (where or kind == "film clock")
+        return kind in (fault.named | fault.flagged) and (where or kind == "film time drift")
 
     if any(not fits(kind, trial) for kind, trial in said):
         return "wrong"

@@ -32,10 +32,10 @@ FRICTION = ("key.joint_friction.A", 2.5)
 PLANTED: dict[int, str] = {
     2: "sign flip",
     3: "swapped channels",
-    4: "camera offset",
+    4: "film time offset",
     5: "hum",
-    6: "key lift",
-    7: "outlying trial",
+    6: "capstan gap",
+    7: "stroke of its own",
     8: "sample rate",
     9: "sample rate",
 }
@@ -58,12 +58,12 @@ def record_trial(number: int, specimen: model.Action, fault: str | None) -> tupl
     random = np.random.default_rng([SEED, number])
     rate = RATES.get(number, RATE_HZ) if fault == "sample rate" else RATE_HZ
     time = np.arange(int(LENGTH_S * rate)) / rate
-    bad = fault == "outlying trial"
+    bad = fault == "stroke of its own"
     force = blow_n(time, (0.7 if bad else 1.0) * (1 + 0.005 * random.standard_normal()), 0.012 if bad else 0.0)
     rest = model.rest_state(specimen, force_n=PRELOAD_N)
     run = model.simulate(specimen, time, force, initial=rest)
     change = (run.angle_rad - rest.angle_rad)[:, [0, 1, 4]]
-    if fault == "key lift":
+    if fault == "capstan gap":
         lift = LIFT_M * np.sin(np.pi * np.clip((time - LIFT_AT_S) / LIFT_S, 0, 1))
         change[:, 0] += lift / SCALE_RADIUS_M
     if fault == "sign flip":
@@ -80,7 +80,7 @@ def record_trial(number: int, specimen: model.Action, fault: str | None) -> tupl
         reading += HUM_N * np.cos(2 * np.pi * 60.04 * time + 1.0)
     camera = table = None
     if number == 4:
-        late = CAMERA_LATE_S if fault == "camera offset" else 0.0
+        late = CAMERA_LATE_S if fault == "film time offset" else 0.0
         camera = CameraInfo(2000.0, 0.0301, 1e-4, 1450, 2e-6)
         table = film_table(camera, run, rest, late, random)
     info = ForceInfo(

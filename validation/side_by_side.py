@@ -94,7 +94,7 @@ def _below(parts: list[pd.DataFrame]) -> pd.DataFrame:
 def headline(result: ValidationResult) -> str:
     """The first line of a verdict, and the kinds of fault that were found in the session."""
     kinds = ", ".join(dict.fromkeys(result.findings["kind"]))
-    return result.verdict_lines[0] + (f" Faults found: {kinds}; see its warnings." if kinds else "")
+    return result.verdict_lines[0] + (f" Findings: {kinds}; see its warnings." if kinds else "")
 
 
 def alone(result: ValidationResult) -> SideBySide:

@@ -688,6 +688,8 @@ def _timed(name: str, value: float, u: float) -> Event:
 ONSET_M = 0.1e-3
 OFF_PATH_M = 0.1e-3
 FREE_FOR_S = 0.05
+SWINGS_S = 0.01  # before the impact
+SWINGS_BY = 2.0  # the level that a vibration does not reach on the side of the jack either
 DROP_M = 0.5e-3
 BOUNCE_M = 0.3e-3
 LANDED_M = 0.3e-3
@@ -715,18 +717,29 @@ def let_off(motion: Motion, strike: Strike | None) -> Event:
     age = contact - motion.time_s
     near = (age > 0) & (age < FREE_FOR_S)
 
-    def off_path(speed: float) -> Array:
+    def beside_path(speed: float) -> Array:
         path = speed * age + DECELERATION_M_PER_S2 * age**2 / 2
-        return np.where(near, np.abs(motion.hammer_way_m - path), np.nan)
+        return np.where(near, motion.hammer_way_m - path, np.nan)
+
+    def off_path(speed: float) -> Array:
+        return np.abs(beside_path(speed))
 
     # the deceleration of the path is part of the definition; the speed is not, and tilts it
     speed, u_speed = strike.arrival.speed, strike.arrival.u_speed
     off = off_path(speed)
-    value, u = with_level_uncertainty(lambda level: last_fall(motion.time_s, off, level), OFF_PATH_M, motion.u_height_m)
+    # a jack pushes the hammer from one side of its path; one that is off on the other side vibrates about it
+    swing = float(np.nanmax(np.where(age < SWINGS_S, beside_path(speed), np.nan), initial=0.0))
+    vibrates = swing > OFF_PATH_M
+    level = OFF_PATH_M + (SWINGS_BY * swing if vibrates else 0.0)
+    value, u = with_level_uncertainty(lambda level: last_fall(motion.time_s, off, level), level, motion.u_height_m)
     if value is None:
         return absent("let_off", "hammer is in free flight for longer than 50 ms, or never")
-    _, u_tilt = with_level_uncertainty(lambda v: last_fall(motion.time_s, off_path(v), OFF_PATH_M), speed, u_speed)
-    return _at("let_off", value, math.hypot(u, u_tilt), motion.time_s, off)
+    _, u_tilt = with_level_uncertainty(lambda v: last_fall(motion.time_s, off_path(v), level), speed, u_speed)
+    event = _at("let_off", value, math.hypot(u, u_tilt), motion.time_s, off)
+    if not vibrates:
+        return event
+    note = f"the hammer vibrates by {1e3 * swing:.2f} mm about the path of its flight"
+    return Event("let_off", event.value, event.u, "ambiguous", note)
 
 
 def bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event:

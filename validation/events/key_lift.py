@@ -29,6 +29,7 @@ import model
 from model.parameters.action import CONTACTS, USUAL
 from validation.conventions import KEY, WHIPPEN, Array
 from validation.events.definitions import Event
+from validation.events.encoder_readings import reading_faults
 from validation.events.miswired_encoders import miswired_channels
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
@@ -191,15 +192,16 @@ def _lift(capstan: Capstan, time: Array, excess: Array, first: int, last: int, p
     worst = first + int(np.nanargmax(part))
     gap = float(excess[worst])
     lift = gap / capstan.gap_per_lift
-    reason = (
-        f"key and whippen encoders disagree by {1e3 * gap:.2f} mm at the capstan while it is loaded: "
-        f"the key lifts off its balance rail by about {1e3 * lift:.2f} mm"
-    )
+    reason = f"key and whippen encoders disagree by {1e3 * gap:.2f} mm at the capstan while it is loaded"
     pull = float("nan")
     if pulls is not None:
         near = _near(pulls, float(time[first]), float(time[last]))
         pull = max((float(t.largest_n) for t in near), default=0.0)
-        reason += f"; the model's rail would have to pull with {pull:.1f} N" if near else "; not predicted by the model"
+        reason += (
+            f"; the model's balance rail pulls with {pull:.1f} N there"
+            if near
+            else "; the model's balance rail does not pull there"
+        )
     return KeyLift(float(time[first]), float(time[last]), float(time[worst]), gap, lift, pull, reason)
 
 
@@ -218,7 +220,7 @@ def _joined(lifts: list[KeyLift]) -> list[KeyLift]:
 def find_key_lifts(
     predicted: PredictedSession, tested: ModelUnderTest, events: dict[int, dict[str, Event]]
 ) -> dict[int, list[KeyLift]]:
-    """Lifts of the key in every trial; none in trials whose encoders are wired wrong.
+    """Lifts of the key in every trial; none in trials whose encoders are wired wrong, leap or stand still.
 
     The rail's pull is computed for the trial of median peak force, and moved to each trial's own impact.
     """
@@ -241,7 +243,7 @@ def find_key_lifts(
     found: dict[int, list[KeyLift]] = {}
     for m in predicted.trials:
         angles = predicted.predictions[m.number].model
-        if miswired_channels(m, angles):
+        if miswired_channels(m, angles) or any(fault.channel != "hammer" for fault in reading_faults(m, angles)):
             found[m.number] = []
             continue
         geometry = tested.geometry_at(m.force.preload_n)

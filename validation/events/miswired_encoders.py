@@ -1,7 +1,8 @@
 """Encoders that turn the wrong way round, or stand in each other's place, found by their prediction.
 
 Every permutation and sign of the channels is compared with the prediction; the best one is reported when it leaves a
-quarter of the error of the wiring as declared. Channels that change places are judged together: a swap is one fault.
+quarter of the error of the wiring as declared and fits, within 30 % of the motion, where the bodies move and where they
+stand. Channels that change places are judged together: a swap is one fault.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from itertools import permutations, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from validation.conventions import ENCODER_CHANNELS, Array, rms
 from validation.measurement.trial import MeasuredTrial
@@ -17,6 +19,7 @@ from validation.prediction.predict_session import PredictedAngles
 
 BETTER_WIRED = 0.25  # the other wiring must leave a quarter of the error
 WRONG_WIRED = 0.3  # of the predicted motion: below this error the wiring is right
+STILL = 0.02
 
 
 @dataclass(frozen=True)
@@ -53,11 +56,16 @@ def best_wiring(measured: Array, expected: Array) -> list[Rewired]:
     best = error.min(axis=0)
     order = min(permutations(range(k)), key=lambda o: sum(best[o[j], j] ** 2 for j in range(k)))
     found = []
+    apart = _moving(expected[known])
     for cycle in _cycles(order):
         declared = [float(error[0, j, j]) for j in cycle]
         rewired = [float(best[order[j], j]) for j in cycle]
         changed = len(cycle) > 1 or bool(sign[order[cycle[0]], cycle[0]])
         if not changed or rms(declared) < WRONG_WIRED or rms(rewired) > BETTER_WIRED * rms(declared):
+            continue
+        turned = [(order[j], j, 1.0 - 2.0 * sign[order[j], j]) for j in cycle]
+        if any(rms((turn * measured[known, i] - expected[known, j])[part]) > WRONG_WIRED * size[j]
+               for i, j, turn in turned for part in (apart, ~apart) if part.any()):  # fmt: skip
             continue
         for j, before, after in zip(cycle, declared, rewired, strict=True):
             found.append(Rewired(j, order[j], bool(sign[order[j], j]), before, after))
@@ -67,6 +75,12 @@ def best_wiring(measured: Array, expected: Array) -> list[Rewired]:
 def miswired_channels(m: MeasuredTrial, predicted: PredictedAngles) -> list[Rewired]:
     """Encoders of a trial, by their place in `ENCODER_CHANNELS`, that are wired wrong."""
     return best_wiring(m.change_rad, np.column_stack([predicted.change_rad(name) for name in ENCODER_CHANNELS]))
+
+
+def _moving(expected: Array) -> NDArray[np.bool_]:
+    """Samples at which a body is predicted to move by more than `STILL` of its largest step."""
+    steps = np.abs(np.gradient(expected, axis=0))
+    return np.asarray((steps > STILL * np.maximum(steps.max(axis=0), 1e-300)).any(axis=1))
 
 
 def _cycles(order: tuple[int, ...]) -> list[list[int]]:

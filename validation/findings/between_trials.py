@@ -18,7 +18,7 @@ from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
 from validation.events.session_events import SessionEvents
 from validation.findings.finding import BLOW, OF_TRIALS, PREDICTION, SessionFinding, finds
-from validation.measurement.trial import MeasuredTrial
+from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
 from validation.statistics.repeatability import FEWEST_TO_STAND_OUT, STANDS_OUT, distance_ratios, on_common_base
@@ -41,17 +41,14 @@ def rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
             value,
             usual,
             f"trial {number}: sampled at {value:.6g} Hz, most trials at {usual:.6g} Hz; curves are put on one time "
-            "base by straight lines, prefer one rate per session",
+            f"base by straight lines (limit {RATE_RELATIVE:g} of the rate)",
         )
         for number, value in rate.items()
         if abs(value / usual - 1) > RATE_RELATIVE
     ]
 
 
-@finds(
-    {"short record": "Annotate the trial that ends early, or record it again: no score looks further."},
-    among=OF_TRIALS,
-)
+@finds({"short record": "Annotate the trial that ends early, or record it again: no score looks further."})
 def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """Trials whose record ends well before the others': every curve is scored up to there only."""
     end = {m.number: float(m.time_s[-1]) for m in measured}
@@ -63,8 +60,8 @@ def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
             "",
             value,
             usual,
-            f"trial {number}: its record ends at {value:.3f} s, most end at {usual:.3f} s; no score looks further than "
-            "the shortest record, annotate this trial to leave it out",
+            f"trial {number}: its record ends at {value:.3f} s, those of like strokes at {usual:.3f} s (median; limit "
+            f"{max(SHORT_S, SHORT_SHARE * usual):.3f} s less); no score looks further than the shortest record",
         )
         for number, value in end.items()
         if value < usual - max(SHORT_S, SHORT_SHARE * usual)
@@ -90,9 +87,8 @@ def duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
         if not same:
             continue
         text = (
-            f"trial {second.number}: the same {' and '.join(same)} as in trial {first.number} at every sample: it is "
-            f"a copy, "
-            "and makes the scatter look smaller; reject one (pianorig annotate)"
+            f"trial {second.number}: the same {' and '.join(same)} as in trial {first.number} at every sample: it is a "
+            "copy"
         )
         out.append(SessionFinding("duplicated trial", second.number, "", float(first.number), 0.0, text))
     return out
@@ -205,79 +201,91 @@ def force_reach(tested: ModelUnderTest, m: MeasuredTrial, start_s: float, end_s:
     return float(tested.store.value("force reach", inputs, run))
 
 
-APART = 1.25
-ALSO = 1.05
-OVER_SPREAD = 4.0
-FEWEST = 2
+SMOOTH_S = 0.02  # within which the spike at the key's bed scatters
+APART = 0.22  # of the force's size: a stroke that is a quarter louder
+ALIKE = 0.07  # strokes of one plan lie that close together at most
+OVER_ALIKE = 3.0
+STEP_S = 1e-3
 
 
-@dataclass(frozen=True)
-class TwoKinds:
-    """Numbers of the weaker and of the stronger trials, and by what they are told apart: medians, unit."""
+def stroke_kinds(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...]:
+    """The trials of each kind of stroke, first trials first; one kind where all are alike.
 
-    weak: tuple[int, ...]
-    strong: tuple[int, ...]
-    words: str
-    unit: str
-    low: float
-    high: float
-
-
-def two_kinds(trials: Sequence[MeasuredTrial]) -> TwoKinds | None:
-    """The two kinds of stroke of a session; None where there is one.
-
-    Conventions: force held for 20 ms and impulse of each stroke, on a logarithmic scale. Two kinds are named when the
-    widest gap between neighbours is more than 25 % and four times the spread within either kind, with two trials or
-    more in each; a single odd trial is left to `validation.findings.between_trials`. Not detectable with fewer than
-    four trials.
+    Conventions: distance of two strokes is the root mean square difference of their forces, since their onsets and
+    averaged over 20 ms, over the root mean square of the larger one, as far as both were recorded. Strokes are joined
+    nearest first (single linkage). The kinds are those before the first join over 0.22 that is also three times as long
+    as the one before it, or as what strokes of one plan lie apart, if that is more. Source: Gower and Ross (1969),
+    Applied Statistics 18, 54.
     """
-    if len(trials) < 2 * FEWEST:
-        return None
     numbers = [m.number for m in trials]
-    impulse = np.array([impulse_n_s(m) for m in trials])
-    held = np.array([sustained_force_n(m) for m in trials])
-    for words, unit, values, other in (
-        ("force held for 20 ms", "N", held, impulse),
-        ("impulse", "N s", impulse, held),
-    ):
-        split = _split(values)
-        if split is None:
+    if len(trials) < 2:
+        return (tuple(numbers),)
+    curves = [_aligned_force(m) for m in trials]
+    joins = sorted((_force_distance(curves[i], curves[j]), i, j) for i, j in combinations(range(len(trials)), 2))
+    group = list(range(len(trials)))
+    longest = ALIKE
+    for distance, i, j in joins:
+        if group[i] == group[j]:
             continue
-        weak = values < split
-        # the action has a part in the one quantity or the other, a stroke of another kind in both
-        if abs(np.log(np.median(other[weak]) / np.median(other[~weak]))) < np.log(ALSO):
-            continue
-        low, high = float(np.median(values[weak])), float(np.median(values[~weak]))
-        lower, upper = (tuple(numbers[i] for i in np.flatnonzero(part)) for part in (weak, ~weak))
-        return TwoKinds(lower, upper, words, unit, low, high)
-    return None
+        if distance > max(APART, OVER_ALIKE * longest):
+            break
+        longest = max(longest, distance)
+        group = [group[i] if g == group[j] else g for g in group]
+    return tuple(tuple(numbers[k] for k, g in enumerate(group) if g == first) for first in dict.fromkeys(group))
 
 
-@finds({"mixed strokes": "Validate the two kinds of stroke apart (conditions of the plan, or pianorig annotate)."})
-def mixed_strokes(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
-    """What is said of two kinds of stroke, if there are two."""
-    kinds = two_kinds(trials)
-    if kinds is None:
+def _aligned_force(m: MeasuredTrial) -> Array:
+    """Force above the preload since its onset, averaged over `SMOOTH_S`."""
+    at = np.arange(-SMOOTH_S, float(m.force.time_s[-1]) - m.quiet.onset_s, STEP_S)
+    weights = np.full(round(SMOOTH_S / STEP_S), STEP_S / SMOOTH_S)
+    return np.convolve(np.interp(at + m.quiet.onset_s, m.force.time_s, m.force.force_n - m.force.preload_n), weights)
+
+
+def _force_distance(one: Array, other: Array) -> float:
+    """Root mean square difference over the root mean square of the larger one, as far as both were recorded."""
+    n = max(min(one.size, other.size) - round(SMOOTH_S / STEP_S), 1)
+    size = max(float(np.sqrt(np.mean(curve[:n] ** 2))) for curve in (one, other))
+    return float(np.sqrt(np.mean((one[:n] - other[:n]) ** 2))) / max(size, 1e-12)
+
+
+@finds({"mixed strokes": "Validate the kinds of stroke apart (conditions of the plan, or pianorig annotate)."})
+def mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
+    """What is said of several kinds of stroke; a stroke of a kind of its own among others is `strokes_of_their_own`."""
+    named = [kind for kind in kinds if len(kind) > 1] or list(kinds)
+    if len(named) < 2:
         return []
-    weak, strong = (", ".join(map(str, part)) for part in (kinds.weak, kinds.strong))
+    held = {m.number: sustained_force_n(m) for m in trials}
+    impulse = {m.number: impulse_n_s(m) for m in trials}
+    parts = [
+        f"{trials_in_words(kind)} ({np.median([held[n] for n in kind]):.3g} N held for 20 ms, "
+        f"{np.median([impulse[n] for n in kind]):.3g} N s)"
+        for kind in named
+    ]
     text = (
-        f"two kinds of stroke: {kinds.words} {kinds.low:.3g} {kinds.unit} in trials {weak} and {kinds.high:.3g} "
-        f"{kinds.unit} in trials {strong}; repeatability and odd trials are those within each kind, and there is no "
-        "band of their mean; for all else validate them apart (conditions of the trial plan, or pianorig annotate)"
+        f"{len(named)} kinds of stroke: {', '.join(parts)}; repeatability and odd trials are those within each kind, "
+        "and there is no band of their mean"
     )
-    return [SessionFinding("mixed strokes", float("nan"), "force", kinds.high / kinds.low, APART, text)]
+    return [SessionFinding("mixed strokes", float("nan"), "force", float(len(named)), 1.0, text)]
 
 
-def _split(values: Array) -> float | None:
-    """The value in the widest gap, when it parts two kinds."""
-    if not np.all(values > 0):
-        return None
-    at = np.sort(np.log(values))
-    gaps = np.diff(at)[FEWEST - 1 : at.size - FEWEST]
-    i = int(gaps.argmax()) + FEWEST - 1
-    within = max(float(at[i] - at[0]), float(at[-1] - at[i + 1]))
-    gap = float(at[i + 1] - at[i])
-    return float(np.exp((at[i] + at[i + 1]) / 2)) if gap > max(np.log(APART), OVER_SPREAD * within) else None
+@finds(
+    {"stroke of its own": "Validate the stroke unlike the others apart, or reject it (pianorig annotate)."}, spoils=BLOW
+)
+def strokes_of_their_own(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
+    """Strokes that are like no other, where others are alike."""
+    if not any(len(kind) > 1 for kind in kinds):
+        return []
+    held = {m.number: sustained_force_n(m) for m in trials}
+    impulse = {m.number: impulse_n_s(m) for m in trials}
+    out = []
+    for number in (kind[0] for kind in kinds if len(kind) == 1):
+        usual_n, usual_n_s = (float(np.median([v for n, v in of.items() if n != number])) for of in (held, impulse))
+        text = (
+            f"trial {number}: its force is unlike that of every other trial: {held[number]:.3g} N held for 20 ms "
+            f"(others {usual_n:.3g} N), {impulse[number]:.3g} N s (others {usual_n_s:.3g} N s); it is pooled with none"
+        )
+        out.append(SessionFinding("stroke of its own", number, "", held[number], usual_n, text))
+    return out
 
 
 ODD = 5.0  # times the usual departure from the median
@@ -326,10 +334,13 @@ def outlying(
     scales: dict[tuple[int, str], float] = {}
     distances: dict[tuple[int, str], float] = {}
     for channel in ENCODER_CHANNELS:
-        curves = on_common_base(base, traces, f"{channel}_measured_rad")
+        sound = {number: trace for number, trace in traces.items() if (number, channel) not in explained}
+        if not sound:
+            continue
+        curves = on_common_base(base, sound, f"{channel}_measured_rad")
         away = _away(curves)
-        for j, (number, ratio, far) in enumerate(zip(traces, distance_ratios(curves), away, strict=True)):
-            if ratio > STANDS_OUT and far > FAR and (number, channel) not in explained:
+        for j, (number, ratio, far) in enumerate(zip(sound, distance_ratios(curves), away, strict=True)):
+            if ratio > STANDS_OUT and far > FAR:
                 ratios.setdefault(number, {})[channel] = float(ratio)
                 scales[number, channel] = _scale(curves, j)
                 distances[number, channel] = float(_away(curves[base <= until_s])[j])
@@ -344,10 +355,10 @@ def outlying(
                 continue
             worst = max(by_channel, key=lambda name: by_channel[name])
         others = f" (also {', '.join(c for c in by_channel if c != worst)})" if len(by_channel) > 1 else ""
-        why = "; ".join([*reasons, *_odd_events(number, events)]) or "no reason found in its force or its events"
+        beside = "".join(f"; {one}" for one in [*reasons, *_odd_events(number, events)])
         text = (
             f"trial {number} stands out in {worst}{others}: {by_channel[worst]:.1f} times as far from the others as is "
-            f"usual; {why}; it is kept, annotate it to leave it out"
+            f"usual (limit {STANDS_OUT:g}){beside}"
         )
         out.append(SessionFinding("outlying trial", number, worst, by_channel[worst], STANDS_OUT, text))
     return out
@@ -390,7 +401,7 @@ def _reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> li
     """What is odd about a trial's readings or its blow."""
     reasons = []
     if np.isfinite(scale):
-        reasons.append(f"its readings are {scale:.3f} times the usual ones all the way: look for a wrong scale")
+        reasons.append(f"its readings are {scale:.3f} times the usual ones all the way")
     peak = {m.number: float(m.force.force_n.max()) for m in measured}
     onset = {m.number: m.quiet.onset_s for m in measured}
     middle = float(np.median(list(peak.values())))
@@ -445,10 +456,8 @@ def outlying_residuals(
     out = []
     for number, (times, channel) in worst.items():
         text = (
-            f"trial {number}: the model, driven by its force, is {times:.0f} times as far from it in {channel} as "
-            "from the other trials, until the release: its force or an encoder is faulty for some time, or its blow "
-            "was "
-            "disturbed; look at this trial's residual"
+            f"trial {number}: the model, driven by its force, is {times:.0f} times as far from it in {channel} as from "
+            f"the other trials, until the release (limit {LARGER:g})"
         )
         out.append(SessionFinding("outlying residual", number, channel, times, LARGER, text))
     return out
@@ -460,7 +469,7 @@ DEVIATIONS = 7.0
 LEAST = 0.005  # of the range
 
 
-@finds({"changed condition": "Look for what changed in action, motor or force channel, and validate both parts apart."})
+@finds({"changed condition": "Look for what changed between the two parts of the session, and validate them apart."})
 def changed_condition(
     tested: ModelUnderTest, trials: Mapping[int, MeasuredTrial], residuals: Residuals
 ) -> list[SessionFinding]:
@@ -489,11 +498,9 @@ def changed_condition(
     if apart <= of_means * max(force_reach(tested, trials[number], *span) for number in (last, first)):
         return []
     text = (
-        f"something changed between trial {last} and trial {first}: the difference from the model in {channel} moves "
-        f"by "
-        f"{100 * apart:.1f} % of its range, {deviations:.0f} times what the trials scatter; action, motor or force "
-        f"channel "
-        "may have changed; validate both parts apart"
+        f"from trial {first} on the difference from the model in {channel} is another one than up to trial {last}, by "
+        f"{100 * apart:.1f} % of its range, {deviations:.0f} standard deviations of the trials' scatter (limit "
+        f"{DEVIATIONS:g})"
     )
     return [SessionFinding("changed condition", float(first), channel, deviations, DEVIATIONS, text)]
 

@@ -1,4 +1,4 @@
-"""Faults of the encoders: wiring, dead channels, scale, lost counts, stuck bits, lifts of the key.
+"""What is seen of the encoders: wiring, no motion, travel, return to rest, stuck bits, gaps at the capstan.
 
 Conventions: nothing is repaired and no trial removed; a finding names the trial, what was found, the limit, what to do.
 Source: each rule compares with the model under test or with the other trials; limits stand beside the rules, and a
@@ -8,7 +8,7 @@ session without faults raises none (`tests/validation/findings/test_planted_faul
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,14 +16,23 @@ from numpy.typing import NDArray
 
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import Event
-from validation.events.key_lift import KeyLift
+from validation.events.key_lift import EXCESS_M, KeyLift
 from validation.events.miswired_encoders import WRONG_WIRED, miswired_channels
-from validation.findings.finding import CHANNEL, CURVES, SessionFinding, finds
+from validation.findings.finding import (
+    CHANNEL,
+    CURVES,
+    SessionFinding,
+    finding_of,
+    finds,
+    name_trials,
+    uncertainty_of_mean,
+)
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.predict_session import PredictedAngles
 
 STANDS_STILL = 0.01  # of the predicted range
+MOVES_AS_PREDICTED = 0.5  # of the predicted range, at least
 
 
 @finds(
@@ -41,36 +50,35 @@ def wiring(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
         is_swapped = recorded_as != name
         parts = []
         if is_swapped:
-            parts.append(f"what is recorded as {recorded_as} moves as the {name} should; channels are swapped")
+            parts.append(f"what is recorded as {recorded_as} moves as the {name} should (swapped channels)")
         if found.reversed:
             parts.append("it turns the wrong way round (sign flip)")
         text = (
             f"trial {m.number}: encoder {name}: {', and '.join(parts)}; error {100 * found.error:.0f} % of the "
-            f"predicted motion, {100 * found.error_rewired:.0f} % the other way; it counts in no pooled figure; "
-            "correct the rig file's channels or signs and record again"
+            f"predicted motion, {100 * found.error_rewired:.0f} % the other way, in motion and at rest"
         )
         kind = "swapped channels" if is_swapped else "sign flip"
         out.append(SessionFinding(kind, m.number, name, found.error, WRONG_WIRED, text))
     return out
 
 
-@finds({"dead channel": "Check scale, cable and counter of the encoder that stands still."}, spoils=CHANNEL)
+@finds({"no motion": "Check scale, cable and counter of the encoder that stands still."}, spoils=CHANNEL)
 def dead(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Encoders that stand still while their body should move."""
+    """Encoders that stand still while another one moves as predicted and theirs should."""
+    known = np.isfinite(p.angle_rad[:, 0])
+    moved = np.ptp(m.change_rad, axis=0)
+    expected = np.array([np.ptp(p.change_rad(name)[known]) for name in ENCODER_CHANNELS])
     out = []
     for i, name in enumerate(ENCODER_CHANNELS):
-        moved, expected = (
-            np.ptp(m.change_rad[:, i]),
-            np.ptp(p.change_rad(name)[np.isfinite(p.angle_rad[:, 0])]),
-        )
-        if moved < STANDS_STILL * expected:
+        others = np.delete(moved > MOVES_AS_PREDICTED * expected, i)
+        if moved[i] < STANDS_STILL * expected[i] and others.any():
             text = (
-                f"trial {m.number}: encoder {name}: it moves by {1e3 * moved:.2f} mrad where {1e3 * expected:.0f} mrad "
-                "are predicted (dead channel); check scale, cable and counter"
+                f"trial {m.number}: encoder {name}: it moves by {1e3 * moved[i]:.2f} mrad where "
+                f"{1e3 * expected[i]:.0f} mrad are predicted (limit {100 * STANDS_STILL:g} %), while another "
+                "one moves as predicted"
             )
-            out.append(
-                SessionFinding("dead channel", m.number, name, float(moved), float(STANDS_STILL * expected), text)
-            )
+            limit = float(STANDS_STILL * expected[i])
+            out.append(SessionFinding("no motion", m.number, name, float(moved[i]), limit, text))
     return out
 
 
@@ -78,13 +86,9 @@ STOPS_MAY = 0.05
 SCALE_ONLY = 0.2
 MOVES_RAD = 2e-3
 PRESSED = 0.25  # of the key's dip, in the prediction
-AGREE = 0.25  # of the deviation, largest scatter between trials
 ON_FELT_S = 0.01
 SHARP_M_PER_S = 0.15  # beyond what gravity turns round within SHARP_S
 SHARP_S = (1e-3, 4e-3)
-DECODING = {0.25: "decoded × 1 and declared × 4", 0.5: "decoded × 2 and declared × 4, or × 1 and × 2"}
-DECODING |= {2.0: "twice the counts declared", 4.0: "decoded × 4 and declared × 1"}
-NEAR_DECODING = 0.03
 
 
 @dataclass(frozen=True)
@@ -135,22 +139,16 @@ def _turns_sharply(time: Array, way: Array, step: float) -> bool:
     return bool(min(rise, fall) > SHARP_M_PER_S)
 
 
-@finds({"encoder scale": "Check decoding and lines per revolution of the encoder in the rig file."}, spoils=CHANNEL)
-@finds(
-    {
-        "encoder scale or stops": "Measure key dip and blow distance, and check the scale of the encoder.",
-        "stops not reached": "Look at the action: key and whippen end elsewhere than at its stops.",
-    }
-)
+@finds({"gross travel difference": "Check decoding and lines per revolution of the encoder, and its place."},
+       spoils=CHANNEL)  # fmt: skip
+@finds({"travel difference": "Measure key dip and blow distance, and check the scale of the encoder."})
 def encoder_travel(travels: Mapping[int, Travel], without: Sequence[tuple[int, str]] = ()) -> list[SessionFinding]:
-    """Encoders whose travel does not fit the action's stops or levers.
+    """Encoders whose travel is not the model's, and in which trials.
 
     Conventions: ratios of largest angles, trial over prediction, which share stops and levers and not their timing.
     *Lever*: whippen over key, in every stroke. *Stops*: key and whippen where the predicted key meets its felt; hammer
-    where both turn round sharply at the top. A lever that differs is a wrong scale, of the encoder whose travel misses
-    the stops; key and whippen alike are a key dip that is not the model's, or a key that is blocked. A wrong scale of
-    the hammer and another blow distance give the same ratio: between 5 % and 20 % the two are named together, beyond 20
-    % only a scale is left. Detectable from 5 %; without faults the ratios are within 1 %.
+    where both turn round sharply at the top. Stated from 5 %; without faults the ratios are within 1 %. From 20 % on a
+    channel is left out where the other encoders' travel is the model's; key and whippen alike are the motion's.
 
     Parameters
     ----------
@@ -161,28 +159,27 @@ def encoder_travel(travels: Mapping[int, Travel], without: Sequence[tuple[int, s
     """
     hammer = {n: float(t.ratio[2]) for n, t in travels.items() if (n, "hammer") not in without}
     lower = {n: t for n, t in travels.items() if not {(n, "key"), (n, "whippen")} & set(without)}
-    return _key_and_whippen(lower, len(travels)) + _scales("hammer", hammer, len(travels))
-
-
-def _key_and_whippen(travels: Mapping[int, Travel], n_trials: int) -> list[SessionFinding]:
-    """A lever that differs, or stops that both miss."""
-    apart = {n: t for n, t in travels.items() if abs(t.lever - 1) > STOPS_MAY}
-    told = Counter(_off(t) for t in apart.values() if np.isfinite(t.ratio[:2]).all())
-    by_name: dict[str, dict[int, float]] = {"key": {}, "whippen": {}}
-    for number, t in apart.items():
-        name = _off(t) if np.isfinite(t.ratio[:2]).all() else (told.most_common(1)[0][0] if told else "")
-        if name:
-            by_name[name][number] = t.lever if name == "whippen" else 1 / t.lever
-    out = [f for name, ratios in by_name.items() for f in _scales(name, ratios, n_trials)]
-    if apart and not told:
-        lever = float(np.median([t.lever for t in apart.values()]))
-        if len(apart) >= max(2, n_trials // 2):
-            out.append(_lever(lever))
-    alike = {n: t for n, t in travels.items() if n not in apart and np.isfinite(t.ratio[:2]).all()}
-    gross = {n: float(t.ratio[0]) for n, t in alike.items() if abs(t.ratio[0] - 1) > SCALE_ONLY}
-    out += [_not_reached(number, ratio) for number, ratio in gross.items()]
-    held = {n: float(t.ratio[0]) for n, t in alike.items() if t.held and n not in gross}
-    return out + _scales("key", held, n_trials)
+    ratios: dict[str, dict[int, float]] = {"key": {}, "whippen": {}, "key and whippen": {}, "hammer": hammer}
+    levers: dict[int, float] = {}
+    told = Counter(_off(t) for t in lower.values() if abs(t.lever - 1) > STOPS_MAY and np.isfinite(t.ratio[:2]).all())
+    for number, t in lower.items():
+        reached = bool(np.isfinite(t.ratio[:2]).all())
+        if abs(t.lever - 1) > STOPS_MAY and (reached or told):
+            # a trial that reached the stops tells of which encoder; the others have the same encoders
+            name = _off(t) if reached else told.most_common(1)[0][0]
+            ratios[name][number] = t.lever if name == "whippen" else 1 / t.lever
+        elif abs(t.lever - 1) > STOPS_MAY:
+            levers[number] = t.lever
+        elif reached and (t.held or abs(t.ratio[0] - 1) > SCALE_ONLY):
+            ratios["key and whippen"][number] = float(t.ratio[0])
+    out = [f for name, found in ratios.items() for f in _travel(name, found, travels)]
+    if levers:
+        text = (
+            f"encoders key and whippen: {name_trials(levers, travels)} the whippen turns {_mean(levers)} times as far "
+            f"for the key's turn as in the model (limit {100 * STOPS_MAY:g} %)"
+        )
+        out.append(finding_of("travel difference", "key", levers, STOPS_MAY, text))
+    return out
 
 
 def _off(t: Travel) -> str:
@@ -190,63 +187,34 @@ def _off(t: Travel) -> str:
     return "whippen" if abs(t.ratio[1] - 1) > abs(t.ratio[0] - 1) else "key"
 
 
-def _scales(name: str, ratios: Mapping[int, float], n_trials: int) -> list[SessionFinding]:
-    """A gross scale of single trials, or a smaller one that all trials share."""
-    found = {n: r for n, r in ratios.items() if np.isfinite(r)}
-    gross = {n: r for n, r in found.items() if not 1 - SCALE_ONLY < r < 1 + SCALE_ONLY}
-    out = [_scale(number, name, ratio) for number, ratio in gross.items()]
-    rest = np.array([r for n, r in found.items() if n not in gross])
-    if rest.size < max(2, n_trials // 2):
-        return out
-    middle = float(np.median(rest))
-    if abs(middle - 1) > STOPS_MAY and float(np.abs(rest - middle).max()) < AGREE * abs(middle - 1):
-        out.append(_travel(name, middle))
+def _travel(name: str, ratios: Mapping[int, float], among: Collection[int]) -> list[SessionFinding]:
+    """What is said of the travel of one channel: gross differences apart from small ones."""
+    both = " and " in name
+    head, verb = (f"encoders {name}", "they travel") if both else (f"encoder {name}", "it travels")
+    away = {n: r for n, r in ratios.items() if abs(r - 1) > STOPS_MAY}
+    gross = {n: r for n, r in away.items() if abs(r - 1) > SCALE_ONLY and not both}
+    parts = [("gross travel difference", {n: r}, SCALE_ONLY) for n, r in gross.items()]  # each is left out
+    parts.append(("travel difference", {n: r for n, r in away.items() if n not in gross}, STOPS_MAY))
+    out = []
+    for kind, part, limit in parts:
+        if part:
+            text = (
+                f"{head}: {name_trials(part, among)} {verb} {_mean(part)} times as far as in "
+                f"the model (limit {100 * limit:g} %)"
+            )
+            out.append(finding_of(kind, "key" if both else name, part, limit, text))
     return out
 
 
-def _lever(ratio: float) -> SessionFinding:
-    text = (
-        f"encoders key and whippen: the whippen turns {ratio:.3f} times as far for the key's turn as the levers of "
-        f"this "
-        f"action make it (limit {100 * STOPS_MAY:g} %): the scale of one of them is wrong; no stroke reached the "
-        f"stops, "
-        "which would tell of which"
-    )
-    return SessionFinding("encoder scale or stops", float("nan"), "key", ratio, STOPS_MAY, text)
-
-
-def _not_reached(number: int, ratio: float) -> SessionFinding:
-    text = (
-        f"trial {number}: key and whippen travel {ratio:.3f} times as far as between the stops of this action: the "
-        f"key is "
-        "blocked or goes past its bed, or the scales of both encoders are wrong; look at the action"
-    )
-    return SessionFinding("stops not reached", number, "key", ratio, SCALE_ONLY, text)
-
-
-def _scale(number: int, name: str, ratio: float) -> SessionFinding:
-    like = [words for by, words in DECODING.items() if abs(ratio / by - 1) < NEAR_DECODING]
-    hint = f", as if {like[0]}" if like else ""
-    text = (
-        f"trial {number}: encoder {name}: it travels {ratio:.3f} times as far as between the stops of this "
-        f"action{hint}: its "
-        "scale is wrong; it counts in no pooled figure; check decoding, lines per revolution and interpolation in the "
-        "rig file"
-    )
-    return SessionFinding("encoder scale", number, name, ratio, SCALE_ONLY, text)
-
-
-def _travel(name: str, ratio: float) -> SessionFinding:
-    stop = "blow distance" if name == "hammer" else "key dip"
-    text = (
-        f"encoder {name}: in all trials it travels {ratio:.3f} times as far as between the stops of this action (limit "
-        f"{100 * STOPS_MAY:g} %): its scale is wrong, or the {stop} is not that of the model; measure the {stop}"
-    )
-    return SessionFinding("encoder scale or stops", float("nan"), name, ratio, STOPS_MAY, text)
+def _mean(values: Mapping[int, float]) -> str:
+    u = uncertainty_of_mean(values.values())
+    mean = f"{np.mean(list(values.values())):.3f}"
+    return f"{mean} (u {u:.1g})" if np.isfinite(u) else mean
 
 
 END_S = 0.05
 STILL_RAD = 0.3e-3
+DRIFTS = 0.5  # of the rate that leads from the first reading to the last
 RETURNS_RAD = (3e-3, 5e-3, 1.5e-3)  # key, whippen, hammer: friction lets a soft stroke rest up to half of it away
 
 
@@ -270,11 +238,11 @@ def at_rest_again(m: MeasuredTrial) -> NDArray[np.bool_]:
     spoils=CURVES,
 )
 def encoder_return(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Encoders that stand still elsewhere than where they began, though the stroke is over.
+    """Encoders that do not read at the end of the record what they read before the stroke, though the stroke is over.
 
-    Conventions: rad, changes since rest; the last 50 ms of the record. An encoder that stands still elsewhere, while
-    the model or the two others are back, has lost or gained counts, or its body rests elsewhere: the two cannot be told
-    apart. Detectable from 3, 5 and 1.5 mrad.
+    Conventions: rad, changes since rest; the last 50 ms of the record. Named is an encoder that reads something else
+    and stands still, or goes on at the rate that led there, while the model or the two others are back at rest.
+    Stated from 3, 5 and 1.5 mrad.
     """
     end = m.change_rad[end_of(m)].mean(axis=0)
     still, back = stands_still(m), at_rest_again(m)
@@ -286,18 +254,22 @@ def encoder_return(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]
         abs(float(p.change_rad(name)[last])) < limit for name, limit in zip(ENCODER_CHANNELS, RETURNS_RAD, strict=True)
     )
     over = model_back or int(back.sum()) == 2
+    rate = np.polyfit(m.time_s[end_of(m)], m.change_rad[end_of(m)], 1)[0]
     out = []
     for i, name in enumerate(ENCODER_CHANNELS):
-        if not over or not still[i] or back[i]:
+        if not over or back[i] or abs(end[i]) < RETURNS_RAD[i]:
+            continue
+        others = int(np.delete(back, i).sum()) == 2
+        drifts = others and abs(rate[i] * (m.time_s[-1] - m.time_s[0]) / end[i] - 1) < DRIFTS
+        if not (still[i] or drifts):
             continue
         counts = end[i] / m.resolution_rad[i]
         text = (
-            f"trial {m.number}: encoder {name}: at rest after the stroke it reads {1e3 * end[i]:+.2f} mrad against "
-            f"before, "
-            f"{counts:+.0f} counts (limit {1e3 * RETURNS_RAD[i]:g} mrad): counts were lost or gained, or the body "
-            f"rests "
-            "elsewhere; check signal levels and largest count rate of the reader"
+            f"trial {m.number}: encoder {name}: at the end of the record it reads {1e3 * end[i]:+.2f} mrad against "
+            f"before, {counts:+.0f} counts (limit {1e3 * RETURNS_RAD[i]:g} mrad)"
         )
+        if not still[i]:
+            text += f", and goes on by {1e3 * rate[i]:+.2g} mrad/s while the other two stand where they began"
         out.append(SessionFinding("encoder return", m.number, name, float(end[i]), RETURNS_RAD[i], text))
     return out
 
@@ -328,8 +300,7 @@ def stuck_bits(m: MeasuredTrial) -> list[SessionFinding]:
             if sector.size <= FILLED:
                 text = (
                     f"trial {m.number}: encoder {name}: of the values of the counter's bit {bit} only half occur: the "
-                    f"bit is "
-                    f"stuck, an error of up to {2**bit} counts; check cable and counter"
+                    f"bit is stuck, which shifts a reading by up to {2**bit} counts"
                 )
                 out.append(SessionFinding("stuck bit", m.number, name, float(bit), float(FILLED), text))
                 break
@@ -340,9 +311,12 @@ def stuck_bits(m: MeasuredTrial) -> list[SessionFinding]:
 LIFT_LATE_M = 0.15e-3  # as stated, which is some 70 % of the true lift
 
 
-@finds({"key lift": ""})
-def lifts(by_trial: Mapping[int, Sequence[KeyLift]], release_s: Mapping[int, float]) -> list[SessionFinding]:
-    """The largest lift of each trial that has one; after the release the model's timing tells large ones only."""
+@finds({"capstan gap": ""})
+def capstan_gaps(by_trial: Mapping[int, Sequence[KeyLift]], release_s: Mapping[int, float]) -> list[SessionFinding]:
+    """The largest disagreement of key and whippen of each trial that has one (`validation.events.key_lift`).
+
+    After the release the model's timing tells large ones only.
+    """
     out = []
     for number, every in by_trial.items():
         found = [x for x in every if x.lift_m > LIFT_LATE_M or not x.largest_at_s > release_s[number]]
@@ -351,8 +325,9 @@ def lifts(by_trial: Mapping[int, Sequence[KeyLift]], release_s: Mapping[int, flo
         worst = max(found, key=lambda x: x.gap_m)
         times = "once" if len(found) == 1 else f"{len(found)} times"
         text = (
-            f"trial {number}: key: lifts off its balance rail {times}, by about {1e3 * worst.lift_m:.2f} mm at "
-            f"{worst.largest_at_s:.4f} s; these samples are left out of the scores"
+            f"trial {number}: key and whippen encoders disagree {times} at the loaded capstan, by up to "
+            f"{1e3 * worst.gap_m:.2f} mm at {worst.largest_at_s:.4f} s (limit {1e3 * EXCESS_M:g} mm); these samples "
+            "are left out of the scores of the key"
         )
-        out.append(SessionFinding("key lift", number, "key", worst.lift_m, 0.0, text))
+        out.append(SessionFinding("capstan gap", number, "key", worst.gap_m, EXCESS_M, text))
     return out

@@ -19,8 +19,8 @@ MOVES = 0.02  # of the largest speed: a frame in which the whippen moves tells t
 
 @finds(
     {
-        "camera offset": "Check trigger frame, exposure and delay of the camera.",
-        "film clock": "Check the camera's rate and look for lost frames.",
+        "film time offset": "Check trigger frame, exposure and delay of the camera.",
+        "film time drift": "Check the camera's rate and look for lost frames.",
     },
     spoils=CURVES,
 )
@@ -38,12 +38,12 @@ def clock_is_off(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list
     limit = max(CLOCK_S, 3 * float(np.hypot(u, film.u_time_s)))
     if not abs(offset) > limit:
         return []
-    side = "late" if offset > 0 else "early"
+    side = "later" if offset > 0 else "earlier"
     text = (
-        f"trial {m.number}: film: frame times are {1e3 * abs(offset):.2f} ms {side} against the whippen's encoder "
-        f"(u {1e3 * u:.3f} ms, limit {1e3 * limit:.2f} ms); check trigger frame, exposure and delay of the camera"
+        f"trial {m.number}: film: it shows the whippen's motion {1e3 * abs(offset):.2f} ms {side} than its encoder "
+        f"(u {1e3 * u:.3f} ms, limit {1e3 * limit:.2f} ms)"
     )
-    return [SessionFinding("camera offset", m.number, "film", offset, limit, text)]
+    return [SessionFinding("film time offset", m.number, "film", offset, limit, text)]
 
 
 def clock_runs_away(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
@@ -75,13 +75,12 @@ def clock_runs_away(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> l
         centre.append(float(np.average(moves[here], weights=weight[here])))
     frame = float(np.median(np.diff(film.time_s)))
     text = (
-        f"trial {m.number}: film: frame times run {1e3 * abs(by):.2f} ms {'behind' if by < 0 else 'ahead'} between the "
-        f"strokes down and up, against the whippen's encoder (limit {1e3 * limit:.2f} ms): the rate of film or DAQ is "
-        f"wrong by "
-        f"{100 * abs(by) / (centre[1] - centre[0]):.2f} %, or some {abs(by) / frame:.0f} frames were lost or counted "
-        f"twice"
+        f"trial {m.number}: film: between the strokes down and up its times {'fall' if by < 0 else 'run'} "
+        f"{1e3 * abs(by):.2f} ms {'behind' if by < 0 else 'ahead of'} the whippen's encoder (u {1e3 * u:.3f} ms, limit "
+        f"{1e3 * limit:.2f} ms): {100 * abs(by) / (centre[1] - centre[0]):.2f} % of the time between, or "
+        f"{abs(by) / frame:.0f} frames"
     )
-    return [SessionFinding("film clock", m.number, "film", by, limit, text)]
+    return [SessionFinding("film time drift", m.number, "film", by, limit, text)]
 
 
 def clock_offset(film_s: Array, film_rad: Array, time_s: Array, angle_rad: Array) -> tuple[float, float]:
@@ -119,7 +118,7 @@ SCALES_MAY = 0.05  # also what a late film does to the regression
         "film mirrored": "Mirror the film and track it again.",
         "film bodies swapped": "Correct the names of the outlines and track the film again.",
         "film body reversed": "Check the outlines and track the film again.",
-        "film or encoder scale": "Check the scale of the whippen's encoder, and whether the film was seen at an angle.",
+        "film travel difference": "Check the scale of the whippen's encoder and of the film.",
     }
 )
 def film_wiring(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: bool) -> list[SessionFinding]:
@@ -145,26 +144,22 @@ def film_wiring(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: bool) ->
         text = (
             f"trial {m.number}: film: "
             + ", ".join(f"what is tracked as {source} moves as the {name} should" for name, source in swapped.items())
-            + "; bodies are swapped, correct the outlines' names and track again"
+            + " (swapped bodies), in motion and at rest"
         )
         out.append(SessionFinding("film bodies swapped", m.number, "film", float(len(swapped)), 0.0, text))
     seen = len(turned) == len(FILM_CHANNELS)
     if (whippen < MIRRORED and (seen or not turned)) or (np.isnan(whippen) and seen):
-        text = (
-            f"trial {m.number}: film: all bodies turn the wrong way round: the film is mirrored, or was seen from the "
-            f"other "
-            "side; mirror it and track again"
-        )
+        text = f"trial {m.number}: film: all bodies turn the other way round than their encoder and prediction"
         out.append(SessionFinding("film mirrored", m.number, "film", whippen, MIRRORED, text))
     elif turned:
-        text = f"trial {m.number}: film: {' and '.join(turned)} turn the wrong way round; check the outlines"
+        text = f"trial {m.number}: film: {' and '.join(turned)} turn the other way round than predicted"
         out.append(SessionFinding("film body reversed", m.number, turned[0], float(len(turned)), 0.0, text))
     if not out and abs(whippen - 1) > SCALES_MAY:
         text = (
             f"trial {m.number}: film: its whippen moves {whippen:.3f} times as far as the encoder's (limit "
-            f"{100 * SCALES_MAY:g} %): the scale of one of them is wrong, or the film is seen at an angle"
+            f"{100 * SCALES_MAY:g} %)"
         )
-        out.append(SessionFinding("film or encoder scale", m.number, "film", whippen, SCALES_MAY, text))
+        out.append(SessionFinding("film travel difference", m.number, "film", whippen, SCALES_MAY, text))
     return out
 
 

@@ -18,13 +18,15 @@ from validation.findings.between_trials import (
     outlying,
     outlying_residuals,
     residuals_of,
-    two_kinds,
+    short_records,
+    stroke_kinds,
+    strokes_of_their_own,
 )
 from validation.findings.encoders import (
+    capstan_gaps,
     dead,
     encoder_return,
     encoder_travel,
-    lifts,
     stuck_bits,
     travel_of,
     wiring,
@@ -43,7 +45,8 @@ from validation.findings.finding import (
     sound_trials,
 )
 from validation.findings.force import force_delay, force_drift, force_lag, force_sign_and_unit
-from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
+from validation.findings.let_off_and_check import check_difference_m, let_off_and_check, let_off_way_m
+from validation.findings.readings import encoder_readings, force_stands_still, starts_at_rest
 from validation.findings.unusable import UnusableData, unusable_data, unusable_pairs
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -84,21 +87,28 @@ def find_faults(
     """Faults of the session, wiring first."""
     trials = predicted.trials
     found = [f for check in OF_TRIALS for f in check(trials)]
+    found += [f for m in trials for f in starts_at_rest(m, tested.geometry_at(m.force.preload_n))]
+    begun = {f.trial for f in found if f.kind == "no rest at the start"}
+    if begun:  # nothing that follows holds of them
+        kept = tuple(m.number for m in trials if m.number not in begun)
+        predicted, events, scored = _only(kept, predicted, events, scored)
+        trials = predicted.trials
+    if not trials:
+        return SessionFindings(tuple(found))
     found += _single_trials(predicted, events, tested)
     travel = _travel(predicted, events, tested, found)
-    let_off = _regulation(predicted, events, tested, [*found, *travel])
-    if any(f.kind == "regulation" for f in let_off):  # the button also stops the whippen
-        travel = [f for f in travel if (f.kind, f.channel) != ("encoder scale or stops", "whippen")]
-    found += travel + let_off
-    kinds = two_kinds(trials)
-    found += mixed_strokes(trials)
-    found += _lifts(events, found)
-    for numbers in [tuple(m.number for m in trials)] if kinds is None else [kinds.weak, kinds.strong]:
+    found += travel + _let_off_and_check(predicted, events, tested, [*found, *travel])
+    kinds = stroke_kinds([m for m in trials if m.has_force])
+    found += mixed_strokes(trials, kinds) + strokes_of_their_own(trials, kinds)
+    found += _capstan_gaps(events, found)
+    for numbers in kinds:
         of_kind = _only(numbers, predicted, events, scored)
+        found += short_records(of_kind[0].trials)
         odd = _odd_trials(*of_kind, tested, found)
         found += odd + _residuals(*of_kind[:2], tested, [*found, *odd])
-    apart = () if kinds is None else (kinds.weak, kinds.strong)
-    return SessionFindings(tuple(found), apart)
+    own = any(len(kind) > 1 for kind in kinds)
+    apart = tuple(kind for kind in kinds if len(kind) > 1 or not own)
+    return SessionFindings(tuple(found), apart if len(apart) > 1 else ())
 
 
 def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest) -> list[SessionFinding]:
@@ -111,11 +121,14 @@ def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: M
         until = release.value if release.status != "absent" else float(m.time_s[-1])
         wrong = force_sign_and_unit(tested, m, p, until)
         forces = wrong or force_drift(m)
-        encoders = stuck_bits(m) + ([] if wrong else wiring(m, p) + dead(m, p) + encoder_return(m, p))
-        sound = not any(f.channel == "whippen" for f in encoders)
+        forces = forces + force_stands_still(m)
+        readings = encoder_readings(m, p)
+        encoders = [*readings, *_of_others(stuck_bits(m), readings)]
+        encoders += [] if wrong else _of_others(wiring(m, p) + dead(m, p) + encoder_return(m, p), readings)
+        sound = not any(f.channel in ("whippen", "") for f in encoders)
         films = film_wiring(m, p, whippen_sound=sound)
         films += camera_clock(m) if sound and not films else []
-        if not forces and not any(f.channel == "key" for f in encoders):
+        if not forces and not any(f.channel in ("key", "") for f in encoders):
             lags[m.number] = force_lag(m, p)
         found += [f for check in OF_TRIAL for f in check(m)] + forces + encoders + films
     return found + force_delay(lags)
@@ -138,11 +151,11 @@ def _travel(
     return encoder_travel(travels, [(int(f.trial), f.channel) for f in found if f.trial == f.trial])
 
 
-def _regulation(
+def _let_off_and_check(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
     """Let-off and check, of the trials without a fault of an encoder or of the force; a scale explains both."""
-    if any(f.kind == "encoder scale or stops" and f.channel == "hammer" for f in found):
+    if any(f.kind == "travel difference" and f.channel == "hammer" for f in found):
         return []
     let_off, check = {}, {}
     for m in sound_trials(predicted.trials, found):
@@ -150,7 +163,7 @@ def _regulation(
         p = predicted.predictions[m.number].model
         let_off[m.number] = let_off_way_m(m, p, own, model, tested.geometry_at(m.force.preload_n))
         check[m.number] = check_difference_m(own, model)
-    return regulation(let_off, check)
+    return let_off_and_check(let_off, check)
 
 
 def _only(
@@ -191,22 +204,29 @@ def _residuals(
     """What only the model finds odd: one trial, or all from one on."""
     sound: list[MeasuredTrial] = sound_trials(predicted.trials, found)
     odd = outlying_residuals(tested, {m.number: m for m in sound}, residuals_of(predicted, events, sound))
-    lifted = {f.trial for f in found if f.kind == "key lift"}  # which explains it
+    lifted = {f.trial for f in found if f.kind == "capstan gap"}  # which explains it
     odd = [f for f in odd if f.trial not in lifted]
     rest = sound_trials(sound, odd)
     by_number = {m.number: m for m in rest}
     return odd + changed_condition(tested, by_number, residuals_of(predicted, events, rest))
 
 
-def _lifts(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:
-    """Lifts of the key, where nothing else makes key and whippen encoder disagree."""
-    scaled = any(f.kind == "encoder scale or stops" and f.channel != "hammer" for f in found)
-    if scaled or any(f.kind in ("regulation", "force delay") for f in found if f.trial != f.trial):
+def _capstan_gaps(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:
+    """Disagreements of key and whippen, where nothing else is said of what they or the force read."""
+    travel = any(f.kind == "travel difference" and f.channel != "hammer" for f in found)
+    if travel or any(f.kind in ("let-off", "force lag") for f in found):
         return []
     broken = {
         f.trial
         for f in found
-        if f.kind in ("encoder return", "stuck bit") or KINDS[f.kind].spoils in (CHANNEL, PREDICTION)
+        if f.kind in ("encoder return", "stuck bit", "reading leaps", "reading stands still", "gap")
+        or KINDS[f.kind].spoils in (CHANNEL, PREDICTION)
     }
     release = {number: e["key_release"].value for number, e in events.trial.items()}
-    return lifts({number: x for number, x in events.lifts.items() if number not in broken}, release)
+    return capstan_gaps({number: x for number, x in events.lifts.items() if number not in broken}, release)
+
+
+def _of_others(found: Sequence[SessionFinding], before: Sequence[SessionFinding]) -> list[SessionFinding]:
+    """Findings of channels of which nothing is said before; a gap is said of all of them."""
+    said = {f.channel for f in before}
+    return [] if "" in said else [f for f in found if f.channel not in said]

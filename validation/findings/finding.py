@@ -14,7 +14,7 @@ from validation.measurement.trial import MeasuredTrial, trials_in_words
 
 @dataclass(frozen=True)
 class SessionFinding:
-    """One fault: its kind, the trial and channel (NaN and empty for the whole session), value, limit, and words."""
+    """What is seen: its kind, trial (NaN for several) and channel, value, limit, words, and all trials that have it."""
 
     kind: str
     trial: float
@@ -22,6 +22,12 @@ class SessionFinding:
     value: float
     limit: float
     text: str
+    trials: tuple[int, ...] = ()
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """All trials that have it; empty where that is not known."""
+        return self.trials or ((int(self.trial),) if np.isfinite(self.trial) else ())
 
 
 CHANNEL, CURVES, BLOW, PREDICTION = "channel", "curves", "blow", "prediction"
@@ -40,11 +46,12 @@ KINDS = {
     "force gain": Kind(
         PREDICTION, "Calibrate the load cell (pianorig calibrate-force); loosen nothing in the action for this."
     ),
+    "force delay": Kind("", "Measure the delay of the force channel and state it in the rig file."),
+    "encoder scale": Kind("", "Check the scale of the encoder."),
     "force level": Kind(PREDICTION, "Zero the load cell, check its mounting; loosen nothing in the action for this."),
 }
-"""Every kind of finding: faults of the session and causes that nothing else the toolkit knows explains as well. These
-two are of the search for causes (`validation.identification.difference`); the checks of this folder enter theirs by
-`finds`."""
+"""Every kind of finding: what is seen, and causes that the search names among those it compared. Those above are of the
+search (`validation.identification.difference`); the checks of this folder enter theirs by `finds`."""
 Check = TypeVar("Check", bound=Callable[..., Any])
 OF_TRIAL: list[Callable[[MeasuredTrial], list[SessionFinding]]] = []
 OF_TRIALS: list[Callable[[Sequence[MeasuredTrial]], list[SessionFinding]]] = []
@@ -70,20 +77,43 @@ def finds(
     return entered
 
 
+def finding_of(kind: str, channel: str, by_trial: Mapping[int, float], limit: float, text: str) -> SessionFinding:
+    """One finding of all trials in ``by_trial``, with the mean of their values."""
+    numbers = tuple(sorted(by_trial))
+    mean = float(np.mean([by_trial[number] for number in numbers]))
+    trial = float(numbers[0]) if len(numbers) == 1 else float("nan")
+    return SessionFinding(kind, trial, channel, mean, limit, text, numbers)
+
+
+def uncertainty_of_mean(values: Collection[float]) -> float:
+    """Standard uncertainty of a mean by the scatter of its values; NaN for one."""
+    return float(np.std(list(values), ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")
+
+
+def name_trials(numbers: Collection[int], among: Collection[int]) -> str:
+    """Exactly those trials: ``in trial 4 (1 of 6)``, ``in all 6 trials``, ``from trial 4 on (3 of 6)``."""
+    own, every = sorted(numbers), sorted(among)
+    n = len(every)
+    if len(own) == n:
+        return f"in all {n} trials" if n > 1 else f"in trial {own[0]}, the only one"
+    if len(own) > 1 and own == every[-len(own) :]:
+        return f"from trial {own[0]} on ({len(own)} of {n} trials)"
+    return f"in {trials_in_words(own)} ({len(own)} of {n} trials)"
+
+
 def summary_line(findings: Sequence[SessionFinding]) -> str:
     """All kinds of finding with their trials in one sentence; empty when there is none."""
     kinds: dict[str, list[int]] = {}
     for f in findings:
         trials = kinds.setdefault(f.kind, [])
-        if np.isfinite(f.trial) and int(f.trial) not in trials:
-            trials.append(int(f.trial))
+        trials.extend(number for number in f.numbers if number not in trials)
     if not kinds:
         return ""
     parts = []
     for kind, trials in kinds.items():
-        where = trials_in_words(trials) if trials else "session"
+        where = trials_in_words(sorted(trials)) if trials else "session"
         parts.append(f"{kind} ({where})")
-    return f"Faults found: {', '.join(parts)}; read the warnings before the scores."
+    return f"Findings: {', '.join(parts)}; read the warnings before the scores."
 
 
 T = TypeVar("T")

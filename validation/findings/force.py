@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, KEY, Array
 from validation.findings.encoders import at_rest_again, end_of
-from validation.findings.finding import OF_TRIAL, PREDICTION, SessionFinding, finds
+from validation.findings.finding import (
+    OF_TRIAL,
+    PREDICTION,
+    SessionFinding,
+    finding_of,
+    finds,
+    name_trials,
+    uncertainty_of_mean,
+)
 from validation.measurement.force_correction import correlation_inflation
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -32,7 +40,7 @@ def hum(m: MeasuredTrial) -> list[SessionFinding]:
         return []
     text = (
         f"trial {m.number}: force: hum of {amplitude:.2f} N at {fit.frequency_hz:.2f} Hz was subtracted "
-        f"(limit {HUM_N:g} N); check shield and ground of the load cell"
+        f"(limit {HUM_N:g} N)"
     )
     return [SessionFinding("hum", m.number, "force", amplitude, HUM_N, text)]
 
@@ -72,8 +80,8 @@ def force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
             continue
         text = (
             f"trial {m.number}: force: {length} readings in a row stay at the {words} value {sign * most:.2f} N from "
-            f"{m.time_s[start]:.4f} s, without the channel's noise of {noise:.3f} N: the channel saturates; widen its "
-            "range"
+            f"{m.time_s[start]:.4f} s, without the channel's noise of {noise:.3f} N (limit {fewest} readings): the "
+            "channel saturates"
         )
         return [SessionFinding("force saturation", m.number, "force", float(length), float(fewest), text)]
     return []
@@ -98,22 +106,22 @@ GROSS = 4.0  # smallest factor that a key which hardly moves is told by: frictio
 TRAVEL = 0.2  # largest difference of travels that are alike
 # what the recorded force would have to be multiplied by, and the mistake that makes it so
 FACTORS = {
-    -1.0: "its sign is reversed",
-    4.448222: "as if pounds-force were taken for newtons",
-    1 / 4.448222: "as if newtons were taken for pounds-force",
-    9.80665: "as if kilograms-force were taken for newtons",
-    1 / 9.80665: "as if newtons were taken for kilograms-force",
-    1e3: "as if kilonewtons were taken for newtons",
-    1e-3: "as if millinewtons were taken for newtons",
-    2.0: "as after a gain or excitation of half the declared one",
-    0.5: "as after a gain or excitation of twice the declared one",
+    -1.0: "reversed",
+    4.448222: "pounds-force to newtons",
+    1 / 4.448222: "newtons to pounds-force",
+    9.80665: "kilograms-force to newtons",
+    1 / 9.80665: "newtons to kilograms-force",
+    1e3: "kilonewtons to newtons",
+    1e-3: "millinewtons to newtons",
+    2.0: "twice",
+    0.5: "half",
 }
 
 
 @finds(
     {
-        "force sign": "Turn the sign of the load cell in the rig file and record again.",
-        "force unit": "Check unit and sensitivity of the load cell in the rig file.",
+        "reversed force": "Turn the sign of the load cell in the rig file and record again.",
+        "force factor": "Check unit and sensitivity of the load cell in the rig file.",
     },
     spoils=PREDICTION,
 )
@@ -197,11 +205,11 @@ def _search(
     error = float(np.sqrt(np.mean(errors**2)))
     best = order[0]
     alike = [factor for factor in order if left[factor] < 1.5 * left[best]]
-    kind = "force sign" if best < 0 else "force unit"
+    kind = "reversed force" if best < 0 else "force factor"
     words = " or ".join(f"× {factor:.4g} ({FACTORS[factor]})" for factor in alike)
     text = (
         f"trial {m.number}: force: the model misses {100 * error:.0f} % of the motion under the force as recorded and "
-        f"{100 * left[best]:.0f} % when it is taken {words}; check sign, unit and calibration of the load cell"
+        f"{100 * left[best]:.0f} % when it is taken {words}"
     )
     return [SessionFinding(kind, m.number, "force", best, MISSED, text)]
 
@@ -278,37 +286,38 @@ def _extended(values: Array, by: int) -> Array:
     return np.pad(values, by, mode="reflect", reflect_type="odd")
 
 
-@finds({"force delay": "Measure the delay of the force channel and state it in the rig file."})
+@finds({"force lag": "Measure the delay of the force channel against the encoders and state it in the rig file."})
 def force_delay(lags: Mapping[int, tuple[float, float]]) -> list[SessionFinding]:
-    """A delay of the force in all trials, or in one trial alone; ``lags`` are those of `force_lag` by trial.
+    """The lag of the force behind the key's acceleration, in the trials that have one; ``lags`` are of `force_lag`.
 
     Conventions: s, positive when the force comes late after the declared delay was taken off. The motor's own inertia
     makes force and acceleration rise together, whatever the friction; both are filtered alike, 30 to 400 Hz, and the
     lag of their best correlation is compared with the lag in the prediction, where motion follows the same force by the
-    laws alone. Detectable from 0.5 ms where the correlation is above 0.85 (forte), from 1.2 ms above 0.5; silent below.
-    The median of the trials counts; one trial of its own is named when it is as far from the others. Positive lags are
-    also made by a clock that differs between the channels: the two cannot be told apart.
+    laws alone. Stated from 0.5 ms where the correlation is above 0.85 (forte), from 1.2 ms above 0.5; silent below, and
+    where fewer than half of the trials show it. Lags that are not alike are stated trial by trial.
     """
     known = {n: v for n, v in lags.items() if np.isfinite(v[0])}
     if not known or len(known) < (len(lags) + 1) // 2:
         return []
-    lag = float(np.median([v[0] for v in known.values()]))
-    limit = float(np.median([v[1] for v in known.values()]))
-    if abs(lag) > limit:
-        return [_finding(float("nan"), "in all trials ", lag, limit)]
-    return [
-        _finding(float(n), f"trial {n}: ", v[0], v[1]) for n, v in known.items() if abs(v[0]) > v[1] < abs(v[0] - lag)
-    ]
+    away = {n: v[0] for n, v in known.items() if abs(v[0]) > v[1]}
+    if not away:
+        return []
+    limit = float(np.median([known[n][1] for n in away]))
+
+    beside = f"force: {name_trials(away, lags)} it lags the key's acceleration"
+    stated = f"than in the model (limit {1e3 * limit:.1f} ms)"
+    if np.ptp(list(away.values())) > limit:
+        each = ", ".join(f"{_ms(lag)} in trial {n}" for n, lag in sorted(away.items()))
+        text = f"{beside} otherwise {stated}: {each}"
+    else:
+        u = uncertainty_of_mean(away.values())
+        text = f"{beside} by {_ms(float(np.mean(list(away.values()))))} {stated}"
+        text += f", u {1e3 * u:.1g} ms" if np.isfinite(u) else ""
+    return [finding_of("force lag", "force", away, limit, text)]
 
 
-def _finding(trial: float, where: str, lag: float, limit: float) -> SessionFinding:
-    side = "late" if lag > 0 else "early"
-    text = (
-        f"{where}the force comes {1e3 * abs(lag):.1f} ms {side} against the key's acceleration (limit "
-        f"{1e3 * limit:.1f} ms): "
-        "a delay of filter, amplifier or converter is not declared, or the channels' clocks differ; measure the delay"
-    )
-    return SessionFinding("force delay", trial, "force", lag, limit, text)
+def _ms(lag: float) -> str:
+    return f"{1e3 * abs(lag):.1f} ms {'more' if lag > 0 else 'less'}"
 
 
 RETURNS_N = 0.1
@@ -316,7 +325,7 @@ SIGMAS = 5.0
 
 
 @finds(
-    {"force drift": "Let the load cell warm up, check its cable and mounting; loosen nothing in the action for this."},
+    {"force return": "Let the load cell warm up, check its cable and mounting; loosen nothing in the action for this."},
     spoils=PREDICTION,
 )
 def force_drift(m: MeasuredTrial) -> list[SessionFinding]:
@@ -341,8 +350,6 @@ def force_drift(m: MeasuredTrial) -> list[SessionFinding]:
     text = (
         f"trial {m.number}: force: at rest after the stroke it reads {away:+.2f} N against before (limit {limit:.2f} "
         f"N), "
-        f"{away / (after_s - before_s):+.2f} N/s on average, {slope:+.2f} N/s before the stroke: the zero drifts or "
-        f"does "
-        "not return; check warm-up, cable and mounting of the load cell"
+        f"{away / (after_s - before_s):+.2f} N/s on average, {slope:+.2f} N/s before the stroke (u {u:.2g} N)"
     )
-    return [SessionFinding("force drift", m.number, "force", away, limit, text)]
+    return [SessionFinding("force return", m.number, "force", away, limit, text)]

@@ -12,6 +12,7 @@ import numpy as np
 
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
 from validation.findings.finding import BLOW, KINDS, PREDICTION, SessionFinding
+from validation.measurement.trial import trials_in_words
 
 FORCE, FILM, WHOLE_TRIAL = "force", "film", ""
 """What `UnusableData.channel` holds besides the names of encoders: the force of a trial, its film, all of it."""
@@ -68,11 +69,14 @@ def unusable_pairs(unusable: Iterable[UnusableData]) -> frozenset[tuple[int, str
 
 
 def name_unusable(unusable: Sequence[UnusableData]) -> str:
-    """All of them in words: ``trial 4 (hammer: dead channel), trial 7 (duplicated trial)``; empty for none."""
+    """All of them in words: ``trials 4, 5 (hammer: no motion), trial 7 (duplicated trial)``; empty for none."""
     by_trial: dict[int, dict[str, list[str]]] = {}
     for row in unusable:
         by_trial.setdefault(row.trial, {}).setdefault(row.kind, []).append(row.channel)
-    return ", ".join(f"trial {number} ({'; '.join(map(_name, k, k.values()))})" for number, k in by_trial.items())
+    by_words: dict[str, list[int]] = {}
+    for number, kinds in by_trial.items():
+        by_words.setdefault("; ".join(_name(kind, channels) for kind, channels in kinds.items()), []).append(number)
+    return ", ".join(f"{trials_in_words(numbers)} ({words})" for words, numbers in by_words.items())
 
 
 def _name(kind: str, channels: Collection[str]) -> str:

@@ -88,9 +88,11 @@ def about_the_causes(explained: Explained) -> list[str]:
             "difference."
         ]
     (only,) = sets.values()
+    named = " and ".join(causes)
+    explains = f"alone of the causes compared explain{'s' if len(causes) == 1 else ''} the difference"
     if all(change.of_session for change in only):
-        return [f"Calibrate the bench: {' with '.join(causes)} explains the difference; loosen nothing in the action."]
-    return [f"Measure {' and '.join(causes)}, which explain{'s' if len(causes) == 1 else ''} the difference."]
+        return [f"Calibrate the bench: {' with '.join(causes)} {explains}; loosen nothing in the action."]
+    return [f"Measure {named}, which {explains}."]
 
 
 def beyond(outside: Mapping[int, str]) -> list[str]:

@@ -247,7 +247,7 @@ def of_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings, but:
     if not sound or not findings.kinds:
         return sound
     first = representative(sound)
-    (kind,) = [kind for kind in findings.kinds if first.number in kind]
+    kind = next((kind for kind in findings.kinds if first.number in kind), (first.number,))
     return [m for m in sound if m.number in kind]
 
 

@@ -16,13 +16,14 @@ from validation.findings.between_trials import (
     mixed_strokes,
     outlying_residuals,
     residuals_of,
-    two_kinds,
+    stroke_kinds,
+    strokes_of_their_own,
 )
-from validation.findings.encoders import lifts
+from validation.findings.encoders import capstan_gaps
 from validation.findings.film import camera_clock, film_wiring
-from validation.findings.find_faults import _lifts
+from validation.findings.find_faults import _capstan_gaps
 from validation.findings.finding import SessionFinding
-from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
+from validation.findings.let_off_and_check import check_difference_m, let_off_and_check, let_off_way_m
 
 
 def scaled_force(m, by):
@@ -44,20 +45,33 @@ def test_a_copy_of_a_trial_is_found_and_strokes_alike_are_none(stage):
 @pytest.mark.parametrize("by", [3.0, 1.4])
 def test_two_kinds_of_stroke_are_told_apart(stage, by):
     trials = [m if i % 2 else scaled_force(m, by) for i, m in enumerate(stage.trials)]
-    (found,) = mixed_strokes(trials)
+    kinds = stroke_kinds(trials)
+    assert kinds == ((1, 3, 5), (2, 4, 6))
+    (found,) = mixed_strokes(trials, kinds)
     assert "trials 2, 4, 6" in found.text
     assert "trials 1, 3, 5" in found.text
-    assert found.value == pytest.approx(by, rel=0.02)
-    kinds = two_kinds(trials)
-    assert (kinds.weak, kinds.strong) == ((2, 4, 6), (1, 3, 5))
+    assert strokes_of_their_own(trials, kinds) == []
+
+
+def test_three_kinds_of_two_strokes_are_told_apart(stage):
+    trials = [scaled_force(m, (1.0, 2.0, 0.4)[i // 2]) for i, m in enumerate(stage.trials)]
+    kinds = stroke_kinds(trials)
+    assert kinds == ((1, 2), (3, 4), (5, 6))
+    (found,) = mixed_strokes(trials, kinds)
+    assert found.value == 3 and "3 kinds of stroke: trials 1, 2" in found.text
 
 
 def test_one_odd_stroke_and_a_small_difference_are_no_two_kinds(stage):
-    assert mixed_strokes(stage.trials) == []
-    assert mixed_strokes([scaled_force(m, 2.0 if m.number == 4 else 1.0) for m in stage.trials]) == []
-    assert mixed_strokes([scaled_force(m, 1.0 + 0.15 * (m.number > 3)) for m in stage.trials]) == []
-    spread = [scaled_force(m, 1.2**m.number) for m in stage.trials]  # all different: not two kinds
-    assert mixed_strokes(spread) == []
+    every = (1, 2, 3, 4, 5, 6)
+    assert stroke_kinds(stage.trials) == (every,)
+    odd = [scaled_force(m, 2.0 if m.number == 4 else 1.0) for m in stage.trials]
+    kinds = stroke_kinds(odd)
+    assert mixed_strokes(odd, kinds) == []
+    (found,) = strokes_of_their_own(odd, kinds)
+    assert found.trial == 4
+    assert stroke_kinds([scaled_force(m, 1.0 + 0.15 * (m.number > 3)) for m in stage.trials]) == (every,)
+    spread = [scaled_force(m, 1.2**m.number) for m in stage.trials]  # all different, and each near the next
+    assert stroke_kinds(spread) == (every,)
 
 
 def moved(residuals, where, by):
@@ -125,7 +139,7 @@ def test_film_and_encoder_of_different_scale_are_named_together(stage, factor):
     (found,) = film_wiring(
         replace(m, film=replace(m.film, whippen_rad=factor * m.film.whippen_rad)), p, whippen_sound=True
     )
-    assert found.kind == "film or encoder scale"
+    assert found.kind == "film travel difference"
     assert found.value == pytest.approx(factor, rel=0.01)
     other = replace(m, film=replace(m.film, whippen_rad=1.02 * m.film.whippen_rad))
     assert film_wiring(other, p, whippen_sound=True) == []
@@ -146,12 +160,12 @@ def test_lost_frames_and_a_wrong_rate_are_named_together(stage, lost, rate):
         u_rad={n: x[keep] for n, x in film.u_rad.items()},
     )
     (found,) = camera_clock(replace(m, film=short))
-    assert found.kind == "film clock"
+    assert found.kind == "film time drift"
     assert found.value == pytest.approx(-lost / 2000, abs=2e-4)
-    assert f"some {lost} frames" in found.text
+    assert f"or {lost} frames" in found.text
     fast = replace(film, time_s=film.time_s[0] + rate * (film.time_s - film.time_s[0]))
     (found,) = camera_clock(replace(m, film=fast))
-    stated = float(re.search(r"wrong by ([0-9.]+) %", found.text)[1])
+    stated = float(re.search(r": ([0-9.]+) % of the time between", found.text)[1])
     assert stated == pytest.approx(100 * (rate - 1), rel=0.1)
     assert camera_clock(m) == []
     slow = replace(film, time_s=film.time_s[0] + 1.0001 * (film.time_s - film.time_s[0]))
@@ -166,17 +180,19 @@ def test_let_off_without_faults_is_the_models(stage):
         assert abs(check_difference_m(own, theirs)) < 1e-3
 
 
-def test_regulation_is_named_from_its_limit_when_all_trials_agree():
+def test_let_off_and_check_are_said_of_exactly_the_trials_that_have_them():
     none = dict.fromkeys(range(1, 7), float("nan"))
     for d in (-2e-3, 1e-3):
-        (found,) = regulation({n: d + 5e-5 * n for n in none}, none)
-        assert (found.kind, found.channel) == ("regulation", "let_off")
+        (found,) = let_off_and_check({n: d + 5e-5 * n for n in none}, none)
+        assert (found.kind, found.channel) == ("let-off", "let_off")
         assert found.value == pytest.approx(d, abs=2e-4)
-    assert regulation(dict.fromkeys(none, 4e-4), dict.fromkeys(none, 1.5e-3)) == []
-    assert regulation({1: 3e-3, 2: -3e-3, 3: 3e-3, 4: -2e-3, 5: 0.0, 6: 4e-3}, none) == []
-    (found,) = regulation(none, dict.fromkeys(none, -3e-3))
+    assert let_off_and_check(dict.fromkeys(none, 4e-4), dict.fromkeys(none, 1.5e-3)) == []
+    further, closer = let_off_and_check({1: 3e-3, 2: -3e-3, 3: 3e-3, 4: -2e-3, 5: 0.0, 6: 4e-3}, none)
+    assert (further.trials, closer.trials) == ((1, 3, 6), (2, 4))
+    assert "further from the string than in the model in trials 1, 3, 6 (3 of 6 trials)" in further.text
+    (found,) = let_off_and_check(none, dict.fromkeys(none, -3e-3) | {2: 0.0})
     assert found.kind == "check height"
-    assert "or its friction" in found.text
+    assert "in trials 1, 3, 4, 5, 6 (5 of 6 trials)" in found.text and "model" in found.text
 
 
 @pytest.mark.parametrize(
@@ -185,11 +201,11 @@ def test_regulation_is_named_from_its_limit_when_all_trials_agree():
 )
 def test_a_lift_that_is_largest_after_the_release_is_a_late_one_wherever_its_edge_is(largest_at_s, lift_m, named):
     lift = KeyLift(0.3035, 0.33, largest_at_s, 5 * lift_m, lift_m, 0.0, "")
-    assert bool(lifts({2: [lift]}, {2: 0.305})) == named
+    assert bool(capstan_gaps({2: [lift]}, {2: 0.305})) == named
 
 
-@pytest.mark.parametrize("kind, named", [("force sign", False), ("sign flip", False), ("hum", True)])
+@pytest.mark.parametrize("kind, named", [("reversed force", False), ("sign flip", False), ("hum", True)])
 def test_no_lift_is_named_where_a_channel_or_the_prediction_is_spoilt(kind, named):
     lift = KeyLift(0.1, 0.2, 0.15, 1e-3, 3e-4, 0.0, "")
     events = SimpleNamespace(lifts={1: [lift]}, trial={1: {"key_release": SimpleNamespace(value=0.5)}})
-    assert bool(_lifts(events, [SessionFinding(kind, 1, "force", -1.0, 0.3, "")])) == named
+    assert bool(_capstan_gaps(events, [SessionFinding(kind, 1, "force", -1.0, 0.3, "")])) == named

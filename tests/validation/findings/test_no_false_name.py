@@ -17,7 +17,7 @@ from validation.statistics.paired_difference import Judgement
 
 ALL_TRIALS = [
     ("swapped channels", swapped(0, 2), 12),
-    ("force sign", louder(-1.0), 6),
+    ("reversed force", louder(-1.0), 6),
 ]
 
 
@@ -44,7 +44,7 @@ def test_the_budget_changes_the_inputs_of_a_sound_trial(make, tmp_path, monkeypa
     for one, number in ((session, 1), (broken, 3)):
         result = compare_session(one, truth.action, keep_predictions=False, rivals=(), suspect=False)
         assert set(result.tables["budget"]["trial"]) == {number}
-    assert "dead channel" in set(result.findings["kind"])
+    assert "no motion" in set(result.findings["kind"])
     assert np.isfinite(result.tables["budget"]["u_input"]).all()
 
 

@@ -49,13 +49,16 @@ def test_a_wrong_scale_is_told_by_the_stops(stage, column, name):
     clean = travels(stage, 1.0, column).values()
     assert max(np.abs(t.ratio - 1).max() for t in clean) < 0.01  # what the stated detectability of 5 % rests on
     assert max(abs(t.lever - 1) for t in clean) < 0.01
-    for factor, words in ((0.25, "decoded × 1"), (0.5, "decoded × 2"), (4.0, "decoded × 4")):
+    for factor in (0.25, 0.5, 4.0):
         found = encoder_travel(travels(stage, factor, column))
-        assert kinds(found) == 6 * [("encoder scale", name)]
-        assert all(words in f.text for f in found)
+        assert kinds(found) == 6 * [("gross travel difference", name)]
         assert found[0].value == pytest.approx(factor, rel=0.01)
-    assert kinds(encoder_travel(travels(stage, 1.06, column))) == [("encoder scale or stops", name)]
+    (found,) = encoder_travel(travels(stage, 1.06, column))
+    assert (found.kind, found.channel, found.trials) == ("travel difference", name, (1, 2, 3, 4, 5, 6))
     assert encoder_travel(travels(stage, 1.02, column)) == []
+    later = {n: t for n, t in travels(stage, 1.06, column).items() if n >= 4}
+    (found,) = encoder_travel({**travels(stage, 1.0, column), **later})
+    assert found.trials == (4, 5, 6) and "from trial 4 on (3 of 6 trials)" in found.text
 
 
 def test_a_scale_is_not_judged_where_something_else_is_said_of_the_channel(stage):
@@ -70,18 +73,18 @@ def travel(key=np.nan, whippen=np.nan, hammer=np.nan, lever=1.0, *, held=True):
 def test_strokes_that_reach_no_stop_tell_a_lever_but_not_of_which_encoder():
     assert encoder_travel(dict.fromkeys(range(1, 7), travel())) == []
     (found,) = encoder_travel(dict.fromkeys(range(1, 7), travel(lever=0.25)))
-    assert found.kind == "encoder scale or stops"
-    assert "one of them is wrong" in found.text
+    assert (found.kind, found.trials) == ("travel difference", (1, 2, 3, 4, 5, 6))
+    assert "the whippen turns 0.250" in found.text
     some = dict.fromkeys(range(1, 6), travel(lever=4.0)) | {6: travel(0.25, 1.0, lever=4.0)}
-    assert kinds(encoder_travel(some)) == 6 * [("encoder scale", "key")]  # one that did tells for all
+    assert kinds(encoder_travel(some)) == 6 * [("gross travel difference", "key")]  # one that did tells for all
 
 
 def test_key_and_whippen_alike_are_no_scale():
     blocked = dict.fromkeys((1, 2, 3), travel(0.06, 0.06))
-    assert kinds(encoder_travel(blocked)) == 3 * [("stops not reached", "key")]
+    assert kinds(encoder_travel(blocked)) == [("travel difference", "key")]
     deeper = dict.fromkeys((1, 2, 3), travel(1.08, 1.08))
     (found,) = encoder_travel(deeper)
-    assert "key dip is not that of the model" in found.text
+    assert "encoders key and whippen: in all 3 trials they travel 1.080" in found.text
     soft = dict.fromkeys((1, 2, 3), travel(0.92, 0.92, held=False))  # it may just not have gone there
     assert encoder_travel(soft) == []
 
@@ -184,15 +187,19 @@ def test_an_undeclared_delay_is_found_with_its_size(stage, by_ms):
 def test_a_delay_below_the_stated_one_is_silent(stage):
     lags = {m.number: (3e-4, 5e-4) for m in stage.trials}
     assert force_delay(lags) == []
+    grown = {n: (5e-4 * (n - 1) + 1e-5, 5e-4) for n in range(1, 7)}
+    (found,) = force_delay(grown)
+    assert found.trials == (2, 3, 4, 5, 6)
+    assert "2.5 ms more in trial 6" in found.text and "all" not in found.text
     assert force_delay({1: (np.nan, np.nan), 2: (np.nan, np.nan), 3: (9e-3, 5e-4)}) == []  # one of three is no session
 
 
 @pytest.mark.parametrize(
     "factor, kind, words",
     [
-        (-1.0, "force sign", "reversed"),
-        (1 / 4.448222, "force unit", "pounds-force were taken for newtons"),
-        (1 / 9.80665, "force unit", "kilograms-force were taken for newtons"),
+        (-1.0, "reversed force", "reversed"),
+        (1 / 4.448222, "force factor", "pounds-force to newtons"),
+        (1 / 9.80665, "force factor", "kilograms-force to newtons"),
     ],
 )
 def test_the_wrong_sign_and_unit_are_named(stage, factor, kind, words):
@@ -225,7 +232,7 @@ def test_a_reversed_force_is_named_where_the_model_misses_the_stroke_and_no_scal
     moved = replace(p, turn_rad=np.column_stack(columns))
     until = stage.events.trial[1]["key_release"].value + 0.08
     (found,) = force_sign_and_unit(stage.tested, wrong, moved, until)
-    assert (found.kind, found.value) == ("force sign", -1.0)
+    assert (found.kind, found.value) == ("reversed force", -1.0)
     # under its own force this stroke is late and nothing else
     assert force_sign_and_unit(stage.tested, with_change(m, late), p, until) == []
     travel = travel_of(wrong, moved, stage.events.model[1], stage.geometry(m))

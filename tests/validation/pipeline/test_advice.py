@@ -34,7 +34,7 @@ def change(number: int, cause: str, unit: str = "1") -> CompatibleChange:
 
 
 def test_every_finding_but_a_lifting_key_has_its_sentence_and_no_other_has() -> None:
-    assert set(KINDS) - set(advice.MEND) == {"key lift"} and set(advice.MEND) < set(KINDS)
+    assert set(KINDS) - set(advice.MEND) == {"capstan gap"} and set(advice.MEND) < set(KINDS)
     for kind in advice.MEND:
         (said,) = advice.mend([found(kind, 3.0), found(kind, 5.0)])
         assert said.endswith((".", ").")) and "{" not in said
@@ -43,16 +43,14 @@ def test_every_finding_but_a_lifting_key_has_its_sentence_and_no_other_has() -> 
 def test_every_unusable_trial_and_channel_is_named_and_no_other() -> None:
     findings = [
         found("encoder return", 5.0, "key"),
-        found("dead channel", 2.0, "whippen"),
+        found("no motion", 2.0, "whippen"),
         found("duplicated trial", 7.0, ""),
         found("force saturation", 7.0, "force"),
         found("hum", 1.0, "force"),
         found("outlying residual", 3.0, "hammer"),
     ]
     said = advice.what_to_do(findings, Explained(), rivals(), ERROR_SHOWN)
-    assert said[0].endswith(
-        "trial 2 (whippen: dead channel), trial 5 (key: encoder return), trial 7 (duplicated trial)."
-    )
+    assert said[0].endswith("trial 2 (whippen: no motion), trial 5 (key: encoder return), trial 7 (duplicated trial).")
     assert not any(character.isdigit() for sentence in said[1:] for character in sentence)
 
 
@@ -66,7 +64,9 @@ def test_a_fault_that_spoils_the_comparison_is_all_that_is_said() -> None:
 
 def test_causes_are_measured_alone_or_told_apart() -> None:
     one = Explained("x", (change(1, "hammer.mass"), change(1, "key.mass")))
-    assert advice.about_the_causes(one) == ["Measure hammer.mass and key.mass, which explain the difference."]
+    assert advice.about_the_causes(one) == [
+        "Measure hammer.mass and key.mass, which alone of the causes compared explain the difference."
+    ]
     several = Explained("x", tuple(change(n, f"part {n}") for n in range(1, 6)))
     (said,) = advice.about_the_causes(several)
     assert "part 1 or part 2 or part 3 or 2 more" in said and "cannot tell" in said

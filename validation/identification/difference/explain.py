@@ -75,7 +75,7 @@ SOFT_APART = (
     "that is not said of strokes as soft as these, since such answers were wrong where nothing was planted"
 )
 FINDINGS = {FORCE_GAIN: "force gain", FORCE_LEVEL: "force level", FORCE_DELAY: "force delay"}
-FINDINGS |= dict.fromkeys(ENCODER_SCALES, "encoder scale or stops")
+FINDINGS |= dict.fromkeys(ENCODER_SCALES, "encoder scale")
 
 
 @dataclass(frozen=True)

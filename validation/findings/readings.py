@@ -1,0 +1,104 @@
+"""Readings that no body and no load cell makes: leaps, standstills, and records that do not begin at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from validation.events.encoder_readings import reading_faults, simultaneous
+from validation.findings.finding import BLOW, CURVES, SessionFinding, finds
+from validation.measurement.geometry import ActionGeometry
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.predict_session import PredictedAngles
+
+
+@finds({"gap": "Record again: all channels leap at one sample, as where samples are lost."}, spoils=BLOW)
+@finds(
+    {
+        "reading leaps": "Check cable, signal level and largest count rate of the encoder whose reading leaps.",
+        "reading stands still": "Check cable and counter or converter of the channel whose reading stands still.",
+    },
+    spoils=CURVES,
+)
+def encoder_readings(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
+    """Leaps and standstills of the encoders (`validation.events.encoder_readings`)."""
+    faults = reading_faults(m, p)
+    if simultaneous(faults, m.time_s):
+        names = " and ".join(fault.channel for fault in faults)
+        text = (
+            f"trial {m.number}: encoders {names} leap at the same sample, {faults[0].at_s:.4f} s, by "
+            f"{', '.join(f'{1e3 * fault.leap_rad:+.2f}' for fault in faults)} mrad"
+        )
+        return [SessionFinding("gap", m.number, "", faults[0].leap_rad, faults[0].limit_rad, text)]
+    out = []
+    for fault in faults:
+        where = f"trial {m.number}: encoder {fault.channel}:"
+        limit = f"limit {1e3 * fault.limit_rad:.2f} mrad"
+        leap = f"{1e3 * fault.leap_rad:+.2f} mrad"
+        if fault.still_s:
+            text = f"{where} its count does not change for {1e3 * fault.still_s:.1f} ms from {fault.at_s:.4f} s"
+            text += f", then leaps by {leap} ({limit})" if fault.leap_rad else ", and it moves at once before or after"
+            text += "; its body moves in the model meanwhile"
+            out.append(SessionFinding("reading stands still", m.number, fault.channel, fault.still_s, 0.0, text))
+            continue
+        text = f"{where} leaps by {leap} from one sample to the next at {fault.at_s:.4f} s ({limit})"
+        text += f" and back {1e3 * (fault.until_s - fault.at_s):.1f} ms later" if np.isfinite(fault.until_s) else ""
+        text += "; no other encoder leaps there"
+        out.append(SessionFinding("reading leaps", m.number, fault.channel, fault.leap_rad, fault.limit_rad, text))
+    return out
+
+
+FEWEST_EQUAL = 5
+COARSE = 0.05  # of the neighbours at rest: a converter that coarse repeats its reading of itself
+
+
+def force_stands_still(m: MeasuredTrial) -> list[SessionFinding]:
+    """Equal readings of a force with noise, below its largest and above its smallest value.
+
+    Conventions: raw readings. Five equal readings in a row have no chance where fewer than one in twenty pairs of
+    neighbours at rest are equal. Readings at either end of the range are a saturation's; those at either
+    end of the record may be filled up.
+    """
+    force = m.raw_force_n
+    steps = np.diff(force[: m.quiet.stop])
+    if steps.size < 2 or not steps.std() > 0 or float(np.mean(steps == 0)) >= COARSE:
+        return []
+    edges = np.flatnonzero(np.diff(force) != 0)
+    starts, ends = np.concatenate([[0], edges + 1]), np.concatenate([edges, [force.size - 1]])
+    length = ends - starts + 1
+    inside = (force[starts] < force.max()) & (force[starts] > force.min()) & (starts > 0) & (ends < force.size - 1)
+    length = np.where(inside, length, 0)
+    longest = int(length.argmax())
+    if length[longest] < FEWEST_EQUAL:
+        return []
+    n, start_s, end_s = int(length[longest]), float(m.time_s[starts[longest]]), float(m.time_s[ends[longest]])
+    text = (
+        f"trial {m.number}: force: {n} readings in a row are {force[starts[longest]]:.3f} N, from {start_s:.4f} to "
+        f"{end_s:.4f} s (limit {FEWEST_EQUAL}), though the channel's noise at rest is "
+        f"{float(steps.std() / np.sqrt(2)):.3f} N"
+    )
+    return [SessionFinding("reading stands still", m.number, "force", float(n), float(FEWEST_EQUAL), text)]
+
+
+RISES_M = 1e-3
+FALLS_N = 0.5
+END_S = 0.05
+
+
+@finds({"no rest at the start": "Start the record before the stroke, with the key at rest, and record again."},
+       spoils=BLOW)  # fmt: skip
+def starts_at_rest(m: MeasuredTrial, geometry: ActionGeometry) -> list[SessionFinding]:
+    """A record that ends with the key higher and the force lower than it began: it did not begin at rest.
+
+    Conventions: the last 50 ms against the first samples; from 1 mm of key dip and 0.5 N, both.
+    """
+    last = m.time_s >= m.time_s[-1] - END_S
+    dip = geometry.key_dip_m(geometry.absolute({0: m.change_rad[:, 0]}))
+    rise, fall = -float(dip[last].mean()), m.force.preload_n - float(m.force.force_n[last].mean())
+    if rise < RISES_M or fall < FALLS_N:
+        return []
+    text = (
+        f"trial {m.number}: the record does not begin at rest: at its end the key front is {1e3 * rise:.1f} mm higher "
+        f"(limit {1e3 * RISES_M:g} mm) and the force {fall:.2f} N lower (limit {FALLS_N:g} N) than at its start; "
+        "nothing else is said of this trial"
+    )
+    return [SessionFinding("no rest at the start", m.number, "", rise, RISES_M, text)]
