@@ -33,18 +33,26 @@ def let_off_way_m(
     model: Mapping[str, Event],
     geometry: ActionGeometry,
 ) -> float:
-    """Way from let-off to the string of the trial less that of its prediction, m; NaN where either has none."""
+    """Way from let-off to the string of the trial less that of its prediction, m; NaN where either has none.
+
+    The way ends where the hammer turns, which a string that yields moves, or where it meets the string, which another
+    scale or blow distance moves: stated is what both have, the smaller one of the two.
+    """
     if not _resolved(events, model, LET_OFF_SPEED, "let_off"):
         return float("nan")
     known = np.isfinite(p.angle_rad[:, 0])
     predicted = geometry.hammer_height_m(p.angle_rad[known])
-    return _way(m.time_s, m.motion.hammer_height_m, events) - _way(p.time_s[known], predicted, model)
+    own, theirs = _ways(m.time_s, m.motion.hammer_height_m, events), _ways(p.time_s[known], predicted, model)
+    to_turn, to_contact = (float(a - b) for a, b in zip(own, theirs, strict=True))
+    return min(to_turn, to_contact, key=abs) if to_turn * to_contact > 0.0 else 0.0
 
 
-def _way(time: np.ndarray, height: np.ndarray, events: Mapping[str, Event]) -> float:
+def _ways(time: np.ndarray, height: np.ndarray, events: Mapping[str, Event]) -> tuple[float, float]:
+    """From let-off to where the hammer turns, and to where it meets the string, m."""
     at, impact = events["let_off"].value, events["string_impact"].value
     near = np.abs(time - impact) < 5e-3
-    return float(np.interp(at, time, height) - height[near].min())
+    start, contact = np.interp([at, impact], time, height)
+    return float(start - height[near].min()), float(start - contact)
 
 
 def check_difference_m(events: Mapping[str, Event], model: Mapping[str, Event]) -> float:
