@@ -15,7 +15,7 @@ from pianorig.console.progress import bar, say
 from pianorig.errors import CommandInputError
 from vision.tracking.options import FitOptions
 
-READ = ("film", "out", "frame_rate", "allow_truncated", "channel")
+READ = ("film", "out", "frame_rate", "allow_truncated", "channel", "first_frame", "last_frame")
 """What counts however a film is read."""
 
 
@@ -75,6 +75,8 @@ def command(
         str | None,
         typer.Option("--channel", help="Of a colour film red, green or blue; of a TIFF a channel's number."),
     ] = None,
+    first_frame: Annotated[int, typer.Option("--from", min=0, help="First frame that is used; the still ones.")] = 0,
+    last_frame: Annotated[int | None, typer.Option("--to", min=0, help="Last frame that is used.")] = None,
     restart: Annotated[
         bool, typer.Option("--restart", help="Start from the first frame, although an interrupted run could go on.")
     ] = False,
@@ -126,13 +128,13 @@ def command(
         (figure, FIGURE_ENDINGS),
     ):
         check_writable(path, *endings)
+    filmed = workflows.SessionFilm(film, bodies, frame_rate, allow_truncated, channel, first_frame, last_frame)
     if propose_bodies is not None:
         refuse_beside(ctx, "--propose-bodies", "tracks nothing", "propose_bodies", "film", *READ[3:])
-        found = workflows.propose_outlines(film, propose_bodies, allow_truncated=allow_truncated, channel=channel)
+        found = workflows.propose_outlines(filmed, propose_bodies)
         names = ", ".join(found["bodies"])
         tell(as_json, found, [f"{found['out']}: {names}; look at {found['picture']}, then correct and name them"])
         return
-    filmed = workflows.SessionFilm(film, bodies, frame_rate, allow_truncated, channel)
     if marks is not None:
         refuse_beside(ctx, "--marks", "follows points and lines, in pixels", "marks", "every", "n_still", *READ)
         with bar("following", quiet=as_json) as progress:

@@ -37,7 +37,8 @@ class SessionFilm:
     bodies_file : TOML with outlines; by default the session's
     frame_rate_hz : rate of a film on its own that does not say it, or says its play-back rate
     allow_truncated : read a film that was cut short up to its last whole frame
-    channel : of a colour film, red, green or blue
+    channel : of a colour film, red, green or blue; of a TIFF's channels, the number of one
+    first_frame, last_frame : frames that are used; all by default
     """
 
     path: Path
@@ -45,11 +46,32 @@ class SessionFilm:
     frame_rate_hz: float | None = None
     allow_truncated: bool = False
     channel: str | None = None
+    first_frame: int = 0
+    last_frame: int | None = None
 
-    def open(self, allow_truncated: bool | None = None) -> vision.Film:
-        """The film's frames; to be closed."""
+    @property
+    def is_part(self) -> bool:
+        """Whether some of its frames are chosen."""
+        return self.first_frame != 0 or self.last_frame is not None
+
+    def open_whole(self, allow_truncated: bool | None = None) -> vision.Film:
+        """All frames of the film; to be closed."""
         whole = self.allow_truncated if allow_truncated is None else allow_truncated
         return vision.open_film(self.path, allow_truncated=whole, channel=self.channel)
+
+    def open(self) -> vision.Film:
+        """The chosen frames, counted from the first of them; to be closed."""
+        film = self.open_whole()
+        if not self.is_part:
+            return film
+        # start-up: 0.1 s of every recording, which reads no film
+        from vision.film.source import ChosenFrames
+
+        try:
+            return ChosenFrames(film, self.first_frame, self.last_frame)
+        except vision.FilmError as error:
+            film.close()
+            raise vision.FilmError(f"{error}; choose others with --from and --to") from None
 
     @cached_property
     def owner(self) -> tuple[Session, Trial] | None:
@@ -85,13 +107,18 @@ class SessionFilm:
 
         From its trial's frame clock, else for the rate named, else None: the film's own.
         """
+        # start-up: 0.1 s of every recording, which reads no film
+        from vision.film.source import Corrected
+
         rate_hz = self.frame_rate_hz
         if self.owner is not None:
             if rate_hz is not None:
                 raise CommandInputError(
                     f"{self.path}: belongs to a trial whose frame clock gives its times; leave out --frame-rate"
                 )
-            return frame_times(self.owner[1], source)
+            whole = source.film if isinstance(source, Corrected) else source
+            times, u_time = frame_times(self.owner[1], whole)
+            return times[self.first_frame :][: source.n_frames], u_time
         if rate_hz is None:
             return None, 0.0
         return vision.frame_times_at_rate(source, rate_hz), 0.0
@@ -105,7 +132,7 @@ class SessionFilm:
         video = self.path.suffix.lower() in VIDEO_SUFFIXES
         if not video or self.owner is not None or self.frame_rate_hz is not None:
             return None
-        with self.open(allow_truncated=True) as source:
+        with self.open_whole(allow_truncated=True) as source:
             rate_hz = source.frame_rate_hz
         if rate_hz is None:
             return None

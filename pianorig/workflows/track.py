@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -26,9 +27,7 @@ from vision.tracking.options import FitOptions, TrackOptions
 from vision.uncertainty.budget import TERMS
 
 
-def propose_outlines(
-    film: Path, out: Path, *, allow_truncated: bool = False, channel: str | None = None
-) -> dict[str, Any]:
+def propose_outlines(film: SessionFilm, out: Path) -> dict[str, Any]:
     """Write proposed outlines to ``out`` and a picture of them beside it; an existing file is not overwritten.
 
     Where none can be proposed, the picture shows frames to draw outlines on, and the first frame is written pixel by
@@ -46,7 +45,7 @@ def propose_outlines(
         raise CommandInputError(f"{out}: --propose-bodies writes outlines; the name must end in .toml")
     if out.exists():
         raise CommandInputError(f"{out}: exists and may hold corrected outlines; choose another name or remove it")
-    with vision.open_film(film, allow_truncated=allow_truncated, channel=channel) as source:
+    with film.open() as source:
         try:
             bodies = vision.propose_bodies(source)
         except vision.TrackingError as error:
@@ -85,7 +84,8 @@ def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpac
     bodies = vision.load_bodies(film.outlines)
     with film.open() as source:
         times, options["u_time_s"] = film.frame_times(source)
-        result = vision.preview(source, bodies, count, times, **options)
+        result = numbered_in_film(film, vision.preview(source, bodies, count, times, **options))
+    with film.open_whole() as source:
         vision.write_contact_sheet(picture, source, bodies, result, count=count, columns=min(count, COLUMNS))
     lines = []
     for row in range(len(result.frame)):
@@ -122,7 +122,8 @@ def follow_marks_of(
     known = vision.load_marks(marks)
     with film.open() as source:
         times, _ = film.frame_times(source)
-        return vision.follow_marks(source, known, times, every=every, n_still=n_still, progress=progress)
+        followed = vision.follow_marks(source, known, times, every=every, n_still=n_still, progress=progress)
+    return replace(followed, frame=followed.frame + film.first_frame)
 
 
 def marks_summary(result: vision.MarkResult) -> dict[str, dict[str, float]]:
@@ -225,7 +226,7 @@ def draw_track(
     if overlay is None and contact_sheet is None:
         return
     bodies = vision.load_bodies(film.outlines)
-    with film.open(allow_truncated=True) as source:
+    with film.open_whole(allow_truncated=True) as source:
         if overlay is not None:
             vision.write_overlay(overlay, source, bodies, result)
         if contact_sheet is not None:
@@ -247,11 +248,18 @@ def track_film_file(film: SessionFilm, **options: Unpack[TrackOptions]) -> visio
     bodies = vision.load_bodies(film.outlines)
     with film.open() as source:
         times, options["u_time_s"] = film.frame_times(source)
-        result = vision.track(source, bodies, times, **options)
+        result = numbered_in_film(film, vision.track(source, bodies, times, **options))
     if film.owner is not None:
         result.info["clock_offset"] = clock_offsets(film.owner[1], result)
-        film.store_angles(result.to_table(), _attributes(result, options.get("every", 1)))
+        part = {"first_frame": film.first_frame} if film.is_part else {}
+        part |= {"last_frame": film.last_frame} if film.last_frame is not None else {}
+        film.store_angles(result.to_table(), _attributes(result, options.get("every", 1)) | part)
     return result
+
+
+def numbered_in_film(film: SessionFilm, result: vision.TrackResult) -> vision.TrackResult:
+    """Result of the chosen frames, with the numbers that frames have in the whole film."""
+    return replace(result, frame=result.frame + film.first_frame)
 
 
 def _attributes(result: vision.TrackResult, every: int) -> dict[str, Any]:
@@ -354,6 +362,10 @@ def retrack(
         raise CommandInputError(f"--place {unknown[0]}: is not a body of {film.outlines}")
     stored = None if film.owner is None else film.owner[0].read_derived(STEP, film.owner[1].number)
     attributes = {} if stored is None else {k: v for k, v in stored[1].items() if k != "parents_sha256"}
+    if "first_frame" in attributes and not film.is_part:
+        film = replace(
+            film, first_frame=int(attributes["first_frame"]), last_frame=_number_or_none(attributes.get("last_frame"))
+        )
     rows = []
     for frame in frames:
         found = np.flatnonzero(table["frame"].to_numpy() == frame)
@@ -363,7 +375,8 @@ def retrack(
     with film.open() as source:
         times, u_time = film.frame_times(source)
         if film.owner is None and len(table) > 1:  # times of a film on its own are those it was tracked with
-            times = make_interp_spline(table["frame"], table["time_s"], k=1)(np.arange(source.n_frames))
+            in_film = film.first_frame + np.arange(source.n_frames)
+            times = make_interp_spline(table["frame"], table["time_s"], k=1)(in_film)
         options["u_time_s"] = u_time
         options["method"] = options.get("method") or attributes.get("method", "icgn")
         if options.get("n_still") is None:
@@ -371,7 +384,7 @@ def retrack(
         result = vision.retrack_frames(
             source,
             bodies,
-            frames,
+            [frame - film.first_frame for frame in frames],
             [{**_between_neighbours(table, row, bodies), **places} for row in rows],
             times,
             **options,
@@ -393,6 +406,10 @@ def retrack(
         every = ", ".join(map(str, sorted({*before, *frames})))
         film.store_angles(table, {**attributes, "retracked_frames": every})
     return new
+
+
+def _number_or_none(value: Any) -> int | None:
+    return None if value is None else int(value)
 
 
 def _read_table(path: Path, bodies: Sequence[vision.Body]) -> pd.DataFrame:

@@ -223,6 +223,7 @@ class Film:
     is_interlaced: bool = False
     has_camera_times: bool = False
     camera_time_s: NDArray[np.float64] | None = None
+    first_frame: int = 0
     in_order = False
     _file: FileWindow
 
@@ -276,7 +277,7 @@ class Corrected(Film):
         self.film = film
         for name in ("path", "n_frames", "height", "width", "bit_depth", "frame_rate_hz", "exposure_s", "compression"):
             setattr(self, name, getattr(film, name))
-        for name in ("white_grey", "pixel_aspect", "is_interlaced", "has_camera_times"):
+        for name in ("white_grey", "pixel_aspect", "is_interlaced", "has_camera_times", "first_frame"):
             # a source of the user's own may be of before these were asked for
             setattr(self, name, getattr(film, name, getattr(Film, name)))
         self.in_order = getattr(film, "in_order", True)
@@ -285,6 +286,45 @@ class Corrected(Film):
     def frame_time_s(self) -> NDArray[np.float64] | None:
         """As of the film."""
         return self.film.frame_time_s
+
+
+class ChosenFrames(Corrected):
+    """Frames ``first_frame`` to ``last_frame`` of a film, numbered from 0; the film itself is ``film``.
+
+    Raises
+    ------
+    FilmError
+        The film has no such frames.
+    """
+
+    def __init__(self, film: FrameSource, first_frame: int, last_frame: int | None = None) -> None:
+        super().__init__(film)
+        last = film.n_frames - 1 if last_frame is None else last_frame
+        if not 0 <= first_frame <= last < film.n_frames:
+            raise FilmError(
+                f"{film.path}: frames {first_frame} to {last} are chosen, the film has 0 to {film.n_frames - 1}"
+            )
+        self.first_frame, self.n_frames = first_frame, last + 1 - first_frame
+
+    @property
+    def frame_time_s(self) -> NDArray[np.float64] | None:
+        """Times of the chosen frames, on the film's own axis."""
+        times = self.film.frame_time_s
+        return None if times is None else times[self.first_frame : self.first_frame + self.n_frames]
+
+    def read(self, index: int) -> NDArray[Any]:
+        """Whole frame, counted from the first chosen one."""
+        self._check_index(index)
+        return self.film.read(self.first_frame + index)
+
+    def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
+        """Rectangle of a frame, counted from the first chosen one."""
+        self._check_index(index)
+        return self.film.read_region(self.first_frame + index, y0, y1, x0, x1)
+
+    def close(self) -> None:
+        """Close the film."""
+        self.film.close()
 
 
 class ArrayFilm(Film):

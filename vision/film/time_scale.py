@@ -182,7 +182,8 @@ def frame_times_at_rate(film: FrameSource, frame_rate_hz: float) -> F64:
     if own is not None and getattr(film, "has_camera_times", False):
         _compare_with_camera(film, own, frame_rate_hz)
         return own
-    even = np.arange(film.n_frames) / frame_rate_hz + 0.5 * (film.exposure_s or 0.0)
+    first, half = getattr(film, "first_frame", 0), 0.5 * (film.exposure_s or 0.0)
+    even = (first + np.arange(film.n_frames)) / frame_rate_hz + half
     if own is None or film.n_frames < 2:
         return even
     spacing = spacing_of_film(film, own)
@@ -190,12 +191,13 @@ def frame_times_at_rate(film: FrameSource, frame_rate_hz: float) -> F64:
         return even
     scale = 1.0 / (frame_rate_hz * spacing.interval_s)
     warnings.warn(
-        f"{film.path}: its time stamps are uneven ({in_words(spacing)}) and run at {1.0 / spacing.interval_s:.6g} "
-        f"frames/s, {frame_rate_hz:.6g} are stated: they keep their pattern, times {scale:.6g}",
+        f"{film.path}: its time stamps are uneven ({in_words(spacing, first)}) and run at "
+        f"{1.0 / spacing.interval_s:.6g} frames/s, {frame_rate_hz:.6g} are stated: they keep their pattern, "
+        f"times {scale:.6g}",
         VisionWarning,
         stacklevel=3,
     )
-    return (own - own[0]) * scale + even[0]
+    return (own - half) * scale + half
 
 
 def spacing_of_film(film: FrameSource, time_s: F64) -> Spacing:
@@ -221,12 +223,12 @@ def refuse_ramp(path: Path, time_s: F64) -> None:
     )
 
 
-def in_words(spacing: Spacing) -> str:
-    """What is uneven."""
+def in_words(spacing: Spacing, first_frame: int) -> str:
+    """What is uneven, of stamps from a frame of the film on."""
     gaps = np.flatnonzero(spacing.missing)
     if gaps.size == 0:
         return "variable rate"
-    where = f"{'first ' if gaps.size > 1 else ''}after frame {gaps[0]}"
+    where = f"{'first ' if gaps.size > 1 else ''}after frame {gaps[0] + first_frame}"
     return f"{int(spacing.missing.sum())} frames missing in {gaps.size} gap{'s' if gaps.size > 1 else ''}, {where}"
 
 
@@ -245,7 +247,7 @@ def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -
     if abs(frame_rate_hz - saved) <= allowed * saved:
         if multiple.max() == 1:
             return
-        words = f", and {in_words(Spacing('gaps', 1.0 / saved, multiple - 1))}"
+        words = f", and {in_words(Spacing('gaps', 1.0 / saved, multiple - 1), getattr(film, 'first_frame', 0))}"
     raise FilmError(
         f"{film.path}: a rate of {frame_rate_hz:.9g} frames/s is stated, the camera's own times say "
         f"{saved:.9g}{words}; leave out the rate (--frame-rate): its own times are used"
@@ -258,7 +260,8 @@ def warn_of_uneven_times(film: FrameSource, time_s: F64) -> None:
         return
     spacing = spacing_of(time_s, 0.0)
     if spacing.missing.any():
-        words = f"{in_words(spacing)}, as their times say; nothing is known of the motion there"
+        words = in_words(spacing, getattr(film, "first_frame", 0))
+        words += ", as their times say; nothing is known of the motion there"
     elif spacing.kind == "ramp":
         words = "frames follow at a pace that changes; where it is that of play-back, give the true times"
     else:

@@ -164,8 +164,9 @@ def _track(
         )
     repeated = np.any(table.flag & np.uint16(int(FrameFlag.REPEATED)), axis=1)
     if repeated.any():
+        first = table.frame[repeated][0] + getattr(film, "first_frame", 0)
         warnings.warn(
-            f"{film.path}: {int(repeated.sum())} frames repeat the one before (first: {table.frame[repeated][0]}) and "
+            f"{film.path}: {int(repeated.sum())} frames repeat the one before (first: {first}) and "
             "are lost (flag 1024); the camera may have dropped frames: check the frame clock",
             VisionWarning,
             stacklevel=3,

@@ -1,0 +1,48 @@
+"""``track --from``, ``--to``: a part of a film, whose frames keep their numbers and their times."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.command_line import run
+from tests.vision.turning_bar import OUTLINES, smooth_turn, turning_bar
+from vision.film.mraw import write_mraw
+
+
+@pytest.fixture
+def film(tmp_path: Path) -> Path:
+    """A bar at rest from frame 6 on, turning from 21; six dark frames before; frame 0 is the 30th before a trigger."""
+    frames = turning_bar(smooth_turn(np.arange(60)))
+    frames = np.concatenate([np.full((6, *frames.shape[1:]), 3, np.uint8), frames])
+    write_mraw(tmp_path / "film.mraw", frames, 2000.0, start_frame=-30)
+    (tmp_path / "b.toml").write_text(OUTLINES)
+    return tmp_path / "film.mraw"
+
+
+def test_a_part_of_a_film_is_tracked_as_the_part_it_is(film: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = film.with_name("o.csv")
+    common = ["track", str(film), "--bodies", str(film.with_name("b.toml")), "--out", str(out)]
+    part, sheet = ["--from", "6", "--to", "50"], str(out.with_suffix(".png"))
+    assert run(*common, *part, "--preview", "3", "--contact-sheet", sheet) == 0
+    assert "frame 21, -4.50 ms" in capsys.readouterr().err
+    table = pd.read_csv(out)
+    np.testing.assert_array_equal(table["frame"], np.arange(6, 51))
+    np.testing.assert_allclose(table["time_s"], (np.arange(6, 51) - 30) / 2000.0, atol=1e-9)
+    assert np.abs(table["bar_rad"] - smooth_turn(np.arange(45))).max() < np.radians(0.05)
+    before = table.copy()
+    assert run(*common, *part, "--retrack", "33") == 0
+    table = pd.read_csv(out)
+    np.testing.assert_array_equal(table["frame"], before["frame"])
+    assert table.loc[27, "bar_rad"] == pytest.approx(before.loc[27, "bar_rad"], abs=1e-4)
+
+
+@pytest.mark.parametrize("chosen", [("--from", "66"), ("--to", "66"), ("--from", "9", "--to", "8")])
+def test_frames_that_are_not_there_are_refused(
+    film: Path, chosen: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("track", str(film), "--bodies", str(film.with_name("b.toml")), *chosen) == 2
+    assert "the film has 0 to 65; choose others with --from and --to" in capsys.readouterr().err
