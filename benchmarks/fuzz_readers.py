@@ -1,4 +1,4 @@
-"""Fuzz the film readers: every mutated film must give a typed error or correct data.
+"""Fuzz the readers of films and of other programs' recordings: a typed error or correct data.
 
 Mutates CIH, CIHX, MRAW (length), AVI (uncompressed and MJPEG) and CINE films of about 1 MB as the tests of the rig's
 files do (`tests.rig.fuzz`): bits flipped, digits and numbers changed, stretches lost, doubled or moved. A film that
@@ -7,6 +7,9 @@ allocate more than the film's own size (the file or its grey values, whichever i
 frames of it. Allocations by Python, NumPy and OpenCV's images count; FFmpeg's internal memory does not. Prints per
 kind: counts, and the largest allocation relative to the film's size and to one frame's. The exit code is 1 if any film
 behaves otherwise.
+
+Recordings (CSV, LVM, TDMS, HDF5) are damaged as the tests of the rig's files do, and what is read is compared with a
+second reading (`tests.rig.fuzz.recording_cases`, `stored_cases`).
 """
 
 from __future__ import annotations
@@ -23,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.runner import Run, Table
-from tests.rig.fuzz.damage import damaged
+from tests.rig.fuzz import recording_cases, stored_cases
+from tests.rig.fuzz.damage import damaged, survive
 from tests.vision.film.cine_file import write_cine
 
 # decoders report damage on standard error themselves; here every film is damaged
@@ -163,10 +167,41 @@ def fuzz(folder: Path, count: int, seed: int) -> dict[str, Tally]:
     return tallies
 
 
+RECORDINGS = {
+    "CSV": recording_cases.csv_case,
+    "CSV, European": recording_cases.european_csv_case,
+    "CSV of a logger": recording_cases.logger_csv_case,
+    "CSV of savetxt": recording_cases.savetxt_case,
+    "LVM": recording_cases.lvm_case,
+    "LVM, segments": recording_cases.segments_case,
+    "LVM, unequal": recording_cases.unequal_lvm_case,
+    "TDMS": stored_cases.tdms_case,
+    "TDMS, big-endian": stored_cases.big_endian_tdms_case,
+    "TDMS, appended": stored_cases.two_recordings_tdms_case,
+    "HDF5": stored_cases.hdf5_case,
+}
+
+
+def fuzz_recordings(folder: Path, count: int) -> bool:
+    """Damage ``count`` recordings in total and print a row a kind; whether all are refused or read right."""
+    table = Table("kind:17s", "recordings:d", "refused:d", "read:d", "wrong:60s")
+    each, sound = max(count // len(RECORDINGS), 1), True
+    for name, case in RECORDINGS.items():
+        refused, wrong = 0, ""
+        try:
+            refused = survive(*case(folder), each)
+        except Exception as problem:  # the first that is wrong ends its kind
+            wrong = " ".join(f"{type(problem).__name__}: {problem}".split())[:60]
+        table.row(name, each, refused, each - refused, wrong or "none")
+        sound &= not wrong
+    return sound
+
+
 def main(run: Run) -> bool:
-    """Fuzz and print; whether all films are refused or read right."""
+    """Fuzz and print; whether all films and recordings are refused or read right."""
     with tempfile.TemporaryDirectory() as folder:
         tallies = fuzz(Path(folder), run.count, run.seed)
+        recordings_sound = fuzz_recordings(Path(folder), run.count)
     table = Table(
         "kind:14s", "films:d", "refused:d", "read:d", "other size:d", "allocation / film:.2f", "/ frame:.2f", "wrong:d"
     )
@@ -176,5 +211,6 @@ def main(run: Run) -> bool:
         for words in t.wrong[:5]:
             print(f"  {words}")
     bad = any(t.wrong or t.largest > 1.0 or t.largest_frames > MOST_FRAMES for t in tallies.values())
+    bad |= not recordings_sound
     print("FAILED" if bad else "all refused or read right")
     return not bad

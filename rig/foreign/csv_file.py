@@ -117,7 +117,8 @@ def parse_csv(
         lines[0] = lines[0].lstrip("# ")
     try:
         rows = list(csv.reader(_without_comments(lines), delimiter=separator, strict=True))
-        if rows and names_row is None and all(_is_value(cell, decimal, thousands) for cell in rows[0]):
+        cells = [cell for cell in rows[0] if cell.strip()] if rows and names_row is None else []
+        if cells and all(_is_value(cell, decimal, thousands) for cell in cells):
             rows = [*_commented_names(lines, len(rows[0]), separator, where), *rows]
     except csv.Error as error:
         raise RigInputError(f"{where}: not a CSV file ({error})") from None
@@ -173,12 +174,13 @@ def _commented_names(lines: list[str], width: int, separator: str, where: str) -
     first = next(i for i, line in enumerate(lines) if line.strip() and not line.startswith("#"))
     above = [line.lstrip("# ") for line in lines[max(first - 2, 0) : first] if line.startswith("#")]
     rows = [row for row in csv.reader(above, delimiter=separator, strict=True) if len(row) == width]
-    if not rows:
+    rows = rows if len(rows) == 2 and is_units_row(rows[1]) else rows[-1:]
+    if not rows or any(_is_value(cell, ".", "") for cell in rows[0]):
         raise RigInputError(
             f"{where}: its first row holds numbers, no names of columns; write a row of names above it, or tell its "
             "line by names_row in the mapping"
         )
-    return rows if len(rows) == 2 and is_units_row(rows[1]) else rows[-1:]
+    return rows
 
 
 def _column(cells: list[str], decimal: str, thousands: str, first: int) -> tuple[NDArray[np.float64], datetime | None]:

@@ -249,7 +249,8 @@ def sample_interval(table: ChannelTable, mapping: ImportMapping) -> float:
     try:
         return _agreed_interval(table, mapping)
     except BrokenTimes as error:
-        raise RigInputError(f'{error}; segments = "trials" in the mapping cuts the recording there') from None
+        ignore = "" if mapping.time.channel else "; time.ignore leaves a column out that is no sample clock"
+        raise RigInputError(f'{error}; segments = "trials" in the mapping cuts the recording there{ignore}') from None
 
 
 def _agreed_interval(table: ChannelTable, mapping: ImportMapping) -> float:

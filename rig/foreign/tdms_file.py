@@ -16,6 +16,7 @@ import struct
 import warnings
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -73,20 +74,21 @@ def read_tdms(path: Path) -> tuple[ChannelTable, ...]:
         count, is_whole = _check_segments(path, size)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            with path.open("rb") as stream:
+            # npTDMS leaves a file open that it fails to read
+            with path.open("rb") as stream, ExitStack() as stack:
                 parts = _parts(stream, count, str(path))
                 tables = []
+                scales: Properties | None = None
                 for number, part in enumerate(parts, 1):
-                    complaints.take()
-                    stream.seek(0)
-                    # opened for each part: npTDMS keeps a scale once it has been used; and it leaves a file open that
-                    # it fails to read
-                    with TdmsFile.open(stream) as file:
-                        complaint = complaints.take()
-                        if complaint and is_whole:
+                    if scales != part.scales:  # npTDMS keeps a scale once it has been used
+                        complaints.take()
+                        stream.seek(0)
+                        file, scales = stack.enter_context(TdmsFile.open(stream)), part.scales
+                        if (complaint := complaints.take()) and is_whole:
                             raise RigInputError(f"{path}: not a whole TDMS file ({complaint[:120]})")
-                        where = str(path) if len(parts) == 1 else f"{path} segment {number}"
-                        tables.append(_table(ChannelTable(where, {}), file, size, part, complaints))
+                        channels = _numeric_channels(file, part, size, complaints, str(path))
+                    where = str(path) if len(parts) == 1 else f"{path} segment {number}"
+                    tables.append(_table(ChannelTable(where, {}), channels, part, complaints))
             cut_off = "" if is_whole else "the program that recorded it did not finalise the file"
             return (*tables[:-1], replace(tables[-1], cut_off=cut_off))
     except RigInputError:
@@ -134,6 +136,9 @@ class _Part:
 
     def __init__(self, first: dict[str, int], end: dict[str, int], stated: Properties) -> None:
         self.first, self.end, self.stated = first, end, stated
+        self.scales: Properties = {
+            name: {key: value for key, value in values.items() if "Scal" in key} for name, values in stated.items()
+        }
 
 
 def _parts(stream: BinaryIO, segments: int, where: str) -> list[_Part]:
@@ -172,35 +177,44 @@ def _parts(stream: BinaryIO, segments: int, where: str) -> list[_Part]:
     return [*parts, _Part(first, sizes, stated)]
 
 
-def _table(table: ChannelTable, file: Any, size: int, part: _Part, complaints: _Complaints) -> ChannelTable:
-    """Fill a table with the samples of one part of a file of ``size`` bytes."""
+def _numeric_channels(
+    file: Any, part: _Part, size: int, complaints: _Complaints, where: str
+) -> dict[str, tuple[Any, str]]:
+    """Return the channels of a file of ``size`` bytes by name, and what npTDMS says of their scales in a part."""
     channels = [channel for group in file.groups() for channel in group.channels() if len(channel)]
     for node in (file, *file.groups(), *channels):
         # npTDMS applies the scales that an object's properties state
         node.properties.clear()
         node.properties.update(part.stated.get(getattr(node, "path", "/"), {}))
-    kinds, unscaled = {}, {}
+    numeric = []
     for channel in channels:
-        kinds[channel.path] = channel.dtype.kind  # takes its scale, and complains of one that is not known
-        unscaled[channel.path] = complaints.take()
-    channels = [channel for channel in channels if kinds[channel.path] in "iufM"]
-    if not channels:
-        raise RigInputError(f"{table.where}: no numeric channel")
-    if sum(len(channel) * channel.dtype.itemsize for channel in channels) > 16 * size:
-        raise RigInputError(f"{table.where}: names more samples than its {size} bytes hold; the file is damaged")
-    short = Counter(channel.name for channel in channels)
+        kind = channel.dtype.kind  # takes its scale, and complains of one that is not known
+        complaint = complaints.take()
+        if kind in "iufM":
+            numeric.append((channel, complaint))
+    if not numeric:
+        raise RigInputError(f"{where}: no numeric channel")
+    if sum(len(channel) * channel.dtype.itemsize for channel, _ in numeric) > 16 * size:
+        raise RigInputError(f"{where}: names more samples than its {size} bytes hold; the file is damaged")
+    short = Counter(channel.name for channel, _ in numeric)
+    return {c.name if short[c.name] == 1 else f"{c.group_name}/{c.name}": (c, text) for c, text in numeric}
+
+
+def _table(
+    table: ChannelTable, channels: dict[str, tuple[Any, str]], part: _Part, complaints: _Complaints
+) -> ChannelTable:
+    """Fill a table with the samples of one part."""
     columns, doubts, started = {}, {}, ""
     units: dict[str, str] = {}
     clocks: dict[str, Clock] = {}
-    for channel in channels:
-        name = channel.name if short[channel.name] == 1 else f"{channel.group_name}/{channel.name}"
+    for name, (channel, unscaled) in channels.items():
         first, end = part.first.get(channel.path, 0), part.end.get(channel.path, 0)
         if first == end:
             continue
         values = channel[first:end]
         if len(values) != end - first:
             raise RigInputError(f"{table.where}: not a whole TDMS file ({name} is cut off)")
-        stated, is_stamp = channel.properties, values.dtype.kind == "M"
+        stated, is_stamp = part.stated.get(channel.path, {}), values.dtype.kind == "M"
         columns[name] = (
             (values - values[0]) / np.timedelta64(1, "ns") * 1e-9 if is_stamp else np.asarray(values, dtype=np.float64)
         )
@@ -208,8 +222,8 @@ def _table(table: ChannelTable, file: Any, size: int, part: _Part, complaints: _
         units |= {name: unit} if unit else {}
         if complaint := complaints.take():
             raise RigInputError(f"{table.where}: not a whole TDMS file ({complaint[:120]})")
-        if complaint := unscaled[channel.path]:
-            doubts[name] = f"{name}: {complaint[:120]}; overrule_units in the mapping takes its numbers as they are"
+        if unscaled:
+            doubts[name] = f"{name}: {unscaled[:120]}; overrule_units in the mapping takes its numbers as they are"
         try:
             clock = _waveform_clock(stated)
         except ValueError as error:

@@ -25,6 +25,13 @@ def european_csv_case(folder: Path) -> Case:
     return f"\ufeffZeit;Kraft (N);Weg;\ns;N;counts;\n{rows}\n".encode(), *_csv_reading(";", ",")
 
 
+def _is_number(cell: str) -> bool:
+    try:
+        return bool(np.isfinite(float(cell))) and "_" not in cell
+    except ValueError:
+        return False
+
+
 def _csv_reading(separator: str, decimal: str) -> tuple[Any, Any]:
     def read(data: bytes) -> Any:
         table = parse_csv(text(data), "a.csv", separator, decimal)
@@ -35,6 +42,9 @@ def _csv_reading(separator: str, decimal: str) -> tuple[Any, Any]:
     def right(data: bytes, found: Any) -> None:
         lines = [line for line in data.decode("utf-8-sig").splitlines() if line.strip() and not line.startswith("#")]
         head, *body = csv.reader(io.StringIO("\n".join(lines)), delimiter=separator)
+        if all(_is_number(cell.replace(decimal, ".")) for cell in head if cell.strip()):  # the names stand above them
+            above = data.decode("utf-8-sig").partition(lines[0])[0].splitlines()
+            head, body = [cell.lstrip("# ") for cell in above[-1].split(separator)], [head, *body]
         names = [name.strip() for name in head]
         assert {name for name in names if name} == set(found.channels) | set(found.unreadable)
         values = next(iter(found.channels.values()))
@@ -45,6 +55,74 @@ def _csv_reading(separator: str, decimal: str) -> tuple[Any, Any]:
                 assert [float(row[names.index(name)].replace(decimal, ".")) for row in body] == column.tolist()
 
     return read, right
+
+
+def logger_csv_case(folder: Path) -> Case:
+    """Lines above the names, units that are not known, groups of three digits with no-break spaces."""
+    rows = "\n".join(f"{k * 2e-4:.4f};{1e3 + 100 * k:,.2f};bar{k};{k}".replace(",", "\u202f") for k in range(30))
+    whole = f"sep=;\nLogger 3\nRate;5000\nt;p;note;k\ns;bar;m/s^2;counts\n{rows}\n"
+
+    def read(data: bytes) -> Any:
+        return parse_csv(text(data), "a.csv", ";", ".", " ", names_row=4)
+
+    def right(data: bytes, found: Any) -> None:
+        body = data.decode("utf-8-sig").splitlines()[3:]
+        head, *body = csv.reader(io.StringIO("\n".join(x for x in body if x.strip() and x[0] != "#")), delimiter=";")
+        names = [name.strip() for name in head]
+        for name, column in found.channels.items():
+            cells = [row[names.index(name.lstrip("# "))] for row in body[len(body) - column.size :]]
+            if ":" not in "".join(cells):
+                plain = [cell.replace("\u202f", "").replace("\u00a0", "").replace(" ", "") for cell in cells]
+                assert [float(cell) for cell in plain] == column.tolist()
+
+    return whole.encode(), read, right
+
+
+def savetxt_case(folder: Path) -> Case:
+    rows = "\n".join(f"{k * 2e-4:.18e} {np.sin(k):.18e}" for k in range(30))
+    return f"# by numpy\n# t f\n# s N\n{rows}\n".encode(), *_commented_reading()
+
+
+def _commented_reading() -> tuple[Any, Any]:
+    def read(data: bytes) -> Any:
+        return parse_csv(text(data), "a.csv", " ")
+
+    def right(data: bytes, found: Any) -> None:
+        lines = [line for line in data.decode("utf-8-sig").splitlines() if line.strip() and not line.startswith("#")]
+        for column in found.channels.values():
+            body = [line.split(" ") for line in lines[len(lines) - column.size :]]
+            assert any(
+                [float(row[k]) for row in body] == column.tolist() for k in range(len(body[0])) if _numeric(body, k)
+            )
+
+    def _numeric(body: list[list[str]], k: int) -> bool:
+        try:
+            return all(np.isfinite(float(row[k])) for row in body)
+        except ValueError:
+            return False
+
+    return read, right
+
+
+def unequal_lvm_case(folder: Path) -> Case:
+    """Channels with 30, 12 and no samples, times of three digits."""
+    head = (
+        "LabVIEW Measurement\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\n"
+        "Channels\t3\nSamples\t30\t12\t0\nY_Unit_Label\tN\tdeg\tV\nX0\t0\t0\t0\nDelta_X\t0.0002\t0.0002\t0.0002\n"
+        "***End_of_Header***\nX_Value\tForce\tKey\tSpare\tComment\n"
+    )
+    rows = "\n".join(f"{k * 2e-4:.3f}\t{np.sin(k):.5f}" + (f"\t{k * 3}" if k < 12 else "") for k in range(30))
+
+    def right(data: bytes, found: Any) -> None:
+        for table in found:
+            assert all(np.all(np.isfinite(values)) for values in table.channels.values())
+            assert all(clock.interval_s > 0 for clock in table.clocks.values())
+        lines = data.decode("utf-8-sig", "replace").replace("\r", "").split("\n")
+        last = next(line for line in reversed(lines) if line.strip()).split("\t")
+        longest = max((v for name, v in found[-1].channels.items() if name != "X_Value"), key=len)
+        assert longest[-1] in [float(cell.replace(",", ".")) for cell in last[1:] if cell.strip()]
+
+    return (head + rows + "\n").encode(), _lvm, right
 
 
 def _lvm_right(data: bytes, found: Any) -> None:

@@ -12,13 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
 from rig.backend import Block, Timing
 from rig.configuration.profile import MotorCommand
 from rig.configuration.rig_file import load_rig
-from rig.foreign.reading import read_channels
+from rig.foreign.reading import read_channels, read_segments
 from rig.session import Session
 from rig.session.info import ChannelInfo
 from rig.session.journal import BLOCK, COMMAND, HEAD, Journal, TrialHead, block_payload, blocks_of, encode, scan
@@ -66,6 +67,62 @@ def _tdms_reading(path: Path) -> tuple[Any, Any]:
             np.testing.assert_array_equal(found.channels["Force"], again.astype(float))
 
     return read, right
+
+
+def two_recordings_tdms_case(folder: Path) -> Case:
+    """A second recording behind the first in one file, begun later and with a scale of its own."""
+    nptdms = pytest.importorskip("nptdms")
+    path = folder / "a.tdms"
+    with nptdms.TdmsWriter(path) as writer:
+        for part in range(2):
+            stated = {
+                "wf_increment": 2e-4, "wf_start_time": np.datetime64("2026-03-01T12:00:00") + 60 * part,
+                "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 2.0 + part,
+                "NI_Scale[0]_Linear_Y_Intercept": 0.0,
+            }  # fmt: skip
+            writer.write_segment([nptdms.ChannelObject("g", "Force", np.sin(np.arange(20.0) + part), stated)])
+
+    def read(data: bytes) -> Any:
+        path.write_bytes(data)
+        return read_segments(path)
+
+    def right(data: bytes, found: Any) -> None:
+        values = np.concatenate([values for table in found for values in table.channels.values()])
+        assert values.size <= 2 * len(data)
+        if len(found) == 2 and data == path.read_bytes() and set(found[0].channels) == {"Force"}:
+            with nptdms.TdmsFile.open(path) as file:
+                # unscaled, each of the two has the numbers that the segments hold
+                raw = file["g"]["Force"].read_data(scaled=False) if "g" in file and "Force" in file["g"] else values
+            assert raw.size == values.size
+
+    return path.read_bytes(), read, right
+
+
+def hdf5_case(folder: Path) -> Case:
+    """A table of named columns and a dataset of integers with a scale."""
+    path = folder / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["run"] = np.rec.fromarrays([np.arange(20) * 2e-4, np.arange(20)], names=["t", "key"])
+        file["force"] = np.arange(20, dtype=np.int16).reshape(1, 20)
+        file["force"].attrs.update({"scale_factor": 0.5, "add_offset": -1.0, "units": "N"})
+
+    def read(data: bytes) -> Any:
+        path.write_bytes(data)
+        return read_channels(path)
+
+    def right(data: bytes, found: Any) -> None:
+        with h5py.File(path) as file:
+            node = file.get("force")
+            if (
+                node is None
+                or "force" not in found.channels
+                or set(node.attrs) != {"scale_factor", "add_offset", "units"}
+            ):
+                return
+            expected = node[()].ravel() * float(node.attrs["scale_factor"]) + float(node.attrs["add_offset"])
+        np.testing.assert_array_equal(found.channels["force"], expected)
+
+    return path.read_bytes(), read, right
 
 
 def _session(folder: Path) -> dict[str, bytes]:

@@ -25,10 +25,15 @@ TEXTS = {
     "european csv": recording_cases.european_csv_case,
     "lvm": recording_cases.lvm_case,
     "lvm segments": recording_cases.segments_case,
+    "unequal lvm": recording_cases.unequal_lvm_case,
+    "csv of a logger": recording_cases.logger_csv_case,
+    "savetxt": recording_cases.savetxt_case,
 }
 BINARY = {
     "tdms": stored_cases.tdms_case,
     "big-endian tdms": stored_cases.big_endian_tdms_case,
+    "two tdms recordings": stored_cases.two_recordings_tdms_case,
+    "plain hdf5": stored_cases.hdf5_case,
     "session": stored_cases.session_case,
     "annotations": stored_cases.annotations_case,
     "trial": stored_cases.trial_case,
