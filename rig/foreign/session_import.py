@@ -426,12 +426,30 @@ def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
     if config.segments is None:
         raise RigInputError(
             f'{file}: {len(segments)} segments; say in the mapping what they are: segments = "trials" or "join"'
+            + _difference(segments[0], segments[1], config.channels)
         )
     for table in segments:
         sample_interval(table, config)
     names = config.channels
     timed = all(name in segment.clocks for segment in segments for name in names)
     return (joined(segments, names if timed or config.time.channel is None else [*names, config.time.channel]),)
+
+
+def _difference(one: ChannelTable, other: ChannelTable, names: Sequence[str]) -> str:
+    """Return how the second segment of a file differs from the first, in brackets; empty where nothing is stated."""
+    for name in names:
+        units = one.units.get(name, ""), other.units.get(name, "")
+        clocks = one.clocks.get(name), other.clocks.get(name)
+        if units[0] != units[1]:
+            return f" ({name} is in {units[0]!r}, then in {units[1]!r})"
+        if clocks[0] is None or clocks[1] is None:
+            continue
+        if clocks[0].interval_s != clocks[1].interval_s:
+            return f" ({name} has a sample every {clocks[0].interval_s:g} s, then every {clocks[1].interval_s:g} s)"
+        later_s = clocks[1].start_s - clocks[0].start_s + clocks[1].stamp_s - clocks[0].stamp_s
+        if later_s:
+            return f" ({name} begins {later_s:g} s later)"
+    return ""
 
 
 def _shortened(table: ChannelTable, config: ImportMapping) -> ChannelTable:

@@ -152,9 +152,9 @@ def test_times_of_few_digits_confirm_a_stated_rate(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("second", "words"),
     [
-        ({"wf_increment": 4e-4}, "2 segments; say in the mapping"),
-        ({"wf_start_time": np.datetime64("2026-03-01T12:01:00")}, "2 segments; say in the mapping"),
-        ({"force:unit_string": "lbf"}, "2 segments; say in the mapping"),
+        ({"wf_increment": 4e-4}, "(force_n has a sample every 0.0002 s, then every 0.0004 s)"),
+        ({"wf_start_time": np.datetime64("2026-03-01T12:01:00")}, "(force_n begins 60 s later)"),
+        ({"force:unit_string": "lbf"}, "(force_n is in 'N', then in 'lbf')"),
         ({"wf_xunit_string": "ms"}, "2 segments; say in the mapping"),
     ],
 )
