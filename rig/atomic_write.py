@@ -38,7 +38,7 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
             yield temporary
             with temporary.open("rb+") as stream:
                 platform_calls.synchronise_whole(stream.fileno())
-            os.replace(temporary, path)
+            platform_calls.replace(temporary, path)
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)

@@ -6,9 +6,12 @@ substitution.
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
 import shutil
 import signal
+import stat
 import sys
 import time
 from collections.abc import Callable
@@ -77,6 +80,47 @@ def lock(descriptor: int) -> bool:
     except OSError:
         return False
     return True
+
+
+def is_locked(error: BaseException) -> bool:
+    """Whether opening or reading a file failed because another program has locked it; HDF5 says so in words only."""
+    codes = getattr(error, "errno", None), getattr(error, "winerror", None)
+    return codes[0] in (errno.EAGAIN, errno.EWOULDBLOCK) or codes[1] in (32, 33) or "unable to lock file" in str(error)
+
+
+def is_held(path: Path) -> bool:
+    """Whether another program has a file open for writing with a lock; Windows refuses even to read it then."""
+    if WINDOWS:
+        return False
+    import fcntl  # platform: POSIX only
+
+    with path.open("rb") as stream:
+        try:
+            fcntl.flock(stream.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError as error:
+            return is_locked(error)
+    return False
+
+
+def make_read_only(path: Path) -> None:
+    """Take the permission to write from a file, so that other programs do not open it for writing by mistake.
+
+    Not on Windows, where a folder with such a file cannot be removed; nor where the file system has no permissions.
+    """
+    if not WINDOWS:
+        with contextlib.suppress(OSError):
+            path.chmod(path.stat().st_mode & ~0o222)
+
+
+def replace(source: Path, target: Path) -> None:
+    """Rename a file over another; Windows refuses where that one is read-only, so it is made writable first."""
+    try:
+        os.replace(source, target)
+    except PermissionError:
+        if not target.is_file() or target.stat().st_mode & stat.S_IWRITE:
+            raise
+        target.chmod(target.stat().st_mode | stat.S_IWRITE)
+        os.replace(source, target)
 
 
 def remove(path: Path, *, attempts: int = 20, wait: Callable[[float], None] = time.sleep) -> None:

@@ -86,9 +86,9 @@ def _trial_of(blow: Path, trial: int | None) -> Path:
     session = Session.open(blow)
     if trial is not None:
         return session.trial(trial).path
-    usable = [one for one in session.trials if one.rejected is None]
+    usable = [one for one in session.readable_trials if one.rejected is None]
     if not usable:
-        raise CommandInputError(f"{blow}: all its trials are rejected; name one with --trial")
+        raise CommandInputError(f"{blow}: all its trials are rejected or unreadable; name one with --trial")
     return usable[0].path
 
 

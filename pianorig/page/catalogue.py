@@ -19,7 +19,7 @@ from pianorig.errors import CommandInputError
 from pianorig.workflows.session_film import STEP
 from rig.errors import RigError
 from rig.session import Session, Trial
-from rig.session.folder import FILM_SUFFIXES
+from rig.session.folder import FILM_SUFFIXES, UNREADABLE
 
 LARGEST_RESULTS_BYTES = 64_000_000  # 1,000 trials write about 30 MB
 MOST_FINDINGS = 50
@@ -35,7 +35,6 @@ def shortened(text: object) -> str:
 
 REPORT = "report.html"
 RESULTS = "results.json"
-UNREADABLE = "unreadable"
 LARGEST_BYTES = {"session.toml": 2_000_000, "annotations.jsonl": 20_000_000}
 LARGEST_TRIAL_BYTES = 2_000_000_000
 """A trial is hashed whole before it is opened; one above this size is named, not read."""

@@ -54,7 +54,7 @@ def _chosen(path: Path, numbers: list[int] | None) -> list[Trial]:
             )
         return found
     session = Session.open(path)
-    return list(session.trials) if not numbers else [session.trial(number) for number in sorted(set(numbers))]
+    return list(session.readable_trials) if not numbers else [session.trial(number) for number in sorted(set(numbers))]
 
 
 def _write_force(trial: Trial, file: Path) -> Path:

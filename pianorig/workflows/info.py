@@ -15,10 +15,13 @@ from rig.daq.nidaqmx_backend import NidaqmxBackend
 
 
 def session_facts(path: Path) -> dict[str, Any]:
-    """Name, date, profile and trials of a session; trials as a list of rows."""
+    """Name, date, profile and trials of a session; trials as a list of rows, an unreadable one with its problem."""
     session = Session.open(path)
     rows = []
     for trial in session.trials:
+        if problem := trial.problem:
+            rows.append({"trial": trial.number, "status": trial.status, "problem": problem})
+            continue
         data = trial.read()
         rows.append(
             {

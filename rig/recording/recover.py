@@ -2,7 +2,8 @@
 
 They are marked ``incomplete`` unless the journal has its closing record. A journal is deleted only after its contents
 are sealed and read back; one that is damaged in its middle is renamed ``.journal.damaged``, a sealed file that was
-damaged while its journal was still there ``.h5.damaged``. A second run changes nothing more.
+damaged while its journal was still there ``.h5.damaged``. A second run changes nothing more. A trial that another
+program opened for writing and closed unchanged is sealed again; one that cannot be read is named.
 
 What is left of the plan is recorded by :func:`resume`, also where trials were rejected. A trial is never rewritten: a
 repeated one gets the next free number, the earlier one stays. An entry of the plan is done when it has a trial that
@@ -12,10 +13,11 @@ rejected. Rig file and profiles are the copies in the session.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
@@ -35,15 +37,17 @@ from rig.recording.trial_run import Stroke, record_entries, seal_cut, seal_journ
 from rig.safety.dry_run import dry_run
 from rig.safety.permission import require_permission
 from rig.session import annotation_file
-from rig.session.folder import INFO_NAME, Session
+from rig.session.folder import INFO_NAME, UNREADABLE, Session
 from rig.session.info import PASSIVE, FileInfo
 from rig.session.journal import Journal, scan_journal, stored_blocks
+from rig.session.seal import OPEN_ELSEWHERE, has_seal, seal_again
+from rig.session.sealed_trial import trial_problem
 from rig.session.trial_data import TrialData
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """Outcome of one journal: the trial's status, or ``empty`` or ``unreadable``, its samples, and a note."""
+    """Outcome of one journal or trial: its status, or ``empty`` or ``unreadable``, its samples, and a note."""
 
     trial: int
     status: str
@@ -52,7 +56,7 @@ class Recovered:
 
 
 def recover(path: str | Path, out: str | Path | None = None) -> list[Recovered]:
-    """Recover every trial of a session that was not sealed.
+    """Recover every trial of a session that was not sealed, seal again what lost its seal, name what is unreadable.
 
     Parameters
     ----------
@@ -66,7 +70,8 @@ def recover(path: str | Path, out: str | Path | None = None) -> list[Recovered]:
     Returns
     -------
     list of Recovered
-        One entry per journal found; empty when there was nothing to do.
+        One entry per journal found, per trial that was sealed again and per trial that cannot be read; empty when every
+        trial is sealed and can be read.
 
     Raises
     ------
@@ -85,7 +90,9 @@ def recover(path: str | Path, out: str | Path | None = None) -> list[Recovered]:
     for file in journals.values():
         _refuse_if_in_use(file, os.O_RDWR if out is None else os.O_RDONLY)
     if out is not None:
-        return _recover_all(_copied(session, Path(out)), journals, keep=True)
+        copy, damaged = _copied(session, Path(out))
+        kept = [one for one in damaged if one.trial not in journals]  # the others are in their journals
+        return kept + _recover_all(copy, journals, keep=True)
     for part in session.path.glob(".trial_*.h5.*.part"):
         part.unlink(missing_ok=True)  # part of a trial whose journal is still there
     return _recover_all(session, journals, keep=False)
@@ -96,32 +103,65 @@ recover_session = recover
 
 def _recover_all(session: Session, journals: Mapping[int, Path], *, keep: bool) -> list[Recovered]:
     """Recover journals into a session; each stays where it is when it is to be kept."""
+    sealed_again = {one.trial: one for one in _seal_again(session)}
     found, complaints = [], []
     for number, file in journals.items():
         try:
-            found.append(_recover_trial(session, number, file, keep=keep))
+            one = _recover_trial(session, number, file, keep=keep)
+            if number in sealed_again:
+                one = replace(one, note=f"{sealed_again.pop(number).note}; {one.note}")
+            found.append(one)
         except RigInputError as error:
             complaints.append(str(error))
     if complaints:
         raise RigInputError("; ".join(complaints))
+    found += sealed_again.values()
+    named = {one.trial for one in found}
+    unreadable = {trial.number: trial.problem for trial in session.trials if trial.number not in named}
+    found += [Recovered(number, UNREADABLE, 0, problem) for number, problem in unreadable.items() if problem]
+    return sorted(found, key=lambda one: one.trial)
+
+
+def _seal_again(session: Session) -> list[Recovered]:
+    """Seal again what another program opened for writing and closed unchanged."""
+    found = []
+    for trial in session.trials:
+        note = "another program had opened it for writing; its content is as it was sealed"
+        try:
+            if has_seal(trial.path):
+                continue
+            seal_again(trial.path)
+            note += ", and it was sealed again"
+        except RigInputError as error:
+            if trial.problem:
+                continue
+            note += f", but it was not sealed again: {error}"
+        data = trial.read()
+        found.append(Recovered(trial.number, data.status, data.n_valid, note))
     return found
 
 
-def _copied(session: Session, out: Path) -> Session:
-    """Make a session of what is sealed and written in another; damaged trials are left out."""
+def _copied(session: Session, out: Path) -> tuple[Session, list[Recovered]]:
+    """Make a session of what is sealed and written in another; what cannot be read is copied under another name."""
     texts = {INFO_NAME: "", annotation_file.FILE_NAME: ""}
     for file in session.path.iterdir():
         if file.suffix in (".toml", ".jsonl") and file.is_file():
             texts[file.name] = toml_file.read_text(file)
     del texts[INFO_NAME]  # written by the session itself
     copy = Session.create(out, session.info, {name: text for name, text in texts.items() if text})
+    damaged = []
     for trial in session.trials:
         target = copy.trial_path(trial.number)
         with refused(target, "written"), replace_when_complete(target) as part:
             shutil.copyfile(trial.path, part)
-        if _sealed(copy, trial.number) is None:
-            _put_aside(target)
-    return copy
+        with contextlib.suppress(RigInputError):
+            if not has_seal(target):
+                seal_again(target)
+        platform_calls.make_read_only(target)
+        if problem := trial_problem(target):
+            aside = _put_aside(target)
+            damaged.append(Recovered(trial.number, UNREADABLE, 0, f"{problem}; copied as {aside.name}"))
+    return copy, damaged
 
 
 def _refuse_if_in_use(file: Path, flags: int) -> None:
@@ -150,7 +190,7 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
         return Recovered(number, sealed.status, sealed.n_valid, f"was sealed already; the journal {fate}")
     if journal.head is None or not journal.n_samples:
         if journal.left_over and not journal.only_begun:
-            return Recovered(number, "unreadable", 0, f"{file.name} begins with damage and was left as it is")
+            return Recovered(number, UNREADABLE, 0, f"{file.name} begins with damage and was left as it is")
         if not keep:
             file.unlink()
         return Recovered(number, "empty", 0, f"no sample had been acquired; the journal {fate}")
@@ -212,7 +252,9 @@ def _sealed(session: Session, number: int) -> TrialData | None:
 
 def _put_aside(file: Path) -> Path:
     """Rename a damaged file."""
-    return file.replace(file.with_name(file.name + ".damaged"))
+    aside = file.with_name(file.name + ".damaged")
+    platform_calls.replace(file, aside)
+    return aside
 
 
 ENDED = ("complete", "not at rest")
@@ -222,6 +264,9 @@ def due_entries(session: Session) -> list[Entry]:
     """Return the entries of a session's plan that are not yet recorded, in their order."""
     plan = session.info.plan
     every = _entries(session)
+    for trial in session.trials:
+        if trial.problem.endswith(OPEN_ELSEWHERE):
+            raise RigInputError(f"{trial.problem}, then resume: what it holds of the plan is not known")
     done = [
         trial.read().plan_entry
         for trial in session.trials

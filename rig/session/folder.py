@@ -13,6 +13,7 @@ import html
 import json
 import re
 import shutil
+import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,8 @@ from rig.configuration import toml_file
 from rig.errors import RigInputError
 from rig.session import annotation_file
 from rig.session.info import SessionInfo
-from rig.session.sealed_trial import open_sealed, read_status, read_trial, write_sealed, write_trial, write_trial_parts
+from rig.session.seal import CONTENT, content_sha256, open_sealed, write_sealed
+from rig.session.sealed_trial import read_status, read_trial, trial_problem, write_trial, write_trial_parts
 from rig.session.trial_data import TrialData
 
 if TYPE_CHECKING:
@@ -51,6 +53,7 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
         row.make_scale("row")
         for position, name in enumerate(names):
             _write_column(group, name, table.iloc[:, position].to_numpy()).dims[0].attach_scale(row)
+        file.attrs[CONTENT] = content_sha256(file)
 
 
 def _plain(value: object) -> Any:
@@ -101,6 +104,8 @@ def _read_column(dataset: h5py.Dataset) -> np.ndarray:
 INFO_NAME = "session.toml"
 FILM_SUFFIXES = (".mraw", ".cine", ".avi", ".tif", ".tiff", ".mp4", ".mov", ".mkv", ".m4v")
 """Films that a session can hold: every format of one file that `vision.film.open` reads."""
+UNREADABLE = "unreadable"
+"""Status of a trial whose file cannot be read."""
 _NUMBERED = re.compile(r"trial_(?P<number>\d{4,})\.(?P<suffix>h5|journal)")
 
 
@@ -118,8 +123,13 @@ class Trial:
 
     @property
     def status(self) -> str:
-        """``complete``, ``not at rest``, ``interrupted``, ``fault``, ``defect`` or ``incomplete``."""
-        return read_status(self.path)[0]
+        """``complete``, ``not at rest``, ``interrupted``, ``fault``, ``defect``, ``incomplete`` or ``unreadable``."""
+        return UNREADABLE if self.problem else read_status(self.path)[0]
+
+    @property
+    def problem(self) -> str:
+        """Why the trial cannot be read, in one line; empty where it can."""
+        return trial_problem(self.path)
 
     @property
     def sha256(self) -> str:
@@ -212,6 +222,14 @@ class Session:
         return tuple(Trial(file, number, rejected.get(number)) for number, file in self._numbered("h5").items())
 
     @property
+    def readable_trials(self) -> tuple[Trial, ...]:
+        """Trials that can be read; one warning for each that cannot."""
+        for trial in (trials := self.trials):
+            if trial.problem:
+                warnings.warn(f"trial {trial.number} is left out: {trial.problem}", stacklevel=2)
+        return tuple(trial for trial in trials if not trial.problem)
+
+    @property
     def journals(self) -> dict[int, Path]:
         """Journals of trials that are not sealed, by number; during a recording, of the current trial."""
         return self._numbered("journal")
@@ -226,20 +244,23 @@ class Session:
         return dict(sorted(found.items()))
 
     def summary(self) -> pd.DataFrame:
-        """Return one row per trial: number, status, rejected (reason or ""), duration, peak force, frames, film."""
+        """Return one row per trial: number, status, rejected (reason or ""), duration, peak force, frames, film.
+
+        A trial that cannot be read has the status ``unreadable`` and no duration.
+        """
         import pandas as pd  # start-up: pandas costs 0.4 s, opening a session does not need it
 
         rows = []
         for trial in self.trials:
-            data = trial.read()
+            data = None if trial.problem else trial.read()
             rows.append(
                 {
                     "trial": trial.number,
-                    "status": data.status,
+                    "status": UNREADABLE if data is None else data.status,
                     "rejected": trial.rejected or "",
-                    "duration_s": data.n_valid / data.sample_rate_hz,
-                    "peak_force_n": float(data.force_n.max()) if data.n_valid else float("nan"),
-                    "frames": data.camera.n_frames if data.camera else 0,
+                    "duration_s": float("nan") if data is None else data.n_valid / data.sample_rate_hz,
+                    "peak_force_n": float(data.force_n.max()) if data and data.n_valid else float("nan"),
+                    "frames": data.camera.n_frames if data and data.camera else 0,
                     "film": trial.film.name if trial.film else "",
                 }
             )

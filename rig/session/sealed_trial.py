@@ -10,21 +10,13 @@ Codes of the analog-to-digital converter behind a force channel are stored where
 the polynomial with which the driver says that it scales them: then they are the converter's, to the last bit, and a
 stuck bit, a missing code or the end of the range shows in them. Where they do not, the driver has done more than it
 states (a nulled bridge, a filter), and the sample has no code.
-
-A sealed file ends with the SHA-256 of itself: written whole, and never opened when a single byte has changed. The HDF5
-library may crash the process on damaged metadata, so the seal is checked before the library sees the file. The seal is
-one line of text after the last byte of HDF5, which the library and netCDF-4 tools ignore.
 """
 
 from __future__ import annotations
 
-import contextlib
-import errno
 import hashlib
-import io
 import json
-import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -34,111 +26,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.atomic_write import refused, replace_when_complete
+from rig import platform_calls
 from rig.errors import RigInputError, refuse
 from rig.session.info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
+from rig.session.seal import CONTENT, array_sha256, file_state, open_sealed, write_sealed
 from rig.session.trial_data import CameraInfo, TrialData
-
-MARK = b"\npiano-action-rig sha256 "
-_TAIL = len(MARK) + 64 + 1
-_CHUNK = 1 << 20
-
-
-class _Patient(io.RawIOBase):
-    """A file whose failures wait until it is closed: on a full disk the library would leave objects it cannot close."""
-
-    def __init__(self, stream: io.FileIO) -> None:
-        self._stream = stream
-        self.error: OSError | None = None
-
-    def write(self, data: Any) -> int:
-        """Write all of ``data``, or remember why not."""
-        left = memoryview(data).cast("B")
-        size = left.nbytes
-        try:
-            while left and self.error is None:
-                left = left[self._stream.write(left) or 0 :]
-        except OSError as error:
-            self.error = error
-        return size
-
-    def truncate(self, size: int | None = None) -> int:
-        """Cut or extend the file, or remember why not."""
-        try:
-            return self._stream.truncate(size)
-        except OSError as error:
-            self.error = self.error or error
-        return size or 0
-
-    def readinto(self, buffer: Any) -> int:
-        """Read into ``buffer``."""
-        return self._stream.readinto(buffer) or 0
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        """Move to a position."""
-        return self._stream.seek(offset, whence)
-
-    def tell(self) -> int:
-        """Return the position."""
-        return self._stream.tell()
-
-
-@contextlib.contextmanager
-def write_sealed(path: Path) -> Iterator[h5py.File]:
-    """Yield an empty HDF5 file to fill; seal it and put it at ``path`` when the block ends without an exception.
-
-    Raises RigInputError when the file system refuses, e.g. a full disk.
-    """
-    with replace_when_complete(path) as temporary, temporary.open("xb+", buffering=0) as stream:
-        patient = _Patient(stream)
-        with h5py.File(patient, "w", track_order=True) as file:
-            yield file
-        if patient.error is not None:
-            raise patient.error
-        stream.seek(0)
-        digest = hashlib.sha256()
-        while chunk := stream.read(_CHUNK):
-            digest.update(chunk)
-        mark = MARK + digest.hexdigest().encode() + b"\n"
-        if stream.write(mark) != len(mark):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-@contextlib.contextmanager
-def open_sealed(path: Path) -> Iterator[h5py.File]:
-    """Check the seal and yield the HDF5 file for reading.
-
-    Raises RigInputError when the file is missing, unreadable, not sealed or altered, or lacks what the block reads.
-    """
-    _check_seal(path)
-    try:
-        with h5py.File(path, "r") as file:
-            yield file
-    except RigInputError:
-        raise
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise RigInputError(f"{path}: not a file of this program or version ({reason})") from error
-
-
-def _check_seal(path: Path) -> None:
-    with refused(path, "read"), path.open("rb") as stream:
-        size = stream.seek(0, 2)
-        stream.seek(max(size - _TAIL, 0))
-        tail = stream.read()
-        if len(tail) != _TAIL or not tail.startswith(MARK):
-            raise RigInputError(
-                f"{path}: has no seal at its end: truncated, or rewritten by another program; restore it"
-            )
-        digest = hashlib.sha256()
-        stream.seek(0)
-        left = size - _TAIL
-        while left > 0 and (chunk := stream.read(min(left, _CHUNK))):
-            digest.update(chunk)
-            left -= len(chunk)
-    if tail[len(MARK) : -1] != digest.hexdigest().encode():
-        raise RigInputError(f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy")
-
 
 NO_CODE = -(2**31)
 """In place of a code that is not whole."""
@@ -211,15 +103,6 @@ def _name(node: h5py.Group | h5py.Dataset) -> str:
     return node.name.lstrip("/") or "/"
 
 
-def array_sha256(values: NDArray[Any]) -> str:
-    """Return the SHA-256 of an array's little-endian bytes in C order; text as UTF-8, one item a line."""
-    array = np.ascontiguousarray(values)
-    if array.dtype.kind in "OUS":
-        text = "\n".join(item.decode() if isinstance(item, bytes) else str(item) for item in array.ravel())
-        return hashlib.sha256(text.encode("utf-8")).hexdigest()
-    return hashlib.sha256(array.astype(array.dtype.newbyteorder("<")).tobytes()).hexdigest()
-
-
 SCHEMA = "piano-action-rig trial 1"
 LATER = ("device_scaling",)
 """Attributes of the force that older files do not have."""
@@ -277,7 +160,8 @@ def write_trial_parts(path: Path, about: TrialData, n_samples: int, parts: Itera
         if about.camera is not None:
             _write_camera(content, file.create_group("camera", track_order=True), about.camera)
         digest = content.sha256()
-        file.attrs["sha256"] = digest
+        file.attrs[CONTENT] = digest
+    platform_calls.make_read_only(path)
     return digest
 
 
@@ -290,13 +174,31 @@ def read_trial(path: Path) -> TrialData:
         if file.attrs.get("schema") != SCHEMA:
             found = file.attrs.get("schema")
             raise RigInputError(f"{path}: schema {found!r}, expected {SCHEMA!r}; not a trial of this rig")
-        return _read(file, str(file.attrs["sha256"]))
+        return _read(path, file, str(file.attrs[CONTENT]))
+
+
+def trial_problem(path: Path) -> str:
+    """Return why `read_trial` refuses a file, in one line; empty where it reads it."""
+    try:
+        state = file_state(path)
+        if state in _readable:
+            return ""
+        read_trial(path)
+    except RigInputError as error:
+        return str(error)
+    except OSError as error:
+        return f"{path}: cannot be read ({error.strerror or error})"
+    _readable.add(state)
+    return ""
+
+
+_readable: set[tuple[str, int, int, int]] = set()
 
 
 def read_status(path: Path) -> tuple[str, str]:
     """Return (status, SHA-256 of the content) of a trial without reading its arrays."""
     with open_sealed(path) as file:
-        return str(file["daq"].attrs["status"]), str(file.attrs["sha256"])
+        return str(file["daq"].attrs["status"]), str(file.attrs[CONTENT])
 
 
 def _check_shapes(path: Path, data: TrialData) -> None:
@@ -427,7 +329,7 @@ def _plain(value: Any) -> Any:
 UNITS = {"time": "s", "force": "N", "motor_command": "V", "encoder_count": "1"}
 
 
-def _read(file: h5py.File, sha256: str) -> TrialData:
+def _read(path: Path, file: h5py.File, sha256: str) -> TrialData:
     daq = file["daq"]
     for name, expected in UNITS.items():
         if name == "force" and name not in daq:
@@ -435,7 +337,7 @@ def _read(file: h5py.File, sha256: str) -> TrialData:
         units = daq[name].attrs.get("units")
         if units != expected:
             raise RigInputError(
-                f"{file.filename}: daq/{name}: units {'missing' if units is None else repr(str(units))}, expected "
+                f"{path}: daq/{name}: units {'missing' if units is None else repr(str(units))}, expected "
                 f"{expected!r}; write the trial again in SI units"
             )
     info = NO_FORCE

@@ -25,7 +25,8 @@ from hypothesis.extra.numpy import arrays
 from rig.configuration.rig_file import load_rig, parse_rig
 from rig.errors import InputError
 from rig.session import CameraInfo, EncoderInfo, ForceInfo, TrialData
-from rig.session.sealed_trial import MARK, NO_CODE, force_codes, read_status, read_trial, write_trial
+from rig.session.seal import MARK
+from rig.session.sealed_trial import NO_CODE, force_codes, read_status, read_trial, write_trial
 from tests.rig.lab_channels import READBACK
 
 ENCODERS = (
