@@ -131,6 +131,12 @@ class Trial:
         """Why the trial cannot be read, in one line; empty where it can."""
         return trial_problem(self.path)
 
+    def warn_if_unreadable(self) -> bool:
+        """Whether the trial cannot be read; a warning then says that it is left out, and why."""
+        if self.problem:
+            warnings.warn(f"trial {self.number} is left out: {self.problem}", stacklevel=3)
+        return bool(self.problem)
+
     @property
     def sha256(self) -> str:
         """Seal of the trial: SHA-256 over its arrays and attributes."""
@@ -224,10 +230,7 @@ class Session:
     @property
     def readable_trials(self) -> tuple[Trial, ...]:
         """Trials that can be read; one warning for each that cannot."""
-        for trial in (trials := self.trials):
-            if trial.problem:
-                warnings.warn(f"trial {trial.number} is left out: {trial.problem}", stacklevel=2)
-        return tuple(trial for trial in trials if not trial.problem)
+        return tuple(trial for trial in self.trials if not trial.warn_if_unreadable())
 
     @property
     def journals(self) -> dict[int, Path]:

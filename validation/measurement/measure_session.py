@@ -73,6 +73,7 @@ def usable_trials(
                 raise TrialError(f"recorded with status {data.status!r}: {data.reason or 'no reason given'}")
             found.append(read(trial, data))
         except (RigError, TrialError) as error:
+            trial.warn_if_unreadable()
             refused[trial.number] = str(error)
     return found, refused
 

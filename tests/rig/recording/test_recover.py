@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 
 from pianorig.cli import main
 from rig.errors import InputError
-from rig.recording.recover import recover_session
+from rig.recording.recover import recover_session, resume_session
 from rig.recording.trial_plan import parse_plan
 from rig.session import Session
 from tests.command_line import run
@@ -144,6 +145,8 @@ def test_a_sealed_file_that_was_damaged_is_made_again_from_its_journal(cut_off, 
     seals = [trial.sha256 for trial in session.trials]
     damaged = bytearray(session.trial_path(1).read_bytes())
     damaged[len(damaged) // 2] ^= 1
+    for number in (1, 2):
+        session.trial_path(number).chmod(0o644)
     session.trial_path(1).write_bytes(damaged)
     session.trial_path(2).write_bytes(session.trial_path(2).read_bytes()[:3000])
     first, second = recover(folder)
@@ -167,6 +170,8 @@ def test_a_session_in_which_everything_went_wrong_is_recovered_at_once(
     whole = [trial.read() for trial in session.trials]
     session.trial_path(2).unlink()
     cut(folder, 2, 0.15)  # torn in a warm-up blow
+    for number in (3, 4):
+        session.trial_path(number).chmod(0o644)
     session.trial_path(3).write_bytes(b"")
     session.trial_path(4).write_bytes(session.trial_path(4).read_bytes()[:-200])
     cut(folder, 4, 0.1)
@@ -208,3 +213,24 @@ def test_the_command_recovers_into_another_folder_and_leaves_the_first_as_it_is(
     assert again.provenance == whole.provenance and "the journal stays" in capsys.readouterr().out
     assert run("recover", folder, "--out", tmp_path / "rescued") == 2
     assert "not an empty folder" in capsys.readouterr().err
+
+
+def test_a_damaged_trial_is_recorded_again_and_one_open_elsewhere_holds_up_the_rest(
+    rig, record_steps, make_backend
+) -> None:
+    session = record_steps(rig, trials=2)
+    first = session.trial_path(1)
+    first.chmod(0o644)
+    with h5py.File(first, "r+", locking=True), pytest.raises(InputError, match="has it open for writing; close it"):
+        resume_session(session.path, make_backend(rig.config))
+    assert [trial.number for trial in session.trials] == [1, 2]
+    with pytest.raises(InputError, match="nothing to resume"):
+        resume_session(session.path, make_backend(rig.config))
+    damaged = bytearray(first.read_bytes())
+    damaged[len(damaged) // 2] ^= 1
+    first.write_bytes(damaged)
+    resumed = resume_session(session.path, make_backend(rig.config))
+    assert [(trial.number, trial.status) for trial in resumed.trials] == [
+        (1, "unreadable"), (2, "complete"), (3, "complete"),
+    ]  # fmt: skip
+    assert first.read_bytes() == damaged

@@ -133,6 +133,7 @@ def test_a_changed_sample_attribute_or_missing_seal_is_refused(tmp_path) -> None
     }.items():
         path = tmp_path / f"{name}.h5"
         write_trial(path, trial())
+        path.chmod(0o644)
         with h5py.File(path, "r+") as file:
             change(file)
         reseal(path, honestly=name == "schema")
@@ -144,6 +145,7 @@ def test_a_changed_sample_attribute_or_missing_seal_is_refused(tmp_path) -> None
 def test_a_truncated_an_empty_and_a_missing_file_are_refused(tmp_path) -> None:
     path = tmp_path / "t.h5"
     write_trial(path, trial())
+    path.chmod(0o644)
     whole = path.read_bytes()
     for size in (0, 10, len(whole) // 2, len(whole) - 100):
         path.write_bytes(whole[:size])
@@ -157,6 +159,7 @@ def test_no_changed_byte_reaches_the_hdf5_library(tmp_path) -> None:
     """The library crashes the process on some of these files."""
     path = tmp_path / "t.h5"
     write_trial(path, trial(20))
+    path.chmod(0o644)
     whole, random = path.read_bytes(), np.random.default_rng(1)
     for place in random.integers(len(whole), size=300):
         damaged = bytearray(whole)

@@ -190,8 +190,10 @@ def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(
 def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tmp_path, without_figures):
     session, truth = make.session(tmp_path / "s", n_trials=3, filmed=())
     session.annotate(2, "reject", "double <b>strike</b>")
+    session.trial_path(3).chmod(0o644)
     session.trial_path(3).write_bytes(session.trial_path(3).read_bytes()[:5000])
-    result = compare_session(session, truth.action, **QUICK)
+    with pytest.warns(UserWarning, match=r"trial 3 is left out: .*trial_0003\.h5"):
+        result = compare_session(session, truth.action, **QUICK)
     used = result.trials.set_index("trial")["used"]
     assert list(used) == [True, False, False]
     assert result.trials.set_index("trial").loc[2, "reason"] == "rejected: double <b>strike</b>"
