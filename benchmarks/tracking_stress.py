@@ -7,7 +7,8 @@ the share of rows whose 95 % interval covers the truth, silent rows (no flag, or
 five stated uncertainties), rows with any other flag, lost rows, rows in all; flagged and lost rows of films that
 ``permit`` tracking, whose bound (least error that the film's noise permits) is at most a quarter of 0.05 degrees; rows
 that are only ``WIDENED``, which count as usable. The films come from `stress_films`, which shares no code with
-`vision`. Only moving rows count; the zero is that of the still frames. H.264 needs PyAV (``pip install av``).
+`vision`. Kinds of what a film cannot be (`CANNOT_BE`) are judged by the total u; *said* counts their films of which a
+line names the cause. Only moving rows count; the zero is that of the still frames. H.264 needs PyAV.
 """
 
 from __future__ import annotations
@@ -484,7 +485,7 @@ CANNOT_BE = (
 KINDS: dict[str, Callable[[Shot], None]] = {kind.__name__: kind for kind in (*FIRST, *FURTHER, *CANNOT_BE)}
 NUMBER = {name: number for number, name in enumerate([*sorted(list(KINDS)[: len(FIRST)]), *list(KINDS)[len(FIRST) :]])}
 """Part of a film's seed; kinds that were added later come after those of the first tables."""
-TOTAL = ("recursive_filter", "frame_blend", "pixel_aspect", "calibrated_stretch", "interlaced")
+TOTAL = tuple(kind.__name__ for kind in CANNOT_BE)
 """Kinds whose term of the budget is not noise: the total u is looked at."""
 SAID = {
     "recursive_filter": "correlated in time",
@@ -606,7 +607,7 @@ def tracked(kind: str, surface: str, seed: int) -> dict[str, Any]:
     for name, value in film.facts.items():
         setattr(source, name, value)
     lines = []
-    permits = np.degrees(film.bound_rad) * 1e3 <= PERMITS_MDEG
+    permits = np.degrees(film.bound_rad) * 1e3 <= PERMITS_MDEG and kind not in TOTAL
     error = u = np.full(len(film.frames) - STILL, np.nan)
     flag = np.zeros(error.size, dtype=int)
     try:

@@ -41,13 +41,13 @@ U_NOT_STATED = 0.004
 resized is found by this test, and where texture and turn cannot tell, 2 % are within 5 u."""
 U_STATED = 0.0005
 """Of a stated one, or of a sensor's own pixels: what a lens and its mount add."""
-MOST_ROWS = 24
+MOST_ROWS = 96
 """Of each body."""
 LEAST_ROWS = 4
 LEAST_INLIER = 0.97
 """Share of a row's pixels that agree with the fit; 0.997 of white noise do. In others something else changes it:
 a cover, a second body under the outline, one that bends."""
-PIXELS = 3000
+PIXELS = 6000
 REFINEMENTS = 4
 LINEAR_STRETCH = 0.002
 """Up to this one a body of 60 px changes its shape by a tenth of a pixel."""
