@@ -11,6 +11,8 @@ import itertools
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from model.errors import InputError
+
 _made: dict[tuple[Any, ...], Expression] = {}
 _count = itertools.count()
 TRUTHS = ("above", "at_least", "differs", "and", "or", "not", "bit")
@@ -74,6 +76,43 @@ class Expression:
 
     def __invert__(self) -> Expression:
         return make("not", self)
+
+    def __pow__(self, exponent: Any) -> Expression:
+        if isinstance(exponent, Expression) or float(exponent) != int(exponent) or not 1 <= exponent <= MOST_FACTORS:
+            raise _misuse(f"** {exponent if not isinstance(exponent, Expression) else 'an expression'}",
+                    f"a whole exponent from 1 to {MOST_FACTORS}, or root(x) in place of x ** 0.5")  # fmt: skip
+        product = self
+        for _ in range(int(exponent) - 1):
+            product = product * self
+        return product
+
+    def __rpow__(self, base: Any) -> Expression:
+        raise _misuse(f"{base} ** an expression", "exponential(x)")
+
+    def __bool__(self) -> bool:
+        raise _misuse("Python's if, and, or, not or min, max on an expression",
+                "where(condition, a, b), &, |, ~, smaller(a, b), largest(a, b)")  # fmt: skip
+
+    def __float__(self) -> float:
+        raise _misuse("a function for plain numbers, as of math, on an expression",
+                "root, exponential, tanh, sine and cosine of model.compiler.expressions")  # fmt: skip
+
+    def __array_ufunc__(self, function: Any, method: str, *given: Any, **more: Any) -> Expression:
+        """Numbers of NumPy beside an expression are plain ones; functions of NumPy are refused."""
+        if method == "__call__" and function.__name__ in _OF_NUMPY and len(given) == 2:
+            a, b = (x if isinstance(x, Expression) else float(x) for x in given)
+            return _OF_NUMPY[function.__name__](lift(a), lift(b))
+        raise _misuse(f"numpy.{function.__name__} on an expression",
+                "root, exponential, tanh, sine, cosine, largest and smaller of model.compiler.expressions")  # fmt: skip
+
+
+MOST_FACTORS = 8
+"""Of a power that is written out as a product."""
+
+
+def _misuse(found: str, instead: str) -> InputError:
+    """The error of what Python would do with an expression at once, while its value is not known yet."""
+    return InputError(f"expression: found {found}, whose value is not known yet; write {instead}")
 
 
 Number = Expression | float
@@ -200,6 +239,18 @@ def _divide(a: Expression, b: Expression) -> Expression:
         return _multiply(a, constant(1.0 / b.args[0]))
     return make("inverse", b) if a is ONE else _multiply(a, make("inverse", b))
 
+
+_OF_NUMPY: dict[str, Callable[[Expression, Expression], Expression]] = {
+    "add": _add,
+    "subtract": _subtract,
+    "multiply": _multiply,
+    "divide": _divide,
+    "greater": lambda a, b: a > b,
+    "greater_equal": lambda a, b: a >= b,
+    "less": lambda a, b: a < b,
+    "less_equal": lambda a, b: a <= b,
+}
+"""What NumPy calls where a number of its own stands before an operator."""
 
 ZERO, ONE = constant(0.0), constant(1.0)
 

@@ -18,6 +18,7 @@ from model.arrays import ArrayRecord, as_numbers
 from model.derived.columns import DEPTH, FRICTION, NORMAL, TIP_FORCE
 from model.derived.load import kernel_of, kernels_of
 from model.derived.observe import contacts_at, tips_at
+from model.elements.laws.known import BUILT_IN, law_numbered
 from model.elements.structure import Structure
 from model.errors import InputError, IntegrationError
 from model.integrators.methods import DEFAULT_METHOD, RosenbrockTableau, get_method
@@ -376,3 +377,32 @@ class Simulation:
         out: dict[str, int | float] = {n: int(k) for n, k in zip(L.COUNTERS, self.counters, strict=True)}
         out["time_at_rest"] = float(self.times[0])
         return out
+
+
+LEAST_PULL_N = 1e-9
+"""A force below zero by less is rounding."""
+
+
+def refuse_pulling_felt(
+    run: Simulation, time_s: NDArray[np.float64], angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]
+) -> None:
+    """Refuse a motion in which a felt under an added law pulls at an output time (m,); built-in laws cannot.
+
+    Raises
+    ------
+    InputError
+        With the contact, the law, the first time and the force.
+    """
+    laws = [law_numbered(int(row[4])) for row in run.scene.tables.contact]
+    added = [(c, law) for c, law in enumerate(laws) if law.number >= len(BUILT_IN)]
+    if not added or not len(time_s):
+        return
+    normal_n, _ = run.contact_forces(angle_rad, speed_rad_per_s)
+    for c, law in added:
+        pulling = np.flatnonzero(normal_n[:, c] < -LEAST_PULL_N)
+        if pulling.size:
+            k = int(pulling[0])
+            raise InputError(
+                f"{run.scene.contacts[c]}.law {law.name}: force {normal_n[k, c]:.3g} N at {time_s[k]:g} s, allowed "
+                "from 0: felt never pulls; let force(felt) say that it does not press there, e.g. force > 0.0"
+            )

@@ -65,6 +65,8 @@ class Law:
     anew: ClassVar[float | None] = None
     number: int
     """By which a scene's tables name it; set when it is listed or added."""
+    jump: str = ""
+    """Where its force or a rate jumps, as found when it was added; empty where they are continuous."""
 
     def __init__(self) -> None:
         """Stamp it with its name; that of an added law changes with what the law does."""

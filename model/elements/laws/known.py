@@ -10,18 +10,19 @@ import hashlib
 import inspect
 import math
 import re
+import warnings
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from model.compiler.expressions import ONE, ZERO, Expression, argument, forget, slopes
-from model.elements.laws.felt_law import Felt, Law, Number
+from model.compiler.expressions import ONE, ZERO, Expression, forget, slopes
+from model.elements.laws.check_law import TRIED_ON, call_method, find_jump, place_of, trace_law
+from model.elements.laws.felt_law import Law, Number
 from model.elements.laws.hunt_crossley import HuntCrossley
 from model.elements.laws.hysteresis import Hysteresis
 from model.elements.laws.stulov import Stulov
 from model.errors import InputError
 
 MOST_MEMORIES = 3  # of one felt: the workspace of a step has room for so many at each of thirteen contacts
-TRIED_ON = (1e10, 1e7, 1e4)  # a loading curve that no law refuses
 
 
 class _Laws(dict[str, Law]):
@@ -58,7 +59,12 @@ def add_law(law: Law) -> None:
     Raises
     ------
     InputError : a name that is taken or cannot be part of a path, a number without a range that holds its usual value,
-        memories whose rates hang on each other, or a method that gives too few
+        memories whose rates hang on each other, a method that is missing, raises or returns something else, a force
+        below zero or numbers that are not finite along the presses that are tried
+
+    Warns
+    -----
+    UserWarning : force or rate of a memory jump along these presses; derivatives of runs are refused then
 
     Examples
     --------
@@ -95,21 +101,25 @@ def add_law(law: Law) -> None:
     law.number = _hash(law)
     law.stamp = f"{found} {law.number}"
     LAWS[found] = _numbered[law.number] = law
+    if law.jump:
+        warnings.warn(
+            f"{place_of(law)}: {law.jump}; runs go on, derivatives of runs are refused: write a memory whose rate is "
+            "continuous where felt begins to press, as stulov's is",
+            stacklevel=2,
+        )
 
 
 def _hash(law: Law) -> int:
     """Hash of a law's text and of what it does with its usual values, which is checked."""
     forget()
-    usual = {name: n.value for name, n in law.numbers.items()}
-    count, packed = law.packed("contact01", usual, TRIED_ON)
-    if not 0 <= count <= MOST_MEMORIES:
-        raise InputError(f"felt law {law.name}: found {count} memories, allowed to {MOST_MEMORIES}")
-    memory = tuple(argument(f"memory {k}") for k in range(count))
-    curve = argument("a"), argument("b"), argument("c")
-    numbers = tuple(argument(f"number {k}") for k in range(len(packed)))
-    felt = Felt(argument("depth"), argument("rate"), memory, curve, argument("damping"), numbers)
-    rates = law.rates(felt), law.alone(felt)
-    found = [len(row) for row in (*rates, law.rested(1e-4, TRIED_ON, packed, count))]
+    given = call_method(law, "packed", "contact01", {name: n.value for name, n in law.numbers.items()}, TRIED_ON)
+    if isinstance(given, tuple) and given and isinstance(given[0], int) and not 0 <= given[0] <= MOST_MEMORIES:
+        raise InputError(f"felt law {law.name}: found {given[0]} memories, allowed to {MOST_MEMORIES}")
+    traced = trace_law(law)
+    felt, packed = traced.felt, traced.packed
+    memory, count, rates = felt.memory, len(felt.memory), (traced.rates, traced.alone)
+    rested = call_method(law, "rested", 1e-4, TRIED_ON, packed, count)
+    found = [len(row) for row in (*rates, rested)]
     if set(found) != {count}:
         raise InputError(
             f"felt law {law.name}: found {', '.join(map(str, found))} numbers from rates, alone and rested, allowed "
@@ -122,7 +132,9 @@ def _hash(law: Law) -> int:
                 f"felt law {law.name}: found a memory whose rate hangs on another, allowed rates of the own state; "
                 "write it as layers side by side"
             )
-    done = law.force(felt), rates, law.energy(felt, ""), law.stiffness(felt), law.anew, law.damped
+    law.jump = find_jump(law, traced)
+    pair = traced.pressing, traced.force
+    done = pair, rates, law.energy(felt, ""), law.stiffness(felt), law.anew, law.damped
     try:
         text = inspect.getsource(type(law))
     except (OSError, TypeError):  # written at a prompt

@@ -1,0 +1,364 @@
+"""Checks of a user's force law when it is added: what its methods return, and how its force and rates behave.
+
+The law's expressions are evaluated along presses of a felt with the law's usual numbers: three speeds, each pressed,
+parted and pressed again. A press shows a force below zero, a number that is not finite, and a jump of force or rate
+across any condition that it crosses. What other numbers or strokes would show is not seen here.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import operator
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from model.compiler.expressions import ONE, TRUTHS, Expression, argument, lift, parts, slopes
+from model.elements.laws.felt_law import Felt, Law
+from model.errors import InputError
+
+TRIED_ON = (1e10, 1e7, 1e4)
+"""A loading curve that no law refuses: a, b, c in N/m^3, N/m^2, N/m; 30 N at a millimetre."""
+DEEPEST_M = 1e-3
+SPEEDS_M_PER_S = (0.01, 0.3, 3.0)
+"""From a slow press to the speed of a hammer at the string."""
+STEPS = 320
+"""Of one press, of two periods; a condition that holds for less than 1/160 of a period may be passed over."""
+JUMP = 1e-6
+"""A change across a condition, in the largest value of a press, beyond which it is a jump; rounding makes 1e-9."""
+
+
+class Traced(NamedTuple):
+    """What a law returned for symbolic felt: its arguments, force, rates of the memories, and what it was packed to."""
+
+    felt: Felt
+    pressing: Expression
+    force: Expression
+    rates: tuple[Expression, ...]
+    alone: tuple[Expression, ...]
+    packed: tuple[float, ...]
+
+
+def place_of(law: Law) -> str:
+    """File and line of a law's class, as far as Python knows them."""
+    try:
+        file = inspect.getsourcefile(type(law)) or "<unknown>"
+        return f"{file}, line {inspect.getsourcelines(type(law))[1]}: felt law {law.name}"
+    except (OSError, TypeError):  # written at a prompt
+        return f"felt law {law.name}"
+
+
+def call_method(law: Law, method: str, *arguments: Any) -> Any:
+    """Return what a method of a law returns; an error in it ends in one line that names the law."""
+    try:
+        return getattr(law, method)(*arguments)
+    except InputError as error:
+        if str(error).startswith("expression: "):
+            raise InputError(f"{place_of(law)}: {method}: {str(error).removeprefix('expression: ')}") from None
+        raise
+    except NotImplementedError:
+        needed = {
+            "force": "return whether the felt presses and its force, e.g. (slow > 0.0, slow)",
+            "energy": "return statements, the energy stored in J and the power lost in W",
+        }
+        raise InputError(f"{place_of(law)}: {method} is missing; {needed.get(method, 'write it')}") from None
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(
+            f"{place_of(law)}: {method}: {type(error).__name__}: {reason}; calculate with felt.depth, felt.rate, "
+            "felt.memory, felt.curve and felt.numbers and the functions of model.compiler.expressions"
+        ) from None
+
+
+def as_number(law: Law, what: str, value: Any) -> Expression:
+    """Return a number that a law gave as an expression; refuse anything else."""
+    if isinstance(value, bool) or not isinstance(value, Expression | int | float):
+        raise InputError(f"{place_of(law)}: {what}: found {_shown(value)}, allowed an expression of felt or a number")
+    found = lift(value)
+    if found.op in TRUTHS:
+        raise InputError(f"{place_of(law)}: {what}: found a condition, allowed a number; write where(condition, a, b)")
+    return found
+
+
+def _shown(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 and " object at " not in text else f"a {type(value).__name__}"
+
+
+def trace_law(law: Law) -> Traced:
+    """Call the methods of a law with symbolic felt and check the form of what they return.
+
+    Raises
+    ------
+    InputError
+        A method raises, is missing, or returns something of another form; one line names file, law and method.
+    """
+    usual = {name: n.value for name, n in law.numbers.items()}
+    given = call_method(law, "packed", "contact01", usual, TRIED_ON)
+    try:
+        count, packed = int(given[0]), tuple(float(x) for x in given[1])
+    except (TypeError, ValueError, IndexError):
+        raise InputError(
+            f"{place_of(law)}: packed: found {_shown(given)}, allowed the number of memories and a row of numbers"
+        ) from None
+    memory = tuple(argument(f"memory {k}") for k in range(count))
+    curve = argument("a"), argument("b"), argument("c")
+    numbers = tuple(argument(f"number {k}") for k in range(len(packed)))
+    felt = Felt(argument("depth"), argument("rate"), memory, curve, argument("damping"), numbers)
+    pressing, force = _checked_force(law, call_method(law, "force", felt))
+    rates, alone = (_checked_rates(law, method, call_method(law, method, felt)) for method in ("rates", "alone"))
+    energy = call_method(law, "energy", felt, "")
+    if not isinstance(energy, tuple | list) or len(energy) != 3 or not isinstance(energy[0], list | tuple):
+        raise InputError(
+            f"{place_of(law)}: energy: found {_shown(energy)}, allowed a list of statements (or []), the energy stored "
+            "in J and the power lost in W"
+        )
+    for what, value in zip(("energy stored", "power lost"), energy[1:], strict=True):
+        as_number(law, f"energy: {what}", value)
+    as_number(law, "stiffness", call_method(law, "stiffness", felt))
+    _check_derivatives(law, felt, (force, *rates, *alone))
+    return Traced(felt, pressing, force, rates, alone, packed)
+
+
+def _checked_force(law: Law, given: Any) -> tuple[Expression, Expression]:
+    if not isinstance(given, tuple | list) or len(given) != 2:
+        raise InputError(
+            f"{place_of(law)}: force: found {_shown(given)}, allowed a pair: whether the felt presses, and its force "
+            "in N, e.g. (slow > 0.0, slow)"
+        )
+    pressing, force = given
+    if not isinstance(pressing, Expression) or pressing.op not in TRUTHS:
+        raise InputError(
+            f"{place_of(law)}: force: whether it presses: found {_shown(pressing)}, allowed a condition on the felt, "
+            "e.g. slow > 0.0, joined by & and |"
+        )
+    found = as_number(law, "force", force)
+    if found.op == "constant":
+        raise InputError(
+            f"{place_of(law)}: force: found the number {found.args[0]:g} N for every depth, allowed a force that grows "
+            "from 0 with felt.depth"
+        )
+    return pressing, found
+
+
+def _checked_rates(law: Law, method: str, given: Any) -> tuple[Expression, ...]:
+    if isinstance(given, Expression) or not isinstance(given, Sequence):
+        raise InputError(f"{place_of(law)}: {method}: found {_shown(given)}, allowed a list, one rate for each memory")
+    return tuple(as_number(law, f"{method}: rate of memory {k + 1}", rate) for k, rate in enumerate(given))
+
+
+def _check_derivatives(law: Law, felt: Felt, wholes: Sequence[Expression]) -> None:
+    for by in (felt.depth, felt.rate, *felt.memory):
+        slope = slopes({by: ONE})
+        for whole in wholes:
+            try:
+                slope(whole)
+            except TypeError:
+                raise InputError(
+                    f"{place_of(law)}: force or rates hold power(), which has no derivative by depth, rate or memory; "
+                    "write products, root() or exponential()"
+                ) from None
+
+
+_VALUE_OF: dict[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "subtract": operator.sub,
+    "multiply": operator.mul,
+    "negative": operator.neg,
+    "inverse": lambda x: 1.0 / x,
+    "abs": abs,
+    "root": math.sqrt,
+    "exponential": math.exp,
+    "power": math.pow,
+    "tanh": math.tanh,
+    "cosine": math.cos,
+    "sine": math.sin,
+    "larger": max,
+    "smaller": min,
+    "where": lambda truth, x, y: x if truth else y,
+    "guarded": lambda truth, x: x if truth else 0.0,
+    "named": lambda x: x,
+    "law": lambda value, *by: value,
+    "above": operator.gt,
+    "at_least": operator.ge,
+    "differs": operator.ne,
+    "and": lambda x, y: x and y,
+    "or": lambda x, y: x or y,
+    "not": operator.not_,
+}
+
+
+def compile_values(wholes: Sequence[Expression]) -> Callable[[dict[Expression, float]], dict[Expression, Any]]:
+    """Return a function from the values of arguments to those of all parts; not a number where one cannot be."""
+    ordered = sorted(parts(wholes), key=lambda e: e.order)
+    done: dict[Expression, None] = {}
+
+    def visit(e: Expression) -> None:
+        if e not in done:
+            for a in e.args:
+                if isinstance(a, Expression):
+                    visit(a)
+            done[e] = None
+
+    for e in ordered:
+        visit(e)
+
+    def evaluate(given: dict[Expression, float]) -> dict[Expression, Any]:
+        value: dict[Expression, Any] = dict(given)
+        for e in done:
+            if e in value:
+                continue
+            if e.op == "constant":
+                value[e] = e.args[0]
+                continue
+            try:
+                value[e] = _VALUE_OF[e.op](*(value[a] for a in e.args))
+            except (ArithmeticError, ValueError):
+                value[e] = math.nan
+        return value
+
+    return evaluate
+
+
+class _State(NamedTuple):
+    """Depth (m), rate (m/s) and memories of felt."""
+
+    depth: float
+    rate: float
+    memory: tuple[float, ...]
+
+
+class _Press:
+    """One press of a traced law: its force, rates and conditions at any state."""
+
+    def __init__(self, law: Law, traced: Traced) -> None:
+        self.law, self.traced = law, traced
+        wholes = (traced.pressing, traced.force, *traced.rates, *traced.alone)
+        self._evaluate = compile_values(wholes)
+        self._conditions = [e for e in parts(wholes) if e.op in ("above", "at_least", "differs")]
+        felt = traced.felt
+        self._fixed = {
+            **dict(zip(felt.curve, TRIED_ON, strict=True)),
+            **dict(zip(felt.numbers, traced.packed, strict=True)),
+            felt.damping: 1.0 if law.damped else 0.0,
+        }
+
+    def at(self, state: _State) -> tuple[float, tuple[float, ...], tuple[bool, ...]]:
+        """Return force (N), rates, and which conditions hold."""
+        felt = self.traced.felt
+        given = {**self._fixed, felt.depth: state.depth, felt.rate: state.rate}
+        value = self._evaluate(given | dict(zip(felt.memory, state.memory, strict=True)))
+        touching = state.depth > 0.0
+        pressed = touching and bool(value[self.traced.pressing])
+        force = value[self.traced.force] if pressed else 0.0
+        if pressed or self.law.anew is None:
+            rates = tuple(value[rate] for rate in (self.traced.rates if pressed else self.traced.alone))
+        else:
+            rates = (0.0,) * len(state.memory)
+        # beside a contact that is open, conditions of the pressed law mean nothing
+        holds = (touching, pressed, *(bool(value[c]) for c in self._conditions)) if touching else (False, False)
+        return force, rates, holds
+
+    def step(self, before: _State, depth: float, rate: float, dt: float) -> _State:
+        """Advance the memories by the implicit Euler method to another depth and rate."""
+        if self.law.anew is not None and not self.at(_State(depth, rate, before.memory))[2][1]:
+            return _State(depth, rate, (self.law.anew,) * len(before.memory))
+        memory = list(before.memory)
+        for k, start in enumerate(before.memory):
+
+            def residual(z: float, k: int = k, start: float = start) -> float:
+                trial = tuple(z if j == k else x for j, x in enumerate(memory))
+                return z - start - dt * float(self.at(_State(depth, rate, trial))[1][k])
+
+            z, step = start, 1e-6 * (1.0 + abs(start))
+            for _ in range(12):
+                off = residual(z)
+                slope = (residual(z + step) - off) / step
+                move = -off / slope if math.isfinite(slope) and slope != 0.0 else 0.0
+                z += move
+                if abs(move) <= 1e-10 * (1.0 + abs(z)):
+                    break
+            memory[k] = z
+        return _State(depth, rate, tuple(memory))
+
+
+def find_jump(law: Law, traced: Traced) -> str:
+    """Press a felt that follows the law; return where its force or rates jump, empty where they are continuous.
+
+    Raises
+    ------
+    InputError
+        The force falls below zero while it presses, or a number is not finite.
+    """
+    press = _Press(law, traced)
+    found = ""
+    for speed in SPEEDS_M_PER_S:
+        states = _pressed_states(press, speed)
+        seen = [press.at(state) for state in states]
+        _refuse_impossible(law, states, seen)
+        most = max(abs(force) for force, _, _ in seen), np.abs([rates for _, rates, _ in seen]).max(axis=0).tolist()
+        for k in range(STEPS):
+            if seen[k][2] != seen[k + 1][2] and not found:
+                found = _jump_between(press, (states[k], states[k + 1]), most)
+    return found
+
+
+def _pressed_states(press: _Press, speed: float) -> list[_State]:
+    """States along two presses and releases at most at ``speed``."""
+    period = 2.0 * math.pi * 0.55 * DEEPEST_M / speed
+    dt = 2.0 * period / STEPS
+    count = len(press.traced.felt.memory)
+    memory = (press.law.anew if press.law.anew is not None else 0.0,) * count
+    states = [_State(-0.1 * DEEPEST_M, 0.0, memory)]
+    for k in range(1, STEPS + 1):
+        turn = 2.0 * math.pi * k * dt / period
+        depth, rate = DEEPEST_M * (0.45 - 0.55 * math.cos(turn)), speed * math.sin(turn)
+        states.append(press.step(states[-1], depth, rate, dt))
+    return states
+
+
+def _refuse_impossible(law: Law, states: Sequence[_State], seen: Sequence[Any]) -> None:
+    largest = max(abs(force) for force, _, _ in seen)
+    for state, (force, rates, _) in zip(states, seen, strict=True):
+        where = f"at depth {1e3 * state.depth:.3g} mm and rate {state.rate:.3g} m/s"
+        if not all(map(math.isfinite, (force, *rates))):
+            raise InputError(
+                f"{place_of(law)}: force or rates are not finite {where}; keep each division from zero, e.g. by "
+                "where(x > 0.0, x, 1.0), and each root from below it"
+            )
+        if force < -1e-9 * largest:
+            raise InputError(
+                f"{place_of(law)}: force {force:.3g} N {where}, allowed from 0: felt never pulls; say that it does not "
+                "press there, e.g. force > 0.0"
+            )
+
+
+def _jump_between(press: _Press, ends: tuple[_State, _State], most: tuple[float, list[float]]) -> str:
+    """Halve the way between two states to each condition that changes; return the first jump of force or rate."""
+    a, b = ends
+    meets = a.depth <= 0.0 < b.depth  # memories are those of the open felt until it is touched
+
+    def between(share: float) -> _State:
+        memory = a.memory if meets else tuple(x + share * (y - x) for x, y in zip(a.memory, b.memory, strict=True))
+        return _State(a.depth + share * (b.depth - a.depth), a.rate + share * (b.rate - a.rate), memory)
+
+    low, high, at_low = 0.0, 1.0, press.at(a)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        here = press.at(between(middle))
+        if here[2] == at_low[2]:
+            low, at_low = middle, here
+        else:
+            high = middle
+    at_high, state = press.at(between(high)), between(high)
+    where = f"at depth {1e3 * state.depth:.3g} mm and rate {state.rate:.3g} m/s"
+    if abs(at_high[0] - at_low[0]) > JUMP * most[0]:
+        return f"its force jumps by {at_high[0] - at_low[0]:.3g} N {where}"
+    if press.law.anew is not None and not at_high[2][1]:
+        return ""  # parted, its memory starts anew whatever the rate was
+    for k, (x, y, largest) in enumerate(zip(at_low[1], at_high[1], most[1], strict=True)):
+        if abs(y - x) > JUMP * largest:
+            return f"the rate of memory {k + 1} jumps by {y - x:.3g} {where}"
+    return ""
