@@ -353,7 +353,7 @@ class Derived:
             i = int(str(line.place[1])[1:])
             forces[i] = forces[i] + line.value
         prescribed = dict(zip(range(s.own, len(s.bodies)), pa, strict=True))
-        accelerations = [prescribed.get(i) or read("w", self._acceleration(i)) for i in range(s.n)]
+        accelerations = [prescribed[i] if i in prescribed else read("w", self._acceleration(i)) for i in range(s.n)]
         inertia = e.bodies.inertia(accelerations)
         for i in s.solved:
             for j in range(s.n):
