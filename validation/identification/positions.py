@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -20,6 +20,7 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.events.strikes import RELEASE, SLOW_M_PER_S, find, phases
 from validation.measurement.positions import Stroke, measure_positions, smoothed
+from validation.measurement.sample_fingerprints import are_same_samples
 from validation.prediction.black_boxes import Example, fit_black_boxes
 from validation.prediction.positions import FREE, NAMES, SENSORS, Mixture, Predict, of_model, of_null
 from validation.statistics.bands import PredictedStroke, PredictionBand, prediction_band, spread
@@ -192,6 +193,8 @@ class Identified:
         these. Empty in a file that does not know.
     black_boxes : dict
         Black boxes fitted to the same strokes (`validation.prediction.black_boxes`), by kind.
+    samples : dict
+        Fingerprints of the samples of each fitted stroke (`validation.measurement.sample_fingerprints`).
     """
 
     action: str
@@ -211,6 +214,11 @@ class Identified:
     release: dict[str, dict[str, float]] = field(default_factory=dict)
     strokes: dict[str, dict[str, Any]] = field(default_factory=dict)
     black_boxes: dict[str, dict[str, Any]] = field(default_factory=dict)
+    samples: dict[str, list[str]] = field(default_factory=dict)
+
+    def was_fitted_to(self, seal: str, samples: Collection[str]) -> bool:
+        """Whether a stroke is one of those fitted: by its file, or by samples that it shares with one."""
+        return seal in self.seals.values() or any(are_same_samples(samples, one) for one in self.samples.values())
 
     def check(self, strokes: tuple[Stroke, ...], where: str) -> None:
         """Refuse strokes measured by other sensors."""
@@ -357,6 +365,7 @@ def identify_session(
         mixture=mixture,
         left_out=left_out,
         release=explain_release(strokes, full, best.z),
+        samples={str(stroke.number): list(stroke.samples) for stroke in strokes},
         **known_of(strokes),
     )
 

@@ -117,11 +117,13 @@ def joint_posterior(problem: Problem, fitted: Fitted, estimates: Sequence[Estima
     by_force = [(t, m) for trials in driven_by_force(sources) for t, m in trials if m is not None]
     for observed, m in by_force:
         strokes[observed.label] = stroke_features(m)
+    samples = {} if earlier is None else {f"before: {label}": one for label, one in earlier.samples.items()}
     boxes = fit_black_boxes([stroke_example(m) for _, m in by_force]) if by_force else {}
     return replace(
         made,
         before={path: float(problem.action[path]) for path in sorted(made.moved)},
         strokes=strokes,
+        samples=samples | {label: list(found) for label, found in sources.samples.items()},
         black_boxes={kind: box.plain() for kind, box in boxes.items()},
     )
 

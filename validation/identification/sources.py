@@ -19,6 +19,7 @@ from validation.errors import ValidationInputError
 from validation.identification.force_runs import TOLERANCE
 from validation.identification.observations import PHASES, ObservedTrial, observe, observe_driven, sharing_the_key
 from validation.measurement.measure_session import MeasuredSession, measure_session, open_session
+from validation.measurement.sample_fingerprints import are_same_samples
 from validation.measurement.trial import U_REST_LEVEL_M, MeasuredTrial, trials_in_words
 from validation.options import utc_now
 from validation.prediction.model_under_test import ModelUnderTest
@@ -99,6 +100,7 @@ class Sources:
     fitted : trials to fit
     held : name -> trials that are only predicted
     seals : label -> SHA-256 of every fitted trial
+    samples : label -> fingerprints of its samples
     refused : lines on trials that could not be used
     sessions : those opened, to fit first
     measured : the trials to fit that a force drives, as measured
@@ -109,6 +111,7 @@ class Sources:
     fitted: tuple[ObservedTrial, ...]
     held: dict[str, tuple[ObservedTrial, ...]]
     seals: dict[str, str]
+    samples: dict[str, tuple[str, ...]]
     refused: tuple[str, ...]
     sessions: tuple[Session, ...] = ()
     measured: tuple[MeasuredTrial, ...] = ()
@@ -136,11 +139,12 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     _refuse_absent(options.hold_out_trials, found[:n_to_fit])
     fitted: list[ObservedTrial] = []
     seals: dict[str, str] = {}
+    samples: dict[str, tuple[str, ...]] = {}
     held: dict[str, tuple[ObservedTrial, ...]] = {}
     refused: list[str] = []
     to_fit: list[MeasuredTrial] = []
     as_measured: dict[str, tuple[MeasuredTrial, ...]] = {}
-    strokes: list[tuple[str, str]] = []
+    strokes: list[tuple[str, MeasuredTrial]] = []
     names = _names([one.session for one in found])
     for k, (name, measured) in enumerate(zip(names, found, strict=True)):
         refused += [f"{name}, trial {number}: {reason}" for number, reason in measured.refused.items()]
@@ -152,20 +156,23 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
             observed, by_force = _observed(name, k, kept, options)
             fitted += observed
             seals |= {t.label: m.seal for t, m in zip(observed, kept, strict=True)}
-            strokes += [(f"{name}, trial {m.number}", m.seal) for m in kept]
+            samples |= {t.label: m.samples for t, m in zip(observed, kept, strict=True)}
+            strokes += [(f"{name}, trial {m.number}", m) for m in kept]
             to_fit += kept if by_force else []
         if out:
             label = f"{name}, held out" if kept else name
             seen, by_force = _observed(name, 0, out, options)
             held[label] = tuple(seen)
-            strokes += [(f"{label}, trial {m.number}", m.seal) for m in out]
+            strokes += [(f"{label}, trial {m.number}", m) for m in out]
             if by_force:
                 as_measured[label] = tuple(out)
     _refuse_same_stroke(strokes)
-    _refuse_used_before(action, seals)
+    _refuse_used_before(action, seals, samples)
     fitted = sharing_the_key(fitted)
     notes = _not_used([m for one in found for m in one.trials], options)
-    return Sources(tuple(fitted), held, seals, tuple(refused), tuple(opened), tuple(to_fit), as_measured, notes)
+    return Sources(
+        tuple(fitted), held, seals, samples, tuple(refused), tuple(opened), tuple(to_fit), as_measured, notes
+    )
 
 
 def _observed(
@@ -234,21 +241,20 @@ def _refuse_twice(opened: Sequence[Session]) -> None:
             )
 
 
-def _refuse_same_stroke(strokes: Sequence[tuple[str, str]]) -> None:
+def _refuse_same_stroke(strokes: Sequence[tuple[str, MeasuredTrial]]) -> None:
     """One stroke twice, as a copy of its session: fitted it would count twice, held out predict itself."""
-    first: dict[str, str] = {}
-    for label, seal in strokes:
-        if seal in first:
-            raise ValidationInputError(
-                f"{label}: is the same stroke as {first[seal]} (by hash); give each stroke once, to fit or to hold out"
-            )
-        first[seal] = label
+    for k, (label, m) in enumerate(strokes):
+        for first, other in strokes[:k]:
+            if m.seal == other.seal or are_same_samples(m.samples, other.samples):
+                raise ValidationInputError(
+                    f"{label}: is the same stroke as {first} (by hash); give each stroke once, to fit or to hold out"
+                )
 
 
-def _refuse_used_before(action: model.Action, seals: Mapping[str, str]) -> None:
+def _refuse_used_before(action: model.Action, seals: Mapping[str, str], samples: Mapping[str, tuple[str, ...]]) -> None:
     """Data count once: values that were fitted to a trial cannot be the prior of another fit to it."""
     before = posterior_of(action)
-    used = [label for label, seal in seals.items() if before is not None and seal in before.trials.values()]
+    used = [label for label in seals if before is not None and before.was_fitted_to(seals[label], samples[label])]
     if used:
         raise ValidationInputError(
             f"{action.origin}: its values were fitted to {used[0]} already"

@@ -19,6 +19,7 @@ from validation.conventions import Array
 from validation.errors import TrialError, ValidationInputError
 from validation.measurement.force_correction import hum_at
 from validation.measurement.measure_session import usable_trials
+from validation.measurement.sample_fingerprints import sample_fingerprints
 
 QUIET_S = 0.25
 """What is taken for rest before the stroke, at most; at least a period of the mains, over which hum has no mean."""
@@ -82,6 +83,7 @@ class Stroke:
     time_s: Array
     key: Measured
     hammer: Measured
+    samples: tuple[str, ...] = ()
 
     @property
     def interval_s(self) -> float:
@@ -125,7 +127,9 @@ def measure_stroke(data: TrialData) -> Stroke:
     source = f"{float(origin['source_start_s']):.1f} s of the recording" if "source_start_s" in origin else ""
     if data.status != "complete":
         source = f"{source} ({data.reason})".strip()
-    return Stroke(data.number, data.condition, source, data.time_s, found["key"], found["hammer"])
+    return Stroke(
+        data.number, data.condition, source, data.time_s, found["key"], found["hammer"], sample_fingerprints(data)
+    )
 
 
 def _measure(data: TrialData, name: str, body: str) -> Measured:

@@ -30,6 +30,7 @@ from validation.measurement.force_correction import (
     quiet_of_motion,
 )
 from validation.measurement.geometry import ActionGeometry, Motion, motion_of
+from validation.measurement.sample_fingerprints import sample_fingerprints
 
 
 @dataclass(frozen=True)
@@ -139,6 +140,7 @@ class MeasuredTrial:
     film: FilmAngles | None
     seal: str
     notes: tuple[str, ...] = ()
+    samples: tuple[str, ...] = ()
 
     @property
     def has_force(self) -> bool:
@@ -245,6 +247,7 @@ def measure(
         read_motion=read_motion,
         film=film,
         seal=seal,
+        samples=sample_fingerprints(data),
         notes=(*of_film, *notes),
     )
 

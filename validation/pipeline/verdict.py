@@ -28,8 +28,7 @@ from validation.statistics.paired_difference import SHOWN
 def fitted_trials(action: model.Action, trials: Sequence[MeasuredTrial]) -> list[int]:
     """Numbers of the trials that the action's values were fitted to; empty for an action that was not identified."""
     posterior = posterior_of(action)
-    known = set() if posterior is None else set(posterior.trials.values())
-    return [m.number for m in trials if m.seal in known]
+    return [m.number for m in trials if posterior is not None and posterior.was_fitted_to(m.seal, m.samples)]
 
 
 def prediction_lines(action: model.Action, trials: Sequence[MeasuredTrial]) -> list[str]:

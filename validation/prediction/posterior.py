@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 import model
 from validation.conventions import Array
 from validation.errors import ValidationInputError
+from validation.measurement.sample_fingerprints import are_same_samples
 
 EQUAL = 1e-6
 """Components of a unit vector closer than this are equal: rounding leaves 1e-12 of a well conditioned covariance."""
@@ -43,7 +44,7 @@ def principal_axes(covariance: Array) -> tuple[Array, Array]:
 
 
 TABLE = "posterior"
-KNOWN = ("before", "strokes", "black_boxes")
+KNOWN = ("before", "strokes", "black_boxes", "samples")
 """What a file may hold of the fit beside the uncertainty; one made before these were kept does not."""
 TRIALS, EARLIER = "trials_sha256", "earlier_sha256"
 """In the provenance: of the trials fitted, and of those that the values it started from were fitted to."""
@@ -68,6 +69,7 @@ class Posterior:
     before : parameter of the action -> value before the fit, SI
     strokes : label -> what the trials fitted were like, see `validation.statistics.domain`
     black_boxes : kind -> black box fitted to the same trials, see `validation.prediction.black_boxes`
+    samples : label -> fingerprints of the trials' samples, see `validation.measurement.sample_fingerprints`
     """
 
     names: tuple[str, ...]
@@ -80,6 +82,12 @@ class Posterior:
     before: Mapping[str, float] = field(default_factory=dict)
     strokes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     black_boxes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    samples: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    def was_fitted_to(self, seal: str, samples: Collection[str]) -> bool:
+        """Whether a trial is one of those fitted: by its file, or by samples that it shares with one."""
+        known = seal in set(self.trials.values())
+        return known or any(are_same_samples(samples, one) for one in self.samples.values())
 
     @property
     def covariance(self) -> Array:

@@ -14,7 +14,7 @@ strokes of one kind scatter by; the strokes' own distances, each from the others
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -168,14 +168,14 @@ def _scaled(name: str, value: float) -> float:
 MOST_NAMED = 4
 
 
-def domain_lines(action: str, places: pd.DataFrame, known: bool) -> list[str]:
-    """Where the trials that were not fitted lie, in sentences."""
+def domain_lines(action: str, places: pd.DataFrame, known: bool, lost: Collection[int] = ()) -> list[str]:
+    """Where the trials that were not fitted lie, in sentences; inside is not said of those ``lost`` to a rival."""
     if not known:
         return [
             f"Domain: not known, {action} does not say what the strokes it was fitted to were like; identify it again."
         ]
     held = places[~places["fitted"]]
-    outside, inside = held[held["outside"].eq(True)], held[held["outside"].eq(False)]
+    outside, inside = held[held["outside"].eq(True)], held[held["outside"].eq(False) & ~held["trial"].isin(list(lost))]
     lines = []
     if len(outside):
         parts = [

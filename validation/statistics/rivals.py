@@ -23,7 +23,7 @@ from validation.prediction.predict_session import PredictedSession, predict_tria
 from validation.scores.score_session import ScoredSession
 from validation.scores.traces import scored
 from validation.statistics.domain import domain_lines, features_of, place
-from validation.statistics.skill import RIVALS, Skill, nearer, skill_lines, skill_of
+from validation.statistics.skill import RIVALS, Skill, nearer, nearest_lines, skill_lines, skill_of
 
 
 def stroke_features(m: MeasuredTrial) -> dict[str, Any]:
@@ -113,7 +113,9 @@ def beside_rivals(
     table = pd.DataFrame(rows)
     places = _places(predicted.trials, posterior)
     skill = _skills(table, places, without)
-    domain = () if posterior is None else domain_lines(tested.action.name, places, bool(posterior.strokes))
+    lost = {int(row.trial) for row in table.itertuples() if row.nearest not in ("", "model")}
+    domain = [] if posterior is None else domain_lines(tested.action.name, places, bool(posterior.strokes), lost)
+    domain += nearest_lines(table)
     fitted = "the strokes it was fitted to" if posterior is not None and posterior.black_boxes else "the other trials"
     return Rivals(table, skill, places, tuple(domain), skill_lines(skill, fitted), nearer(table, without))
 
@@ -144,7 +146,7 @@ def _places(trials: Collection[MeasuredTrial], posterior: Posterior | None) -> p
     """Where each trial lies beside those the action was fitted to."""
     rows = []
     for m in trials:
-        fitted = posterior is not None and m.seal in set(posterior.trials.values())
+        fitted = posterior is not None and posterior.was_fitted_to(m.seal, m.samples)
         where = place(stroke_features(m), list(posterior.strokes.values())) if posterior is not None else None
         rows.append(
             {

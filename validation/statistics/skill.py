@@ -16,6 +16,7 @@ from scipy.special import stdtrit
 
 from model.sign_flip_test import LEVEL, joint_sign_flip
 from validation.conventions import Array
+from validation.measurement.trial import trials_in_words
 
 RIVALS = ("null", "unfitted", "polynomial", "fir")
 FEWEST = 4
@@ -117,6 +118,18 @@ def nearer(errors: pd.DataFrame, without: Collection[tuple[int, str]] = ()) -> s
             + (f", also {' and '.join(also)}" if also else "")
         )
     return f"Nearer than the model: in {'; in '.join(parts)}." if parts else ""
+
+
+def nearest_lines(errors: pd.DataFrame) -> list[str]:
+    """Which of the model and its rivals is nearest to each trial, by channel, in one line."""
+    parts = []
+    for channel, part in errors[errors["nearest"] != ""].groupby("channel", sort=False):
+        by_name: dict[str, list[int]] = {}
+        for row in part.itertuples():
+            by_name.setdefault(str(row.nearest), []).append(int(row.trial))
+        named = [f"{CALLED.get(name, f'the {name}')} ({trials_in_words(of)})" for name, of in by_name.items()]
+        parts.append(f"{channel} {', '.join(named)}")
+    return [f"Nearest: {'; '.join(parts)}."] if parts else []
 
 
 def _shown(counts: pd.DataFrame, rival: str, channel: str) -> bool:

@@ -1,0 +1,60 @@
+"""Fingerprints of a trial's samples, by which it is known again in another file, session, cut or start time.
+
+A channel is read in windows of `WINDOW` samples; of their rolling hashes those that are multiples of `ONE_IN` are kept
+(winnowing; Manber 1994, USENIX Winter Technical Conference). Two recordings that share a stretch share its
+fingerprints, wherever it lies in either of them. Encoders are taken by the steps of their counts, so that the first
+count does not matter; windows in which a count hardly changes are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.session import TrialData
+
+WINDOW = 64
+ONE_IN = 64
+FEWEST_SHARED = 2
+DIGITS = 12
+BASE = np.uint64(0x9E3779B97F4A7C15)  # odd, so that no power of it vanishes modulo 2^64
+
+
+def sample_fingerprints(data: TrialData) -> tuple[str, ...]:
+    """Fingerprints of all channels of a trial, sorted."""
+    found = {f"{value:016x}"[:DIGITS] for channel in _channels(data) for value in _hashes(*channel)}
+    return tuple(sorted(found))
+
+
+def are_same_samples(one: Collection[str], other: Collection[str]) -> bool:
+    """Whether two trials hold samples of one recording."""
+    return len(set(one) & set(other)) >= FEWEST_SHARED
+
+
+def _channels(data: TrialData) -> Iterator[tuple[NDArray[np.uint64], NDArray[np.bool_]]]:
+    """Samples of each channel as words of 64 bits, and which of them tell something."""
+    for counts in np.asarray(data.encoder_count, dtype=np.int64).T:
+        steps = np.diff(counts)
+        yield steps.astype(np.uint64), np.abs(steps) > 1
+    readings = [data.force_raw] if data.has_force else []
+    if data.channel_values is not None:
+        readings += list(np.asarray(data.channel_values, dtype=float).T)
+    for reading in readings:
+        values = np.ascontiguousarray(reading, dtype=np.float64)
+        yield values.view(np.uint64), np.concatenate([[False], np.diff(values) != 0.0])
+
+
+def _hashes(words: NDArray[np.uint64], tells: NDArray[np.bool_]) -> list[int]:
+    n = words.size - WINDOW + 1
+    if n < 1:
+        return []
+    total = np.zeros(n, dtype=np.uint64)
+    with np.errstate(over="ignore"):
+        for k in range(WINDOW):
+            total = total * BASE + words[k : k + n]
+        mixed = (total ^ (total >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
+        mixed ^= mixed >> np.uint64(32)
+    telling = np.convolve(tells, np.ones(WINDOW, dtype=int), "valid") >= 3 * WINDOW // 4
+    return [int(value) for value in mixed[telling & (mixed % np.uint64(ONE_IN) == 0)]]
