@@ -10,7 +10,7 @@ import pytest
 
 import model
 from validation.pipeline.verdict import fitted_trials, identified_warnings, prediction_lines
-from validation.prediction.posterior import altered, digests, make_posterior
+from validation.prediction.posterior import altered, digests, make_posterior, posterior_of
 
 NAME = "hammer.joint_friction.A"
 
@@ -21,6 +21,7 @@ class Trial:
 
     number: int
     seal: str
+    samples: tuple[str, ...] = ()
 
 
 def fitted_to(*seals: str) -> model.Action:
@@ -46,6 +47,14 @@ TRIALS = [Trial(1, "a"), Trial(2, "b"), Trial(4, "c")]
 def test_the_hashes_decide(seals: tuple[str, ...], said: str) -> None:
     (line,) = prediction_lines(fitted_to(*seals), TRIALS)  # type: ignore[arg-type]
     assert re.match(said, line), line
+
+
+def test_samples_decide_whatever_file_they_come_in() -> None:
+    posterior = posterior_of(fitted_to("a"))
+    assert posterior is not None
+    known = replace(posterior, samples={"1": ["p", "q", "r"]})
+    assert known.was_fitted_to("a", ()) and known.was_fitted_to("another file", ("q", "r", "s"))
+    assert not known.was_fitted_to("another file", ("r", "s"))  # one word alone may be the same by chance
 
 
 def test_other_models_are_not_spoken_of() -> None:
