@@ -57,7 +57,7 @@ def attach_film(
     with vision.open_film(film) as source:
         data = Path(source.path)
         n_frames, rate = source.n_frames, source.frame_rate_hz
-        header = getattr(source, "header", None)
+        header = source.header
         said = int(header.start_frame) if header is not None else getattr(source, "start_frame", None)
         if data.is_dir() or data.suffix.lower() not in FILM_SUFFIXES:
             raise CommandInputError(f"{film}: is one picture or a folder of them; allowed {', '.join(FILM_SUFFIXES)}")

@@ -87,8 +87,11 @@ class FilmHeader:
     comment: str = ""
 
 
-def read_header(path: Path) -> FilmHeader:
-    """Read a ``.cih`` or ``.cihx`` file; raises `FilmError` with the field, the value found and what is allowed."""
+def read_header(path: Path, *, is_mraw: bool = True) -> FilmHeader:
+    """Read a ``.cih`` or ``.cihx`` file, of an MRAW film or of one exported to another format.
+
+    Raises `FilmError` with the field, the value found and what is allowed.
+    """
     try:
         size = path.stat().st_size
         if size > MAX_HEADER_BYTES:
@@ -100,7 +103,7 @@ def read_header(path: Path) -> FilmHeader:
         raise FilmError(f"{path}: header cannot be read ({error.strerror or error})") from None
     try:
         raw = _fields_of_cihx(data) if b"<cih>" in data else _fields_of_cih(data)
-        return _header(raw)
+        return _header(raw, is_mraw)
     except FilmError as error:
         raise FilmError(f"{path}: {error}") from None
 
@@ -173,13 +176,13 @@ def _exposure(raw: dict[str, str]) -> float | None:
     return 1.0 / value if raw["shutter"].startswith("1/") or value > 1.0 else value
 
 
-def _header(raw: dict[str, str]) -> FilmHeader:
+def _header(raw: dict[str, str], is_mraw: bool) -> FilmHeader:
     file_format = raw["file_format"] or "MRaw"
-    if file_format.lower() != "mraw":
+    if is_mraw and file_format.lower() != "mraw":
         raise FilmError(f"header says file format {file_format[:20]!r}, only MRaw is read; save the film as MRAW")
     colour_bit = _whole(raw, "colour_bit", 1, 48)
     kind = raw["colour_type"] or "Mono"
-    if kind.lower() not in ("mono", "raw") or colour_bit not in (8, 12, 16):
+    if is_mraw and (kind.lower() not in ("mono", "raw") or colour_bit not in (8, 12, 16)):
         raise FilmError(
             f"header says colour type {kind[:20]!r} with {colour_bit} bit per pixel, readable are Mono or Raw "
             "with 8, 12 or 16; save the film in monochrome"
@@ -239,6 +242,53 @@ def cihx_bytes(header: FilmHeader) -> bytes:
     return b"!!! This file can not be edited. !!!".ljust(256, b"\0") + table + xml
 
 
+HEADER_SUFFIXES = (".cihx", ".cih", ".CIHX", ".CIH")
+
+
+def take_header_beside(film: Film) -> None:
+    """Give a film that a Photron viewer exported (AVI, TIFF, pictures) the times that the header beside it states.
+
+    A header of another film, one that contradicts itself, and one without a rate are passed over, with a line.
+    """
+    path = film.path
+    if path.is_dir():
+        found = sorted(file for file in path.iterdir() if file.suffix in HEADER_SUFFIXES)
+    else:
+        found = [file for suffix in HEADER_SUFFIXES if (file := path.with_suffix(suffix)).is_file()]
+    if not found:
+        return
+    try:
+        header = read_header(found[0], is_mraw=False)
+        wrong = contradiction(header)
+    except FilmError as error:
+        wrong = str(error)
+    else:
+        described = (header.n_frames, header.width, header.height)
+        if described != (film.n_frames, film.width, film.height):
+            wrong = "describes {} frames of {} x {}".format(*described)
+        elif header.frame_rate_hz is None:
+            wrong = "states no rate"
+    if wrong is not None:
+        warnings.warn(
+            f"{found[0]}: {wrong}; {path.name} has {film.n_frames} of {film.width} x {film.height}, and its times are "
+            "not taken from there",
+            VisionWarning,
+            stacklevel=4,
+        )
+        return
+    film.header = header
+    film.frame_rate_hz, film.exposure_s = header.frame_rate_hz, header.exposure_s
+    film.camera_time_s, film.has_camera_times = saved_frame_times(header, film.n_frames), True
+
+
+def saved_frame_times(header: FilmHeader, n_frames: int) -> NDArray[np.float64] | None:
+    """Middle of each exposure, s after the camera's trigger, for the frames that were saved; None without a rate."""
+    if header.frame_rate_hz is None:
+        return None
+    number = header.start_frame + header.frame_step * np.arange(n_frames, dtype=float)
+    return number / header.frame_rate_hz + 0.5 * (header.exposure_s or 0.0)
+
+
 class MrawFilm(Film):
     """A Photron MRAW film with its CIH or CIHX header.
 
@@ -294,8 +344,7 @@ class MrawFilm(Film):
         """Middle of each exposure, s after the camera's trigger, for the frames that were saved."""
         if self.frame_rate_hz is None or contradiction(self.header) is not None:
             return None
-        number = self.header.start_frame + self.header.frame_step * np.arange(self.n_frames, dtype=float)
-        return number / self.frame_rate_hz + 0.5 * (self.exposure_s or 0.0)
+        return saved_frame_times(self.header, self.n_frames)
 
     def _check_bit_side(self) -> None:
         """Refuse a header whose side of the effective bits the first frame contradicts."""
@@ -374,7 +423,7 @@ def _unpack12(packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
 def _pair(path: Path) -> tuple[Path, Path]:
     """The film and its header, whichever of the two was named."""
     if path.suffix.lower() == ".mraw":
-        headers = [path.with_suffix(suffix) for suffix in (".cihx", ".cih", ".CIHX", ".CIH")]
+        headers = [path.with_suffix(suffix) for suffix in HEADER_SUFFIXES]
         for header in headers:
             if header.exists():
                 return path, header

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vision.errors import FilmError
 from vision.film.cine_reader import CineFilm
-from vision.film.mraw import MrawFilm
+from vision.film.mraw import MrawFilm, take_header_beside
 from vision.film.picture_stack import PICTURE_SUFFIXES, OnePicture, PictureFolder
 from vision.film.source import CHANNELS, Film, FrameSource
 from vision.film.tiff_reader import TiffFilm
@@ -73,7 +73,10 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
     if not path.is_dir() and suffix not in READERS:
         raise FilmError(f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {readable}")
     reader = PictureFolder if path.is_dir() else READERS[suffix]
-    return reader(path, allow_truncated=allow_truncated, channel=channel)
+    film = reader(path, allow_truncated=allow_truncated, channel=channel)
+    if not film.has_camera_times:
+        take_header_beside(film)
+    return film
 
 
 def film_of(path_or_source: str | os.PathLike[str] | FrameSource) -> AbstractContextManager[FrameSource]:

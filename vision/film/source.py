@@ -224,6 +224,7 @@ class Film:
     has_camera_times: bool = False
     camera_time_s: NDArray[np.float64] | None = None
     first_frame: int = 0
+    header: Any = None
     in_order = False
     _file: FileWindow
 

@@ -8,10 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.vision.turning_bar import write_video
 from vision.errors import FilmError, VisionWarning
 from vision.film.mraw import FilmHeader, cihx_bytes
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm, Repeats
+from vision.film.time_scale import frame_times_at_rate
 
 FRAMES = np.random.default_rng(3).integers(0, 256, (12, 20, 30), dtype=np.uint8)
 
@@ -96,3 +98,31 @@ def test_repeated_frames_are_found() -> None:
     repeats = Repeats(ArrayFilm(frames), (2, 18, 3, 25))
     assert [i for i in range(12) if repeats.at(i)] == [5]
     assert [i for i in range(0, 12, 5) if repeats.at(i)] == [5]
+
+
+@pytest.mark.parametrize("kind", ["film.avi", "film.tif", "folder"])
+def test_a_header_beside_an_exported_film_gives_its_times(tmp_path: Path, kind: str) -> None:
+    """Photron's viewer writes one beside AVI, TIFF and pictures as well: here every third frame from -30 on."""
+    path = tmp_path / kind
+    if kind == "film.avi":
+        write_video(path, FRAMES, rate=25)
+    elif kind == "film.tif":
+        assert cv2.imwritemulti(str(path), list(FRAMES))
+    else:
+        path.mkdir()
+        write_folder(path, [f"film{i:06d}.png" for i in range(12)])
+    header = FilmHeader(30, 20, 12, 24, 8, frame_rate_hz=2000.0, exposure_s=1e-4, start_frame=-30, frame_step=3)
+    beside = path / "film.cihx" if path.is_dir() else path.with_suffix(".cihx")
+    beside.write_bytes(cihx_bytes(header).replace(b"Mraw", b"Avi "))
+    with open_film(path) as film:
+        assert film.has_camera_times and film.exposure_s == 1e-4
+        np.testing.assert_allclose(film.frame_time_s, (-30 + 3 * np.arange(12)) / 2000.0 + 5e-5)
+        for wrong in (2000.0, 600.0):
+            with pytest.raises(FilmError, match=f"{wrong:g} frames/s is stated, the camera's own times say 666.66"):
+                frame_times_at_rate(film, wrong)
+    beside.write_bytes(cihx_bytes(FilmHeader(30, 20, 13, 24, 8, frame_rate_hz=2000.0)))
+    with (
+        pytest.warns(VisionWarning, match="describes 13 frames of 30 x 20; .* has 12 of 30 x 20"),
+        open_film(path) as film,
+    ):
+        assert not film.has_camera_times
