@@ -1,12 +1,12 @@
 """Fuzz the readers of films and of other programs' recordings: a typed error or correct data.
 
-Mutates CIH, CIHX, MRAW (length), AVI (uncompressed and MJPEG) and CINE films of about 1 MB as the tests of the rig's
-files do (`tests.rig.fuzz`): bits flipped, digits and numbers changed, stretches lost, doubled or moved. A film that
-opens must give frames of the size it states, and the original grey values if its header is unchanged. No step may
-allocate more than the film's own size (the file or its grey values, whichever is larger), nor more than `MOST_FRAMES`
-frames of it. Allocations by Python, NumPy and OpenCV's images count; FFmpeg's internal memory does not. Prints per
-kind: counts, and the largest allocation relative to the film's size and to one frame's. The exit code is 1 if any film
-behaves otherwise.
+Mutates CIH, CIHX, MRAW (length), AVI (uncompressed and MJPEG), CINE, TIFF, MKV and MP4 films of about 1 MB as the tests
+of the rig's files do (`tests.rig.fuzz`): bits flipped, digits and numbers changed, stretches lost, doubled or moved. A
+film that opens must give frames of the size it states, and the original grey values if its header is unchanged. No step
+may allocate more than the film's own size (the file or its grey values, whichever is larger), nor more than
+`MOST_FRAMES` frames of it. Allocations by Python, NumPy and OpenCV's images count; FFmpeg's internal memory does not.
+Prints per kind: counts, and the largest allocation relative to the film's size and to one frame's. The exit code is 1
+if any film behaves otherwise.
 
 Recordings (CSV, LVM, TDMS, HDF5) are damaged as the tests of the rig's files do, and what is read is compared with a
 second reading (`tests.rig.fuzz.recording_cases`, `stored_cases`).
@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +30,7 @@ from benchmarks.runner import Run, Table
 from tests.rig.fuzz import recording_cases, stored_cases
 from tests.rig.fuzz.damage import damaged, survive
 from tests.vision.film.cine_file import write_cine
+from tests.vision.turning_bar import write_video
 
 # decoders report damage on standard error themselves; here every film is damaged
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
@@ -130,8 +132,11 @@ def fuzz(folder: Path, count: int, seed: int) -> dict[str, Tally]:
     raw, jpeg = folder / "raw.avi", folder / "jpeg.avi"
     write_avi(raw, frames, 25.0, quality=None)
     write_avi(jpeg, frames, 25.0, quality=95)
-    cine = folder / "a.cine"
+    cine, tiff = folder / "a.cine", folder / "a.tif"
     write_cine(cine, frames)
+    cv2.imwritemulti(str(tiff), list(frames))
+    mkv = write_video(folder / "a.mkv", frames)
+    mp4 = write_video(folder / "a.mp4", frames, "libx264", pixels="yuvj420p", options={"crf": "4"})
     text = CIH_LINES.format(n=SHAPE[0], height=SHAPE[1], width=SHAPE[2]).encode()
     headers = {
         "CIHX": (mraw, mraw.with_suffix(".cihx"), mraw.with_suffix(".cihx").read_bytes(), 10_000, True),
@@ -139,11 +144,15 @@ def fuzz(folder: Path, count: int, seed: int) -> dict[str, Tally]:
         "AVI": (raw, raw, raw.read_bytes(), 320, False),
         "AVI MJPEG": (jpeg, jpeg, jpeg.read_bytes(), 1000, False),
         "CINE": (cine, cine, cine.read_bytes(), 12_500, False),
+        "TIFF": (tiff, tiff, tiff.read_bytes(), tiff.stat().st_size, False),
+        "MKV FFV1": (mkv, mkv, mkv.read_bytes(), 1000, False),
+        "MP4 H.264": (mp4, mp4, mp4.read_bytes(), mp4.stat().st_size, False),
     }
     tallies = {name: Tally() for name in (*headers, "MRAW length")}
-    for path in (mraw, raw, jpeg, cine):
+    for path in (mraw, raw, jpeg, cine, tiff, mkv, mp4):
         # imports on first use do not count against the film
-        open_film(path).close()
+        with warnings.catch_warnings(action="ignore", category=VisionWarning):
+            open_film(path).close()
     tracemalloc.start()
     try:
         for number in range(count):

@@ -22,7 +22,8 @@ HEAD = """# Licences of dependencies
 piano-action-rig itself is BSD-3-Clause. Direct dependencies, with the licence that each declares in its own metadata,
 made by `python docs/make_licences_page.py`. Nothing here is distributed with this project: pip installs it. Packages
 of the groups `dev`, `docs` and `peers` are used by tests, documentation and benchmarks only. GPL packages are never
-imported at run time.
+imported at run time, with one exception: the wheel of PyAV (BSD) ships FFmpeg with GPL codecs (x264, x265); it is used
+to decode, and nothing of it is redistributed.
 
 | package | needed for | declared licence |
 | --- | --- | --- |

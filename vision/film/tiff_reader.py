@@ -234,7 +234,7 @@ class TiffFilm(Film):
         import cv2
 
         strips = [
-            self._file.view(at, at + count).tobytes()
+            self._file.view(at, at + count).data
             for at, count in zip(page.dataoffsets, page.databytecounts, strict=True)
         ]
         data = np.frombuffer(one_page(self._key, strips, self._tiff.byteorder), np.uint8)
@@ -255,7 +255,7 @@ class TiffFilm(Film):
         return (2**self.bit_depth - 1) - grey if self._key.photometric == WHITE_IS_ZERO else grey
 
 
-def one_page(key: Any, strips: list[bytes], byteorder: str) -> bytes:
+def one_page(key: Any, strips: list[memoryview], byteorder: str) -> bytes:
     """A TIFF file of one page: what its keyframe says of all pages, and its own strips or tiles."""
     where, how_long = (324, 325) if key.is_tiled else (273, 279)
     entries: dict[int, tuple[str, list[int]]] = {}
@@ -282,7 +282,7 @@ def one_page(key: Any, strips: list[bytes], byteorder: str) -> bytes:
             field = data.ljust(4, b"\0")
         directory += struct.pack(byteorder + "HHI", tag_code, CODES[kind], len(numbers)) + field
     head = (b"II*\0" if byteorder == "<" else b"MM\0*") + struct.pack(byteorder + "I", 8)
-    return head + directory + b"\0" * 4 + b"".join(strips) + extra
+    return b"".join([head, directory, b"\0" * 4, *strips, extra])
 
 
 def chain_is_whole(path: Path) -> bool:
