@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 OFFSETS, COUNTS = (273, 324), (279, 325)
 """Tags of the places and sizes of strips and tiles."""
 SIZES = {3: ("H", 2), 4: ("I", 4), 16: ("Q", 8)}
-MAX_PAGES = 10_000_000
+MAX_PAGES, MOST_STRIPS = 10_000_000, 65_536
+"""Of a film, and of a page: a strip holds a row at least, and tiles are larger."""
 PLAIN, BY_TIFFFILE = 1, (1, 8, 32946, 32773)
 """Compression: none, and what tifffile decodes by itself (deflate, PackBits)."""
 JPEG = (6, 7)
@@ -321,6 +322,8 @@ def _page(file: BinaryIO, at: int, order: str, big: bool, size: int) -> tuple[in
         tag, kind, count = struct.unpack(order + ("HHQ" if big else "HHI"), raw[: 12 if big else 8])
         if tag in OFFSETS + COUNTS and kind in SIZES:
             code, width = SIZES[kind]
+            if count > MOST_STRIPS:
+                return int(following), False
             room = raw[12:] if big else raw[8:]
             if count * width > len(room):
                 file.seek(struct.unpack(order + offset_code, room)[0])
