@@ -29,9 +29,9 @@ from model.simulation.statics import solve_rest
 
 Array = NDArray[np.float64]
 
-SAMPLE = 5e-4  # s, between states
-RAMP = 0.04  # s, in which the key accelerates and stops
-LONGEST_STEP_S = 2e-3
+SAMPLE, SAMPLE_WAY = 5e-4, 2.5e-6  # s and m of the front, between states; the longer of both
+RAMP, RAMP_WAY = 0.04, 2e-4  # s and m of the front, in which the key accelerates and stops; the longer of both
+LONGEST_STEP_S, LONGEST_STEP_WAY = 2e-3, 1e-5  # s and m of the front; the longer of both
 KEY = BODIES.index("key")
 
 
@@ -70,7 +70,9 @@ def key_angle_at_dip(action: Action, rest_rad: Array, dip_m: float) -> float:
     return math.asin(height / length) - offset
 
 
-def _motion(start: float, stops: Sequence[float], turn_rate: float, hold_s: float) -> tuple[KeyMotion, list[float]]:
+def _motion(
+    start: float, stops: Sequence[float], turn_rate: float, ramp_s: float, hold_s: float
+) -> tuple[KeyMotion, list[float]]:
     """The key's motion through the stops, resting ``hold_s`` at each, and the times of arrival, s.
 
     Speeds rise and fall as 3 x^2 - 2 x^3, so that the acceleration has no jump.
@@ -83,14 +85,14 @@ def _motion(start: float, stops: Sequence[float], turn_rate: float, hold_s: floa
 
     for stop in stops:
         way = abs(stop - here)
-        rate = math.copysign(min(turn_rate, way / RAMP), stop - here)  # lower over a short distance
+        rate = math.copysign(min(turn_rate, way / ramp_s), stop - here)  # lower over a short distance
         if rate != 0.0:
-            cruise = max(way / abs(rate) - RAMP, 1e-9)
-            ramp = -0.5 * rate / RAMP**3, rate / RAMP**2  # of time to the fourth and to the third
-            before = stop - 0.5 * rate * RAMP
-            go_on(RAMP, *ramp, 0.0, 0.0, here)
+            cruise = max(way / abs(rate) - ramp_s, 1e-9)
+            ramp = -0.5 * rate / ramp_s**3, rate / ramp_s**2  # of time to the fourth and to the third
+            before = stop - 0.5 * rate * ramp_s
+            go_on(ramp_s, *ramp, 0.0, 0.0, here)
             go_on(cruise, rate, before - rate * cruise)
-            go_on(RAMP, -ramp[0], -ramp[1], 0.0, rate, before)
+            go_on(ramp_s, -ramp[0], -ramp[1], 0.0, rate, before)
         arrived.append(at[-1])
         go_on(hold_s, stop)
         here = stop
@@ -145,11 +147,13 @@ def slow_press(
         )
     begin = key_angle_at_dip(action, rest, 0.0)
     stops = [key_angle_at_dip(action, rest, float(dip)) for dip in dips]
-    motion, arrived = _motion(begin, stops, speed_m_per_s / abs(action["drive.point.x"]), hold_s)
+    ramp_s, sample_s = max(RAMP, RAMP_WAY / speed_m_per_s), max(SAMPLE, SAMPLE_WAY / speed_m_per_s)
+    motion, arrived = _motion(begin, stops, speed_m_per_s / abs(action["drive.point.x"]), ramp_s, hold_s)
     scene = build_scene(action, key_motion=motion)
     start = solve_rest(scene, 0.0, rest[[names.index(body) for body in scene.bodies[: scene.size]]])
-    run = Simulation(scene, State(0.0, start, np.zeros(scene.size)), tolerance, largest_step_s=LONGEST_STEP_S)
-    times = SAMPLE * np.arange(1, math.floor(motion.break_s[-1] / SAMPLE) + 1)
+    longest = max(LONGEST_STEP_S, LONGEST_STEP_WAY / speed_m_per_s)
+    run = Simulation(scene, State(0.0, start, np.zeros(scene.size)), tolerance, largest_step_s=longest)
+    times = sample_s * np.arange(1, math.floor(motion.break_s[-1] / sample_s) + 1)
     span = motion.break_s[[0, -1]]  # the input is the time itself
     own = run.advance(float(times[-1]), span, span, output_time_s=times)
     moved, memory = motion.at(times), run.remembered if scene.remembers else None

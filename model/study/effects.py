@@ -34,7 +34,7 @@ from model.parameters.effects import KEY_LIFT, PINS, RAIL
 from model.parameters.quantity import allowed_range
 from model.scene.selection import SceneChoice, choice_of, load_scene
 from model.study.blow_measures import measure_blow
-from model.touch.feel import weigh
+from model.touch.weights import weigh
 
 Array = NDArray[np.float64]
 Blow = tuple[Array, Array]

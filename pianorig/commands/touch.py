@@ -30,7 +30,7 @@ def command(
 ) -> None:
     """Compare how actions feel, from slow press to repetition.
 
-    Slow press and release, down, up and friction weight, let-off peak, hammer speeds, fastest repetition.
+    Slow press and release: down, up, balance and friction weight, let-off peak; hammer speeds, fastest repetition.
 
     Example:  pianorig touch hirschkorn2004 hirschkorn2004-regulated --figure touch.svg
     """
@@ -58,7 +58,13 @@ def command(
     lines = [f"{'':<26}" + "".join(f"  {name:>{width}}" for name in names)]
     for words in rows[0]:
         values = [row[words] for row in rows]
-        lines.append(f"{words:<26}" + "".join(f"  {f'{v:.3g}' if v == v else '-':>{width}}" for v in values))
-    plain = [{"action": f.name} | row for f, row in zip(feels, rows, strict=True)]
+        lines.append(f"{words:<26}" + "".join(f"  {_number(v, words):>{width}}" for v in values))
+    lines += [f"{f.name}: {remark}" for f in feels for remark in f.remarks]
+    plain = [{"action": f.name} | row | {"remarks": list(f.remarks)} for f, row in zip(feels, rows, strict=True)]
     facts = {"actions": plain, "figure": figure, "curve": curve}
     tell(as_json, facts, [*lines, *file_lines([figure, curve])])
+
+
+def _number(value: float, row: str) -> str:
+    """Three digits, none below a milligram, where rounding lies; of newtons none below 10 uN."""
+    return "-" if value != value else f"{round(value, 3 if row.endswith(', g') else 5) + 0.0:.3g}"

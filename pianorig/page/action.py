@@ -287,12 +287,7 @@ def touch(action: model.Action) -> dict[str, Any]:
     return {
         "press": {"dip_m": pack(down_m), "force_n": pack(down_n)},
         "release": {"dip_m": pack(up_m), "force_n": pack(up_n)},
-        "weights": {
-            "down weight": found.down_n,
-            "up weight": found.up_n,
-            "friction weight": found.friction_n,
-            "let-off peak": found.let_off_n,
-        },
+        "weights": {name: force for name, (force, _) in found.rows().items()},
         "dip_m": found.dip_m,
     }
 

@@ -1,4 +1,4 @@
-"""Feel of an action: weights against closed-form changes, hammer speed against the plain derivative, repetition."""
+"""Feel of an action: hammer speed against the plain derivative, repetition, the figure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 import model
 from model.observables import head_approach_m_per_s
-from model.touch import Weights, fastest_repetition, feel, hammer_speeds, weigh
+from model.touch import fastest_repetition, feel, hammer_speeds
 from model.touch.feel import sounded
 from model.touch.figure import draw
 from model.touch.hammer_speed import touches
@@ -19,51 +19,6 @@ from model.touch.hammer_speed import touches
 @pytest.fixture(scope="module")
 def regulated() -> model.Action:
     return model.load_action("hirschkorn2004-regulated")
-
-
-@pytest.fixture(scope="module")
-def weights(regulated: model.Action) -> Weights:
-    return weigh(regulated)
-
-
-def test_weights_are_those_of_a_grand(weights: Weights) -> None:
-    assert 0.40 < weights.down_n < 0.50 and 0.12 < weights.up_n < 0.22  # 45 g and 17 g
-    assert weights.friction_n == pytest.approx(0.5 * (weights.down_n - weights.up_n))
-    assert weights.let_off_n > 1.5 * weights.down_n
-
-
-def test_friction_of_the_key_pin_adds_its_torque_over_the_lever(regulated: model.Action, weights: Weights) -> None:
-    more = 0.005  # N m
-    other = weigh(regulated.with_values({"key.joint_friction.A": regulated["key.joint_friction.A"] + more}))
-    # at 5 mm/s the smoothed law gives tanh(omega / omega_t) of it
-    share = math.tanh(0.005 / 0.2278 / regulated["friction_threshold.omega_t"])
-    assert other.friction_n - weights.friction_n == pytest.approx(share * more / 0.2278, abs=0.0015)
-
-
-def test_lead_in_the_key_lowers_both_weights_by_its_moment(regulated: model.Action, weights: Weights) -> None:
-    lead = 0.010  # kg at the key's centre of mass, 51.4 mm in front of the pin
-    other = weigh(regulated.with_values({"key.mass": regulated["key.mass"] + lead}))
-    less = lead * 9.81 * 0.0514 / 0.2278
-    assert weights.down_n - other.down_n == pytest.approx(less, abs=0.002)
-    assert weights.up_n - other.up_n == pytest.approx(less, abs=0.002)
-
-
-def test_without_friction_down_and_up_are_one(regulated: model.Action, weights: Weights) -> None:
-    smooth = weigh(
-        regulated.with_values(
-            {f"{b}.joint_friction": 0 for b in model.BODIES} | {f"contact{i:02d}.friction": 0 for i in (1, 4, 7, 10)}
-        )
-    )
-    assert abs(smooth.friction_n) < 0.01
-    assert 0.5 * (smooth.down_n + smooth.up_n) == pytest.approx(0.5 * (weights.down_n + weights.up_n), abs=0.02)
-
-
-def test_curve_goes_down_and_up(weights: Weights) -> None:
-    (down, force), (up, force_up) = weights.curve()
-    assert np.all(np.diff(down) > 0.0) and np.all(np.diff(up) < 0.0)
-    assert down[-1] == pytest.approx(0.010, abs=2e-4) and up[-1] < 2e-4
-    assert np.interp(3e-3, down, force) > np.interp(-3e-3, -up, force_up) + 0.15
-    assert force.max() == pytest.approx(weights.let_off_n)
 
 
 def test_approach_speed_is_that_of_a_point_on_a_turning_body(action: model.Action) -> None:
