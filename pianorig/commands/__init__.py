@@ -28,7 +28,7 @@ COMMANDS = {
     "demo": Listed("demo", FIRST, "Record five virtual blows, film and track one, report."),
     "examples": Listed("examples", FIRST, "Write small files to try every command with."),
     "open": Listed("open_report", FIRST, "Open a session's report in the browser."),
-    "info": Listed("info", FIRST, "Show a session, a recording to import, a backend, or the installed versions."),
+    "info": Listed("info", FIRST, "Show a session, a recording, a backend, or the versions."),
     "record": Listed("record", BENCH, "Play a motor profile; record force, angles, frame clock."),
     "learn": Listed("learn", BENCH, "Learn motor profiles whose force follows recorded ones."),
     "recover": Listed("recover", BENCH, "Rebuild unsealed trials from the journals of a recording."),

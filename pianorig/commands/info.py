@@ -38,7 +38,7 @@ def command(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show a session, a recording to import, a backend, or the installed versions.
+    """Show a session, a recording, a backend, or the versions.
 
     Of a recording (TDMS, LVM, CSV, HDF5) it lists the channels and proposes a mapping for its import.
 
