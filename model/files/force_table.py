@@ -101,8 +101,15 @@ def _longest_stretch(times: Array, forces: Array, level: float) -> float:
     above = forces > level
     edges = np.diff(np.concatenate([[0], above.astype(np.int8), [0]]))
     starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-    before, after = np.maximum(starts - 1, 0), np.minimum(ends + 1, len(times) - 1)
-    return float(np.max(0.5 * (times[ends] + times[after] - times[starts] - times[before])))
+
+    def crossings(inner: NDArray[np.int64], outer: NDArray[np.int64]) -> Array:
+        """Times between samples above the level and their neighbours below; the samples' own at the table's ends."""
+        inside = outer == inner
+        share = (forces[inner] - level) / np.where(inside, 1.0, forces[inner] - forces[outer])
+        return np.asarray(times[inner] + np.where(inside, 0.0, share) * (times[outer] - times[inner]))
+
+    until = crossings(ends, np.minimum(ends + 1, len(times) - 1))
+    return float(np.max(until - crossings(starts, np.maximum(starts - 1, 0))))
 
 
 def _blow_seconds(times: Array, forces: Array) -> tuple[float, float]:

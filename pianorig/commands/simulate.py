@@ -138,6 +138,7 @@ def command(
     model.compile_ahead([choice])
     driving = workflows.read_driving_force(force, choice.input_column, mapping)
     times, values = driving.time_s, driving.force_n
+    doubt = model.blow_implausibility(times, values, str(force)) if choice.input_column == "force_n" else ""
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
     rest = driving.rest(chosen, choice)
     with working("simulating", quiet=as_json):
@@ -193,9 +194,10 @@ def command(
         "tolerance_rad": tolerance,
         "estimated_error_rad": solution.error_rad,
         "tolerance_missed": solution.misses_tolerance,
+        "cannot_be_a_blow": doubt or None,
         **solution.counters,
     }
-    lines = [f"{out}: {len(solution.time_s)} rows, {solution.counters['n_steps']} steps"]
+    lines = [f"{out}: {len(solution.time_s)} rows, {solution.counters['n_steps']} steps", *([doubt] if doubt else [])]
     if solution.error_rad is not None:
         kept = f"largest error of an angle about {solution.error_rad:.1e} rad, requested {solution.tolerance:g}"
         lines.append(missed_request(solution) or kept)

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+import model
 from rig.session import TrialData
 from rig.session.info import KEY_OPPOSITE
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
@@ -153,6 +154,16 @@ class MeasuredTrial:
         return self.read_motion(self.time_s, self.change_rad)
 
 
+def _force_doubt(force: CorrectedForce) -> list[str]:
+    """Why the force cannot be a blow, as a note; a force that cannot be simulated either is refused later."""
+    known = np.isfinite(force.force_n)
+    try:
+        doubt = model.blow_implausibility(force.time_s[known], force.force_n[known], "force")
+    except model.InputError:
+        return []
+    return [doubt] if doubt else []
+
+
 def measure(
     data: TrialData,
     film_table: pd.DataFrame | None,
@@ -217,6 +228,7 @@ def measure(
         notes += [heads.note(quiet)] if heads is not None else []
         if force.hum.reason.startswith(TOO_SHORT):
             notes.append(f"hum not subtracted: {force.hum.reason}")
+        notes += _force_doubt(force)
     else:
         quiet, raw = quiet_of_motion(time, counts), np.full(time.size, np.nan)
         hum = HumFit(0.0, 0.0, 0.0, False, (), (), 0.0, 0.0, False, NONE, np.zeros((0, 0)))

@@ -16,8 +16,8 @@ PRESS = np.array([0.0, 0.01, 0.15]), np.array([0.0, 7.0, 7.0])
 @pytest.mark.parametrize(
     ("scale_s", "scale_n", "words"),
     [
-        (1e3, 1.0, "pressed for 145 s without a pause, blows up to 10 s; are its times in ms? give s"),
-        (1e-3, 1.0, "pressed for 0.145 ms, blows from 2 ms; are its times in s?"),
+        (1e3, 1.0, "pressed for 149 s without a pause, blows up to 10 s; are its times in ms? give s"),
+        (1e-3, 1.0, "pressed for 0.149 ms, blows from 2 ms; are its times in s?"),
         (1.0, 101.97, "largest force 714 N, blows up to 300 N; is the force in N?"),
         (1.0, 1e-3, "largest force 0.007 N, a key needs 0.2 N or more; is the force in N?"),
         (1.0, -1.0, "the force never presses (largest 0 N, smallest -7 N); down is positive"),

@@ -72,3 +72,11 @@ def test_the_force_of_a_recording_is_corrected_and_that_of_a_table_is_not(tmp_pa
     corrected = read_driving_force(tmp_path / "a.h5", mapping=mapping)
     assert corrected.force_n.max() == pytest.approx(force_n.max(), abs=0.02)
     assert abs(corrected.force_n[:300]).max() < 0.02
+
+
+def test_milliseconds_under_time_s_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "ms.csv"
+    table.write_text("time_s,force_n\n0,0\n20,6\n90,6\n120,0\n")
+    assert run("simulate", "--force", table, "--output-rate", "1", "--out", tmp_path / "angles.csv") == 0
+    said = capsys.readouterr().out
+    assert f"{table}: cannot be a blow: pressed for 115 s without a pause" in said and "are its times in ms?" in said
