@@ -1,0 +1,328 @@
+"""Intervals of the model error, and the simultaneous test, from draws of all uncertain inputs: pure functions.
+
+In: an `ErrorSample`, quantities by draws. Out: `Estimates`. Source: ASME V&V 20-2009, E = δ + e: the comparison error E
+(model − trial) is the model error δ and an error e of inputs and measurement. A draw is what E would be with δ = 0, so
+that E and N draws are exchangeable if the model is right: whatever the form of their distribution, the interval
+E − e₍ₖ₎ holds δ at its level, and a statistic of rank k is exceeded at its level (Monte Carlo test, Besag and Clifford
+1989). Scales are half the central 68 %, each side by itself: a few draws far away do not widen them.
+What differs between trials is one variance component, scaled inverse χ²: the declared one counts as `PRIOR_FREEDOM`
+degrees of freedom, the trials add n − 1 (Gelman et al., Bayesian Data Analysis, 3rd ed., Section 3.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from validation.conventions import Array
+
+LEVEL = 0.05
+INTERVAL, EQUIVALENCE = 0.95, 0.90
+POWER = 0.80
+PRIOR_FREEDOM = 3.0  # few, so that six trials outweigh what is declared; one trial has Student's factor 3.2
+FEWEST_FOR_INTERVAL = 39  # 95 % of ranks
+FEWEST_FOR_BRANCH = 20  # of a branch's scales
+RARE_BRANCH = 0.01  # of the 5 % of the simultaneous test, what branches of the motion may take
+SIGMA = 0.158655  # of a normal distribution below −σ
+WINSOR = 4.0  # scales beyond which a draw counts as that far when variances are divided among inputs
+SEED = 20
+
+
+@dataclass(frozen=True)
+class ErrorSample:
+    """Comparison errors of V quantities, found and drawn.
+
+    Attributes
+    ----------
+    found : (V,)
+        Mean over trials of model − trial, NaN where not known.
+    n_trials : (V,)
+        Trials that each mean is of.
+    residuals : (n, V)
+        Of each trial from that mean, NaN where not known.
+    common : (N, V)
+        Errors as drawn, of what is common to all trials.
+    own : (K, V)
+        Errors as drawn, of what each trial has for itself as declared.
+    branch : (N,)
+        Branch of the motion of each draw, as a number.
+    branch_found : int
+        That of the trials; need not occur in ``branch``.
+    inputs : (N, q)
+        Drawn values of the inputs, standard normal.
+    floor : (V,)
+        Smallest scale.
+    primary : (V,)
+        Quantities of the claim.
+    """
+
+    found: Array
+    n_trials: NDArray[np.int64]
+    residuals: Array
+    common: Array
+    own: Array
+    branch: NDArray[np.int64]
+    branch_found: int
+    inputs: Array
+    floor: Array
+    primary: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """What is estimated of each quantity, (V,) each unless said otherwise; NaN where it cannot be stated.
+
+    Attributes
+    ----------
+    low, high : ends of the individual 95 % interval of the model error
+    low_90, high_90 : ends of the 90 % interval
+    u : standard uncertainty of the comparison error, robust
+    u_repeat : that from what differs between trials
+    u_inputs : (q, V) from each input
+    u_other : from inputs that ``inputs`` do not list
+    ratio : |E| in units of the scale of its side
+    ratio_limit : ratio that the largest one exceeds in 5 % of right models' sessions
+    resolved : whether the simultaneous test resolves this quantity
+    detectable : error that is resolved in 80 % of sessions
+    p : of the simultaneous test
+    n_draws : draws on the branch that was observed
+    share : of the draws on that branch
+    is_branch_resolved : whether the branch itself is what a right model hardly ever does
+    noise : (N, V) errors drawn, with what differs between trials; NaN off the branch
+    """
+
+    low: Array
+    high: Array
+    low_90: Array
+    high_90: Array
+    u: Array
+    u_repeat: Array
+    u_inputs: Array
+    u_other: Array
+    ratio: Array
+    ratio_limit: float
+    resolved: NDArray[np.bool_]
+    detectable: Array
+    p: float
+    n_draws: int
+    share: float
+    is_branch_resolved: bool
+    noise: Array
+
+    @property
+    def alone(self) -> NDArray[np.bool_]:
+        """Whether only the individual interval excludes an error of zero."""
+        return ((self.low > 0) | (self.high < 0)) & ~self.resolved
+
+
+def estimate_errors(sample: ErrorSample) -> Estimates:
+    """Estimate the model error of every quantity, and test all primary ones and the branch together.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> common, nothing = rng.standard_normal((199, 2)), np.zeros((1, 2))
+    >>> sample = ErrorSample(
+    ...     found=np.array([0.3, 9.0]), n_trials=np.ones(2, int), residuals=nothing, common=common,
+    ...     own=np.zeros((2, 2)), branch=np.zeros(199, int), branch_found=0, inputs=common, floor=np.full(2, 1e-9),
+    ...     primary=np.ones(2, bool))
+    >>> estimate_errors(sample).resolved.tolist()
+    [False, True]
+    """
+    n_all = len(sample.common)
+    rng = np.random.default_rng([SEED, n_all, len(sample.found)])
+    noise, u_repeat = between_trials(sample.residuals, sample.own, sample.n_trials, n_all, rng)
+    drawn = sample.common + noise
+    here = sample.branch == sample.branch_found
+    inside = drawn[here]
+    n = len(inside)
+    middle, lower, upper = pooled_scale(inside, sample.found, sample.floor)
+    reached = side_ratio(sample.found, middle, lower, upper)
+    rare, p_branch = rare_branches(sample.branch, sample.branch_found)
+    largest = _largest(side_ratio(inside, middle, lower, upper)[:, sample.primary])
+    ranked = np.concatenate([largest, np.full(int(rare.sum()), np.inf)])
+    limit = quantile_by_rank(ranked, 1.0 - LEVEL) if n >= FEWEST_FOR_BRANCH else np.nan
+    found_largest = float(_largest(reached[None, sample.primary])[0])
+    is_branch_resolved = p_branch <= RARE_BRANCH
+    at_least = n_all if is_branch_resolved else int((ranked >= found_largest).sum())
+    p = p_branch if is_branch_resolved else (1 + at_least) / (ranked.size + 1)
+    shares, other = divide_variance(inside - noise[here], sample.inputs[here], middle, lower, upper)
+    with np.errstate(invalid="ignore"):
+        resolved = sample.primary & (reached > limit)
+    low, high = interval_by_rank(sample.found, inside, INTERVAL)
+    low_90, high_90 = interval_by_rank(sample.found, inside, EQUIVALENCE)
+    return Estimates(
+        low=low,
+        high=high,
+        low_90=low_90,
+        high_90=high_90,
+        u=np.where(np.isfinite(low), 0.5 * (lower + upper), np.nan),
+        u_repeat=u_repeat,
+        u_inputs=shares,
+        u_other=other,
+        ratio=reached,
+        ratio_limit=float(limit),
+        resolved=resolved,
+        detectable=detectable_error(inside, middle, lower, upper, float(limit)),
+        p=float(p),
+        n_draws=n,
+        share=n / n_all if n_all else float("nan"),
+        is_branch_resolved=bool(is_branch_resolved),
+        noise=np.where(here[:, None], drawn, np.nan),
+    )
+
+
+def between_trials(
+    residuals: Array, own: Array, n_trials: NDArray[np.int64], n_draws: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Draws of the mean of what differs between trials, (n_draws, V), and its standard deviation, (V,).
+
+    Random combinations of the trials' residuals and of the declared errors, so that quantities stay correlated.
+
+    Parameters
+    ----------
+    residuals : (n, V) array
+        Of the trials from their mean.
+    own : (K, V) array
+        Errors of one trial as declared.
+    n_trials : (V,) array
+    n_draws : int
+    rng : numpy.random.Generator
+    """
+    known = np.isfinite(own).sum(axis=0)
+    declared = np.where(np.isfinite(own), own - _nan_mean(own), 0.0) / np.sqrt(np.maximum(known - 1, 1))
+    seen = np.nan_to_num(residuals)
+    freedom = PRIOR_FREEDOM + np.maximum(n_trials - 1, 0)
+    variance = (PRIOR_FREEDOM * (declared**2).sum(axis=0) + (seen**2).sum(axis=0)) / freedom
+    combined = np.sqrt(PRIOR_FREEDOM) * rng.standard_normal((n_draws, len(declared))) @ declared
+    combined += rng.standard_normal((n_draws, len(seen))) @ seen
+    student = np.sqrt(freedom / chi2.ppf(rng.uniform(size=(n_draws, 1)), freedom))
+    count = np.sqrt(np.maximum(n_trials, 1))
+    return combined * student / np.sqrt(freedom) / count, np.sqrt(variance) / count
+
+
+def pooled_scale(drawn: Array, found: Array, floor: Array) -> tuple[Array, Array, Array]:
+    """Median and scales below and above it of draws and of what was found together, (V,) each.
+
+    What was found is one of N + 1 exchangeable values: a scale of the draws alone would favour it.
+    """
+    every = np.vstack([drawn, found[None]])
+    enough = np.isfinite(every).any(axis=0)
+    low, middle, high = np.full((3, len(found)), np.nan)
+    if enough.any():
+        low[enough], middle[enough], high[enough] = np.nanquantile(
+            every[:, enough], [SIGMA, 0.5, 1.0 - SIGMA], axis=0, method="linear"
+        )
+    return middle, np.fmax(middle - low, floor), np.fmax(high - middle, floor)
+
+
+def side_ratio(values: Array, middle: Array, lower: Array, upper: Array) -> Array:
+    """|value − median| over the scale of its side, of the shape of ``values``."""
+    away = values - middle
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.abs(away) / np.where(away > 0, upper, lower))
+
+
+def _largest(ratio: Array) -> Array:
+    """Largest of each row, −inf where nothing is known, (N,)."""
+    filled = np.where(np.isfinite(ratio), ratio, -np.inf)
+    return np.asarray(filled.max(axis=1, initial=-np.inf))
+
+
+def quantile_by_rank(drawn: Array, share: float) -> float:
+    """Value that one more draw exceeds with a probability of 1 − ``share`` at most."""
+    rank = int(np.ceil(share * (drawn.size + 1) - 1e-9))
+    return float(np.sort(drawn)[rank - 1]) if 1 <= rank <= drawn.size else float("inf")
+
+
+def interval_by_rank(found: Array, drawn: Array, share: float) -> tuple[Array, Array]:
+    """Ends of the interval of each model error; NaN where fewer than `FEWEST_FOR_INTERVAL` draws are known."""
+    low, high = np.full((2, found.size), np.nan)
+    for v in range(found.size):
+        known = np.sort(drawn[np.isfinite(drawn[:, v]), v])
+        rank = int(np.floor(0.5 * (1.0 - share) * (known.size + 1) + 1e-9))
+        if known.size >= FEWEST_FOR_INTERVAL and rank >= 1:
+            low[v], high[v] = found[v] - known[known.size - rank], found[v] - known[rank - 1]
+    return low, high
+
+
+def rare_branches(branch: NDArray[np.int64], found: int) -> tuple[NDArray[np.bool_], float]:
+    """Draws whose branch is rare, and p of the branch found: the share of draws and trials on one as rare as it."""
+    every = np.append(branch, found)
+    kinds, place, counts = np.unique(every, return_inverse=True, return_counts=True)
+    as_rare = np.array([counts[counts <= own].sum() for own in counts]) / every.size
+    p = as_rare[place]
+    return np.asarray(p[:-1] <= RARE_BRANCH), float(p[-1])
+
+
+def detectable_error(drawn: Array, middle: Array, lower: Array, upper: Array, limit: float) -> Array:
+    """Error of either sign that the test resolves in 80 % of sessions, (V,)."""
+    if not np.isfinite(limit) or not len(drawn):
+        return np.full(middle.size, np.nan)
+    known = np.isfinite(drawn).any(axis=0)
+    out = np.full(middle.size, np.nan)
+    least, most = np.nanquantile(drawn[:, known], [1.0 - POWER, POWER], axis=0)
+    above = middle[known] + limit * upper[known] - least
+    below = most - (middle[known] - limit * lower[known])
+    out[known] = np.maximum(above, below)
+    return out
+
+
+def divide_variance(
+    errors: Array, inputs: Array, middle: Array, lower: Array, upper: Array
+) -> tuple[Array, Array]:
+    """Standard uncertainties that each input makes of each quantity, (q, V), and what is left, (V,).
+
+    Regression on the drawn inputs; of its squared slopes their own uncertainty is taken off. Draws far away count as
+    `WINSOR` scales.
+    """
+    n, q = inputs.shape
+    v = errors.shape[1] if errors.ndim == 2 else 0
+    slopes, other = np.zeros((q, v)), np.full(v, np.nan)
+    if n < FEWEST_FOR_INTERVAL:
+        return np.full((q, v), np.nan), other
+    design = np.column_stack([np.ones(n), inputs])
+    for k in range(v):
+        known = np.isfinite(errors[:, k])
+        if known.sum() < max(FEWEST_FOR_INTERVAL, 2 * (q + 1)) or not np.isfinite(middle[k]):
+            continue
+        ends = middle[k] - WINSOR * lower[k], middle[k] + WINSOR * upper[k]
+        y = np.clip(errors[known, k], *ends)
+        x = design[known]
+        beta, *_ = np.linalg.lstsq(x, y, rcond=None)
+        left = float(((y - x @ beta) ** 2).sum()) / (y.size - q - 1)
+        variance = np.diag(np.linalg.pinv(x.T @ x)) * left
+        slopes[:, k] = np.sqrt(np.maximum(beta[1:] ** 2 - variance[1:], 0.0))
+        other[k] = np.sqrt(left)
+    return slopes, other
+
+
+def strongest_inputs(errors: Array, inputs: Array, names: Sequence[str], least: float = 0.2) -> str:
+    """Name of the input that explains most of one quantity's draws by rank correlation, where that is ``least`` of it.
+
+    Parameters
+    ----------
+    errors : (N,) array
+    inputs : (N, q) array
+    names : q texts
+    least : float
+        Share of the variance.
+    """
+    known = np.isfinite(errors)
+    if known.sum() < FEWEST_FOR_INTERVAL or not len(names):
+        return ""
+    rank = np.argsort(np.argsort(errors[known])).astype(float)
+    ranks = np.argsort(np.argsort(inputs[known], axis=0), axis=0).astype(float)
+    rank, ranks = rank - rank.mean(), ranks - ranks.mean(axis=0)
+    share = (rank @ ranks) ** 2 / ((rank @ rank) * (ranks**2).sum(axis=0))
+    best = int(np.argmax(share))
+    return names[best] if share[best] >= least else ""
+
+
+def _nan_mean(values: Array) -> Array:
+    known = np.isfinite(values)
+    return np.asarray(np.where(known, values, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
