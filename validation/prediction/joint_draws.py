@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -29,6 +29,7 @@ CHANNELS = (*ENCODER_CHANNELS, *FILM_CHANNELS)
 FILM_CLOCK = len(ENCODER_CHANNELS)  # place of its error in `JointDraw.z_scale`: one clock moves all of a film
 MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
 SEED = 65
+LEVELS, OWN = 2, 3  # uses of the seed
 USES = ("force", "readings")
 MOST_TRIALS = 5
 T = TypeVar("T")
@@ -46,6 +47,8 @@ class JointDraw:
     z_gain, z_preload, z_delay : errors of the force, in standard uncertainties
     z_scale, z_change : errors of each of `CHANNELS`, in standard uncertainties
     own : seed of what each trial has for itself
+    z_levels : errors of hammer height and key dip at rest, in standard uncertainties
+    has_own_errors : whether a trial's own errors are drawn: offset and noise of its force, quantisation
     """
 
     number: int
@@ -56,6 +59,8 @@ class JointDraw:
     z_scale: tuple[float, ...]
     z_change: tuple[float, ...]
     own: tuple[int, ...]
+    z_levels: tuple[float, float] = (0.0, 0.0)
+    has_own_errors: bool = True
 
     def rng(self, trial: int, use: Literal["force", "readings"]) -> np.random.Generator:
         """Random numbers of one trial in this draw."""
@@ -96,8 +101,17 @@ def joint_draws(action: model.Action, seed: int, n: int, *, parameters: bool) ->
         z = rng.standard_normal(3)
         scale, change = (tuple(map(float, rng.standard_normal(len(CHANNELS)))) for _ in range(2))
         own = (SEED, seed, int(parameters), i)
-        out.append(JointDraw(i, changed, float(z[0]), float(z[1]), float(z[2]), scale, change, own))
+        levels = np.random.default_rng([*own, LEVELS]).standard_normal(2)
+        errors = (float(z[0]), float(z[1]), float(z[2]), scale, change)
+        out.append(JointDraw(i, changed, *errors, own, (float(levels[0]), float(levels[1]))))
     return out
+
+
+def own_draws(seed: int, n: int) -> list[JointDraw]:
+    """Draws of nothing but what a trial has for itself; the first has no error at all."""
+    zero = (0.0,) * len(CHANNELS)
+    every = [JointDraw(i, {}, 0.0, 0.0, 0.0, zero, zero, (SEED, seed, OWN, i)) for i in range(n + 1)]
+    return [replace(every[0], has_own_errors=False), *every[1:]]
 
 
 @dataclass(frozen=True)
@@ -168,7 +182,8 @@ def drawn_run(tested: ModelUnderTest, m: MeasuredTrial, drawn: DrawnAction, time
     draw, f, rng = drawn.draw, m.force, drawn.draw.rng(m.number, "force")
     offset = f.hum.u_offset_n if np.isfinite(f.hum.u_offset_n) else 0.0
     force = f.force_n * (1 + f.channel.gain_relative_u * draw.z_gain) + f.channel.u_preload_n * draw.z_preload
-    force = force + offset * rng.standard_normal() + f.noise_n * rng.standard_normal(force.size)
+    if draw.has_own_errors:
+        force = force + offset * rng.standard_normal() + f.noise_n * rng.standard_normal(force.size)
     when = f.time_s + f.channel.u_group_delay_s * draw.z_delay
     at = time_s[_inside(m, draw, time_s)]
     return Run(drawn.action, drawn.rest, *coarse_force(when, force), at, drawn_tolerance(tested))
@@ -192,12 +207,15 @@ def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution
                 continue
             u = float(np.nanmedian(m.film.u_rad[name])) / np.sqrt(2.0)  # half of its square common, half white
             clock = np.gradient(angle, time_s) * m.film.u_time_s * draw.z_scale[FILM_CLOCK]
-            out[:, i] = angle + clock + u * (draw.z_change[i] * moved + rng.standard_normal(angle.size))
+            out[:, i] = angle + clock + u * draw.z_change[i] * moved
+            if draw.has_own_errors:
+                out[:, i] += u * rng.standard_normal(angle.size)
             continue
         white = abs(float(m.resolution_rad[i])) / np.sqrt(12.0)
         steady = float(np.sqrt(max(float(m.u_rad[i]) ** 2 - 2.0 * white**2, 0.0)))
         out[:, i] = angle * (1 + float(m.scale_relative_u[i]) * draw.z_scale[i]) + steady * draw.z_change[i] * moved
-        out[:, i] += white * (rng.standard_normal(angle.size) + rng.standard_normal())
+        if draw.has_own_errors:
+            out[:, i] += white * (rng.standard_normal(angle.size) + rng.standard_normal())
     return out
 
 

@@ -1,0 +1,346 @@
+"""Comparison errors of a session, found and drawn: what enters the verdict's estimate.
+
+What is common to all trials (parameters, gain, level and delay of the force, scales of the encoders, levels of rest) is
+drawn on one representative trial of each kind of stroke. What each trial has for itself as declared (offset and noise
+of its force, quantisation) is drawn apart, so that it is counted once: with the scatter of all trials it makes the one
+variance component of `validation.verdict.estimate.between_trials`.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validation.cache.content_hash import sha256_of
+from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
+from validation.events.detect import find_events
+from validation.events.session_events import SessionEvents
+from validation.measurement.measure_session import representative
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.joint_draws import CHANNELS, JointDraw, each_draw, joint_draws, own_draws, session_seed
+from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.predict_session import PredictedSession
+from validation.scores.traces import SessionTraces, scored
+from validation.verdict.estimate import ErrorSample
+from validation.verdict.quantities import (
+    ANGLES,
+    BRANCH,
+    IS_PRIMARY,
+    QUANTITIES,
+    branch_of,
+    event_values,
+    phase_masks,
+)
+
+DRAWS = 199  # ranks 5 and 195 hold 95 % exactly
+OWN_DRAWS = 20
+MOST_SAMPLES = 400
+INPUTS = (
+    "force gain",
+    "force level",
+    "force delay",
+    *(f"{name} encoder's scale" for name in ENCODER_CHANNELS),
+    *(f"{name} encoder's offset" for name in ENCODER_CHANNELS),
+    "film clock",
+    *(f"{name} on film" for name in FILM_CHANNELS),
+    "level of the hammer at rest",
+    "level of the key at rest",
+)
+"""Names of `ErrorSample.inputs`; parameters of the action are what these leave."""
+
+
+@dataclass(frozen=True)
+class TrialErrors:
+    """One trial: its errors (V,), their resolution, the samples that each angle is a mean of, and its branch."""
+
+    errors: Array
+    masks: Mapping[str, NDArray[np.bool_]]
+    travel: Mapping[str, float]
+    values: Array
+    branch: int
+
+
+@dataclass(frozen=True)
+class SessionErrors:
+    """Comparison errors of a session.
+
+    Attributes
+    ----------
+    sample : ErrorSample
+    travel : measured range of each channel in the window, rad, mean over trials
+    values : (V,) measured events, mean over trials, NaN for angles
+    trials : numbers of the trials on the branch that most of them take
+    other_branch : numbers of the others, with their branch
+    branch : that branch
+    failed : draws that could not be run
+    time_s, curves : (n,) and (N, n, 5) errors of the representative trial over time, rad; of those that could be run
+    changed : parameters of the action in each draw
+    representatives : number of the trials drawn
+    """
+
+    sample: ErrorSample
+    travel: Mapping[str, float]
+    values: Array
+    trials: tuple[int, ...]
+    other_branch: Mapping[int, int]
+    branch: int
+    failed: int
+    time_s: Array
+    curves: Array
+    changed: Sequence[Mapping[str, float]]
+    representatives: tuple[int, ...]
+
+
+def trial_errors(
+    m: MeasuredTrial, traces: SessionTraces, events: SessionEvents, tested: ModelUnderTest, without: Collection[Any]
+) -> TrialErrors:
+    """Model − trial of one trial, NaN where a channel is left out or an event does not happen in both.
+
+    ``without``: pairs of trial and channel that are unusable.
+    """
+    frame, own = traces.encoder[m.number], events.trial[m.number]
+    phases = phase_masks(m.time_s, own, traces.window)
+    errors, masks, travel = np.full(len(QUANTITIES), np.nan), {}, {}
+    for k, q in enumerate(ANGLES):
+        source = frame if q.channel in ENCODER_CHANNELS else traces.film.get(m.number)
+        if source is None or (m.number, q.channel) in without:
+            continue
+        measured, predicted = scored(source, q.channel), source[f"{q.channel}_predicted_rad"].to_numpy(dtype=float)
+        if q.channel in FILM_CHANNELS:
+            at = source["time_s"].to_numpy()
+            measured, predicted = (np.interp(m.time_s, at, v, left=np.nan, right=np.nan) for v in (measured, predicted))
+        mask = phases[q.phase] & np.isfinite(measured) & np.isfinite(predicted)
+        inside = traces.window.mask(m.time_s) & np.isfinite(measured)
+        if mask.any():
+            masks[q.name], errors[k] = mask, float((predicted - measured)[mask].mean())
+            travel[q.channel] = float(np.ptp(measured[inside]))
+    geometry = tested.geometry_at(m.force.preload_n)
+    angle = {i: frame[f"{name}_predicted_rad"].to_numpy(dtype=float) for i, name in enumerate(("key", "whippen"))}
+    angle[4] = frame["hammer_predicted_rad"].to_numpy(dtype=float)
+    predicted_motion = replace(m.motion, hammer_height_m=geometry.hammer_height_m(geometry.absolute(angle)))
+    values = event_values(m.motion, own)
+    for k, q in enumerate(QUANTITIES[len(ANGLES) :]):
+        if any((m.number, body) in without for body in q.bodies):
+            values[k] = np.nan
+    errors[len(ANGLES) :] = event_values(predicted_motion, events.model[m.number]) - values
+    return TrialErrors(errors, masks, travel, values, branch_of(own))
+
+
+def session_errors(
+    predicted: PredictedSession,
+    traces: SessionTraces,
+    events: SessionEvents,
+    tested: ModelUnderTest,
+    without: Collection[tuple[int, str]] = (),
+    kinds: Sequence[Collection[int]] = (),
+    u_rest_level_m: float = 0.0,
+) -> SessionErrors | None:
+    """Errors found in all usable trials, and draws on one representative trial of each kind of stroke.
+
+    Returns None where no trial is usable.
+
+    Parameters
+    ----------
+    predicted : PredictedSession
+    traces : SessionTraces
+    events : SessionEvents
+    tested : ModelUnderTest
+    without : collection of (trial, channel)
+        What is unusable.
+    kinds : sequence of collections of trial numbers
+        Where the session holds several kinds of stroke.
+    u_rest_level_m : float
+        Standard uncertainty of hammer height and key dip at rest, m.
+    """
+    usable = [m for m in predicted.trials if not all((m.number, name) in without for name in ENCODER_CHANNELS)]
+    if not usable:
+        return None
+    found = {m.number: trial_errors(m, traces, events, tested, without) for m in usable}
+    groups, other = _majorities(usable, found, kinds)
+    numbers = [m.number for group in groups for m in group]
+    seed = session_seed(predicted.trials)
+    draws = joint_draws(tested.action, seed, DRAWS, parameters=True)
+    of_group = []
+    for group in groups:
+        m = representative([m for m in group if m.film is not None] or group)
+        of_group.append((m, _drawn(tested, m, found[m.number], draws, own_draws(seed, OWN_DRAWS), u_rest_level_m)))
+    ran = np.all([np.isfinite(one.common).any(axis=1) for _, one in of_group], axis=0)
+    mean, count, residuals = _means([np.array([found[m.number].errors for m in group]) for group in groups])
+    branch, observed = np.zeros(len(draws), dtype=np.int64), 0
+    for k, (m, one) in enumerate(of_group):
+        branch += one.branch << len(BRANCH) * k
+        observed += found[m.number].branch << len(BRANCH) * k
+    weights = [len(group) / len(numbers) for group in groups]
+    sample = ErrorSample(
+        found=mean,
+        n_trials=count,
+        residuals=residuals,
+        common=_weighted([one.common[ran] for _, one in of_group], weights),
+        own=_weighted([one.own for _, one in of_group], weights),
+        branch=branch[ran],
+        branch_found=observed,
+        inputs=np.array([_inputs(d) for d in draws])[ran],
+        floor=_floors(usable),
+        primary=IS_PRIMARY,
+    )
+    first, of_first = of_group[0]
+    travels = {name: [t for n in numbers if (t := found[n].travel.get(name)) is not None] for name in CHANNELS}
+    return SessionErrors(
+        sample=sample,
+        travel={name: float(np.mean(t)) for name, t in travels.items() if t},
+        values=_means([np.array([found[n].values for n in numbers])])[0],
+        trials=tuple(sorted(numbers)),
+        other_branch=other,
+        branch=found[first.number].branch,
+        failed=int(len(draws) - ran.sum()),
+        time_s=first.time_s[_sparse(first.time_s.size)],
+        curves=of_first.curves[ran],
+        changed=[d.changed for d, one in zip(draws, ran, strict=True) if one],
+        representatives=tuple(m.number for m, _ in of_group),
+    )
+
+
+def _majorities(
+    usable: Sequence[MeasuredTrial], found: Mapping[int, TrialErrors], kinds: Sequence[Collection[int]]
+) -> tuple[list[list[MeasuredTrial]], dict[int, int]]:
+    """Trials of each kind on the branch that most of them take, and the branch of the others by number."""
+    groups, other = [], {}
+    for kind in kinds or [[m.number for m in usable]]:
+        members = [m for m in usable if m.number in kind]
+        if not members:
+            continue
+        most = Counter(found[m.number].branch for m in members).most_common(1)[0][0]
+        groups.append([m for m in members if found[m.number].branch == most])
+        other |= {m.number: found[m.number].branch for m in members if found[m.number].branch != most}
+    return groups, other
+
+
+def _means(groups: Sequence[Array]) -> tuple[Array, NDArray[np.int64], Array]:
+    """Mean over all trials, trials counted, and residuals from the mean of each kind, of (n, V) each; NaN not known."""
+    every = np.concatenate(groups)
+    known = np.isfinite(every)
+    count = known.sum(axis=0)
+    mean = np.where(known, every, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan)
+    residuals = []
+    for errors in groups:
+        there = np.isfinite(errors)
+        own = np.where(there, errors, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        residuals.append(np.where(there, errors - own, np.nan))
+    return mean, count, np.concatenate(residuals)
+
+
+def _weighted(parts: Sequence[Array], weights: Sequence[float]) -> Array:
+    return np.asarray(sum(weight * part for weight, part in zip(weights, parts, strict=True)))
+
+
+@dataclass(frozen=True)
+class _TrialDraws:
+    """Errors of one trial as drawn, (N, V) and (K, V), NaN where a draw cannot be run; branches; errors over time."""
+
+    common: Array
+    own: Array
+    branch: NDArray[np.int64]
+    curves: Array
+
+
+def _drawn(
+    tested: ModelUnderTest,
+    m: MeasuredTrial,
+    found: TrialErrors,
+    draws: Sequence[JointDraw],
+    own: Sequence[JointDraw],
+    u_rest_level_m: float,
+) -> _TrialDraws:
+    """Run the draws of one trial, or read them when nothing they depend on has changed."""
+    sensors = (m.u_rad, m.resolution_rad, m.scale_relative_u, m.time_s, m.quiet.stop, u_rest_level_m)
+    known = tested.identity, sha256_of((draws, own)), m.number, m.force, m.film, sensors, found.masks
+    stored = tested.store.value("error draws", known, lambda: _run(tested, m, found, draws, own, u_rest_level_m))
+    n, n_samples = len(draws), m.time_s[_sparse(m.time_s.size)].size
+    values = np.frombuffer(base64.b64decode(stored["values"])).reshape(n + len(own) - 1, len(QUANTITIES))
+    curves = np.full((n, n_samples, len(CHANNELS)), np.nan, dtype=np.float32)
+    for name, text in stored["curves"].items():
+        curves[..., CHANNELS.index(name)] = np.frombuffer(base64.b64decode(text), np.float32).reshape(n, n_samples)
+    return _TrialDraws(values[:n], values[n:], np.array(stored["branch"], dtype=np.int64), curves)
+
+
+def _run(
+    tested: ModelUnderTest,
+    m: MeasuredTrial,
+    found: TrialErrors,
+    draws: Sequence[JointDraw],
+    own: Sequence[JointDraw],
+    u_rest_level_m: float,
+) -> dict[str, Any]:
+    masks = [(k, CHANNELS.index(q.channel), found.masks[q.name]) for k, q in enumerate(ANGLES) if q.name in found.masks]
+
+    def values_of(draw: JointDraw, read: Array) -> tuple[Array, int]:
+        """Values of all quantities in one reading of the trial, and its branch; angles are left out."""
+        motion = m.read_motion(m.time_s, read[:, : len(ENCODER_CHANNELS)])
+        hammer, key = (u_rest_level_m * z for z in draw.z_levels)
+        motion = replace(
+            motion,
+            hammer_height_m=motion.hammer_height_m + hammer,
+            hammer_way_m=motion.hammer_way_m + hammer,
+            key_dip_m=motion.key_dip_m + key,
+        )
+        events = find_events(motion, m.quiet.stop)
+        return event_values(motion, events), branch_of(events)
+
+    (right,) = each_draw(tested, [(m, m.time_s)], own[:1], lambda _, read: read)[0]
+    every = [*(replace(d, has_own_errors=False) for d in draws), *own[1:]]
+    nothing = np.full(len(QUANTITIES), np.nan), -1, np.full((0, len(CHANNELS)), np.nan)
+    if right is None:
+        found_all = [nothing] * len(every)
+    else:
+        at_right, sparse = values_of(own[0], right)[0], _sparse(m.time_s.size)
+
+        def error_of(k: int, read: Array) -> tuple[Array, int, Array]:
+            apart = right - read
+            angles = np.full(len(ANGLES), np.nan)
+            for i, channel, mask in masks:
+                part = apart[mask, channel]
+                angles[i] = float(np.nanmean(part)) if np.isfinite(part).any() else np.nan
+            values, branch = values_of(every[k], read)
+            return np.concatenate([angles, at_right - values]), branch, apart[sparse]
+
+        runs = each_draw(tested, [(m, m.time_s)], every, lambda i, read: read)
+        found_all = [nothing if read is None else error_of(k, read) for k, read in enumerate(runs[0])]
+    n, n_samples = len(draws), m.time_s[_sparse(m.time_s.size)].size
+    lost = np.full((n_samples, len(CHANNELS)), np.nan)
+    curves = np.array([one[2] if len(one[2]) else lost for one in found_all[:n]], dtype=np.float32)
+    measured = [name for i, name in enumerate(CHANNELS) if np.isfinite(curves[..., i]).any()]
+    return {
+        "values": base64.b64encode(np.array([one[0] for one in found_all]).tobytes()).decode("ascii"),
+        "branch": [one[1] for one in found_all[:n]],
+        "curves": {
+            name: base64.b64encode(curves[..., CHANNELS.index(name)].tobytes()).decode("ascii") for name in measured
+        },
+    }
+
+
+def _sparse(n: int) -> slice:
+    """Samples at which errors over time are kept."""
+    return slice(None, None, max(1, n // MOST_SAMPLES))
+
+
+def _inputs(draw: JointDraw) -> Array:
+    n = len(ENCODER_CHANNELS)
+    scales, offsets = draw.z_scale, draw.z_change
+    force = draw.z_gain, draw.z_preload, draw.z_delay
+    return np.array([*force, *scales[:n], *offsets[:n], scales[n], *offsets[n:], *draw.z_levels])
+
+
+EVENT_FLOOR = 1e-7  # s, m, m/s: far below any event's uncertainty
+
+
+def _floors(trials: Sequence[MeasuredTrial]) -> Array:
+    """Least scale of each quantity: of an encoder's angle one count, rectangular."""
+    counts = np.mean([np.abs(m.resolution_rad) for m in trials], axis=0) / np.sqrt(12.0)
+    of_channel = dict(zip(ENCODER_CHANNELS, counts, strict=True))
+    return np.array([float(of_channel.get(q.channel, 0.0)) or EVENT_FLOOR for q in QUANTITIES])

@@ -1,0 +1,158 @@
+"""The quantities of a verdict: which there are, which the claim rests on, how much of each matters.
+
+Conventions: SI and rad; model − trial. A phase of a stroke ends at an event of the trial itself: *attack* at the string
+impact, *check* at the key's release, *release* at the end of the window; a phase whose event does not happen goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
+from validation.errors import ValidationInputError
+from validation.events.definitions import EVENTS, Event
+from validation.events.session_events import Window
+from validation.measurement.geometry import Motion
+
+CHANNELS = (*ENCODER_CHANNELS, *FILM_CHANNELS)
+PHASES = {"attack": "string_impact", "check": "key_release", "release": ""}
+"""Each phase and the event that ends it."""
+
+
+@dataclass(frozen=True)
+class Relevance:
+    """A limit from which a difference matters: its default, and the unit and factor in which it is given and shown."""
+
+    default: float
+    unit: str
+    factor: float
+    of_value: bool = False
+    """Whether it is a share of the measured quantity."""
+
+
+RELEVANT = {
+    "travel": Relevance(0.05, "%", 100.0, of_value=True),
+    "check_height": Relevance(2e-3, "mm", 1e3),
+    "let_off": Relevance(0.5e-3, "mm", 1e3),
+    "time": Relevance(2e-3, "ms", 1e3),
+    "speed": Relevance(0.05, "%", 100.0, of_value=True),
+}
+"""Limits of relevance by name: shares of a channel's travel and of the speed at impact, lengths, a time."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity of a stroke; value × ``factor`` in ``unit_shown``.
+
+    ``relevant`` is a key of `RELEVANT` for the primary ones, empty for those that are shown and not in the claim.
+    """
+
+    name: str
+    title: str
+    unit: str
+    unit_shown: str
+    factor: float
+    relevant: str = ""
+    channel: str = ""
+    phase: str = ""
+    bodies: tuple[str, ...] = ("hammer",)
+
+    @property
+    def is_primary(self) -> bool:
+        """Whether the claim rests on it."""
+        return bool(self.relevant)
+
+
+def _angle(channel: str, phase: str) -> Quantity:
+    degrees = 180.0 / np.pi
+    title = f"{channel} in {phase}"
+    return Quantity(f"{channel}_{phase}", title, "rad", "°", degrees, "travel", channel, phase, (channel,))
+
+
+def _event(name: str, relevant: str = "") -> Quantity:
+    kind = EVENTS[name]
+    title = kind.title[0].lower() + kind.title[1:]
+    return Quantity(name, title, kind.unit, kind.display_unit, kind.display_factor, relevant, bodies=kind.bodies)
+
+
+LET_OFF = Quantity("let_off_distance", "let-off", "m", "mm", 1e3, "let_off")
+PRIMARY_EVENTS = {"string_impact": "time", "hammer_speed": "speed", "check_height": "check_height"}
+ANGLES = tuple(_angle(channel, phase) for channel in CHANNELS for phase in PHASES)
+EVENT_QUANTITIES = tuple(
+    _event(name, PRIMARY_EVENTS.get(name, "")) for name, kind in EVENTS.items() if kind.unit != "1"
+)
+QUANTITIES = (*ANGLES, LET_OFF, *EVENT_QUANTITIES)
+"""All quantities, angles first; every array of this package has them in this order."""
+INDEX = {q.name: i for i, q in enumerate(QUANTITIES)}
+IS_PRIMARY = np.array([q.is_primary for q in QUANTITIES])
+
+
+def relevance_limits(given: Mapping[str, float]) -> dict[str, float]:
+    """Limits of relevance in SI (shares as such), the defaults where none is given.
+
+    Raises
+    ------
+    ValidationInputError
+        A name that is not known, or a limit that is not above zero.
+    """
+    for name, value in given.items():
+        if name not in RELEVANT:
+            raise ValidationInputError(f"relevant: {name!r} is no limit; allowed {', '.join(RELEVANT)}")
+        if not (np.isfinite(value) and value > 0):
+            raise ValidationInputError(f"relevant: {name} is {value:g}; a limit must be above 0")
+    return {name: float(given.get(name, kind.default)) for name, kind in RELEVANT.items()}
+
+
+def phase_masks(time_s: Array, events: Mapping[str, Event], window: Window) -> dict[str, NDArray[np.bool_]]:
+    """Samples of each phase of one trial inside the window, (n,) each; none where the phase did not happen."""
+    out: dict[str, NDArray[np.bool_]] = {}
+    begin = window.start_s
+    inside = window.mask(time_s)
+    for phase, event in PHASES.items():
+        end = events[event].value if event in events else float("inf")
+        follows = bool(np.isfinite(end) and end > begin) or phase == "release"
+        mask = inside & (time_s >= begin) & (time_s < (end if follows else begin))
+        out[phase] = mask
+        begin = end if follows else begin
+    return out
+
+
+def event_values(motion: Motion, events: Mapping[str, Event]) -> Array:
+    """Values of `LET_OFF` and `EVENT_QUANTITIES` in one stroke, NaN where an event did not happen.
+
+    The let-off is the way of the hammer from where its free flight begins to where the string turns it, so that neither
+    the zero nor a wrong blow distance enters.
+    """
+    found = {name: event.value for name, event in events.items() if event.status != "absent"}
+    way = float("nan")
+    if "let_off" in found and "string_impact" in found:
+        height = motion.hammer_height_m
+        near = np.abs(motion.time_s - found["string_impact"]) < NEAR_IMPACT_S
+        if near.any():
+            way = float(np.interp(found["let_off"], motion.time_s, height) - np.nanmin(height[near]))
+    return np.array([way, *(found.get(q.name, float("nan")) for q in EVENT_QUANTITIES)])
+
+
+NEAR_IMPACT_S = 5e-3  # longer than the hammer touches the string
+BRANCH = {
+    "string_impact": ("the hammer strikes", "the hammer does not strike"),
+    "second_strike": ("it strikes twice", "it strikes once"),
+    "check_height": ("it is caught", "it is not caught"),
+    "key_bottom": ("the key is down", "the key does not come down"),
+}
+"""What the branch of a motion is known by, with its words where it happens and where it does not."""
+
+
+def branch_of(events: Mapping[str, Event]) -> int:
+    """Number of the branch of a motion: one bit for each of `BRANCH`."""
+    return sum(1 << i for i, name in enumerate(BRANCH) if events[name].status != "absent")
+
+
+def branch_words(branch: int) -> str:
+    """A branch in words; what cannot happen without a strike is left out."""
+    said = [words[0] if branch >> i & 1 else words[1] for i, words in enumerate(BRANCH.values())]
+    return ", ".join([said[0], said[3]] if not branch & 1 else said)
