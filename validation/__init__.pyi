@@ -29,3 +29,4 @@ from .pipeline.validate_positions import validate_positions as validate_position
 from .report.write import write_report as write_report
 from .result import ValidationResult as ValidationResult
 from .side_by_side import SideBySide as SideBySide
+from .verdict.quantities import RELEVANT as RELEVANT

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from typing import Any, Literal, TypedDict
 
@@ -30,6 +30,7 @@ class CompareOptions(TypedDict, total=False):
     u_rest_level_m: float
     now: Callable[[], datetime]
     condition: str | None
+    relevant: Mapping[str, float]
     progress: Callable[[str], None] | None
 
 
@@ -55,6 +56,7 @@ class ComparisonOptions:
     keep_predictions: bool = True
     u_rest_level_m: float = U_REST_LEVEL_M
     condition: str | None = None
+    relevant: Mapping[str, float] = field(default_factory=dict)
     stand_ins: StandIns = StandIns()
     now: Callable[[], datetime] = utc_now
     progress: Callable[[str], None] | None = None

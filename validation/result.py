@@ -23,9 +23,11 @@ from validation.events.session_events import Window
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-AGREES, ERROR_SHOWN, NOT_JUDGED = "agrees", "error shown", "not judged"
-OUTCOMES = (AGREES, ERROR_SHOWN, NOT_JUDGED)
-"""What a verdict can be: agrees within the stated uncertainty, model error shown, cannot be judged."""
+DIFFERS, DIFFERS_LITTLE = "differs", "differs, by less than matters"
+DIFFERS_PERHAPS = "differs, whether by enough to matter cannot be told"
+AGREES, CANNOT_TELL = "agrees", "cannot tell"
+OUTCOMES = (DIFFERS, DIFFERS_LITTLE, DIFFERS_PERHAPS, AGREES, CANNOT_TELL)
+"""What a verdict can be, in the order in which it is decided (`validation.verdict.verdict`)."""
 
 MOST_WARNINGS = 5  # shown in a notebook
 
@@ -38,11 +40,10 @@ TABLES = (
     "compatible_changes",
     "motion_driven",
     "channels",
-    "phases",
+    "quantities",
     "events",
     "event_summary",
     "event_repeatability",
-    "budget",
     "uncertainty",
     "rivals",
 )
@@ -78,14 +79,12 @@ class SessionTables:
         nothing was looked for, nothing need have changed, or no part of the model explains it.
     channels : DataFrame
         One row per channel: RMSE, repeatability, and the share of the window in which model and trials differ.
-    phases : DataFrame
-        One row per channel and phase of the blow: largest difference in units of its uncertainty, as judged.
+    quantities : DataFrame
+        One row per quantity of the verdict: interval of the model error, plain difference, limit, what resolves it.
     events : DataFrame
         One row per trial, source (trial or model) and event.
     event_summary, event_repeatability : DataFrame
         One row per event: model against trials, and trials among themselves.
-    budget : DataFrame
-        One row per event: uncertainty budget of the difference; empty when none was requested.
     uncertainty : DataFrame
         One row per trial and channel: stated uncertainty of one sample.
     rivals : DataFrame
@@ -93,7 +92,7 @@ class SessionTables:
     spread : DataFrame
         On the common time base inside the window: time_s, then <channel>_mean_rad, _s_r_rad, _band95_rad (half width
         of the simultaneous 95 % band of the mean), _difference_rad (mean paired difference), its _difference_u95_rad
-        (pointwise, 1.96 u) and _difference_band95_rad (simultaneous), both of all declared uncertainties.
+        (1.96 u at each instant, of all declared uncertainties and the scatter of the trials).
     traces : dict
         Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad, key_marked,
         <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force),
@@ -106,7 +105,7 @@ class SessionTables:
     motion_trace : DataFrame or None
         The same over time, see `validation.prediction.motion_driven.motion_driven`.
     judgement : dict
-        The simultaneous test of the difference: whether it was judged or why not, rejected, p, factor, draws, trials.
+        The simultaneous test of the quantities: whether it was made or why not, rejected, p, factor, draws, branch.
     nuisance : DataFrame
         Scores of each trial under drawn errors of force and sensors: trial, channel, draw, rmse_rad,
         before_impact_rmse_rad, iso_overall; the same draws for every model of a session. Empty for one model alone.
@@ -123,11 +122,10 @@ class SessionTables:
     findings: pd.DataFrame
     compatible_changes: pd.DataFrame
     channels: pd.DataFrame
-    phases: pd.DataFrame
+    quantities: pd.DataFrame
     events: pd.DataFrame
     event_summary: pd.DataFrame
     event_repeatability: pd.DataFrame
-    budget: pd.DataFrame
     uncertainty: pd.DataFrame
     rivals: pd.DataFrame
     spread: pd.DataFrame
@@ -171,7 +169,7 @@ class ValidationResult(SessionTables):
     verdict_lines: list[str]
     provenance: dict[str, Any]
     files: dict[str, Path] = field(default_factory=dict)
-    outcome: str = NOT_JUDGED
+    outcome: str = CANNOT_TELL
     sentence: str = ""
     advice: tuple[str, ...] = ()
 
@@ -179,7 +177,7 @@ class ValidationResult(SessionTables):
         n = len(self.traces)
         return (
             f"<ValidationResult: model {self.action_name} on {self.session_name}, {n} trial{'' if n == 1 else 's'}: "
-            f"{self.sentence or 'not judged'}>"
+            f"{self.sentence or self.outcome}>"
         )
 
     def _repr_html_(self) -> str:
@@ -286,7 +284,7 @@ class ValidationResult(SessionTables):
             trial = known[0]
         if trial is None or (filmed and trial not in known):
             raise ValidationInputError(f"{channel}: trial {trial} was not filmed; filmed: {known or 'none'}")
-        column = f"{channel}_difference_band95_rad"
+        column = f"{channel}_difference_u95_rad"
         reach = self.spread[column].to_numpy(dtype=float) if column in self.spread else None
         return plot_rotation(
             self.base_s,

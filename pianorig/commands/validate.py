@@ -42,6 +42,15 @@ def command(
         str | None,
         typer.Option("--condition", help="Compare only this condition of the trial plan; default: each on its own."),
     ] = None,
+    relevant: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--relevant",
+            help="Limit from which a difference matters: travel=5 (% of a channel's travel), check_height=2 (mm), "
+            "let_off=0.5 (mm), time=2 (ms), speed=5 (%); may be repeated.",
+            metavar="NAME=VALUE",
+        ),
+    ] = None,
     identified: Annotated[
         Path | None,
         typer.Option(
@@ -67,6 +76,7 @@ def command(
     In a session of positions without force the measured key moves the models, and the hammer is compared (--by-motion).
 
     Example:  pianorig validate sessions/try --action hirschkorn2004
+    Example:  pianorig validate sessions/try --relevant check_height=1 --relevant travel=3
     Example:  pianorig validate sessions/kawai_kg3c --by-motion --out real
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action hirschkorn2004-regulated --out compared
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action "hirschkorn2004: --set hammer.mass=0.01"
@@ -74,7 +84,13 @@ def command(
     """
     if by_motion and len(sessions) == 1 and validation.has_positions_only(sessions[0]):
         changed = tolerance != DEFAULT_TOLERANCE
-        given = {"--set": set_, "--scene": scene, "--tolerance": changed, "--condition": condition}
+        given = {
+            "--set": set_,
+            "--scene": scene,
+            "--tolerance": changed,
+            "--condition": condition,
+            "--relevant": relevant,
+        }
         _by_motion_alone(sessions[0], action or [], out, identified, as_json, [name for name in given if given[name]])
         return
     if by_motion and all(map(validation.has_positions_only, sessions)):
@@ -86,6 +102,9 @@ def command(
     options = {"set": set_ or [], "tolerance": tolerance, "by_motion": by_motion, "condition": condition}
     if scene is not None:
         options["scene"] = scene
+    limits = _limits(relevant or [])
+    if limits:
+        options["relevant"] = limits
     # a changed action depends on its file and on that of its scene, too
     files_of = [word for text in actions for word in (split_model(text)[0], *split_model(text)[1].split())]
     named = [word for word in (*files_of, scene or "") if word.endswith(".toml")]
@@ -104,6 +123,7 @@ def command(
             tolerance=tolerance,
             by_motion=by_motion,
             condition=condition,
+            relevant=limits,
         )
         verdict, files, refused, reused = side.verdict_lines, side.files, side.refused, _reused(side)
         # a report is not stored when a session could not be read, or when an input changed while it was made
@@ -114,6 +134,26 @@ def command(
     tell(as_json, facts, [*verdict_lines(verdict), f"reused: {reused}", f"report: {files['report.html']}"])
     if refused:
         raise typer.Exit(2)
+
+
+def _limits(given: list[str]) -> dict[str, float]:
+    """Limits of ``--relevant`` in SI and shares."""
+    out = {}
+    for text in given:
+        name, _, value = text.partition("=")
+        if name not in validation.RELEVANT:
+            raise CommandInputError(
+                f"--relevant {text}: {name!r} is no limit; allowed {', '.join(validation.RELEVANT)}"
+            )
+        kind = validation.RELEVANT[name]
+        try:
+            number = float(value)
+        except ValueError:
+            number = 0.0
+        if not 0.0 < number < float("inf"):
+            raise CommandInputError(f"--relevant {text}: {value!r} is no number above 0; give {name} in {kind.unit}")
+        out[name] = number / kind.factor
+    return out
 
 
 def _by_motion_alone(

@@ -20,7 +20,7 @@ import model
 from rig.session import Session
 from validation.cache.result_store import ResultStore
 from validation.events.definitions import EVENTS
-from validation.events.session_events import Window, find_session_events
+from validation.events.session_events import SessionEvents, Window, find_session_events
 from validation.findings.find_faults import SessionFindings, find_faults
 from validation.findings.finding import SessionFinding, sound_trials
 from validation.identification.difference.explain import Explained, explain_difference
@@ -28,20 +28,16 @@ from validation.measurement.measure_session import measure_session, open_session
 from validation.measurement.trial import MeasuredTrial
 from validation.options import CompareOptions, ComparisonOptions
 from validation.pipeline.advice import what_to_do
-from validation.pipeline.verdict import (
-    Standing,
-    fitted_trials,
-    identified_warnings,
-    outcome,
-    prediction_lines,
-    verdict_lines,
-)
+from validation.pipeline.verdict import fitted_trials, identified_warnings, prediction_lines, verdict_lines
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, predict_session
-from validation.result import AGREES, ValidationResult
+from validation.result import AGREES, CANNOT_TELL, ValidationResult
 from validation.result_tables.make_tables import make_tables, with_rivals
-from validation.scores.score_session import score_session
+from validation.scores.score_session import ScoredSession, score_session
 from validation.statistics.rivals import beside_rivals
+from validation.verdict.error_draws import session_errors
+from validation.verdict.quantities import relevance_limits
+from validation.verdict.verdict import Verdict, judge_model, no_verdict
 
 SOFTWARE = ("piano-action-rig", "numpy", "scipy", "pandas", "matplotlib", "numba", "h5py")
 
@@ -101,7 +97,7 @@ def provenance(
     }
 
 
-FINER = "; the verdict's test, which looks at the largest difference alone, does not resolve it"
+FINER = "; the verdict's test of the primary quantities does not resolve it"
 
 
 def compare(
@@ -122,7 +118,7 @@ def compare(
             What is scored beside the model: the null model, the model under the recorded force, the values before an
             identification, and two black boxes (`validation.statistics.rivals`).
         budget : bool, default True
-            Make the uncertainty budget of the events, some fifty runs of one trial.
+            Draw the uncertain inputs, some 220 runs of one trial; without them there is no verdict.
         suspect : bool or "parts", default True
             Find the causes that explain what model and trials, and the trials among themselves, differ by: some 200
             runs of one trial, up to a thousand more where the difference is large. ``"parts"``: without effects that
@@ -137,6 +133,10 @@ def compare(
             Standard uncertainty of hammer height and key dip at rest on the bench.
         condition : str, optional
             Condition of the session's trial plan to compare; needed where usable trials are of several.
+        relevant : dict, optional
+            Limits from which a difference matters, of `validation.verdict.quantities.RELEVANT`: ``travel`` (share of a
+            channel's travel, default 0.05), ``check_height`` (m, 2e-3), ``let_off`` (m, 5e-4), ``time`` (s, 2e-3),
+            ``speed`` (share, 0.05).
         predict, rest_state, geometry : callable, optional
             Stand-ins for ``model.simulate``, ``model.rest_state`` and `validation.measurement.geometry.geometry_of`.
         now : callable
@@ -189,19 +189,16 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         findings = replace(findings, faults=(*unexplained(findings, explained), *explained.findings))
     changes = [asdict(change) for change in explained.changes]
     rivals = beside_rivals(predicted, scored, tested, findings.left_out)
-    tables = make_tables(predicted, events, scored, findings, tested, chosen, changes)
+    verdict = _verdict(predicted, events, scored, findings, tested, chosen)
+    tables = make_tables(predicted, events, scored, findings, verdict, tested, chosen, changes)
     tables = with_rivals(tables, rivals)
     tables.warnings.extend(identified_warnings(action))
     name = session.info.name or session.path.name
-    standing = Standing(tables.judgement, tables.budget, rivals.nearer, tables.phases)
-    found, sentence = outcome(tables.channels, tables.phases, tables.judgement)
     if explained.sentence:
-        finer = found == AGREES and not explained.nothing
+        finer = verdict.outcome in (AGREES, CANNOT_TELL) and not explained.nothing
         tables.warnings.append(explained.sentence + (FINER if finer else ""))
-    advice = what_to_do(findings.faults, explained, rivals, found)
-    head, *rest = verdict_lines(
-        name, action.name, tables.channels, tables.event_summary, len(predicted.trials), findings.faults, standing
-    )
+    advice = what_to_do(findings.faults, explained, rivals, verdict.outcome)
+    head, *rest = verdict_lines(name, action.name, tables, verdict, findings.faults, rivals.nearer)
     return ValidationResult(
         session_name=name,
         action_name=action.name,
@@ -215,11 +212,29 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         ],
         provenance=provenance(session, tested, predicted.trials, events.window, chosen.now())
         | {"judgement": tables.judgement, "cost": cost_of(predicted)},
-        outcome=found,
-        sentence=sentence,
+        outcome=verdict.outcome,
+        sentence=verdict.sentence,
         advice=advice,
         **vars(tables),
     )
+
+
+def _verdict(
+    predicted: PredictedSession,
+    events: SessionEvents,
+    scored: ScoredSession,
+    findings: SessionFindings,
+    tested: ModelUnderTest,
+    chosen: ComparisonOptions,
+) -> Verdict:
+    """The verdict on the usable trials and channels; none where the draws were not asked for."""
+    limits = relevance_limits(chosen.relevant)
+    if not chosen.budget:
+        return no_verdict("the uncertainties were not drawn")
+    chosen.say("error of the model: draws of all inputs")
+    left_out, kinds = findings.left_out, findings.kinds
+    u_level = chosen.u_rest_level_m
+    return judge_model(session_errors(predicted, scored.traces, events, tested, left_out, kinds, u_level), limits)
 
 
 def cost_of(predicted: PredictedSession) -> dict[str, float]:

@@ -1,28 +1,25 @@
 """The first lines of the report: what was compared, and what the stated uncertainties allow to say of the difference.
 
-Conventions: degrees for reading. The head is the outcome of the simultaneous test (`simultaneous_test`): *model error
-shown in …*, *agrees within the stated uncertainty*, or *cannot be judged, because …*; an RMSE is set against the RMSE
-that a right model would reach; no model is called valid; what is not known is left out or said to be unknown.
+Conventions: degrees for reading. The head is the outcome of `validation.verdict`; an RMSE is set against the RMSE that
+a right model would reach; no model is called valid; what is not known is left out or said to be unknown.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import pandas as pd
 
 import model
-from validation.curves.display_signs import SIGN
 from validation.events.definitions import EVENTS
 from validation.findings.finding import SessionFinding, summary_line
 from validation.findings.unusable import name_unusable, unusable_data
 from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.posterior import altered, posterior_of
-from validation.result import AGREES, ERROR_SHOWN, NOT_JUDGED
-from validation.statistics.paired_difference import SHOWN
+from validation.result import SessionTables
+from validation.verdict.verdict import MOST_NAMED, Verdict, most_important, quantity_words
 
 
 def fitted_trials(action: model.Action, trials: Sequence[MeasuredTrial]) -> list[int]:
@@ -64,97 +61,78 @@ def identified_warnings(action: model.Action) -> list[str]:
     return said + [f"{action.name}: {line}{changed}" for line in altered(action)]
 
 
-@dataclass(frozen=True)
-class Standing:
-    """What the head of the verdict is made of beside the tables of channels and events.
-
-    Attributes
-    ----------
-    judgement : `validation.result.SessionTables.judgement`
-    budget : the uncertainty budget of the events
-    nearer : what is to be said where a rival is nearer, see `validation.statistics.skill`
-    phases : the judged difference by channel and phase
-    """
-
-    judgement: Mapping[str, Any] = field(default_factory=dict)
-    budget: pd.DataFrame = field(default_factory=pd.DataFrame)
-    nearer: str = ""
-    phases: pd.DataFrame = field(default_factory=pd.DataFrame)
-
-
 def verdict_lines(
     session: str,
     action: str,
-    channels: pd.DataFrame,
-    events: pd.DataFrame,
-    n_trials: int,
+    tables: SessionTables,
+    verdict: Verdict,
     findings: Sequence[SessionFinding] = (),
-    standing: Standing = Standing(),
+    nearer: str = "",
 ) -> list[str]:
     """The verdict as sentences, the most important first.
 
     Parameters
     ----------
     session, action : str
-    channels, events : DataFrame
-        `ValidationResult.channels` and `ValidationResult.event_summary`.
-    n_trials : int
-        Trials used.
+    tables : SessionTables
+        Of the session; ``trials``, ``channels`` and ``event_summary`` are read.
+    verdict : Verdict
     findings : sequence of SessionFinding
-        Faults of the session.
-    standing : Standing
+        Of the session.
+    nearer : str
+        What is to be said where a rival is nearer, see `validation.statistics.skill`.
     """
-    scored = channels[channels["rmse_rad"].notna()]
+    scored = tables.channels[tables.channels["rmse_rad"].notna()]
+    n_trials = int(tables.trials["used"].sum())
     trials = "1 trial" if n_trials == 1 else f"{n_trials} trials"
-    head = f"Model {action} against {trials} of {session}, each driven by its own measured force: "
-    head += outcome(channels, standing.phases, standing.judgement)[1]
-    if standing.nearer:
-        head += f" {standing.nearer}"
+    head = f"Model {action} against {trials} of {session}, each driven by its own measured force: {verdict.sentence}"
+    if nearer:
+        head += f" {nearer}"
+    events = tables.event_summary
     differing = int((~events["agree"].astype(bool)).sum())
     if differing:
         head += f" {differing} kind{'s' if differing > 1 else ''} of event happen in one but not in the other."
     left_out = name_unusable(unusable_data(findings))
     lines = [text for text in (head, summary_line(findings), left_out and f"Left out: {left_out}.") if text]
+    lines += _plain(verdict.quantities) + _alone(verdict.quantities) + _made_of(verdict.facts)
     if len(scored):
         lines.append("RMSE: " + "; ".join(f"{row['channel']} {_score(row)}" for _, row in scored.iterrows()) + ".")
-    lines += _beside_ceiling(scored)
-    return lines + _shares(scored, standing.judgement) + _resolved(standing.budget) + _events(events)
+    return lines + _beside_ceiling(scored) + _events(events)
 
 
-def outcome(channels: pd.DataFrame, phases: pd.DataFrame, judgement: Mapping[str, Any]) -> tuple[str, str]:
-    """One of `validation.result.OUTCOMES`, and the same in one sentence.
-
-    Parameters
-    ----------
-    channels, phases : DataFrame
-        `ValidationResult.channels` and ``phases``.
-    judgement : `validation.result.SessionTables.judgement`
-    """
-    if not judgement.get("judged", False):
-        return (
-            NOT_JUDGED,
-            f"cannot be judged, because {judgement.get('reason', 'the uncertainty budget was not made')}.",
-        )
-    known = channels[channels["largest_ratio"].notna()]
+def _plain(quantities: pd.DataFrame) -> list[str]:
+    """The plain differences of the primary quantities that matter most, with measurement and repeatability only."""
+    known = most_important(quantities)[:MOST_NAMED]
     if not len(known):
-        return NOT_JUDGED, "cannot be judged, because no channel is known in model and trials."
-    limit = f"{judgement['factor']:.2g} u allowed for all channels and times together"
-    worst = known.sort_values("largest_ratio", ascending=False, kind="stable").iloc[0]
-    shown = known[known["judgement"] == SHOWN].sort_values("largest_ratio", ascending=False, kind="stable")
-    if not len(shown):
-        most = f"{worst['largest_ratio']:.2g} u, in {worst['channel']}{_phase(phases, worst)}"
-        return AGREES, f"agrees within the stated uncertainty (largest difference {most}; {limit})."
-    degrees = SIGN[str(worst["channel"])] * math.degrees(worst["largest_ratio_difference_rad"])
-    return ERROR_SHOWN, (
-        f"model error shown in {', '.join(shown['channel'])}, largest in {worst['channel']}{_phase(phases, worst)}: "
-        f"{degrees:+.2g}° at {worst['largest_ratio_at_s']:.3f} s, {worst['largest_ratio']:.2g} u ({limit})."
-    ).replace("-", "−")
+        return []
+    parts = [quantity_words(row, ("plain_low", "plain_high")) for row in known.itertuples()]
+    return [f"Plain difference (95 %, measurement and repeatability only): {'; '.join(parts)}."]
 
 
-def _phase(phases: pd.DataFrame, channel: Any) -> str:
-    """The phase of a channel's largest difference, in brackets; empty where there is none."""
-    own = phases[(phases["channel"] == channel["channel"]) & phases["ratio"].notna()] if len(phases) else phases
-    return f" ({own.sort_values('ratio', kind='stable')['phase'].iloc[-1]})" if len(own) else ""
+def _alone(quantities: pd.DataFrame) -> list[str]:
+    """Quantities whose individual interval alone excludes an error of zero."""
+    alone = quantities[quantities["alone"].astype(bool)]
+    if not len(alone):
+        return []
+    parts = "; ".join(map(quantity_words, alone.itertuples()))
+    return [f"Alone (excluded by its own 95 % interval, not by the test of all together): {parts}."]
+
+
+def _made_of(facts: Mapping[str, Any]) -> list[str]:
+    """What the intervals are made of."""
+    if not facts.get("judged", False):
+        return []
+    share = f"{100 * facts['branch_share']:.3g} %"
+    drawn = trials_in_words(facts["drawn_trials"])
+    scatter = trials_in_words(facts["trials"], MOST_TRIALS)
+    return [
+        f"Intervals: {facts['draws']} draws of force, sensors and parameters on {drawn}, of which {share} move as the "
+        f"trials do ({facts['branch']}); scatter of {scatter}. Simultaneous test: "
+        f"p {facts['p']:.3f}."
+    ]
+
+
+MOST_TRIALS = 6  # named
 
 
 def _score(row: Any) -> str:
@@ -175,36 +153,6 @@ def _beside_ceiling(scored: pd.DataFrame) -> list[str]:
     ]
     text = "ISO 18571-style score, 1 at best, in brackets that of a perfect model: "
     return [text + ", ".join(shown) + "."] if shown else []
-
-
-def _shares(scored: pd.DataFrame, judgement: Mapping[str, Any]) -> list[str]:
-    """Share of the window outside the band, and what the band is made of."""
-    judged = scored[scored["resolved_share"].notna()]
-    if not len(judged) or not judgement.get("judged", False):
-        return []
-    shares = ", ".join(f"{row.channel} {100 * row.resolved_share:.0f} %" for row in judged.itertuples())
-    made = f"{judgement['draws']} draws of force, sensors and parameters on trials "
-    made += ", ".join(map(str, judgement["trials"]))
-    scatter = "; scatter of the trials added" if judgement["scatter_of_trials_added"] else ""
-    return [
-        f"Share of the window in which model and trials differ beyond the simultaneous 95 % band: {shares} ({made}"
-        f"{scatter})."
-    ]
-
-
-def _resolved(budget: pd.DataFrame) -> list[str]:
-    """Events beyond two standard uncertainties; each is judged for itself."""
-    if not len(budget):
-        return []
-    judged = budget[budget["u_val"].notna()]
-    beyond = judged[judged["resolved"].astype(bool)]
-    parts = []
-    for row in beyond.itertuples():
-        kind = EVENTS[str(row.event)]
-        k = kind.display_factor
-        parts.append(f"{kind.label} {k * row.difference:+.2g} (u {k * row.u_val:.1g})")
-    count = f"Events beyond two standard uncertainties (each for itself; one in twenty is by chance): of {len(judged)} "
-    return [count + (", ".join(parts) if parts else "none") + "."]
 
 
 def _events(events: pd.DataFrame) -> list[str]:

@@ -1,83 +1,22 @@
-"""What the inputs of a prediction may have been: draws of the force and of the action's parameters within their u.
+"""What the parameters of an action may have been: draws within their standard uncertainties.
 
-Conventions: a *case* is an action, a force and a tolerance; parameters are drawn independently from normal
-distributions cut at three standard deviations, from lognormal ones where u is more than a quarter of the value, so
-that no friction turns negative. Parameters whose u is this project's decision (basis ``assumed``) are a group of their
-own; those of an identified set are drawn together, as correlated as they were found (`posterior`). A draw the model
-cannot use is counted by `validation.statistics.event_budget`.
-Source: JCGM 101 (propagation of distributions); the force's budget is that of
-`validation.measurement.force_correction`.
+Conventions: parameters are drawn independently from normal distributions cut at three standard deviations, from
+lognormal ones where u is more than a quarter of the value, so that no friction turns negative; those of an identified
+set are drawn together, as correlated as they were found (`posterior`).
+Source: JCGM 101 (propagation of distributions).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 import model
-from validation.conventions import Array
-from validation.measurement.trial import MeasuredTrial
 from validation.prediction.posterior import posterior_of
 
 ASSUMED = "assumed"
-PARAMETER_DRAWS = 24
-ASSUMED_DRAWS = 12
-IDENTIFIED = "identified parameters"
-NOISE_DRAWS = 4
 LARGE_RELATIVE_U = 0.25
-SEED = 20
-
-
-@dataclass(frozen=True)
-class Case:
-    """Inputs of one run: its group, changed parameters, force over time, requested tolerance, preload."""
-
-    group: str
-    changed: dict[str, float]
-    time_s: Array
-    force_n: Array
-    tolerance: float
-    preload_n: float
-
-
-def cases(m: MeasuredTrial, action: model.Action, tolerance: float) -> list[Case]:
-    """All runs of a budget; the first is the case as it stands."""
-    f = m.force
-
-    def case(
-        group: str,
-        *,
-        changed: dict[str, float] | None = None,
-        time_s: Array = f.time_s,
-        force_n: Array = f.force_n,
-        tol: float = tolerance,
-        preload: float = f.preload_n,
-    ) -> Case:
-        return Case(group, changed or {}, time_s, force_n, tol, preload)
-
-    gain = 1 + f.channel.gain_relative_u
-    rng = np.random.default_rng([SEED, m.number])
-    found = [case("base"), case("numerics", tol=tolerance / 10), case("numerics", tol=tolerance / 100)]
-    found += [
-        case("force gain", force_n=f.force_n * gain, preload=f.preload_n * gain),
-        case("force level", force_n=f.force_n + f.u_level_n, preload=f.preload_n + f.u_level_n),
-        case("force delay", time_s=f.time_s + f.channel.u_group_delay_s),
-    ]
-    found += [
-        case("force noise", force_n=f.force_n + f.noise_n * rng.standard_normal(f.force_n.size))
-        for _ in range(NOISE_DRAWS)
-    ]
-    for group, draws in (("stated parameters", PARAMETER_DRAWS), ("assumed parameters", ASSUMED_DRAWS)):
-        known = uncertain_parameters(action, assumed=group.startswith("assumed"))
-        if known:
-            found += [case(group, changed=_unit_vectors(values, action)) for values in _draws(known, draws, rng)]
-    joint = posterior_of(action)
-    if joint is not None:
-        drawn = joint.draws(action, PARAMETER_DRAWS, rng)
-        found += [case(IDENTIFIED, changed=_unit_vectors(values, action)) for values in drawn]
-    return found
 
 
 def parameter_draws(action: model.Action, n: int, rng: np.random.Generator) -> list[dict[str, float]]:

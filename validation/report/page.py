@@ -28,11 +28,11 @@ from validation.report.figures.overlays import limit_of_trial, trial_words
 from validation.report.tables import scores as present
 from validation.report.tables.formatting import PageTable, described_sections, described_table
 from validation.report.tables.models import event_table, evidence_table, forest, heat_map, matrix, pair_tables
-from validation.report.tables.scores import area_table, budget_table, scorecard_table
+from validation.report.tables.scores import area_table, quantity_table, scorecard_table
 from validation.report.view import SessionView, netcdf_names
 from validation.result import ValidationResult
-from validation.result_tables.channels import PHASES
 from validation.side_by_side import SideBySide
+from validation.verdict.quantities import PHASES
 
 GLOSSARY: tuple[tuple[str, str], ...] = (
     ("trial", "one recorded blow. All trials of a session are meant to be the same blow."),
@@ -43,15 +43,23 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
     ("difference", "model minus trial, at the same instant, of the same trial."),
     (
         "u",
-        "standard uncertainty: about one error in three is larger. In the heat map u is that of the mean difference: "
-        "force, sensors, parameters as declared, and the scatter of the trials where it is larger.",
+        "standard uncertainty: about one error in three is larger.",
     ),
     (
-        "allowed",
-        "how many u a right model reaches somewhere, in any channel and at any time, in one session of twenty. "
-        "One larger difference anywhere shows a model error.",
+        "model error",
+        "what is wrong with the model beyond force, sensors, parameters as declared and scatter of the trials, with "
+        "its 95 % interval (ASME V&V 20). Plain difference: an interval of measurement and repeatability only.",
     ),
-    ("resolved", "of an event: the difference is larger than 2 u. Each event is judged for itself."),
+    (
+        "resolved",
+        "found by the one test of all primary quantities together, which a right model fails in one session of twenty.",
+    ),
+    ("alone", "the quantity's own interval excludes zero, but the test of all together does not resolve it."),
+    ("limit", "from which a difference matters (--relevant)."),
+    (
+        "Y, shown in 80 %",
+        "the error that the test would resolve in 80 % of such sessions.",
+    ),
     ("sᵣ", "repeatability standard deviation: how much the trials differ from each other."),
     ("RMSE", "root mean square of the difference over the evaluation window."),
     ("right model", "what the RMSE of a model would be that is right within the declared uncertainties."),
@@ -76,7 +84,7 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
     ("let-off", "the jack leaves the hammer, which flies on freely."),
     ("check", "the back check catches the hammer after its rebound and holds it."),
     ("drop", "the hammer falls when the key comes up."),
-    ("attack, check, hold, release, landing", "phases of a blow; each begins with the event named below the heat map."),
+    ("attack, check, release", "phases of a blow: to the string impact, to the key's release, to the end."),
     ("null, dash", "a dash stands for what does not exist or cannot be stated."),
 )
 """Term and meaning."""
@@ -177,7 +185,7 @@ def session_section(view: SessionView) -> dict[str, Any]:
         scorecards=each(scorecard_table),
         iso=each(present.iso_table),
         events=[_called(event_table(view), view)],
-        budgets=each(budget_table),
+        quantities=each(quantity_table),
         areas=each(area_table),
         events_by_trial=each(present.event_by_trial_table),
         repeatability=[_called(t, view) for t in present.repeatability_tables(first)],

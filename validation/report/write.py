@@ -23,7 +23,7 @@ from validation.result import ValidationResult
 from validation.side_by_side import SideBySide, alone
 
 SCHEMA = "piano-action-rig results"
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 
 
 def results_json(side: SideBySide) -> str:
@@ -92,7 +92,7 @@ def _plain(value: Any) -> Any:
 MOST_TRIALS = 8
 CURVES = re.compile(rf"curves(_\d+)?\.nc|curves/(s\d+-)?({'|'.join(('force', *BODIES))})\.(csv|json)")
 DIGITS = 9  # after the point, in rad and N: far below a count
-SPREAD = ("mean_rad", "s_r_rad", "band95_rad", "difference_rad", "difference_u95_rad", "difference_band95_rad")
+SPREAD = ("mean_rad", "s_r_rad", "band95_rad", "difference_rad", "difference_u95_rad")
 
 
 def curve_name(prefix: str, channel: str) -> str:

@@ -12,17 +12,16 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from validation.conventions import CHANNEL_GROUPS, Array
-from validation.events.session_events import Window
+from validation.conventions import CHANNEL_GROUPS, Array, rms
 from validation.findings.finding import LeftOut, pooled, state_of
 from validation.prediction.joint_draws import CHANNELS
 from validation.scores.curve_scores import SCORES, pair_rmse, pooled_score
 from validation.scores.perfect_model import Ceiling
 from validation.scores.traces import SessionTraces
 from validation.statistics.bands import FEWEST_FOR_BAND, repeatability_band
-from validation.statistics.paired_difference import COLUMNS as JUDGED
-from validation.statistics.paired_difference import NOT_JUDGED, NOT_SHOWN, SHOWN, Judgement
 from validation.statistics.repeatability import curve_repeatability, on_common_base
+from validation.verdict.estimate import quantile_by_rank
+from validation.verdict.verdict import Verdict, curve_errors, no_verdict, right_rmse
 
 COLUMNS = (
     "range_rad",
@@ -34,25 +33,30 @@ COLUMNS = (
     "band_factor",
     "trial_to_trial_rmse_rad",
     "pairs",
-    *JUDGED,
+    "mean_difference_rad",
+    "u_difference_rad",
+    "resolved_share",
+    "rmse_right_rad",
+    "rmse_right_95_rad",
 )
-NOT_MADE = Judgement()
+NOT_MADE = no_verdict("the uncertainties were not drawn")
 
 
-SPREAD = ("mean", "s_r", "band95", "difference", "difference_u95", "difference_band95")
+SPREAD = ("mean", "s_r", "band95", "difference", "difference_u95")
 
 
 def channel_tables(
     traces: SessionTraces,
     u_sample: Mapping[str, float],
     without: LeftOut = (),
-    judgement: Judgement = NOT_MADE,
+    verdict: Verdict = NOT_MADE,
     kinds: Sequence[Collection[int]] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Channel summary without scores; mean, s_r, bands and paired difference over time, per channel.
 
     ``u_sample`` is the standard uncertainty of one sample by channel; ``without`` the trials and channels not
-    pooled; ``judgement`` the test of the difference; ``kinds`` the trials of each kind of stroke, where there are two.
+    pooled; ``verdict`` holds what the difference may be by chance; ``kinds`` the trials of each kind of
+    stroke, where there are two.
     """
     base = traces.base_s
     rows: list[dict[str, object]] = []
@@ -63,13 +67,11 @@ def channel_tables(
             frames, state = pooled(every, name, without), state_of(every, name, without)
             if not frames:
                 head = {"channel": name, "source": source, "n_trials": 0}
-                rows.append(
-                    {**head, **dict.fromkeys(COLUMNS, np.nan), "judgement": NOT_JUDGED, "state": state or "not filmed"}
-                )
+                rows.append({**head, **dict.fromkeys(COLUMNS, np.nan), "state": state or "not filmed"})
                 if every:  # recorded, and wired wrong in all trials
                     spread |= {f"{name}_{part}_rad": np.full(base.shape, np.nan) for part in SPREAD}
                 continue
-            row, columns = _channel(name, base, frames, u_sample.get(name, 0.0), judgement, kinds)
+            row, columns = _channel(name, base, frames, u_sample.get(name, 0.0), verdict, kinds)
             row["source"] = source
             row["state"] = "; ".join(text for text in (str(row["state"]), state) if text)
             rows.append(row)
@@ -82,17 +84,12 @@ def _channel(
     base: Array,
     frames: dict[int, pd.DataFrame],
     u: float,
-    judgement: Judgement,
+    verdict: Verdict,
     kinds: Sequence[Collection[int]],
 ) -> tuple[dict[str, object], dict[str, Array]]:
     curves = on_common_base(base, frames, f"{name}_measured_rad")
-    mean, u_mean, reach, judged = judgement.channel(name, base)
-    if not np.isfinite(mean).any():  # shown, not judged
-        apart = on_common_base(base, frames, f"{name}_predicted_rad") - curves
-        known = np.isfinite(apart).any(axis=1)
-        mean[known] = np.nanmean(apart[known], axis=1)
-        if known.any():
-            judged["mean_difference_rad"] = float(np.sqrt(np.mean(mean[known] ** 2)))
+    apart = on_common_base(base, frames, f"{name}_predicted_rad") - curves
+    mean, u_mean, judged = _difference(base, apart, verdict, name)
     label = [next((k for k, part in enumerate(kinds) if number in part), -1) for number in frames]
     mixed = len(set(label)) > 1
     r = curve_repeatability(curves, label)
@@ -106,8 +103,7 @@ def _channel(
         f"{name}_s_r_rad": r.s_r,
         f"{name}_band95_rad": band.half_width,
         f"{name}_difference_rad": mean,
-        f"{name}_difference_u95_rad": 1.96 * u_mean,
-        f"{name}_difference_band95_rad": reach,
+        f"{name}_difference_u95_rad": COVERAGE * u_mean,
     }
     row: dict[str, object] = {
         "channel": name,
@@ -128,6 +124,40 @@ def _channel(
     return row, spread
 
 
+COVERAGE = 1.96
+
+
+def _difference(base: Array, apart: Array, verdict: Verdict, name: str) -> tuple[Array, Array, dict[str, object]]:
+    """Mean difference of a channel at times ``base`` (n,), its standard uncertainty, and figures of the channel table.
+
+    ``apart``: model − trial, (n, trials).
+    """
+    known = np.isfinite(apart).any(axis=1)
+    mean, u = np.full((2, base.size), np.nan)
+    row: dict[str, object] = dict.fromkeys(COLUMNS[-5:], np.nan)
+    if not known.any():
+        return mean, u, row
+    count = np.isfinite(apart).sum(axis=1)
+    mean[known] = np.nanmean(apart[known], axis=1)
+    row["mean_difference_rad"] = rms(mean[known])
+    time, u_common = curve_errors(verdict, CHANNELS.index(name))
+    drawn = np.isfinite(u_common)
+    if not drawn.any():
+        return mean, u, row
+    several = known & (count > 1)
+    scatter = np.zeros(base.size)
+    scatter[several] = np.nanstd(apart[several], axis=1, ddof=1) / np.sqrt(count[several])
+    u = np.where(known, np.hypot(np.interp(base, time[drawn], u_common[drawn]), scatter), np.nan)
+    right = right_rmse(verdict, CHANNELS.index(name), base[[0, -1]])
+    row |= {
+        "u_difference_rad": rms(u),
+        "resolved_share": float(np.mean(np.abs(mean[known]) > COVERAGE * u[known])),
+        "rmse_right_rad": float(np.median(right)),
+        "rmse_right_95_rad": quantile_by_rank(right, 0.95),
+    }
+    return mean, u, row
+
+
 def _state(curves: Array) -> str:
     """Why a channel has no repeatability, or an empty text."""
     if not np.isfinite(curves).any():
@@ -136,109 +166,6 @@ def _state(curves: Array) -> str:
     if n == 1:
         return "one trial"
     return f"{n} trials: too few for a band, {FEWEST_FOR_BAND} needed" if n < FEWEST_FOR_BAND else ""
-
-
-BEGINS = {"check": "string_impact", "hold": "check_time", "release": "key_release", "landing": "landing"}
-PHASES = ("attack", *BEGINS)
-PHASE_COLUMNS = [
-    "channel",
-    "phase",
-    "start_s",
-    "end_s",
-    "ratio",
-    "ratio_limit",
-    "difference_rad",
-    "at_s",
-    "outcome",
-    "state",
-]
-NO_SAMPLE = "no sample"
-
-
-def phase_intervals(summary: pd.DataFrame, window: Window) -> dict[str, tuple[float, float]]:
-    """Start and end of every phase of a session, s; NaN where a phase did not happen.
-
-    Parameters
-    ----------
-    summary : DataFrame
-        `validation.result_tables.events.event_summary`.
-    window : Window
-    """
-    events = summary.set_index("event")
-    starts = {"attack": window.start_s}
-    last = window.start_s
-    for phase, event in BEGINS.items():
-        row = events.loc[event]
-        begin = float(row["trial_mean"]) if 2 * row["found_trial"] >= max(row["n_trials"], 1) else float("nan")
-        if last < begin < window.end_s:
-            starts[phase] = last = begin
-    ends = [*list(starts.values())[1:], window.end_s]
-    found = dict(zip(starts, zip(starts.values(), ends, strict=True), strict=True))
-    nothing = (float("nan"), float("nan"))
-    return {phase: found.get(phase, nothing) for phase in PHASES}
-
-
-def phase_table(judgement: Judgement, summary: pd.DataFrame, channels: pd.DataFrame, window: Window) -> pd.DataFrame:
-    """One row per channel and phase.
-
-    Conventions: a phase begins with the mean time of an event in the trials and ends where the next one begins; a phase
-    whose event fewer than half of the trials show, or that would begin before the one in front of it, is left out and
-    the phase in front of it goes on. ``ratio`` is the largest |difference| in the unit of the one simultaneous test
-    (`validation.statistics.paired_difference`), so the largest of a channel's phases is the channel's
-    ``largest_ratio``. What was not judged is NaN, and ``state`` says why.
-
-    Parameters
-    ----------
-    judgement : Judgement
-        The test of the session.
-    summary : DataFrame
-        `validation.result_tables.events.event_summary`.
-    channels : DataFrame
-        `validation.result_tables.channels.channel_tables`: which channels there are, and why one is no measurement.
-    window : Window
-
-    Returns
-    -------
-    DataFrame
-        channel, phase, start_s, end_s, ratio, ratio_limit, difference_rad (model − trial where the ratio is largest),
-        at_s, outcome, state (why there is no ratio).
-    """
-    intervals = phase_intervals(summary, window)
-    states = dict(zip(channels["channel"], channels["state"].fillna(""), strict=True))
-    unmeasured = {name for name, n in zip(channels["channel"], channels["n_trials"], strict=True) if n == 0}
-    rows = []
-    for channel in CHANNELS:
-        for phase, (start, end) in intervals.items():
-            row: dict[str, object] = {"channel": channel, "phase": phase, "start_s": start, "end_s": end}
-            row |= _largest(judgement, channel, start, end, last=end >= window.end_s)
-            if channel in unmeasured:
-                row["state"] = states[channel]
-            rows.append(row)
-    return pd.DataFrame(rows, columns=PHASE_COLUMNS)
-
-
-def _largest(judgement: Judgement, channel: str, start: float, end: float, *, last: bool) -> dict[str, object]:
-    nan = float("nan")
-    row: dict[str, object] = dict.fromkeys(("ratio", "ratio_limit", "difference_rad", "at_s"), nan)
-    row |= {"outcome": NOT_JUDGED, "state": ""}
-    if judgement.draws is None or judgement.test is None:
-        return row | {"state": judgement.why}
-    if not np.isfinite(start):
-        return row | {"state": "this phase did not happen"}
-    time, test, i = judgement.draws.time_s, judgement.test, CHANNELS.index(channel)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.where(test.scale[:, i] > 0, np.abs(test.difference[:, i]) / test.scale[:, i], np.nan)
-    inside = (time >= start) & ((time <= end) if last else (time < end)) & np.isfinite(ratio)
-    if not inside.any():
-        return row | {"state": NO_SAMPLE}
-    at = int(np.argmax(np.where(inside, ratio, -np.inf)))
-    return row | {
-        "ratio": float(ratio[at]),
-        "ratio_limit": test.factor,
-        "difference_rad": float(test.difference[at, i]),
-        "at_s": float(time[at]),
-        "outcome": SHOWN if ratio[at] > test.factor else NOT_SHOWN,
-    }
 
 
 NO_CEILING = Ceiling()

@@ -26,7 +26,6 @@ from validation.result import SessionTables
 from validation.result_tables.channels import (
     NO_CEILING,
     channel_tables,
-    phase_table,
     scorecard,
     with_repeatability,
     with_scores,
@@ -35,11 +34,9 @@ from validation.result_tables.events import event_summary, event_table
 from validation.result_tables.further import FURTHER
 from validation.scores.perfect_model import perfect_scores
 from validation.scores.score_session import ScoredSession
-from validation.statistics.event_budget import COLUMNS as BUDGET_COLUMNS
-from validation.statistics.event_budget import event_budget
-from validation.statistics.paired_difference import Judgement, difference_draws, judge
 from validation.statistics.repeatability import event_repeatability, few_trials_warning
 from validation.statistics.rivals import Rivals
+from validation.verdict.verdict import Verdict
 
 LIFT_COLUMNS = ["trial", "channel", "start_s", "end_s", "largest_at_s", "gap_m", "lift_m", "rail_pull_n", "reason"]
 
@@ -115,6 +112,7 @@ def make_tables(
     events: SessionEvents,
     scored: ScoredSession,
     findings: SessionFindings,
+    verdict: Verdict,
     tested: ModelUnderTest,
     options: ComparisonOptions,
     changes: Sequence[Mapping[str, Any]] = (),
@@ -126,21 +124,16 @@ def make_tables(
     traces, without = scored.traces, findings.left_out
     uncertainty = uncertainty_table(predicted.trials, traces.film)
     u_sample = uncertainty.groupby("channel")["u_rad"].mean().to_dict()
-    judgement, ceiling = Judgement(), NO_CEILING
+    ceiling = NO_CEILING
     if options.budget:
-        options.say("uncertainty of the difference: draws of all inputs")
-        judgement = judge(difference_draws(predicted.trials, traces, tested, without))
+        options.say("scores of a perfect model")
         ceiling = perfect_scores(predicted.trials, traces, tested, without, paired=options.paired)
-    channels, spread = channel_tables(traces, u_sample, without, judgement, findings.kinds)
+    channels, spread = channel_tables(traces, u_sample, without, verdict, findings.kinds)
     card = scorecard(scored.scores, traces, ceiling, without)
     counting = counting_events(events.trial, without)
     summary = event_summary(counting, events.model)
     rows, trace, notes = _by_motion(predicted, events, findings, tested) if options.by_motion else ([], None, [])
-    budget = pd.DataFrame(columns=BUDGET_COLUMNS)
     sound = replace(predicted, trials=tuple(sound_trials(predicted.trials, findings.faults)) or predicted.trials)
-    if options.budget:
-        options.say("uncertainty budget of the events")
-        budget = event_budget(tested, representative(sound.trials), summary)
     further = {name: make(sound, tested, options) for name, make in FURTHER.items()} if options.further else {}
     warnings = [*_warnings(predicted, findings), *scored.notes, *notes, *tested.store.save()]
     return SessionTables(
@@ -153,11 +146,10 @@ def make_tables(
         findings=pd.DataFrame([asdict(f) for f in findings.faults], columns=FINDING_COLUMNS),
         compatible_changes=pd.DataFrame(changes, columns=CHANGE_COLUMNS),
         channels=with_scores(channels, scored.scores, card, without),
-        phases=phase_table(judgement, summary, channels, events.window),
+        quantities=verdict.quantities,
         events=event_table(events.trial, events.model),
         event_summary=summary,
         event_repeatability=event_repeatability(counting, findings.kinds),
-        budget=budget,
         uncertainty=uncertainty,
         rivals=pd.DataFrame(),
         spread=spread,
@@ -165,7 +157,7 @@ def make_tables(
         film_traces=traces.film,
         motion_driven=pd.DataFrame(rows, columns=MOTION_COLUMNS),
         motion_trace=trace,
-        judgement=judgement.facts(),
+        judgement=dict(verdict.facts),
         nuisance=ceiling.nuisance,
         further=further,
     )

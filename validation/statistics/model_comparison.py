@@ -174,7 +174,7 @@ GRADES = ((1.0, "not worth more than a bare mention"), (3.0, "positive"), (5.0, 
 def evidence_table(sessions: Sequence[Sequence[ValidationResult]]) -> pd.DataFrame:
     """Evidence for each model of a session against the session's first, and what a blow of it costs.
 
-    Conventions: evidence as `validation.statistics.paired_difference.log_evidence`; the Bayes factor is graded by its
+    Conventions: evidence as `validation.verdict.evidence.log_evidence`; the Bayes factor is graded by its
     end nearest to 1 at two standard uncertainties, those of the two evidences taken as independent. NaN, and
     ``reading`` says why, where a model was not judged or the two were judged on other data. Right-hand sides of a blow
     and seconds of processor time, with the run that estimates its error; ``cost_ratio`` is that of the former.

@@ -92,7 +92,7 @@ class SessionErrors:
     branch: int
     failed: int
     time_s: Array
-    curves: Array
+    curves: NDArray[np.float32]
     changed: Sequence[Mapping[str, float]]
     representatives: tuple[int, ...]
 
@@ -210,7 +210,8 @@ def _majorities(
     usable: Sequence[MeasuredTrial], found: Mapping[int, TrialErrors], kinds: Sequence[Collection[int]]
 ) -> tuple[list[list[MeasuredTrial]], dict[int, int]]:
     """Trials of each kind on the branch that most of them take, and the branch of the others by number."""
-    groups, other = [], {}
+    groups: list[list[MeasuredTrial]] = []
+    other: dict[int, int] = {}
     for kind in kinds or [[m.number for m in usable]]:
         members = [m for m in usable if m.number in kind]
         if not members:
@@ -246,7 +247,7 @@ class _TrialDraws:
     common: Array
     own: Array
     branch: NDArray[np.int64]
-    curves: Array
+    curves: NDArray[np.float32]
 
 
 def _drawn(

@@ -272,9 +272,7 @@ def detectable_error(drawn: Array, middle: Array, lower: Array, upper: Array, li
     return out
 
 
-def divide_variance(
-    errors: Array, inputs: Array, middle: Array, lower: Array, upper: Array
-) -> tuple[Array, Array]:
+def divide_variance(errors: Array, inputs: Array, middle: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
     """Standard uncertainties that each input makes of each quantity, (q, V), and what is left, (V,).
 
     Regression on the drawn inputs; of its squared slopes their own uncertainty is taken off. Draws far away count as

@@ -70,7 +70,7 @@ class Quantity:
 def _angle(channel: str, phase: str) -> Quantity:
     degrees = 180.0 / np.pi
     title = f"{channel} in {phase}"
-    return Quantity(f"{channel}_{phase}", title, "rad", "°", degrees, "travel", channel, phase, (channel,))
+    return Quantity(f"{channel}_in_{phase}", title, "rad", "°", degrees, "travel", channel, phase, (channel,))
 
 
 def _event(name: str, relevant: str = "") -> Quantity:

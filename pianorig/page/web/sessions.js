@@ -58,7 +58,7 @@ export async function showSessions(main, values) {
     const cells = COLUMNS.slice(1).map(([key]) => {
       if (key === "status" && row.problem && row.status === "unreadable") return make("td", { class: "text problem" }, `unreadable: ${row.problem}`);
       if (key === "verdict") {
-        const kind = row.verdict === "agrees" ? "agrees" : row.verdict.includes("error") ? "error" : "";
+        const kind = row.verdict === "agrees" ? "agrees" : row.verdict.startsWith("differs") ? "error" : "";
         return make("td", { class: kind }, row.verdict || (row.report ? "see report" : "–"), row.stale ? make("span", { class: "stale" }, " (older than the trials)") : null);
       }
       if (key === "trials") return make("td", { class: "number" }, row.rejected ? `${row.trials}, ${row.rejected} rejected` : String(row.trials));

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from validation.statistics.paired_difference import Judgement
 
 from benchmarks.planted_sweep import Fault, louder, swapped
 from rig.session import Session
 from validation import compare_session, write_report
 from validation.findings.finding import KINDS
 from validation.result_tables import make_tables
-from validation.statistics.paired_difference import Judgement
 
 ALL_TRIALS = [
     ("swapped channels", swapped(0, 2), 12),

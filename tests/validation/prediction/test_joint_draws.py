@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from validation.statistics.paired_difference import STEADY
 
 import model
 from model.batch.job import make_jobs
@@ -28,7 +29,6 @@ from validation.prediction.joint_draws import (
 from validation.prediction.many_runs import run_many
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import predict_trial
-from validation.statistics.paired_difference import STEADY
 
 
 @pytest.fixture(scope="module")

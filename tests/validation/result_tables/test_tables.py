@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from validation.statistics.paired_difference import NOT_JUDGED, NOT_SHOWN, SHOWN, STEADY, DifferenceDraws, judge
 
 from validation.cache.result_store import ResultStore
 from validation.errors import InputError
@@ -22,7 +23,6 @@ from validation.result_tables.channels import channel_tables, scorecard, with_re
 from validation.result_tables.events import event_summary, event_table
 from validation.scores.score_session import score_curves
 from validation.scores.traces import SessionTraces
-from validation.statistics.paired_difference import NOT_JUDGED, NOT_SHOWN, SHOWN, STEADY, DifferenceDraws, judge
 from validation.statistics.repeatability import on_common_base
 
 WINDOW = Window(0.0, 1.0, "test", "test")

@@ -178,7 +178,7 @@ def _residuals(
     """
     base = result.spread["time_s"].to_numpy()
     mean = degrees(channel, result.spread[f"{channel}_difference_rad"])
-    reach = np.degrees(result.spread[f"{channel}_difference_band95_rad"].to_numpy())
+    reach = np.degrees(result.spread[f"{channel}_difference_u95_rad"].to_numpy())
     lifts = left_out_intervals(result, channel)
     several = len(result.traces) > MOST_LINES
     scattered = quantiles(base, _differences(result, channel, base)) if several else None
@@ -202,7 +202,7 @@ def _residuals(
             draw_quantiles(low, scattered)
         largest = float(np.nanmax(np.abs(low.dataLim.intervaly)))
         fits = bool(np.isfinite(reach).any() and np.nanmax(reach) <= WIDEST_BAND * largest)
-        band(low, base, mean - reach, mean + reach, "mean difference, 95 % band", alpha=0.5, fits=fits)
+        band(low, base, mean - reach, mean + reach, "mean difference, 95 % at each instant", alpha=0.5, fits=fits)
         shade_lifts(low, lifts, list(result.traces))
         low.axhline(0.0, color="#777777", linewidth=0.7)
         finish_axes(low, "model − trial (°)", bottom=last)

@@ -8,14 +8,15 @@ from typing import Any
 import pandas as pd
 
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
-from validation.curves.display_signs import SIGN, TITLE
+from validation.curves.display_signs import TITLE
 from validation.events.definitions import EVENTS
 from validation.report.tables.formatting import DASH, PageTable, cells, degrees, number, with_u
 from validation.report.view import SessionView
-from validation.result import NOT_JUDGED, ValidationResult
-from validation.result_tables.channels import PHASES
+from validation.result import ValidationResult
 from validation.scores.curve_scores import SCORES
 from validation.side_by_side import SideBySide
+from validation.verdict.quantities import PHASES, QUANTITIES
+from validation.verdict.verdict import format_interval, reading_of, shown_interval
 
 MATRIX_SCORES = {"rmse_rad": "RMSE (°)", "iso_overall": "ISO-style"}
 
@@ -135,7 +136,7 @@ def event_table(view: SessionView) -> PageTable:
     for called in view.names:
         head += [f"{called}: found", f"{called}: mean", f"{called} − trial ± u"]
     models = [r.event_summary.set_index("event") for r in view.results]
-    budgets = [dict(zip(r.budget["event"], r.budget["u_val"], strict=True)) for r in view.results]
+    budgets = [dict(zip(r.quantities["quantity"], r.quantities["u"], strict=True)) for r in view.results]
     rows = []
     for name, e in models[0].iterrows():
         kind = EVENTS[str(name)]
@@ -152,8 +153,8 @@ def event_table(view: SessionView) -> PageTable:
                 with_u(k * m["difference"], k * budget.get(name, m["u_difference"])),
             ]
         rows.append(row)
-    whole = "that of the budget below: force, parameters, numerics, encoder, levels of rest and scatter over trials"
-    part = "of the trials alone (encoder, levels of rest, scatter over trials), because no budget was made"
+    whole = "that of the table of quantities: force, sensors, parameters as declared, scatter of the trials"
+    part = "of the trials alone (encoder, levels of rest, scatter over trials), because nothing was drawn"
     notes = [
         "Whether an event happens comes before when: “both” found in as many trials as predictions, “neither” in none, "
         "“differs” otherwise. Differences are paired by trial; u is a standard uncertainty, "
@@ -173,93 +174,83 @@ def _moved(view: SessionView) -> bool:
     return any(not r.event_summary["trial_mean"].equals(first) for r in view.results[1:])
 
 
-QUANTITIES = ("hammer_speed", "check_height", "key_release")
 WIDTH, HEIGHT, EDGE = 240.0, 22.0, 8.0
 
 
 def forest(side: SideBySide) -> list[dict[str, Any]]:
-    """Rows of all results, those whose difference is resolved first, then by |difference| / u.
+    """Rows of the primary events of all results, resolved ones first, then by how far the interval reaches.
 
     Of each the quantity, session and model, texts, and the places ``at``, ``low``, ``high`` in the drawing's units.
 
-    Its numbers are those of `ValidationResult.budget`; each quantity has one scale for all its rows.
+    Its numbers are those of `ValidationResult.quantities`; each quantity has one scale for all its rows.
     """
-    found: list[tuple[Any, Any]] = [
-        (result, row) for result in side.results for row in result.budget.itertuples() if row.event in QUANTITIES
+    found = [
+        (result, row)
+        for result in side.results
+        for row in result.quantities.itertuples()
+        if row.primary and not row.channel and math.isfinite(row.low)
     ]
     reach: dict[str, float] = {}
     for _, row in found:
-        reach[row.event] = max(reach.get(row.event, 0.0), *(abs(x) for x in _ends(row) if math.isfinite(x)), 0.0)
-
-    def resolved(result: ValidationResult, row: Any) -> bool:
-        return bool(row.resolved) and result.outcome != NOT_JUDGED
+        reach[row.quantity] = max(reach.get(row.quantity, 0.0), abs(row.low), abs(row.high), row.limit)
 
     def place(value: float, most: float) -> float:
         share = value / most if most > 0 and math.isfinite(value) else 0.0
         return round(WIDTH / 2 + (WIDTH / 2 - EDGE) * share, 2)
 
     def first(pair: tuple[ValidationResult, Any]) -> tuple[bool, float]:
-        return not resolved(*pair), -float(pair[1].ratio) if math.isfinite(pair[1].ratio) else 1.0
+        row = pair[1]
+        return not row.resolved, -max(abs(row.low), abs(row.high)) / row.limit
 
     out = []
     for result, row in sorted(found, key=first):
-        kind, (low, high), most = EVENTS[row.event], _ends(row), reach[row.event]
-        k = kind.display_factor
+        q, most = QUANTITY[row.quantity], reach[row.quantity]
         out.append(
             {
-                "quantity": kind.label,
+                "quantity": f"{q.title} ({q.unit_shown})",
                 "session": result.session_name,
                 "model": result.action_name,
-                "difference": with_u(k * row.difference, k * row.u_val),
-                "interval": f"{number(k * low, 3)} to {number(k * high, 3)}",
-                "reading": "not judged"
-                if result.outcome == NOT_JUDGED or not math.isfinite(row.u_val)
-                else ("model error" if row.resolved else "not resolved"),
-                "resolved": resolved(result, row),
-                "at": place(row.difference, most),
-                "low": place(low, most),
-                "high": place(high, most),
+                "difference": format_interval(*shown_interval(row), ""),
+                "interval": f"{number(q.factor * row.low, 3)} to {number(q.factor * row.high, 3)}",
+                "reading": reading_of(row),
+                "resolved": bool(row.resolved),
+                "at": place(0.5 * (row.low + row.high), most),
+                "low": place(row.low, most),
+                "high": place(row.high, most),
+                "limits": [place(-row.limit, most), place(row.limit, most)],
             }
         )
     return out
 
 
-def _ends(row: Any) -> tuple[float, float]:
-    return row.difference - 2 * row.u_val, row.difference + 2 * row.u_val
-
-
 STEPS = ((0.5, "h0"), (1.0, "h1"), (2.0, "h2"), (4.0, "h3"), (math.inf, "h4"))
 """Upper end of each class of colour, in multiples of what a right model reaches."""
+QUANTITY = {q.name: q for q in QUANTITIES}
 
 
 def heat_map(side: SideBySide) -> list[dict[str, Any]]:
-    """One group per result: its session and model, the limit, and by measured channel the cells of the phases.
+    """One group per result: its session and model, and by measured channel the cells of the phases.
 
-    A cell has its number as ``text``, class of colour as ``level``, and the whole in ``words``.
+    A cell has the interval of the model error as ``text``, class of colour as ``level``, and the whole in ``words``.
 
-    Its numbers are those of `ValidationResult.phases`; a colour only repeats what the number says.
+    Its numbers are those of `ValidationResult.quantities`; a colour only repeats what the numbers say.
     """
     groups = []
     for result in side.results:
         rows = []
-        for channel, part in result.phases.groupby("channel", sort=False):
-            if not (part["state"] == "not filmed").all():
-                by_phase = {str(row.phase): row for row in part.itertuples()}
-                rows.append((TITLE[str(channel)], [_cell(by_phase[phase]) for phase in PHASES]))
-        limits = result.phases["ratio_limit"].dropna()
-        limit = _in_u(float(limits.iloc[0])) if len(limits) else ""
-        groups.append({"session": result.session_name, "model": result.action_name, "limit": limit, "rows": rows})
+        angles = result.quantities[result.quantities["channel"] != ""]
+        for channel, part in angles.groupby("channel", sort=False):
+            by_phase = {str(row.phase): row for row in part.itertuples()}
+            rows.append((TITLE[str(channel)], [_cell(by_phase[phase]) for phase in PHASES]))
+        judged = bool(result.judgement.get("judged", False))
+        groups.append({"session": result.session_name, "model": result.action_name, "judged": judged, "rows": rows})
     return groups
 
 
 def _cell(row: Any) -> dict[str, str]:
-    if not math.isfinite(row.ratio):
-        return {"text": DASH, "level": "na", "words": row.state or "not judged"}
+    if not math.isfinite(row.low):
+        return {"text": DASH, "level": "na", "words": row.state or "not estimated"}
     level = next(name for most, name in STEPS if row.ratio <= most * row.ratio_limit)
-    degrees = SIGN[row.channel] * math.degrees(row.difference_rad)
-    words = f"model − trial {number(degrees, 2)}° at {row.at_s:.3f} s, {_in_u(row.ratio)} u: {row.outcome}"
-    return {"text": _in_u(row.ratio), "level": level, "words": words}
-
-
-def _in_u(value: float) -> str:
-    return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
+    plain = format_interval(*shown_interval(row, ("plain_low", "plain_high")), "°")
+    words = f"{reading_of(row)}; plain difference {plain}; limit {number(math.degrees(row.limit), 2)}°"
+    return {"text": format_interval(*shown_interval(row), "°"), "level": level, "words": words}

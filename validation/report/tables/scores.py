@@ -1,4 +1,4 @@
-"""Tables of one result: scores beside their ceiling, differences, events and their budget, repeatability, trials."""
+"""Tables of one result: scores beside their ceiling, differences, the verdict, events, repeatability, trials."""
 
 from __future__ import annotations
 
@@ -11,10 +11,14 @@ import pandas as pd
 
 from validation.curves.display_signs import SIGN
 from validation.events.definitions import EVENTS
+from validation.measurement.trial import trials_in_words
 from validation.report.tables.formatting import DASH, PageTable, between, cells, degrees, number, percent, rms, with_u
 from validation.result import ValidationResult
 from validation.statistics.skill import CALLED, RIVALS
+from validation.verdict.quantities import QUANTITIES
+from validation.verdict.verdict import format_interval, reading_of, shown_interval
 
+QUANTITY = {q.name: q for q in QUANTITIES}
 MOST_TRIALS = 10  # more columns than that nobody reads side by side
 
 
@@ -127,14 +131,14 @@ def resolution_table(result: ValidationResult) -> PageTable:
             "at (s)": lambda of: (
                 DASH if of[2] is None else f"{of[2]['largest_at_s']:.4f} (trial {int(of[2]['trial'])})"
             ),
-            "resolved": lambda of: percent(shares[of[0]]),
+            "beyond 95 %": lambda of: percent(shares[of[0]]),
             "u of one sample": lambda of: degrees(rms(of[1]["u_rms_rad"])),
             "lost": lambda of: str(int(of[1]["n_lost"].sum())),
         },
     )
     notes = [
-        "resolved: share of the window in which the mean paired difference leaves its simultaneous 95 % band "
-        "(declared uncertainties of force, sensors and parameters; scatter of the trials where larger)."
+        "beyond 95 %: share of the window in which the mean paired difference is larger than 1.96 u of that instant "
+        "(declared uncertainties of force, sensors and parameters, scatter of the trials); by chance one in twenty."
     ]
     return PageTable("differences", "Differences model − trial by channel (°)", *shown, notes, "channels")
 
@@ -226,57 +230,52 @@ def trial_page_table(result: ValidationResult) -> PageTable:
     return PageTable("trials", "Trials and the correction of their force", list(used), rows, source="trials")
 
 
-LEAST_PART = 0.01  # of the whole: adds 5e-5 of it
+def quantity_table(result: ValidationResult) -> PageTable:
+    """Every quantity of the verdict: interval of the model error, plain difference, limit, and what can be said."""
 
+    def shown(row: Any, *names: str) -> str:
+        if not math.isfinite(getattr(row, names[0])):
+            return DASH
+        return format_interval(*shown_interval(row, (names[0], names[1])), "")
 
-def budget_table(result: ValidationResult) -> PageTable:
-    """E, its uncertainties and what can be said, event by event."""
-    parts = {
-        "u_num": "u_num",
-        "u force": "u_force",
-        "u parameters": "u_parameters",
-        "u assumed": "u_assumed",
-        "u_D": "u_d",
-        "u scatter": "u_repeat",
-    }
-    shown = cells(
-        result.budget.itertuples(),
+    def plain_number(row: Any, column: str, digits: int = 2) -> str:
+        return number(QUANTITY[row.quantity].factor * float(getattr(row, column)), digits)
+
+    rows = cells(
+        result.quantities.itertuples(),
         {
-            "event": _label,
-            "model − trial ± u": lambda b: with_u(_shown(b, "difference"), _shown(b, "u_val")),
-            "|E| / u": lambda b: number(b.ratio, 2),
-            "error of the model": lambda b: (
-                f"{number(_shown(b, 'low'), 3)} to {number(_shown(b, 'high'), 3)}"
-                if b.resolved
-                else "not resolved"
-                if math.isfinite(b.u_val)
-                else "not judged"
-            ),
-            **{head: partial(_part, name) for head, name in parts.items()},
-            "assumed share": lambda b: percent(b.assumed_share),
+            "quantity": lambda r: f"{r.title} ({QUANTITY[r.quantity].unit_shown})",
+            "in the claim": lambda r: "yes" if r.primary else "no",
+            "model error, 95 %": lambda r: shown(r, "low", "high"),
+            "plain difference, 95 %": lambda r: shown(r, "plain_low", "plain_high"),
+            "limit": lambda r: plain_number(r, "limit"),
+            "reading": reading_of,
+            "shown in 80 % (Y)": lambda r: plain_number(r, "detectable") if r.primary else DASH,
+            "u": lambda r: plain_number(r, "u"),
+            "u force": lambda r: plain_number(r, "u_force"),
+            "u sensors": lambda r: plain_number(r, "u_sensors"),
+            "u parameters": lambda r: plain_number(r, "u_parameters"),
+            "u scatter": lambda r: plain_number(r, "u_repeat"),
+            "most of u from": lambda r: r.main_input or DASH,
+            "trials": lambda r: str(r.n_trials),
         },
     )
+    facts = result.judgement
     notes = [
-        "After ASME V&V 20: u is the root of the sum of squares of its parts; an error of the model is resolved when "
-        "|E| exceeds 2 u. “Not resolved” does not mean that the model is right. assumed share: part of the input "
-        "uncertainty (force and parameters, squared) that rests on values this project had to assume. Parts below a "
-        "hundredth of u stand as less than that; all digits are in tables/budget.csv."
+        "After ASME V&V 20: model − trial. Model error: interval of each quantity by itself, with force, sensors, "
+        "parameters as declared and the scatter of the trials; plain difference: without the parameters, what would be "
+        "seen again. Angles are means over a phase. “differs” is said of what the test of all quantities of the claim "
+        "together resolves (5 %); “alone” of what only its own interval excludes."
     ]
-    if len(result.budget):
-        first = result.budget.iloc[0]
+    if facts.get("judged", False):
         notes.append(
-            f"From {int(first['runs'])} runs of trial {int(first['trial'])} with changed inputs; "
-            f"{int(first['failed'])} could not be run."
+            f"From {facts['draws']} draws on {trials_in_words(facts['drawn_trials'])}, "
+            f"{facts['draws_on_branch']} of them on the branch of the trials ({facts['branch']}); "
+            f"{facts['failed_draws']} could not be run."
         )
     else:
-        notes.append("No budget was asked for.")
-    return PageTable("budget", "Uncertainty budget of the events", *shown, notes, "budget")
-
-
-def _part(name: str, row: Any) -> str:
-    """One part of an uncertainty; one that is nothing beside the whole by its bound."""
-    u, bound = _shown(row, name), LEAST_PART * _shown(row, "u_val")
-    return f"< {number(bound, 1)}" if u < bound else number(u, 2)
+        notes.append(f"No quantity is estimated: {facts.get('reason', 'nothing was drawn')}.")
+    return PageTable("quantities", "Error of the model, quantity by quantity", *rows, notes, "quantities")
 
 
 def area_table(result: ValidationResult) -> PageTable:
@@ -294,7 +293,7 @@ def area_table(result: ValidationResult) -> PageTable:
     notes = [
         "Area between the distribution functions of predictions and trials; floor: what a model without any error, of "
         "force and parameters neither, would show with as few trials, by chance. “Above” shows no error of the model: "
-        "the budget decides that."
+        "the verdict decides that."
     ]
     return PageTable("area", "Area metric of the events", *shown, notes, "event_summary")
 

@@ -1,0 +1,358 @@
+"""The verdict on a model: its outcome, the sentence that says it, and the table of quantities that it rests on.
+
+Outcomes, in this order: *differs* (an error is resolved and its interval lies beyond the limit of relevance, or the
+motion takes a branch that a right model hardly ever takes); *differs, by less than matters*; *differs, whether by
+enough to matter cannot be told*; *agrees within* (nothing is resolved, and every 90 % interval lies inside its limit:
+two one-sided tests of 5 %, Schuirmann 1987); *cannot tell*.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from validation.conventions import Array
+from validation.curves.display_signs import SIGN
+from validation.measurement.trial import trials_in_words
+from validation.result import AGREES, CANNOT_TELL, DIFFERS, DIFFERS_LITTLE, DIFFERS_PERHAPS
+from validation.verdict.error_draws import DRAWS, INPUTS, SessionErrors
+from validation.verdict.estimate import LEVEL, Estimates, estimate_errors, strongest_inputs
+from validation.verdict.evidence import log_evidence
+from validation.verdict.quantities import ANGLES, INDEX, LET_OFF, QUANTITIES, RELEVANT, Quantity, branch_words
+
+FEWEST_DRAWS = 99
+SELDOM = 0.05  # share of the draws on the observed branch, below which the first line says so
+MOST_FAILED = 0.2  # of the draws: beyond, those that could be run are a selection
+MOST_NAMED = 3
+COLUMNS = [
+    "quantity", "title", "channel", "phase", "unit", "primary", "travel", "n_trials", "difference", "plain_low",
+    "plain_high", "low", "high", "low_90", "high_90", "limit", "ratio", "ratio_limit", "resolved", "alone",
+    "detectable", "u", "u_force", "u_sensors", "u_parameters", "u_repeat", "main_input", "state",
+]  # fmt: skip
+FORCE_INPUTS = 3
+PARAMETERS, SCATTER = "parameters of the model as declared", "scatter of the trials"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is said of a model on a session.
+
+    Attributes
+    ----------
+    outcome : one of `validation.result.OUTCOMES`
+    sentence : the outcome with what it rests on
+    quantities : one row a quantity, `COLUMNS`
+    facts : the test in plain values
+    errors, estimates : what it was made from; None where nothing was drawn
+    """
+
+    outcome: str
+    sentence: str
+    quantities: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=COLUMNS))
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    errors: SessionErrors | None = None
+    estimates: Estimates | None = None
+
+
+def no_verdict(reason: str) -> Verdict:
+    """Nothing can be told, because of ``reason``."""
+    return Verdict(CANNOT_TELL, f"cannot tell: {reason}.", facts={"judged": False, "reason": reason})
+
+
+def judge_model(errors: SessionErrors | None, limits: Mapping[str, float]) -> Verdict:
+    """Estimate the errors of a model and decide on the outcome.
+
+    Parameters
+    ----------
+    errors : SessionErrors or None
+        None where no trial is usable.
+    limits : dict
+        Of relevance, as of `quantities.relevance_limits`.
+    """
+    if errors is None:
+        return no_verdict("no trial is usable")
+    if errors.failed > MOST_FAILED * DRAWS:
+        return no_verdict(f"{errors.failed} of {DRAWS} draws of the declared uncertainties cannot be simulated")
+    estimates = estimate_errors(errors.sample)
+    table = quantity_table(errors, estimates, limits)
+    outcome = decide(table, is_branch_resolved=estimates.is_branch_resolved)
+    return Verdict(
+        outcome, sentence_of(outcome, table, errors, estimates), table, _facts(errors, estimates), errors, estimates
+    )
+
+
+def _facts(errors: SessionErrors, e: Estimates) -> dict[str, Any]:
+    sample = errors.sample
+    angles = [i for i, q in enumerate(ANGLES) if q.is_primary and np.isfinite(sample.found[i])]
+    known = np.isfinite(sample.common[:, angles]).all(axis=1)
+    evidence, u_evidence = log_evidence(sample.found[angles], sample.common[known][:, angles], sample.floor[angles])
+    return {
+        "judged": True,
+        "level": LEVEL,
+        "rejected": bool(e.resolved.any() or e.is_branch_resolved),
+        "p": e.p,
+        "factor": e.ratio_limit,
+        "draws": int(len(sample.common)),
+        "failed_draws": errors.failed,
+        "draws_on_branch": e.n_draws,
+        "branch": branch_words(errors.branch),
+        "branch_share": e.share,
+        "trials": list(errors.trials),
+        "trials_on_other_branch": sorted(errors.other_branch),
+        "drawn_trials": list(errors.representatives),
+        "log_evidence": evidence,
+        "u_log_evidence": u_evidence,
+    }
+
+
+def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, float]) -> pd.DataFrame:
+    """One row a quantity of the channels that were recorded; NaN, and ``state`` why, where it is not estimated."""
+    sample = errors.sample
+    names = sorted({name for changed in errors.changed for name in changed})
+    parameters = np.array([[changed.get(name, 0.0) for name in names] for changed in errors.changed]).reshape(
+        len(errors.changed), len(names)
+    )
+    sensors = e.u_inputs[FORCE_INPUTS:]
+    of_force, of_sensors = (np.sqrt((part**2).sum(axis=0)) for part in (e.u_inputs[:FORCE_INPUTS], sensors))
+    plain = 1.96 * np.sqrt(of_force**2 + of_sensors**2 + e.u_repeat**2)
+    on_branch = sample.branch == sample.branch_found
+    rows = []
+    for i, q in enumerate(QUANTITIES):
+        found = float(sample.found[i])
+        if q.channel and q.channel not in errors.travel:
+            continue
+        limit = limits[q.relevant] if q.is_primary else math.nan
+        if q.is_primary and RELEVANT[q.relevant].of_value:
+            limit *= errors.travel[q.channel] if q.channel else float(errors.values[i - len(ANGLES)])
+        main = ""
+        if np.isfinite(e.low[i]):
+            parts = {name: u for name, u in zip(INPUTS, e.u_inputs[:, i], strict=True)}
+            parts |= {SCATTER: e.u_repeat[i], PARAMETERS: e.u_other[i]}
+            main = max(parts, key=lambda name: parts[name] if np.isfinite(parts[name]) else -1.0)
+            if main == PARAMETERS:
+                most = strongest_inputs(sample.common[on_branch, i], parameters[on_branch], names)
+                main += f", mostly {most}" if most else ""
+        values = (
+            q.name, q.title, q.channel, q.phase, q.unit, q.is_primary, errors.travel.get(q.channel, math.nan),
+            int(sample.n_trials[i]), found,
+            found - plain[i], found + plain[i], e.low[i], e.high[i], e.low_90[i], e.high_90[i], limit, e.ratio[i],
+            e.ratio_limit, bool(e.resolved[i]), bool(e.alone[i]), e.detectable[i], e.u[i], of_force[i], of_sensors[i],
+            e.u_other[i], e.u_repeat[i], main, _state(q, errors, e, i),
+        )  # fmt: skip
+        rows.append(dict(zip(COLUMNS, values, strict=True)))
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _state(q: Quantity, errors: SessionErrors, e: Estimates, i: int) -> str:
+    """Why a quantity has no estimate; empty where it has one."""
+    if not np.isfinite(errors.sample.found[i]):
+        measured = q.channel or np.isfinite(errors.values[i - len(ANGLES)])
+        if q.channel:
+            return "this phase did not happen"
+        return "not in the model" if measured else "not in the trials"
+    return "" if np.isfinite(e.low[i]) else "too few draws take this branch of the motion"
+
+
+def decide(table: pd.DataFrame, *, is_branch_resolved: bool = False) -> str:
+    """One of `validation.result.OUTCOMES`, of a table of quantities."""
+    claim = table[table["primary"].astype(bool) & table["difference"].notna()]
+    resolved = claim[claim["resolved"].astype(bool)]
+    beyond = (resolved["low"] > resolved["limit"]) | (resolved["high"] < -resolved["limit"])
+    if is_branch_resolved or beyond.any():
+        return DIFFERS
+    if len(resolved):
+        inside = (resolved["low"] >= -resolved["limit"]) & (resolved["high"] <= resolved["limit"])
+        return DIFFERS_LITTLE if inside.all() else DIFFERS_PERHAPS
+    agrees = (claim["low_90"] > -claim["limit"]) & (claim["high_90"] < claim["limit"])
+    return AGREES if len(claim) and agrees.all() else CANNOT_TELL
+
+
+def most_important(table: pd.DataFrame) -> pd.DataFrame:
+    """Primary quantities with an interval, by how far it reaches in units of what matters; resolved ones first."""
+    known = table[table["primary"].astype(bool) & table["low"].notna()]
+    reach = known[["low", "high"]].abs().max(axis=1) / known["limit"]
+    return known.assign(reach=reach).sort_values(["resolved", "reach"], ascending=False, kind="stable")
+
+
+def shown_interval(row: Any, names: tuple[str, str] = ("low", "high")) -> tuple[float, float]:
+    """Middle and half width of an interval in the unit it is shown in, with the signs of the thesis."""
+    q = QUANTITIES[INDEX[str(row.quantity)]]
+    sign = float(SIGN[q.channel]) if q.channel else 1.0
+    low, high = (float(getattr(row, name)) for name in names)
+    return sign * q.factor * 0.5 * (low + high), q.factor * 0.5 * (high - low)
+
+
+def format_interval(middle: float, half: float, unit: str, *, is_signed: bool = True) -> str:
+    """Interval in words, to two digits of a half width that begins with 1, else to one; three places at most."""
+    places = 2
+    if half > 0:
+        first = math.floor(math.log10(half))
+        places = min(max(0, (half < 2 * 10.0**first) - first), 3)
+    joined = " " if unit and unit != "°" else ""
+    rounded = round(middle, places) + 0.0  # no minus before zero
+    number = f"{rounded:+.{places}f}" if is_signed and rounded else f"{rounded:.{places}f}"
+    return f"{number} ± {half:.{places}f}{joined}{unit}".replace("-", "−")
+
+
+def quantity_words(row: Any, names: tuple[str, str] = ("low", "high")) -> str:
+    """A quantity with an interval, by default that of its error; of an angle also in percent of the travel."""
+    q = QUANTITIES[INDEX[str(row.quantity)]]
+    middle, half = shown_interval(row, names)
+    text = f"{q.title} {format_interval(middle, half, q.unit_shown)}"
+    if q.channel and row.travel > 0:
+        share = 100.0 / (q.factor * row.travel)
+        text += f" ({format_interval(share * middle, share * half, '%', is_signed=False)} of its travel)"
+    return text
+
+
+def reading_of(row: Any) -> str:
+    """What is said of one quantity."""
+    if not math.isfinite(row.low):
+        return str(row.state) or "not estimated"
+    if row.resolved:
+        if row.low > row.limit or row.high < -row.limit:
+            return DIFFERS
+        return DIFFERS_LITTLE if -row.limit <= row.low and row.high <= row.limit else DIFFERS_PERHAPS
+    if row.alone:
+        return "alone"
+    if math.isfinite(row.limit) and -row.limit < row.low_90 and row.high_90 < row.limit:
+        return "within its limit"
+    return "not resolved"
+
+
+def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> str:
+    """The outcome with what it rests on: the errors that matter most, and what was not tested."""
+    ordered = most_important(table)
+    named = list(ordered.itertuples())
+    parts = []
+    if outcome == AGREES:
+        parts.append(f"agrees within {_largest_ends(ordered)}")
+    elif outcome == CANNOT_TELL:
+        parts.append(f"cannot tell{_why_not(ordered, errors, e)}")
+    elif e.is_branch_resolved:
+        parts.append(
+            f"differs: in the trials {branch_words(errors.branch)}, which a right model does in {_percent(e.share)} of "
+            f"{len(errors.sample.common)} draws of the declared uncertainties"
+        )
+    else:
+        parts.append(outcome)
+    shown = [row for row in named if row.resolved] if outcome not in (AGREES, CANNOT_TELL) else named
+    if shown:
+        parts.append(f"Model error (95 % interval): {'; '.join(map(quantity_words, shown[:MOST_NAMED]))}")
+    parts += _reservations(table, errors, e)
+    return ". ".join(parts) + "."
+
+
+def _largest_ends(ordered: pd.DataFrame) -> str:
+    """The largest end of the 90 % intervals of each limit's quantities, in the units of the limits."""
+    words = []
+    for name in RELEVANT:
+        own = [row for row in ordered.itertuples() if QUANTITIES[INDEX[str(row.quantity)]].relevant == name]
+        if not own:
+            continue
+        row = max(own, key=lambda r: max(abs(r.low_90), abs(r.high_90)) / r.limit)
+        q, end = QUANTITIES[INDEX[str(row.quantity)]], max(abs(row.low_90), abs(row.high_90))
+        if name == "travel":
+            words.append(f"{q.factor * end:.2g}° ({100.0 * end / row.travel:.2g} % of travel, {q.title})")
+        else:
+            words.append(f"{q.factor * end:.2g} {q.unit_shown} ({q.title})")
+    return ", ".join(words)
+
+
+def _why_not(ordered: pd.DataFrame, errors: SessionErrors, e: Estimates) -> str:
+    """What could be shown, which input makes it so much, and what would halve it."""
+    open_rows = ordered[~((ordered["low_90"] > -ordered["limit"]) & (ordered["high_90"] < ordered["limit"]))]
+    if not len(open_rows):
+        return ": no quantity of the claim has an interval"
+    row = next(
+        open_rows.assign(far=open_rows["detectable"] / open_rows["limit"]).sort_values("far").iloc[::-1].itertuples()
+    )
+    q = QUANTITIES[INDEX[str(row.quantity)]]
+    joined = "" if q.unit_shown == "°" else " "
+    unit = f"{joined}{q.unit_shown}"
+    return (
+        f": in {q.title} an error of {q.factor * row.detectable:.2g}{unit} would be shown in 80 % of sessions "
+        f"(limit {q.factor * row.limit:.2g}{unit}); most of it comes from {row.main_input}, and {halving(row)}"
+    )
+
+
+def halving(row: Any) -> str:
+    """What would halve the detectable error of a quantity, in words."""
+    parts = {"force": row.u_force, "sensors": row.u_sensors, "parameters": row.u_parameters, "scatter": row.u_repeat}
+    squares = {name: float(u) ** 2 for name, u in parts.items() if np.isfinite(u)}
+    total = sum(squares.values())
+    words = {
+        "force": "the uncertainty of the force",
+        "sensors": "the uncertainty of encoders and levels",
+        "parameters": "the uncertainty of the model's parameters",
+        "scatter": "the scatter",
+    }
+    if not total > 0:
+        return "what would halve it is not known"
+    most = max(squares, key=lambda name: squares[name])
+    left = 0.25 * total - (total - squares[most])
+    if left > 0:
+        factor = math.sqrt(squares[most] / left)
+        if most == "scatter":
+            return f"{math.ceil(row.n_trials * factor**2)} trials instead of {row.n_trials} would halve it"
+        return f"{words[most]} divided by {factor:.2g} would halve it"
+    second = max((name for name in squares if name != most), key=lambda name: squares[name])
+    return f"only less of both {words[most]} and {words[second]} would halve it"
+
+
+def _reservations(table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> list[str]:
+    """What the first line must say beside the outcome."""
+    said = []
+    let_off = table[table["quantity"] == LET_OFF.name]
+    if len(let_off) and let_off["difference"].isna().all():
+        where = (
+            "no trial reaches it" if (let_off["state"] == "not in the trials").all() else "the model does not reach it"
+        )
+        said.append(f"Let-off is not tested: {where}")
+    if errors.other_branch:
+        numbers = trials_in_words(sorted(errors.other_branch))
+        words = branch_words(next(iter(errors.other_branch.values())))
+        said.append(f"Not in these figures: {numbers}, in which {words}")
+    few, seldom = e.n_draws < FEWEST_DRAWS, e.share < SELDOM and not e.is_branch_resolved
+    if few or seldom:
+        of = f"{e.n_draws} of {len(errors.sample.common)}"
+        said.append(f"Only {of} draws do what the trials do ({branch_words(errors.branch)})")
+    if len(errors.trials) == 2:
+        said.append("Two trials: their scatter is hardly known, which makes the intervals wide")
+    return said
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share > 0 else "none"
+
+
+def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
+    """Times (n,) s, and standard uncertainty (n,) rad of the difference at each, of what is common to the trials."""
+    errors = verdict.errors
+    if errors is None:
+        return np.empty(0), np.empty(0)
+    here = errors.sample.branch == errors.sample.branch_found
+    curves = errors.curves[here, :, channel].astype(float)
+    known = np.isfinite(curves).any(axis=0) if len(curves) else np.zeros(errors.time_s.size, dtype=bool)
+    u = np.full(errors.time_s.size, np.nan)
+    if known.any():
+        low, high = np.nanquantile(curves[:, known], [0.025, 0.975], axis=0)
+        u[known] = (high - low) / (2 * 1.96)
+    return errors.time_s, u
+
+
+def right_rmse(verdict: Verdict, channel: int, ends_s: Array) -> Array:
+    """RMSE that a right model reaches in one trial, one value for each draw on the branch that was observed, rad."""
+    errors = verdict.errors
+    if errors is None:
+        return np.empty(0)
+    here = errors.sample.branch == errors.sample.branch_found
+    inside = (errors.time_s >= ends_s[0]) & (errors.time_s <= ends_s[1])
+    curves = errors.curves[here][:, inside, channel].astype(float)
+    known = np.isfinite(curves).any(axis=1)
+    return np.asarray(np.sqrt(np.nanmean(curves[known] ** 2, axis=1)))
