@@ -26,7 +26,7 @@ POWER = 0.80
 PRIOR_FREEDOM = 3.0  # few, so that six trials outweigh what is declared; one trial has Student's factor 3.2
 FEWEST_FOR_INTERVAL = 39  # 95 % of ranks
 FEWEST_FOR_BRANCH = 20  # of a branch's scales
-RARE_BRANCH = 0.01  # of the 5 % of the simultaneous test, what branches of the motion may take
+RARE_BRANCH = LEVEL / 2  # of the level of the simultaneous test, what branches of the motion may take
 SIGMA = 0.158655  # of a normal distribution below −σ
 WINSOR = 4.0  # scales beyond which a draw counts as that far when variances are divided among inputs
 SEED = 20
@@ -149,7 +149,7 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
     found_largest = float(_largest(reached[None, sample.primary])[0])
     is_branch_resolved = p_branch <= RARE_BRANCH
     at_least = n_all if is_branch_resolved else int((ranked >= found_largest).sum())
-    p = p_branch if is_branch_resolved else (1 + at_least) / (ranked.size + 1)
+    p = p_branch if is_branch_resolved or n < FEWEST_FOR_BRANCH else (1 + at_least) / (ranked.size + 1)
     shares, other = divide_variance(inside - noise[here], sample.inputs[here], middle, lower, upper)
     with np.errstate(invalid="ignore"):
         resolved = sample.primary & (reached > limit)
