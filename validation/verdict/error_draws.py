@@ -33,6 +33,7 @@ from validation.verdict.quantities import (
     BRANCH,
     IS_PRIMARY,
     QUANTITIES,
+    branch_mask,
     branch_of,
     event_values,
     phase_masks,
@@ -45,8 +46,8 @@ INPUTS = (
     "force gain",
     "force level",
     "force delay",
-    *(f"{name} encoder's scale" for name in ENCODER_CHANNELS),
-    *(f"{name} encoder's offset" for name in ENCODER_CHANNELS),
+    *(f"scale of the {name} encoder" for name in ENCODER_CHANNELS),
+    *(f"offset of the {name} encoder" for name in ENCODER_CHANNELS),
     "film clock",
     *(f"{name} on film" for name in FILM_CHANNELS),
     "level of the hammer at rest",
@@ -57,13 +58,17 @@ INPUTS = (
 
 @dataclass(frozen=True)
 class TrialErrors:
-    """One trial: its errors (V,), their resolution, the samples that each angle is a mean of, and its branch."""
+    """One trial: errors (V,), samples that each angle is a mean of, measured travel and events, branch of its motion.
+
+    ``known``: bits of the branch that its usable encoders tell.
+    """
 
     errors: Array
     masks: Mapping[str, NDArray[np.bool_]]
     travel: Mapping[str, float]
     values: Array
     branch: int
+    known: int
 
 
 @dataclass(frozen=True)
@@ -129,7 +134,8 @@ def trial_errors(
         if any((m.number, body) in without for body in q.bodies):
             values[k] = np.nan
     errors[len(ANGLES) :] = event_values(predicted_motion, events.model[m.number]) - values
-    return TrialErrors(errors, masks, travel, values, branch_of(own))
+    known = branch_mask([name for name in ENCODER_CHANNELS if (m.number, name) not in without])
+    return TrialErrors(errors, masks, travel, values, branch_of(own) & known, known)
 
 
 def session_errors(
@@ -168,13 +174,15 @@ def session_errors(
     draws = joint_draws(tested.action, seed, DRAWS, parameters=True)
     of_group = []
     for group in groups:
-        m = representative([m for m in group if m.film is not None] or group)
+        most = max(found[m.number].known for m in group)
+        whole = [m for m in group if found[m.number].known == most]
+        m = representative([m for m in whole if m.film is not None] or whole)
         of_group.append((m, _drawn(tested, m, found[m.number], draws, own_draws(seed, OWN_DRAWS), u_rest_level_m)))
     ran = np.all([np.isfinite(one.common).any(axis=1) for _, one in of_group], axis=0)
     mean, count, residuals = _means([np.array([found[m.number].errors for m in group]) for group in groups])
     branch, observed = np.zeros(len(draws), dtype=np.int64), 0
     for k, (m, one) in enumerate(of_group):
-        branch += one.branch << len(BRANCH) * k
+        branch += (one.branch & found[m.number].known) << len(BRANCH) * k
         observed += found[m.number].branch << len(BRANCH) * k
     weights = [len(group) / len(numbers) for group in groups]
     sample = ErrorSample(
@@ -216,9 +224,12 @@ def _majorities(
         members = [m for m in usable if m.number in kind]
         if not members:
             continue
-        most = Counter(found[m.number].branch for m in members).most_common(1)[0][0]
-        groups.append([m for m in members if found[m.number].branch == most])
-        other |= {m.number: found[m.number].branch for m in members if found[m.number].branch != most}
+        whole = max(found[m.number].known for m in members)
+        every = [found[m.number].branch for m in members if found[m.number].known == whole]
+        most = Counter(every).most_common(1)[0][0]
+        same = {m.number: found[m.number].branch == most & found[m.number].known for m in members}
+        groups.append([m for m in members if same[m.number]])
+        other |= {m.number: found[m.number].branch for m in members if not same[m.number]}
     return groups, other
 
 

@@ -6,13 +6,14 @@ impact, *check* at the key's release, *release* at the end of the window; a phas
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
+from validation.curves.display_signs import TITLE
 from validation.errors import ValidationInputError
 from validation.events.definitions import EVENTS, Event
 from validation.events.session_events import Window
@@ -69,7 +70,7 @@ class Quantity:
 
 def _angle(channel: str, phase: str) -> Quantity:
     degrees = 180.0 / np.pi
-    title = f"{channel} in {phase}"
+    title = f"{TITLE[channel]} in {phase}"
     return Quantity(f"{channel}_in_{phase}", title, "rad", "°", degrees, "travel", channel, phase, (channel,))
 
 
@@ -150,6 +151,11 @@ BRANCH = {
 def branch_of(events: Mapping[str, Event]) -> int:
     """Number of the branch of a motion: one bit for each of `BRANCH`."""
     return sum(1 << i for i, name in enumerate(BRANCH) if events[name].status != "absent")
+
+
+def branch_mask(bodies: Collection[str]) -> int:
+    """Bits of a branch that the encoders of these bodies tell."""
+    return sum(1 << i for i, name in enumerate(BRANCH) if set(EVENTS[name].bodies) <= set(bodies))
 
 
 def branch_words(branch: int) -> str:

@@ -289,7 +289,7 @@ def halving(row: Any) -> str:
     words = {
         "force": "the uncertainty of the force",
         "sensors": "the uncertainty of encoders and levels",
-        "parameters": "the uncertainty of the model's parameters",
+        "parameters": "the uncertainty of the parameters",
         "scatter": "the scatter",
     }
     if not total > 0:

@@ -6,7 +6,6 @@ import os
 import shutil
 from dataclasses import replace
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -15,8 +14,6 @@ from rig.session import Session
 from tests.validation.prediction.test_trial_prediction import SIMPLE, Counting
 from validation import compare_session
 from validation.cache import result_store
-from validation.errors import ValidationInputError
-from validation.measurement.geometry import geometry_of
 
 
 class Heavy(Counting):
@@ -66,7 +63,7 @@ def again(folder, action, **options):
     assert set(fresh.provenance["reused"].values()) <= {f"0 of {n}" for n in range(1, 500)}, (
         "nothing may be known to it"
     )
-    for name in ("scores", "scorecard", "channels", "events", "event_summary", "budget", "findings", "marked"):
+    for name in ("scores", "scorecard", "channels", "events", "event_summary", "quantities", "findings", "marked"):
         pd.testing.assert_frame_equal(found.tables[name], fresh.tables[name], check_exact=True)
     assert found.verdict_lines == fresh.verdict_lines
     return found.provenance["reused"]
@@ -218,17 +215,15 @@ def test_budget_and_compatible_changes_are_done_once(bench, predict, suspect):
     assert runs > 50
     found = compare_session(folder, action, **SIMPLE | options)
     assert len(predict.calls) == runs
-    assert found.provenance["reused"]["uncertainty budget"] == "1 of 1"
     assert not suspect or found.provenance["reused"]["compatible changes"] == "1 of 1"
-    assert found.provenance["reused"]["difference draws"] == "3 of 3"
+    assert found.provenance["reused"]["error draws"] == "1 of 1"
     assert found.provenance["reused"]["perfect model"] == "3 of 3"
-    assert len(found.budget) > 0
+    assert len(found.quantities) > 0
     wider = replace(action, quantities=dict(action.quantities))
     path = next(p for p, q in sorted(action.quantities.items()) if q.u > 0)
     wider.quantities[path] = replace(action.quantities[path], u=2 * action.quantities[path].u)
     found = compare_session(folder, wider, **SIMPLE | options | {"suspect": False})
-    assert found.provenance["reused"]["uncertainty budget"] == "0 of 1"
-    assert found.provenance["reused"]["difference draws"] == "0 of 3"
+    assert found.provenance["reused"]["error draws"] == "0 of 1"
     assert found.provenance["reused"]["predictions"] == "3 of 3"
 
 
@@ -242,26 +237,11 @@ def test_a_further_trial_is_the_only_one_that_is_drawn_if_any_is(bench, predict)
         Session.open(folder).add_trial(replace(first, number=number, force_n=first.force_n * (1 + 1e-3 * number)))
 
     add(4), add(5)
-    before = set(compare_session(folder, action, **options).judgement["trials"])
+    compare_session(folder, action, **options)
     add(6)
     result = compare_session(folder, action, **options)
-    after = set(result.judgement["trials"])
-    assert len(after) == 5 and after - before <= {6}
-    for kind in ("difference draws", "perfect model"):
-        assert result.provenance["reused"][kind] == f"{5 - len(after - before)} of 5"
-
-
-@SEARCHED
-def test_a_change_or_a_case_whose_key_front_touches_at_rest_is_left_out(bench, predict, suspect):
-    folder, action = bench
-
-    def touches(changed, rest_rad):
-        if any(changed[path] != action[path] for path in action.quantities):
-            raise ValidationInputError("gap under the key front is -0.01 mm at rest")
-        return geometry_of(changed, rest_rad)
-
-    found = compare_session(folder, action, **SIMPLE | {"budget": True, "suspect": suspect, "geometry": touches})
-    assert found.budget["failed"].min() > 30 and np.isfinite(found.budget["u_force"]).all()
+    assert len(result.judgement["drawn_trials"]) == 1
+    assert result.provenance["reused"]["perfect model"] in ("4 of 5", "5 of 5")
 
 
 def test_what_cannot_be_stored_is_said_once_and_changes_no_number(bench):

@@ -11,7 +11,7 @@ from validation.findings.finding import KINDS, SessionFinding
 from validation.identification.difference.explain import CompatibleChange, Explained
 from validation.pipeline import advice
 from validation.pipeline.compare_positions import _advice
-from validation.result import AGREES, ERROR_SHOWN
+from validation.result import AGREES, DIFFERS
 from validation.statistics.rivals import Rivals
 from validation.statistics.skill import Skill
 
@@ -49,16 +49,16 @@ def test_every_unusable_trial_and_channel_is_named_and_no_other() -> None:
         found("hum", 1.0, "force"),
         found("outlying residual", 3.0, "hammer"),
     ]
-    said = advice.what_to_do(findings, Explained(), rivals(), ERROR_SHOWN)
+    said = advice.what_to_do(findings, Explained(), rivals(), DIFFERS)
     assert said[0].endswith("trial 2 (whippen: no motion), trial 5 (key: encoder return), trial 7 (duplicated trial).")
     assert not any(character.isdigit() for sentence in said[1:] for character in sentence)
 
 
 def test_a_fault_that_spoils_the_comparison_is_all_that_is_said() -> None:
     explained = Explained("x", (change(1, "hammer.mass"),))
-    said = advice.what_to_do([found("force gain")], explained, rivals(), ERROR_SHOWN)
+    said = advice.what_to_do([found("force gain")], explained, rivals(), DIFFERS)
     assert said == (advice.MEND["force gain"],) and "loosen nothing" in said[0]
-    said = advice.what_to_do([found("hum", 1.0, "force")], explained, rivals(), ERROR_SHOWN)
+    said = advice.what_to_do([found("hum", 1.0, "force")], explained, rivals(), DIFFERS)
     assert said[0] == advice.MEND["hum"] and "hammer.mass" in said[1]
 
 
@@ -101,9 +101,9 @@ def test_a_rival_is_named_only_where_its_interval_says_so() -> None:
 
 def test_at_most_three_and_nothing_to_do() -> None:
     many = [found(kind, 1.0) for kind in advice.MEND]
-    assert len(advice.what_to_do(many, Explained(), rivals(), ERROR_SHOWN)) == advice.MOST == 3
+    assert len(advice.what_to_do(many, Explained(), rivals(), DIFFERS)) == advice.MOST == 3
     assert advice.what_to_do([], Explained(), rivals(), AGREES) == (advice.NOTHING,)
-    assert advice.what_to_do([], Explained(), rivals(), ERROR_SHOWN) == ()
+    assert advice.what_to_do([], Explained(), rivals(), DIFFERS) == ()
 
 
 def position_rivals(fitted: bool, identified: float, why: str = "") -> pd.DataFrame:

@@ -10,7 +10,7 @@ import pytest
 
 import model
 from validation.errors import ValidationInputError
-from validation.prediction.input_sampling import IDENTIFIED, cases, parameter_draws, uncertain_parameters
+from validation.prediction.input_sampling import parameter_draws, uncertain_parameters
 from validation.prediction.posterior import Posterior, make_posterior, posterior_of
 
 PAIR = ("hammer.joint_friction.A", "contact07.friction.A")
@@ -64,19 +64,6 @@ def test_identified_parameters_are_drawn_once_and_the_rest_as_before() -> None:
     assert set(drawn) == set(before)
     same = parameter_draws(old, 3, np.random.default_rng(1))
     assert same == parameter_draws(replace(old, identification={"names": []}), 3, np.random.default_rng(1))
-
-
-def test_the_budget_has_a_group_of_joint_draws(recorded) -> None:  # type: ignore[no-untyped-def]
-    from validation.measurement.measure_session import measure_session
-    from validation.measurement.trial import U_REST_LEVEL_M
-    from validation.prediction.model_under_test import ModelUnderTest
-
-    action = identified(np.array([[0.2, 0.1], [0.1, 0.3]]))
-    tested = ModelUnderTest(action)
-    m = measure_session(recorded[0], tested.geometry_at, U_REST_LEVEL_M).trials[0]
-    joint = [case for case in cases(m, action, 1e-5) if case.group == IDENTIFIED]
-    assert len(joint) == 24 and all(set(case.changed) == set(PAIR) for case in joint)
-    assert not [c for c in cases(m, model.load_action(), 1e-5) if c.group == IDENTIFIED]
 
 
 def test_what_is_written_is_read_back_with_its_covariance() -> None:

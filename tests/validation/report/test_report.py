@@ -24,10 +24,11 @@ from validation.report.figures.svg import STYLE
 from validation.report.files import write_files
 from validation.report.page import cannot_claim, render_html
 from validation.report.tables import scores as present
-from validation.report.tables.models import event_table, forest
-from validation.report.tables.scores import budget_table
+from validation.report.tables.models import event_table, forest, heat_map
+from validation.report.tables.scores import quantity_table
 from validation.report.view import SessionView
 from validation.side_by_side import alone
+from validation.verdict.quantities import PHASES
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +45,7 @@ def test_the_page_has_no_outside_address_and_runs_its_own_script_only(page, writ
     assert "@import" not in page
     beside = set(re.findall(r'(?:href|src)="(?!#|data:)([^"]*)"', page))
     assert beside <= set(written.files)  # every link leads to a file of this report
-    assert {"results.json", "curves.nc", "curves/hammer.csv", "curves/hammer.json", "tables/phases.csv"} <= beside
+    assert {"results.json", "curves.nc", "curves/hammer.csv", "curves/hammer.json", "tables/quantities.csv"} <= beside
     assert page.startswith("<!DOCTYPE html>")
     assert '<html lang="en">' in page
 
@@ -118,7 +119,7 @@ def test_text_from_a_session_is_escaped(lonely):
 def test_results_json_has_no_nan_and_the_same_numbers(compared, written):
     text = written.files["results.json"].read_text(encoding="utf-8")
     content = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in results.json"))
-    assert (content["schema"], content["schema_version"]) == ("piano-action-rig results", 6)
+    assert (content["schema"], content["schema_version"]) == ("piano-action-rig results", 7)
     assert content["results"][0]["verdict_lines"] == compared.verdict_lines
     assert (content["results"][0]["outcome"], content["results"][0]["sentence"]) == (
         compared.outcome,
@@ -311,15 +312,18 @@ def test_an_animation_beside_the_page_is_linked_and_otherwise_said_how_to_make(c
     assert '<a href="animation.html">Animation of the action</a>' in page and "--animation REPORT" not in page
 
 
-def test_every_table_gives_a_difference_of_an_event_the_same_uncertainty(compared):
-    shown = {row[0]: row[5] for row in event_table(SessionView((compared,))).rows}
-    budget = {row[0]: row[1] for row in budget_table(compared).rows}
-    both = [event for event in shown if event in budget]
-    assert len(both) > 8
-    for event in both:
-        assert shown[event] == budget[event], event
-    for row in forest(alone(compared)):
-        assert row["difference"] == shown[row["quantity"]]
-    without = replace(compared, budget=compared.budget.iloc[:0])
+def test_every_table_gives_a_quantity_the_same_interval(compared):
+    rows = {row[0]: row for row in quantity_table(compared).rows}
+    drawn = forest(alone(compared))
+    assert {row["quantity"] for row in drawn} >= {"check height (mm)", "hammer speed at impact (m/s)"}
+    for row in drawn:
+        assert row["difference"] == rows[row["quantity"]][2]
+        assert row["reading"] == rows[row["quantity"]][5]
+        assert row["low"] <= row["at"] <= row["high"]
+    (group,) = heat_map(alone(compared))
+    for channel, cells in group["rows"]:
+        for phase, cell in zip(PHASES, cells, strict=True):
+            assert cell["text"].rstrip("°") == rows[f"{channel} in {phase} (°)"][2]
+    without = replace(compared, quantities=compared.quantities.iloc[:0])
     (note, *_) = event_table(SessionView((without,))).notes
-    assert "no budget was made" in note
+    assert "nothing was drawn" in note

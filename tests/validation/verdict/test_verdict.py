@@ -1,0 +1,149 @@
+"""What the verdict says: the five outcomes in their order, the quantities of the claim, and what is not tested."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import validation
+from validation.errors import ValidationInputError
+from validation.events.definitions import EVENTS, Event
+from validation.events.detect import absent
+from validation.events.session_events import Window
+from validation.result import AGREES, CANNOT_TELL, DIFFERS, DIFFERS_LITTLE, DIFFERS_PERHAPS
+from validation.verdict.quantities import (
+    INDEX,
+    QUANTITIES,
+    branch_mask,
+    branch_of,
+    branch_words,
+    event_values,
+    phase_masks,
+    relevance_limits,
+)
+from validation.verdict.verdict import decide, format_interval, halving, no_verdict
+
+
+def table(**rows: tuple[float, float, bool]) -> pd.DataFrame:
+    """Primary quantities with their 95 % interval in units of their limit, and whether they are resolved."""
+    made = []
+    for name, (low, high, resolved) in rows.items():
+        middle = 0.5 * (low + high)
+        ends = {"low_90": middle + 0.84 * (low - middle), "high_90": middle + 0.84 * (high - middle)}
+        ends |= {"difference": np.nan_to_num(middle), "low": low, "high": high, "limit": 1.0}
+        made.append({"quantity": name, "primary": True, "resolved": resolved, **ends})
+    return pd.DataFrame(made)
+
+
+@pytest.mark.parametrize(
+    ("rows", "outcome"),
+    [
+        ({"a": (1.1, 1.9, True), "b": (-0.2, 0.3, False)}, DIFFERS),
+        ({"a": (-1.9, -1.1, True), "b": (0.2, 0.3, True)}, DIFFERS),
+        ({"a": (0.2, 0.9, True), "b": (-0.2, 0.3, False)}, DIFFERS_LITTLE),
+        ({"a": (0.2, 1.1, True), "b": (0.1, 0.2, True)}, DIFFERS_PERHAPS),
+        ({"a": (-0.9, 0.8, False), "b": (-0.2, 0.3, False)}, AGREES),
+        ({"a": (-1.05, 0.9, False), "b": (-0.2, 0.3, False)}, AGREES),  # the 90 % interval decides
+        ({"a": (-1.5, 0.9, False), "b": (-0.2, 0.3, False)}, CANNOT_TELL),
+        ({"a": (1.1, 1.9, False), "b": (-0.2, 0.3, False)}, CANNOT_TELL),  # alone, and not resolved
+        ({"a": (np.nan, np.nan, False), "b": (-0.2, 0.3, False)}, CANNOT_TELL),
+    ],
+)
+def test_outcomes_are_decided_in_their_order(rows, outcome) -> None:  # type: ignore[no-untyped-def]
+    assert decide(table(**rows)) == outcome
+
+
+def test_a_branch_that_a_right_model_does_not_take_differs() -> None:
+    assert decide(table(a=(-0.2, 0.3, False)), is_branch_resolved=True) == DIFFERS
+
+
+def test_nothing_can_be_told_without_a_quantity() -> None:
+    assert decide(table(a=(-0.2, 0.3, False)).iloc[:0]) == CANNOT_TELL
+    assert no_verdict("nothing was drawn").sentence == "cannot tell: nothing was drawn."
+
+
+def row(force: float, sensors: float, parameters: float, scatter: float, n: int = 4) -> SimpleNamespace:
+    return SimpleNamespace(u_force=force, u_sensors=sensors, u_parameters=parameters, u_repeat=scatter, n_trials=n)
+
+
+def test_what_would_halve_an_error_that_can_be_shown() -> None:
+    assert halving(row(2.0, 0.0, 0.0, 0.0)) == "the uncertainty of the force divided by 2 would halve it"
+    assert halving(row(0.0, 0.0, 0.0, 2.0)) == "16 trials instead of 4 would halve it"
+    assert "only less of both" in halving(row(2.0, 0.0, 1.9, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("middle", "half", "words"),
+    [
+        (-4.13, 1.23, "−4.1 ± 1.2 mm"),
+        (-0.02, 0.6, "0.0 ± 0.6 mm"),
+        (12.4, 11.2, "+12 ± 11 mm"),
+        (0.0123, 0.0456, "+0.01 ± 0.05 mm"),
+        (4.0, 3.4, "+4 ± 3 mm"),
+    ],
+)
+def test_an_interval_is_given_to_the_digits_of_its_half_width(middle: float, half: float, words: str) -> None:
+    assert format_interval(middle, half, "mm") == words
+
+
+def test_every_quantity_has_a_name_of_its_own() -> None:
+    assert len(INDEX) == len(QUANTITIES)
+
+
+def test_limits_of_relevance_have_defaults_and_refuse_what_is_none() -> None:
+    assert relevance_limits({"check_height": 1e-3})["check_height"] == 1e-3
+    assert relevance_limits({})["let_off"] == 0.5e-3
+    with pytest.raises(ValidationInputError, match="'height' is no limit; allowed travel, check_height"):
+        relevance_limits({"height": 1e-3})
+    with pytest.raises(ValidationInputError, match="time is 0; a limit must be above 0"):
+        relevance_limits({"time": 0.0})
+
+
+def events(**times: float) -> dict[str, Event]:
+    return {name: Event(name, times[name], 1e-4, "found") if name in times else absent(name) for name in EVENTS}
+
+
+def test_phases_end_at_the_trial_s_own_events_and_go_on_where_one_is_missing() -> None:
+    time, window = np.linspace(0, 1, 101), Window(0.1, 0.9, "test", "test")
+    found = phase_masks(time, events(string_impact=0.3, key_release=0.6), window)
+    counts = {name: int(mask.sum()) for name, mask in found.items()}
+    assert counts == {"attack": 20, "check": 30, "release": 31}
+    no_strike = phase_masks(time, events(key_release=0.6), window)
+    assert {name: int(mask.sum()) for name, mask in no_strike.items()} == {"attack": 0, "check": 50, "release": 31}
+
+
+def test_let_off_is_the_way_to_where_the_string_turns_the_hammer() -> None:
+    time = np.linspace(0, 0.2, 2001)
+    height = np.abs(0.1 - time) * 0.5 + 1e-4
+    motion: Any = SimpleNamespace(time_s=time, hammer_height_m=height)
+    values = event_values(motion, events(let_off=0.098, string_impact=0.1))
+    assert values[0] == pytest.approx(1e-3, rel=1e-3)
+    nothing = event_values(motion, events())
+    assert np.isnan(nothing).all()
+
+
+def test_branches_are_told_in_words_and_by_usable_encoders_only() -> None:
+    caught = branch_of(events(string_impact=0.1, check_height=0.01, key_bottom=0.09))
+    assert branch_words(caught) == "the hammer strikes, it strikes once, it is caught, the key is down"
+    assert branch_words(branch_of(events())) == "the hammer does not strike, the key does not come down"
+    assert caught & branch_mask(["key", "whippen"]) == branch_of(events(key_bottom=0.09))
+
+
+def test_a_back_check_wire_1_mm_off_differs(recorded) -> None:  # type: ignore[no-untyped-def]
+    session, truth = recorded[0], recorded[1].action
+    path = "contact04.second.x"
+    wrong = truth.with_values({path: truth[path] + 1e-3})
+    options = {"keep_predictions": False, "rivals": (), "suspect": False}
+    result = validation.compare(session, wrong, **options)
+    assert result.outcome == DIFFERS
+    height = result.quantities.set_index("quantity").loc["check_height"]
+    assert height.resolved
+    assert height.high < -2e-3
+    assert "check height −" in result.sentence
+    assert result.verdict_lines[0].endswith(result.sentence)
+    lenient = validation.compare(session, wrong, relevant={"check_height": 0.02, "travel": 0.5}, **options)
+    assert lenient.outcome == DIFFERS_LITTLE
