@@ -1,4 +1,6 @@
 from . import figure as figure
+from .check_load import CheckLoad as CheckLoad
+from .check_load import find_check_load as find_check_load
 from .feel import Feel as Feel
 from .feel import fastest_repetition as fastest_repetition
 from .feel import feel as feel

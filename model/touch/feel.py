@@ -21,6 +21,7 @@ from model.parameters.action import Action
 from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
+from model.touch.check_load import CheckLoad, check_loads
 from model.touch.hammer_speed import FORCES, SAMPLE, hammer_speeds, touches
 from model.touch.weights import Weights, weigh
 
@@ -103,6 +104,7 @@ class Feel(ArrayRecord):
     it
     repetition_hz : fastest repetition, NaN where it follows no rate
     gravity : m/s^2, to express weights in grams
+    check_load : (k,) what the back check takes from each rising hammer, None where it takes nothing
     """
 
     name: str
@@ -111,6 +113,7 @@ class Feel(ArrayRecord):
     hammer_m_per_s: NDArray[np.float64]
     repetition_hz: float
     gravity: float
+    check_load: tuple[CheckLoad | None, ...] = ()
 
     def rows(self) -> dict[str, float]:
         """Everything but the curve, by name and unit, in the order of the table."""
@@ -127,7 +130,8 @@ class Feel(ArrayRecord):
     @property
     def remarks(self) -> tuple[str, ...]:
         """What is not steady, jams or cannot be measured, a sentence each."""
-        return self.weights.remarks
+        loads = zip(self.blow_n[: len(self.check_load)], self.check_load, strict=True)
+        return (*self.weights.remarks, *(f"{force:g} N: {load}" for force, load in loads if load is not None))
 
     def _repr_html_(self) -> str:
         """The rows as a table, for a notebook."""
@@ -181,4 +185,5 @@ def feel(
         hammer_m_per_s=speeds,
         repetition_hz=fastest_repetition(action),
         gravity=action["gravity.g"],
+        check_load=check_loads(action, forces),
     )

@@ -22,7 +22,7 @@ from model.simulation.run import State
 Array = NDArray[np.float64]
 
 FORCES = (1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0)  # N
-RISE = 0.02  # s; faster rises at 50 N let the back check overtake the hammer
+RISE = 0.02  # s; in faster rises the back check meets the rising hammer from 30 N on (`check_load`)
 LONGEST = 0.6  # s, time limit of the softest blow
 SAMPLE = 2e-4  # s
 

@@ -138,7 +138,6 @@ def command(
     model.compile_ahead([choice])
     driving = workflows.read_driving_force(force, choice.input_column, mapping)
     times, values = driving.time_s, driving.force_n
-    doubt = model.blow_implausibility(times, values, str(force)) if choice.input_column == "force_n" else ""
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
     rest = driving.rest(chosen, choice)
     with working("simulating", quiet=as_json):
@@ -155,6 +154,7 @@ def command(
             initial=rest,
             estimate_error=True,
         )
+    doubt, check = _judge_blow(chosen, driving, choice, (str(force), tolerance, method))
     seen = solution.inside
     words = {} if seen is None else _described(chosen)
     write_columns(
@@ -195,9 +195,11 @@ def command(
         "estimated_error_rad": solution.error_rad,
         "tolerance_missed": solution.misses_tolerance,
         "cannot_be_a_blow": doubt or None,
+        "check_load": None if check is None else asdict(check),
         **solution.counters,
     }
-    lines = [f"{out}: {len(solution.time_s)} rows, {solution.counters['n_steps']} steps", *([doubt] if doubt else [])]
+    lines = [f"{out}: {len(solution.time_s)} rows, {solution.counters['n_steps']} steps"]
+    lines += [str(said) for said in (doubt, check) if said]
     if solution.error_rad is not None:
         kept = f"largest error of an angle about {solution.error_rad:.1e} rad, requested {solution.tolerance:g}"
         lines.append(missed_request(solution) or kept)
@@ -206,6 +208,25 @@ def command(
         lines += _inside_lines(seen, words)
     facts |= {name: path for name, path in drawings.items() if path is not None}
     tell(as_json, facts, [*lines, *file_lines(drawings.values())])
+
+
+def _judge_blow(
+    action: model.Action, driving: workflows.DrivingForce, choice: model.SceneChoice, run: tuple[str, float, str]
+) -> tuple[str, model.touch.CheckLoad | None]:
+    """Why the force cannot be a blow, empty where it can, and what the back check takes from the rising hammer.
+
+    ``run`` is what to call the table, tolerance and method.
+    """
+    where, tolerance, method = run
+    if choice.input_column != "force_n":
+        return "", None
+    doubt, check = model.blow_implausibility(driving.time_s, driving.force_n, where), None
+    if set(model.BODIES) <= set(choice.bodies):
+        check = model.touch.find_check_load(
+            action, driving.time_s, driving.force_n,
+            initial=driving.rest(action, choice), scene=choice, tolerance=tolerance, method=method,
+        )  # fmt: skip
+    return doubt, check
 
 
 def missed_request(solution: model.Solution) -> str:

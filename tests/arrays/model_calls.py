@@ -170,6 +170,7 @@ CALLS: dict[str, Callable[[], Arguments]] = {
         "action": action(), "scene": driven(), "command_v": np.append(np.zeros(199), 1.0), "seed": 1,
     },
     f"{TOUCH}.feel": lambda: {"action": action(), "forces_n": np.array([20.0, 50.0])},
+    f"{TOUCH}.find_check_load": lambda: {"action": action(), **TABLE},
     f"{TOUCH}.hammer_speeds": lambda: {"action": action(), "forces_n": np.array([50.0])},
     f"{TOUCH}.fastest_repetition": lambda: {"action": action(), "peaks_n": np.array([20.0])},
     "model.inside.draw_sheet": lambda: {

@@ -37,7 +37,8 @@ class PredictedAngles:
 
     ``turn_rad`` are the changes since rest, in columns that traces share: a session has hundreds. ``reused`` says that
     no simulation was needed, ``error_rad`` how large their largest numerical error is (estimated; NaN where it was not:
-    for rivals and stand-ins). ``counters`` are those of the solution, and ``seconds`` of processor time.
+    for rivals and stand-ins). ``counters`` are those of the solution, and ``seconds`` of processor time. ``check_load``
+    says where the back check presses the rising hammer.
     """
 
     time_s: Array
@@ -48,6 +49,7 @@ class PredictedAngles:
     reused: bool
     counters: Mapping[str, float]
     error_rad: float = float("nan")
+    check_load: str = ""
 
     @property
     def angle_rad(self) -> Array:
@@ -137,9 +139,15 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
     attributes: dict[str, Any] = {"input_sha256": key, "counters": counters}
     if error is not None:
         attributes["error_rad"] = error_rad
+    check_load = ""
+    if variant == "model" and tested.stand_ins.predict is None:
+        found = model.touch.find_check_load(
+            tested.action, force_s, force_n, tolerance=tested.tolerance, initial=load.rest
+        )
+        check_load = attributes["check_load"] = "" if found is None else str(found)
     failure = tested.store.write_table(step, m.number, m.seal, pd.DataFrame(columns), attributes, versioned=True)
     tested.store.count("predictions", reused=False, failure=failure)
-    return PredictedAngles(m.time_s, _turn(angle, rest), speed, rest, key, False, counters, error_rad)
+    return PredictedAngles(m.time_s, _turn(angle, rest), speed, rest, key, False, counters, error_rad, check_load)
 
 
 def _stored(tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest: Array) -> PredictedAngles | None:
@@ -152,7 +160,9 @@ def _stored(tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest:
     angle, speed = (table[group].to_numpy(dtype=float) for group in COLUMNS)
     error_rad = float(attributes.get("error_rad", float("nan")))
     counters = attributes.get("counters", {})
-    return PredictedAngles(m.time_s, _turn(angle, rest), speed, rest, key, True, counters, error_rad)
+    return PredictedAngles(
+        m.time_s, _turn(angle, rest), speed, rest, key, True, counters, error_rad, str(attributes.get("check_load", ""))
+    )
 
 
 MOST_NAMED = 4
@@ -217,7 +227,7 @@ def predict_session(
 def _predict(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
     found = predict_trial(m, tested)
     missed = _missed(found, tested.tolerance)
-    notes, rivals = [missed] if missed else [], {}
+    notes, rivals = [text for text in (missed, found.check_load) if text], {}
     for name in (name for name in tested.rivals if name in VARIANTS):
         try:
             rivals[name] = _curves_of(predict_trial(m, tested, name), m)

@@ -1,0 +1,133 @@
+"""Whether the back check presses a hammer that still rises: a blow too loud or too sudden for its regulation.
+
+The wire is on the key. A key that is down before the hammer has left meets it on its way up and takes speed from it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from model.files.force_table import check_force_table
+from model.force_driven import simulate
+from model.parameters.action import BACK_CHECK, Action
+from model.simulation.hand_set_rest import hand_set_rest
+from model.simulation.run import State
+from model.touch.hammer_speed import LONGEST, RISE, touches
+
+RATE_HZ = 10_000.0  # a catch lasts milliseconds
+LONGEST_RISE_S = 1.0  # before the strike, in which it is looked for
+LOAD_N = 0.1  # the hammer's own weight: less takes no speed that can be measured
+RISING_M_PER_S = 0.05
+SWITCHED_OFF = {f"{BACK_CHECK}.normal.{k}": v for k, v in (("a", 0.0), ("b", 0.0), ("c", 1e-3))}
+"""A felt too soft to press; the scene keeps its contacts, so that nothing is compiled anew."""
+
+
+@dataclass(frozen=True)
+class CheckLoad:
+    """Load of the back check on the rising hammer.
+
+    Attributes
+    ----------
+    start_s : when it begins
+    largest_n, largest_at_s : its peak
+    strike_m_per_s, without_m_per_s : speed of the hammer at the string, and that without a back check; NaN where it
+        does not reach the string
+    """
+
+    start_s: float
+    largest_n: float
+    largest_at_s: float
+    strike_m_per_s: float
+    without_m_per_s: float
+
+    def __str__(self) -> str:
+        """One sentence."""
+        speeds = [
+            "never strikes" if math.isnan(v) else f"strikes at {v:.2f} m/s"
+            for v in (self.strike_m_per_s, self.without_m_per_s)
+        ]
+        return (
+            f"the back check presses the rising hammer from {1e3 * self.start_s:.1f} ms on, with up to "
+            f"{self.largest_n:.1f} N at {1e3 * self.largest_at_s:.1f} ms: it {speeds[0]}, without the check it "
+            f"{speeds[1]}"
+        )
+
+
+def find_check_load(action: Action, time_s: ArrayLike, force_n: ArrayLike, **keywords: Any) -> CheckLoad | None:
+    """Load of the back check on the hammer before it first strikes, or before its highest point where it does not.
+
+    Parameters
+    ----------
+    action : parameter set
+    time_s, force_n : (k,) force table, as of `model.simulate`
+    keywords : ``initial``, ``scene``, ``tolerance`` and ``method``, as of `model.simulate`
+
+    Returns
+    -------
+    CheckLoad or None
+        None where the rising hammer is free of it.
+
+    Raises
+    ------
+    InputError, IntegrationError, StaticsError : as `model.simulate`
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action("hirschkorn2004-regulated")
+    >>> print(model.touch.find_check_load(action, [0, 0.02, 0.15], [0, 10, 10]))
+    None
+    """
+    times, forces = check_force_table(time_s, force_n)
+    coarse = simulate(action, times, forces, output_time_s=_until(times[0], times[-1], 1e-3), **keywords)
+    strike = touches(coarse.hammer_height_m(action))
+    end = int(strike[0]) if len(strike) else int(np.argmin(coarse.hammer_height_m(action)))
+    last = float(coarse.time_s[min(end + 2, len(coarse.time_s) - 1)])
+    outputs = _until(max(float(times[0]), last - LONGEST_RISE_S), last, 1.0 / RATE_HZ)
+    blow = simulate(action, times, forces, output_time_s=outputs, contact_forces=True, **keywords)
+    if blow.contact_normal_n is None or BACK_CHECK not in blow.contacts:
+        return None
+    height, approach = blow.hammer_height_m(action), blow.hammer_approach_m_per_s(action)
+    first = touches(height)
+    end = int(first[0]) + 1 if len(first) else int(np.argmin(height)) + 1
+    load = blow.contact_normal_n[:end, blow.contacts.index(BACK_CHECK)]
+    pressed = np.flatnonzero((load > LOAD_N) & (approach[:end] > RISING_M_PER_S))
+    if not len(pressed):
+        return None
+    worst = int(pressed[np.argmax(load[pressed])])
+    free = action.with_values(SWITCHED_OFF)
+    return CheckLoad(
+        start_s=float(outputs[pressed[0]]),
+        largest_n=float(load[worst]),
+        largest_at_s=float(outputs[worst]),
+        strike_m_per_s=float(approach[first[0]]) if len(first) else math.nan,
+        without_m_per_s=_strike_speed(free, times, forces, outputs, **keywords),
+    )
+
+
+def check_loads(action: Action, forces_n: np.ndarray) -> tuple[CheckLoad | None, ...]:
+    """The same of each blow of `model.touch.hammer_speeds`."""
+    rest, found = hand_set_rest(action), list[CheckLoad | None]()
+    for force in forces_n.tolist():
+        end = min(LONGEST, max(0.1, LONGEST * 1.5 / force))
+        start = State(0.0, rest.copy(), np.zeros(len(rest)))
+        found.append(find_check_load(action, [0.0, RISE, end], [0.0, force, force], initial=start))
+    return tuple(found)
+
+
+def _until(start: float, end: float, step: float) -> np.ndarray:
+    return np.minimum(start + step * np.arange(math.floor((end - start) / step + 1e-9) + 1), end)
+
+
+def _strike_speed(action: Action, times: np.ndarray, forces: np.ndarray, outputs: np.ndarray, **keywords: Any) -> float:
+    """Speed at the string, m/s; NaN where it is not reached by 0.1 s after the end of ``outputs``."""
+    end = min(float(times[-1]), float(outputs[-1]) + 0.1)
+    fine = _until(float(outputs[0]), end, 1.0 / RATE_HZ)
+    blow = simulate(action, times, forces, output_time_s=fine, **keywords)
+    first = touches(blow.hammer_height_m(action))
+    return float(blow.hammer_approach_m_per_s(action)[first[0]]) if len(first) else math.nan
