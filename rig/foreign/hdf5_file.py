@@ -98,9 +98,18 @@ def _plain(path: Path, file: h5py.File) -> ChannelTable:
     return ChannelTable(str(path), columns, units, clocks, unreadable, doubts)
 
 
+LARGEST_ATTRIBUTE = 10_000
+"""Values of an attribute that are read; HDF5 itself allows 64 KB. A damaged size would take hours to read."""
+
+
+def _small_attributes(node: h5py.Dataset) -> list[str]:
+    """Return the names of the attributes that can be read at once."""
+    return [key for key in node.attrs if np.prod(node.attrs.get_id(key).shape or (1,)) <= LARGEST_ATTRIBUTE]
+
+
 def _numbers(node: h5py.Dataset) -> Iterator[tuple[str, float]]:
     """Yield the attributes of one number, also where it is written as text or as an array of one."""
-    for key in node.attrs:
+    for key in _small_attributes(node):
         value = np.asarray(node.attrs[key])
         if value.size != 1 and _SCALE_NAMES.fullmatch(key.lower()) and value.dtype.kind in "iuf":
             yield key, np.nan  # one for each of something
@@ -135,7 +144,7 @@ def _scaled(raw: NDArray[np.generic], stated: dict[str, float]) -> tuple[NDArray
 def _unit(node: h5py.Dataset, column: str) -> tuple[str, str]:
     """Return the unit a dataset states for a column, and what is wrong with it; both empty where nothing is."""
     found = set()
-    for key in node.attrs:
+    for key in _small_attributes(node):
         if key.lower() not in ("unit", "units"):
             continue
         cells = [c.decode("utf-8", "replace") if isinstance(c, bytes) else str(c) for c in np.ravel(node.attrs[key])]

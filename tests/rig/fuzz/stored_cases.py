@@ -104,7 +104,7 @@ def hdf5_case(folder: Path) -> Case:
     with h5py.File(path, "w") as file:
         file["run"] = np.rec.fromarrays([np.arange(20) * 2e-4, np.arange(20)], names=["t", "key"])
         file["force"] = np.arange(20, dtype=np.int16).reshape(1, 20)
-        file["force"].attrs.update({"scale_factor": 0.5, "add_offset": -1.0, "units": "N"})
+        file["force"].attrs.update({"scale_factor": 0.5, "add_offset": -1.0, "units": np.bytes_("N")})
 
     def read(data: bytes) -> Any:
         path.write_bytes(data)
