@@ -13,8 +13,6 @@ import operator
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from model.compiler.expressions import ONE, TRUTHS, Expression, argument, lift, parts, slopes
 from model.elements.laws.felt_law import Felt, Law
 from model.errors import InputError
@@ -298,7 +296,8 @@ def find_jump(law: Law, traced: Traced) -> str:
         states = _pressed_states(press, speed)
         seen = [press.at(state) for state in states]
         _refuse_impossible(law, states, seen)
-        most = max(abs(force) for force, _, _ in seen), np.abs([rates for _, rates, _ in seen]).max(axis=0).tolist()
+        by_memory = zip(*(rates for _, rates, _ in seen), strict=True)
+        most = max(abs(force) for force, _, _ in seen), [max(map(abs, rates)) for rates in by_memory]
         for k in range(STEPS):
             if seen[k][2] != seen[k + 1][2] and not found:
                 found = _jump_between(press, (states[k], states[k + 1]), most)
