@@ -24,7 +24,7 @@ from model.scene.string_terms import with_modes
 from model.simulation.giving_motion import giving_motion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
-from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State, refuse_pulling_felt
+from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
 from model.simulation.solution import MISSED, Solution
 from model.simulation.statics import RestState, solve_rest
 from model.simulation.string_motion import modes_of, string_motion
@@ -239,7 +239,6 @@ class ForceDrivenRun:
         """Solution with these angles and speeds (m, n), and contact forces where they are wanted."""
         contacts: tuple[str, ...] = ()
         normal, tangential = None, None
-        refuse_pulling_felt(under_way, self.output_time_s, angles, speeds)
         if "contact_forces" in self.outputs:
             contacts, normal, tangential = _contact_forces(under_way, angles, speeds)
         return Solution(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, SupportsFloat
 
 from model.errors import InputError
 
@@ -89,6 +89,13 @@ class Expression:
     def __rpow__(self, base: Any) -> Expression:
         raise _misuse(f"{base} ** an expression", "exponential(x)")
 
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, SupportsFloat) and not isinstance(other, Expression):
+            raise _misuse("== or != between an expression and a number", "> and < in where(condition, a, b)")
+        return self is other
+
+    __hash__ = object.__hash__
+
     def __bool__(self) -> bool:
         raise _misuse("Python's if, and, or, not or min, max on an expression",
                 "where(condition, a, b), &, |, ~, smaller(a, b), largest(a, b)")  # fmt: skip
@@ -145,7 +152,11 @@ def constant(x: float) -> Expression:
 
 def lift(x: Number) -> Expression:
     """A known number as an expression."""
-    return x if isinstance(x, Expression) else constant(x)
+    if isinstance(x, Expression):
+        return x
+    if isinstance(x, bool) or not isinstance(x, SupportsFloat):
+        raise _misuse(f"{x!r} beside an expression", "a number or another expression")
+    return constant(float(x))
 
 
 def read(array: str, place: int, *further: Expression) -> Expression:

@@ -155,6 +155,10 @@ class Differentiated:
         holds += [(tip.depth > 0.0) & tip.felt[0] for tip in e.tips]
         holds += [make("differs", s.body(i, L.JF_A), ZERO) & (e.state.v[i] > 0.0) for i in s.bodies]
         assert len(holds) <= 64
+        for c in s.place:
+            if s.law(c).added:  # of what it decides by as much as there are bits for
+                holds += [e.contacts[c].touches & one for one in e.contacts[c].decided()]
+        holds = holds[:64]
         return Program(dict.fromkeys("wp", "array"), e.string_seen(), [(k, ~one) for k, one in enumerate(holds)])
 
     def carried(self) -> Program:

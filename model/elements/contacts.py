@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from model.compiler.expressions import ZERO, Expression, Given, largest, law, make, root, smaller, total, where
+from model.compiler.expressions import ZERO, Expression, Given, largest, law, make, parts, root, smaller, total, where
 from model.compiler.programs import Add, If, Put, Statement, name
 from model.elements.kinematics import Kinematics, Vector, apart, dot
 from model.elements.laws.curve import Curve
-from model.elements.laws.felt_law import Felt, Law, asked
+from model.elements.laws.felt_law import Felt, Law, asked, pushing
 from model.elements.structure import Structure
 from model.kernels import layout as L
 
@@ -185,8 +185,7 @@ class Contact:
     @cached_property
     def felt(self) -> tuple[Expression, Expression]:
         """Whether the felt presses where the surfaces meet, and its force, N."""
-        pressing, force = asked(self.law.force, self.pressed_by(self.gap[0], self.closing[0]))
-        return pressing, force
+        return pushing(self.law, self.pressed_by(self.gap[0], self.closing[0]))
 
     def _rates(self, of: Callable[[Felt], Sequence[Expression]]) -> list[Statement]:
         """Rates of its memories, as the law says of felt that presses or of felt that does not."""
@@ -194,6 +193,13 @@ class Contact:
             return []
         rates = asked(of, self.pressed_by(self.gap[0], self.closing[0]))
         return [Put(name(f"fade{m}"), rate) for m, rate in zip(self.memories, rates, strict=True)]
+
+    def decided(self) -> list[Expression]:
+        """Conditions by which the law of its felt takes one of two numbers."""
+        felt = self.pressed_by(self.gap[0], self.closing[0])
+        said = [*asked(self.law.force, felt), *asked(self.law.rates, felt), *asked(self.law.alone, felt)]
+        found = {one.args[0] for one in parts(said, [felt.depth, felt.rate]) if one.op == "where"}
+        return sorted(found, key=lambda one: one.order)
 
     def world(self, force: Expression, coefficient: Expression) -> Vector:
         """Force on A in the world, N, of a normal force and its friction."""

@@ -19,6 +19,7 @@ from model.errors import InputError
 from model.inside.state_observer import ObservedStates, Observer
 from model.parameters.effects import RAIL
 from model.scene.build import Scene
+from model.simulation.felt_that_pulls import check_pushes
 from model.simulation.loads_and_losses import Inside, Lift, RailLift, RailTension, Tension, lifts, tensions  # noqa: F401  public
 
 Array = NDArray[np.float64]
@@ -183,6 +184,7 @@ def observe(
     def evaluate(times: Array) -> ObservedStates:
         angle, speed, *rows = states(times)
         found = observer.evaluate(angle, speed, np.interp(times, input_s, given), *rows)
+        check_pushes(scene, times, found.contact, rows[0] if rows else None)
         record.add(times, found)
         return found
 

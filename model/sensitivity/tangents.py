@@ -15,7 +15,7 @@ from model.derived.load import kernel_of, kernels_of, links_of
 from model.derived.slopes import CARRIED, normal_places, normal_sizes
 from model.elements.strings import AWAKE
 from model.elements.structure import Structure
-from model.errors import IntegrationError
+from model.errors import InputError, IntegrationError
 from model.integrators.step_control import FULL
 from model.integrators.tangents.channels import Channels, Modes
 from model.integrators.tangents.follow import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, Landings, follow
@@ -38,6 +38,7 @@ Array = NDArray[np.float64]
 # of which a looser motion has fewer. Found with benchmarks/sensitivities.py.
 STRIDE, STRIDE_AT, STRIDE_EXPONENT = 8, 2e-9, 0.2
 INPUT_KINKS, WEAK_KINK = 50, 0.01  # of the input that steps end at; of the strongest
+JUMP = 1e-4  # share of the largest rate at a kink: above what changes within the picosecond of a kink
 ROWS = 20_000  # steps recorded at a time
 UNTOUCHED = 1.2345e300  # what a kernel leaves in places that it fills in no state
 # derivatives below these, per change of a parameter by all of its value, do not decide about steps
@@ -354,6 +355,7 @@ class Recorded:
             run.workspace(),
         )
         found = find_kinks(motion, seen, kinks)
+        self._check_rates(kinks[:found])
         scale = np.array([parameter.scale for parameter in self.directions.parameters])
         floor = aligned(2, filled)
         floor[:, :p], floor[:, p:] = [LEAST_ANGLE / scale, LEAST_SPEED / scale], 1.0
@@ -385,6 +387,39 @@ class Recorded:
         acts = np.any(run.space.largest[:, :p], axis=0)
         counters = {**self.simulation.work(), **counted}
         return Followed(angle, speed, channel, run.scene.size, acts, counters)
+
+    def _check_rates(self, kinks: Array) -> None:
+        """Refuse a law that a program has added whose force or memory's rate jumps at a kink (k, 2), s.
+
+        The derivatives would jump there, too, by the jump times the derivative of the kink's own time.
+        """
+        s, run, drive = self.run.structure, self.run, self.drive
+        added = [c for c in range(len(s.contact)) if s.law(c).added]
+        if not added or not len(kinks):
+            return
+        first, n, memory = W.P_ACC if s.pin else W.ACC, run.scene.size, len(s.memory)
+        rates = np.empty((len(kinks), 2, s.free + memory))
+        for k, side in np.ndindex(len(kinks), 2):
+            w, t = run.workspace(), kinks[k, side]
+            state = self.whole_states(np.array([t]))[0]
+            w[W.Q : W.Q + n], w[W.V : W.V + n], w[W.Z : W.Z + len(state) - 2 * n] = np.split(state, [n, 2 * n])
+            if s.string:
+                w[W.NOW] = t
+            moved = bool(np.any(run.scene.tables.prescribed))
+            run.kernels.linearise(w, run.scene.vector, t if moved else float(np.interp(t, drive.time, drive.value)))
+            rates[k, side] = [*w[first : first + s.free], *w[W.Z_RATE : W.Z_RATE + memory]]
+        largest = np.abs(rates).max(axis=(0, 1))
+        jumps = np.abs(rates[:, 1] - rates[:, 0]) > JUMP * largest
+        for k in np.flatnonzero(jumps.any(axis=1)):
+            remembering = [s.memory[m] for m in np.flatnonzero(jumps[k, s.free :])]
+            which = [c for c in remembering if c in added] or added
+            names = ", ".join(dict.fromkeys(f"{run.scene.contacts[c]}.law {s.law(c).name}" for c in which))
+            what = "rate of a memory" if remembering else "force"
+            raise InputError(
+                f"sensitivities: {names}: the {what} jumps at t = {kinks[k, 0]:.6g} s, where felt begins or ceases to "
+                "press or a `where` of the law turns; derivatives need a law that is continuous there: let `rates` and "
+                "`alone` agree where the force is 0, as in model/elements/laws/stulov.py, or choose another law"
+            )
 
     def remembered_slopes(self, followed: Followed, count: int) -> Array:
         """Derivatives (m, z, P) of ``count`` numbers that a run remembers; of a string's they are left 0."""

@@ -18,7 +18,6 @@ from model.arrays import ArrayRecord, as_numbers
 from model.derived.columns import DEPTH, FRICTION, NORMAL, TIP_FORCE
 from model.derived.load import kernel_of, kernels_of
 from model.derived.observe import contacts_at, tips_at
-from model.elements.laws.known import BUILT_IN, law_numbered
 from model.elements.structure import Structure
 from model.errors import InputError, IntegrationError
 from model.integrators.methods import DEFAULT_METHOD, RosenbrockTableau, get_method
@@ -28,6 +27,7 @@ from model.kernels import workspace as W
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
 from model.scene.build import Scene
 from model.scene.key_motion import with_moved
+from model.simulation.felt_that_pulls import pulling
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import with_pins
 from model.simulation.string_motion import lost_meanwhile, straight, swung_on
@@ -302,6 +302,12 @@ class Simulation:
         """Take over the state in which a step loop left a plan; its angles and speeds, or the error that stopped it."""
         self.state = State(time, plan.span.angle, plan.span.speed, step, plan.span.memory)
         outputs, out_q, out_v, self.remembered, _ = plan.out
+        if status in (NOT_FINITE, STEP_TOO_SMALL):
+            u = float(np.interp(time, plan.drive.time, plan.drive.value))
+            u = time if np.any(self.scene.tables.prescribed) else u
+            pulls = pulling(self.scene, time, (plan.span.angle, plan.span.speed, plan.span.memory), u)
+            if pulls:
+                raise InputError(pulls)
         if status in _ADVICE:
             raise IntegrationError(f"simulation stopped at t = {time:.6g} s{self._extremes()}: {_ADVICE[status]}")
         if not (np.all(np.isfinite(out_q)) and np.all(np.isfinite(out_v))):
@@ -377,32 +383,3 @@ class Simulation:
         out: dict[str, int | float] = {n: int(k) for n, k in zip(L.COUNTERS, self.counters, strict=True)}
         out["time_at_rest"] = float(self.times[0])
         return out
-
-
-LEAST_PULL_N = 1e-9
-"""A force below zero by less is rounding."""
-
-
-def refuse_pulling_felt(
-    run: Simulation, time_s: NDArray[np.float64], angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]
-) -> None:
-    """Refuse a motion in which a felt under an added law pulls at an output time (m,); built-in laws cannot.
-
-    Raises
-    ------
-    InputError
-        With the contact, the law, the first time and the force.
-    """
-    laws = [law_numbered(int(row[4])) for row in run.scene.tables.contact]
-    added = [(c, law) for c, law in enumerate(laws) if law.number >= len(BUILT_IN)]
-    if not added or not len(time_s):
-        return
-    normal_n, _ = run.contact_forces(angle_rad, speed_rad_per_s)
-    for c, law in added:
-        pulling = np.flatnonzero(normal_n[:, c] < -LEAST_PULL_N)
-        if pulling.size:
-            k = int(pulling[0])
-            raise InputError(
-                f"{run.scene.contacts[c]}.law {law.name}: force {normal_n[k, c]:.3g} N at {time_s[k]:g} s, allowed "
-                "from 0: felt never pulls; let force(felt) say that it does not press there, e.g. force > 0.0"
-            )

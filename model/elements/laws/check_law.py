@@ -10,11 +10,12 @@ from __future__ import annotations
 import inspect
 import math
 import operator
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from model.compiler.expressions import ONE, TRUTHS, Expression, argument, lift, parts, slopes
-from model.elements.laws.felt_law import Felt, Law
+from model.elements.laws.felt_law import Felt, Law, Number
 from model.errors import InputError
 
 TRIED_ON = (1e10, 1e7, 1e4)
@@ -26,6 +27,9 @@ STEPS = 320
 """Of one press, of two periods; a condition that holds for less than 1/160 of a period may be passed over."""
 JUMP = 1e-6
 """A change across a condition, in the largest value of a press, beyond which it is a jump; rounding makes 1e-9."""
+
+_SYMBOL = r"(kg|m|s|N|J|W|Pa|rad|Hz|K|A|V|C|H|ohm)(\^-?\d(\.\d+)?)?"
+UNIT = re.compile(rf"(1|{_SYMBOL})([*/]{_SYMBOL})*")
 
 
 class Traced(NamedTuple):
@@ -41,11 +45,13 @@ class Traced(NamedTuple):
 
 def place_of(law: Law) -> str:
     """File and line of a law's class, as far as Python knows them."""
-    try:
-        file = inspect.getsourcefile(type(law)) or "<unknown>"
-        return f"{file}, line {inspect.getsourcelines(type(law))[1]}: felt law {law.name}"
-    except (OSError, TypeError):  # written at a prompt
-        return f"felt law {law.name}"
+    for kind in type(law).__mro__:  # of a class that was made by a call, the one that it was made of
+        try:
+            file = inspect.getsourcefile(kind) or "<unknown>"
+            return f"{file}, line {inspect.getsourcelines(kind)[1]}: felt law {law.name}"
+        except (OSError, TypeError):  # written at a prompt
+            continue
+    return f"felt law {law.name}"
 
 
 def call_method(law: Law, method: str, *arguments: Any) -> Any:
@@ -80,9 +86,55 @@ def as_number(law: Law, what: str, value: Any) -> Expression:
     return found
 
 
+def _as_expression(law: Law, what: str, value: Any) -> Expression:
+    """Return a number that a law gave; refuse a plain one, which no kernel can differentiate."""
+    found = as_number(law, what, value)
+    if not isinstance(value, Expression):
+        raise InputError(
+            f"{place_of(law)}: {what}: found the plain number {value!r}, allowed an expression; write {value!r} * ONE, "
+            "or ZERO, of model.compiler.expressions"
+        )
+    return found
+
+
 def _shown(value: Any) -> str:
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 and " object at " not in text else f"a {type(value).__name__}"
+
+
+def check_members(law: Law) -> None:
+    """Refuse parameters and attributes of a law that are not what `Law` says.
+
+    Raises
+    ------
+    InputError
+        One line names file, law, member and what is allowed.
+    """
+    if not isinstance(law.damped, bool):
+        raise InputError(f"{place_of(law)}: damped: found {_shown(law.damped)}, allowed True or False")
+    if law.anew is not None and not _is_finite(law.anew):
+        raise InputError(f"{place_of(law)}: anew: found {_shown(law.anew)}, allowed a finite number or None")
+    if not isinstance(law.numbers, Mapping):
+        raise InputError(f"{place_of(law)}: numbers: found {_shown(law.numbers)}, allowed a dict of Number by name")
+    for name, n in law.numbers.items():
+        if not isinstance(n, Number) or not all(map(_is_finite, (n.value, n.u))):
+            raise InputError(
+                f"{place_of(law)}: {name}: found {n}, allowed a Number with low <= value <= high, u from 0: "
+                "Number(value, unit, u, low, high, source)"
+            )
+        if not isinstance(n.unit, str) or not UNIT.fullmatch(n.unit):
+            raise InputError(
+                f'{place_of(law)}: {name}: found the unit {n.unit!r}, allowed one of SI without prefix, such as "1", '
+                '"s/m", "N/m^2", "kg*m^2"'
+            )
+        if not (n.low <= n.value <= n.high and n.u >= 0.0):
+            raise InputError(
+                f"{place_of(law)}: {name}: found {n}, allowed a Number with low <= value <= high, u from 0"
+            )
+
+
+def _is_finite(x: Any) -> bool:
+    return isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)
 
 
 def trace_law(law: Law) -> Traced:
@@ -114,7 +166,7 @@ def trace_law(law: Law) -> Traced:
             "in J and the power lost in W"
         )
     for what, value in zip(("energy stored", "power lost"), energy[1:], strict=True):
-        as_number(law, f"energy: {what}", value)
+        _as_expression(law, f"energy: {what}", value)
     as_number(law, "stiffness", call_method(law, "stiffness", felt))
     _check_derivatives(law, felt, (force, *rates, *alone))
     return Traced(felt, pressing, force, rates, alone, packed)
@@ -144,7 +196,7 @@ def _checked_force(law: Law, given: Any) -> tuple[Expression, Expression]:
 def _checked_rates(law: Law, method: str, given: Any) -> tuple[Expression, ...]:
     if isinstance(given, Expression) or not isinstance(given, Sequence):
         raise InputError(f"{place_of(law)}: {method}: found {_shown(given)}, allowed a list, one rate for each memory")
-    return tuple(as_number(law, f"{method}: rate of memory {k + 1}", rate) for k, rate in enumerate(given))
+    return tuple(_as_expression(law, f"{method}: rate of memory {k + 1}", rate) for k, rate in enumerate(given))
 
 
 def _check_derivatives(law: Law, felt: Felt, wholes: Sequence[Expression]) -> None:
@@ -292,6 +344,11 @@ def find_jump(law: Law, traced: Traced) -> str:
     """
     press = _Press(law, traced)
     found = ""
+    resting = [
+        _State(depth, 0.0, tuple(call_method(law, "rested", depth, TRIED_ON, traced.packed, len(traced.felt.memory))))
+        for depth in (1e-9, 1e-6, 1e-4, DEEPEST_M)
+    ]
+    _refuse_impossible(law, resting, [press.at(state) for state in resting])
     for speed in SPEEDS_M_PER_S:
         states = _pressed_states(press, speed)
         seen = [press.at(state) for state in states]

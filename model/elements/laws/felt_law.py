@@ -10,10 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
-from model.compiler.expressions import ZERO, Expression, Given, law
+from model.compiler.expressions import ZERO, Expression, Given, constant, law, where
 from model.compiler.programs import Statement
 from model.elements.laws.curve import Curve
 from model.errors import InputError
+
+PULL_N = 1e-6
+"""Below zero this is more than rounding leaves of forces to some 1e9 N."""
 
 
 class Number(NamedTuple):
@@ -63,6 +66,8 @@ class Law:
     numbers: ClassVar[Mapping[str, Number]] = {}
     damped: ClassVar[bool] = False
     anew: ClassVar[float | None] = None
+    added = False
+    """Whether a program has added it: then its force is watched, which may not go below zero."""
     number: int
     """By which a scene's tables name it; set when it is listed or added."""
     jump: str = ""
@@ -118,6 +123,12 @@ class Law:
                 f"{contact}.law: found {self.name} on felt with normal.b {b:g}, allowed from "
                 f"{-math.sqrt(3.0 * a * c):.6g}: felt that softens as it is pressed would give energy"
             )
+
+
+def pushing(of: Law, felt: Felt) -> tuple[Expression, Expression]:
+    """Whether felt presses, and its force, which is no number where an added law would have it pull: no step stays."""
+    pressing, force = asked(of.force, felt)
+    return pressing, where(force < -PULL_N, constant(math.nan), force) if of.added else force
 
 
 def asked(of: Callable[[Felt], Any], felt: Felt) -> tuple[Expression, ...]:

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-import math
 import re
 import warnings
 from dataclasses import fields, is_dataclass
 from typing import Any
 
 from model.compiler.expressions import ONE, ZERO, Expression, forget, slopes
-from model.elements.laws.check_law import TRIED_ON, call_method, find_jump, place_of, trace_law
-from model.elements.laws.felt_law import Law, Number
+from model.elements.laws.check_law import TRIED_ON, call_method, check_members, find_jump, place_of, trace_law
+from model.elements.laws.felt_law import Law
 from model.elements.laws.hunt_crossley import HuntCrossley
 from model.elements.laws.hysteresis import Hysteresis
 from model.elements.laws.stulov import Stulov
@@ -93,13 +92,9 @@ def add_law(law: Law) -> None:
         )
     if found in {one.name for one in BUILT_IN}:
         raise InputError(f"felt law {found}: the name of a law that is there; choose another")
-    for name, n in law.numbers.items():
-        if not (isinstance(n, Number) and n.low <= n.value <= n.high and n.u >= 0.0 and math.isfinite(n.u)):
-            raise InputError(
-                f"felt law {found}: {name}: found {n}, allowed a Number with low <= value <= high, u from 0"
-            )
+    check_members(law)
     law.number = _hash(law)
-    law.stamp = f"{found} {law.number}"
+    law.stamp, law.added = f"{found} {law.number}", True
     LAWS[found] = _numbered[law.number] = law
     if law.jump:
         warnings.warn(

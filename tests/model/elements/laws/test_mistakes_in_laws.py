@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -129,6 +130,32 @@ MISTAKES: dict[str, tuple[Callable[[], Law], str]] = {
     "packed without numbers": (lambda: changed(packed=lambda self, *given: 0), "packed: found 0, allowed the number"),
     "packed as text": (lambda: changed(packed=lambda self, *given: (0, ["a"])), "packed: found (0, ['a'])"),
     "stiffness as text": (lambda: changed(stiffness=lambda self, felt: "hard"), "stiffness: found 'hard'"),
+    "rate as a plain number": (lambda: changed(Lasting, rates=lambda self, felt: [0.0]), "write 0.0 * ONE, or ZERO"),
+    "loss as a plain number": (
+        lambda: changed(energy=lambda self, felt, label: ([], stored(felt.depth, felt.curve), 0.0)),
+        "power lost: found the plain number 0.0",
+    ),
+    "equal to a number": (
+        lambda: forced(lambda felt: (slow(felt) > 0.0, slow(felt) if felt.rate == 0.0 else 0.5 * slow(felt))),
+        "== or != between an expression and a number",
+    ),
+    "text in a sum": (lambda: forced(lambda felt: (slow(felt) > 0.0, slow(felt) + "1")), "'1' beside an expression"),
+    "divided by the rate": (
+        lambda: forced(lambda felt: (felt.depth > 0.0, slow(felt) * (1.0 + 1e-9 / felt.rate))),
+        "and rate 0 m/s",
+    ),
+    "milliseconds": (
+        lambda: changed(numbers={"tau": Number(1.0, "ms", 0.1, 0.0, 2.0, "a guess")}),
+        "found the unit 'ms', allowed",
+    ),
+    "unit and u exchanged": (
+        lambda: changed(numbers={"tau": Number(1.0, 0.1, "s", 0.0, 2.0, "a guess")}),  # type: ignore[arg-type]
+        "Number(value, unit, u, low, high, source)",
+    ),
+    "no Number": (lambda: changed(numbers={"tau": 1e-3}), "tau: found 0.001, allowed a Number"),
+    "numbers as a list": (lambda: changed(numbers=[1e-3]), "allowed a dict of Number by name"),
+    "anew as text": (lambda: changed(Lasting, anew="yes"), "anew: found 'yes', allowed a finite number or None"),
+    "damped as text": (lambda: changed(damped="yes"), "damped: found 'yes', allowed True or False"),
     "method with an error": (lambda: changed(stiffness=lambda self, felt: 1 / 0), "stiffness: ZeroDivisionError"),
 }
 
@@ -232,8 +259,45 @@ def test_a_force_below_zero_that_no_tried_press_shows_is_named_when_it_happens()
 
     model.add_law(Ripple())
     action = model.load_action().with_laws({"contact12": "ripple"})
-    time_s, force_n = model.force_table("forte")
-    model.simulate(action, time_s[:800], force_n[:800])
-    told = r"contact12.law ripple: force -.* N at 0\.1.* s, allowed from 0: felt never pulls"
+    time_s, force_n = (column[:650] for column in model.force_table("forte"))
+    model.simulate(action, time_s, force_n)
+    pulls = action.with_effects({"contact12.ripple.height": 1.4})
+    told = r"contact12.law ripple: force -.* N at 0\.11.* s, allowed from 0: felt never pulls"
     with pytest.raises(model.InputError, match=told):
-        model.simulate(action.with_effects({"contact12.ripple.height": 1.4}), time_s[:800], force_n[:800])
+        model.simulate(
+            action.with_effects({"contact12.ripple.height": 1.4}), time_s, force_n, output_time_s=[0.0, 0.12]
+        )
+    members = model.simulate_many(pulls, [(time_s, force_n)] * 8, lanes=True)
+    assert all(re.match(told, str(member.error)) for member in members)
+    with pytest.raises(model.InputError, match=told):
+        model.sensitivities(pulls, (time_s, force_n), ["hammer.mass"])
+
+
+def test_derivatives_refuse_a_jump_that_no_tried_press_shows() -> None:
+    """A step of the rate whose height is 0 with the usual number, and not with the run's."""
+
+    class Stepped(Lasting):
+        name = "stepped"
+        numbers = {"height": Number(0.0, "1", 0.1, 0.0, 1.0, "a guess")}
+
+        def packed(self, contact: str, values: Any, curve: Any) -> Any:
+            return 1, (values["height"],)
+
+        def rates(self, felt: Felt) -> Any:
+            own = (slow(felt) - felt.memory[0]) / 1e-3
+            return [where(felt.depth > 1e-4, (1.0 + felt.numbers[0]) * own, own)]
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.add_law(Stepped())
+    action = model.load_action().with_laws({"contact12": "stepped"})
+    time_s, force_n = model.force_table("forte")
+    table = time_s[:650], force_n[:650]
+    options = model.SensitivityOptions(tolerance=1e-6)
+    assert model.sensitivities(action, table, ["hammer.mass"], options=options).d_angles.shape[2] == 1
+    jumps = action.with_effects({"contact12.stepped.height": 1.0})
+    told = r"contact12.law stepped: the rate of a memory jumps at t = 0\.11"
+    with pytest.raises(model.InputError, match=told):
+        model.sensitivities(
+            action.with_effects({"contact12.stepped.height": 1.0}), table, ["hammer.mass"], options=options
+        )

@@ -1,0 +1,86 @@
+"""Felt of an added law whose force went below zero: which contact, by how much, and what to write.
+
+The kernels give no number there (`model.elements.laws.felt_law.pushing`), so that no step stays; here it is named.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiler.expressions import argument, constant, forget
+from model.derived.columns import DEPTH, NORMAL, RATE
+from model.derived.load import kernels_of
+from model.derived.observe import contacts_at
+from model.elements.laws.check_law import compile_values
+from model.elements.laws.felt_law import PULL_N, Felt
+from model.elements.structure import Structure
+from model.errors import InputError
+from model.kernels import layout as L
+from model.kernels import workspace as W
+from model.scene.build import Scene
+
+Array = NDArray[np.float64]
+
+AHEAD_S = (0.0, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8)
+"""Beyond the last state that a run took, in which its shortest steps failed."""
+ADVICE = "say in `force` where it presses, each factor by itself, such as (slow > 0.0) & (factor > 0.0), slow * factor"
+
+
+def check_pushes(scene: Scene, time_s: Array, contact: Array, memory: Array | None) -> None:
+    """Refuse columns (m, c, 11) of `contacts_at` in which felt of an added law pulls."""
+    m, c = np.nonzero(np.isnan(contact[:, :, NORMAL]))
+    if len(m):
+        rows = np.empty((len(contact), 0)) if memory is None else memory
+        raise InputError(said(scene, float(time_s[m[0]]), int(c[0]), contact[m[0]], rows[m[0]]))
+
+
+def said(scene: Scene, time_s: float, c: int, contact: Array, memory: Array) -> str:
+    """The sentence for contact ``c`` of a scene, from its columns (c, 11) and what felt remembers there."""
+    law = Structure(scene.tables).law(c)
+    force = force_of(scene, c, contact, memory)
+    return (
+        f"{scene.contacts[c]}.law {law.name}: force {force:.3g} N at {time_s:.6g} s, allowed from 0: felt never pulls "
+        f"(here at depth {1e3 * contact[c, DEPTH]:.3g} mm and rate {contact[c, RATE]:.3g} m/s); {ADVICE}"
+    )
+
+
+def force_of(scene: Scene, c: int, contact: Array, memory: Array) -> float:
+    """What the law of contact ``c`` gives as force, N, whatever its sign; 0 where it does not press."""
+    s, p = Structure(scene.tables), scene.vector
+    law, first = s.law(c), s.offset[1] + L.CONTACT_SIZE * c
+    with_numbers = tuple(constant(float(p[n.args[1]])) for n in s.law_numbers(c))
+    a, b, c_ = (constant(float(x)) for x in p[first + L.K_A : first + L.K_C + 1])
+    z = tuple(constant(float(memory[k])) for k in s.memories(c))
+    depth, rate = argument("depth"), argument("rate")
+    felt = Felt(depth, rate, z, (a, b, c_), constant(float(p[first + L.DAMP])), with_numbers)
+    presses, force = law.force(felt)
+    values = compile_values([presses, force])({depth: float(contact[c, DEPTH]), rate: float(contact[c, RATE])})
+    found = float(values[force]) if contact[c, DEPTH] > 0.0 and values[presses] else 0.0
+    forget()
+    return found
+
+
+def pulling(scene: Scene, time_s: float, state: tuple[Array, Array, Array], u: float) -> str:
+    """The sentence where a run stopped at a state because felt would pull next; empty where that was not why.
+
+    ``state``: angles, speeds, and what is remembered; ``u`` the input.
+    """
+    s = Structure(scene.tables)
+    watched = [c for c in range(len(s.contact)) if s.law(c).added]
+    if not watched or np.any(scene.tables.prescribed) and len(state[0]) != scene.size:
+        return ""
+    q, v, memory = state
+    w = np.zeros(W.WITH_MEMORY)
+    w[W.Q : W.Q + len(q)], w[W.V : W.V + len(v)], w[W.Z : W.Z + len(memory)] = q, v, memory
+    kernels_of(scene.tables).linearise(w, scene.vector, u)
+    n = len(scene.tables.parent)
+    whole, speed = w[W.Q : W.Q + n].copy(), w[W.V : W.V + n].copy()
+    gain = np.nan_to_num(w[W.ACC : W.ACC + n])
+    for ahead in AHEAD_S:
+        angle, rate = whole + ahead * speed, speed + ahead * gain
+        contact = contacts_at(scene.tables, scene.vector, angle[None], rate[None], memory[None])[0]
+        for c in watched:
+            if np.isnan(contact[c, NORMAL]) and force_of(scene, c, contact, memory) < -PULL_N:
+                return said(scene, time_s, c, contact, memory)
+    return ""
