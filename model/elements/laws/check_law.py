@@ -46,6 +46,8 @@ class Traced(NamedTuple):
 def place_of(law: Law) -> str:
     """File and line of a law's class, as far as Python knows them."""
     for kind in type(law).__mro__:  # of a class that was made by a call, the one that it was made of
+        if kind is not type(law) and kind.__module__.startswith("model."):
+            break
         try:
             file = inspect.getsourcefile(kind) or "<unknown>"
             return f"{file}, line {inspect.getsourcelines(kind)[1]}: felt law {law.name}"

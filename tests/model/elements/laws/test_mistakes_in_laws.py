@@ -298,6 +298,4 @@ def test_derivatives_refuse_a_jump_that_no_tried_press_shows() -> None:
     jumps = action.with_effects({"contact12.stepped.height": 1.0})
     told = r"contact12.law stepped: the rate of a memory jumps at t = 0\.11"
     with pytest.raises(model.InputError, match=told):
-        model.sensitivities(
-            action.with_effects({"contact12.stepped.height": 1.0}), table, ["hammer.mass"], options=options
-        )
+        model.sensitivities(jumps, table, ["hammer.mass"], options=options)
