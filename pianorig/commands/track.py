@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,7 +13,9 @@ from pianorig.console.options import AsJson, refuse_beside
 from pianorig.console.output import tell
 from pianorig.console.progress import bar, say
 from pianorig.errors import CommandInputError
-from vision.tracking.options import FitOptions
+
+if TYPE_CHECKING:
+    from vision.tracking.options import FitOptions
 
 READ = ("film", "out", "frame_rate", "allow_truncated", "channel", "first_frame", "last_frame")
 """What counts however a film is read."""

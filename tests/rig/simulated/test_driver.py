@@ -75,7 +75,7 @@ def test_asking_whether_a_task_is_done_lets_time_pass(cdaq, force_task) -> None:
     force.wait_until_done(timeout=0.05)
     force.stop()
     force.start()
-    with pytest.raises(nidaqmx.errors.DaqError, match="-200474"):
+    with pytest.raises(nidaqmx.errors.DaqError, match="-200560"):
         force.wait_until_done(timeout=0.049)
 
 

@@ -212,7 +212,7 @@ def test_a_crossing_counts_only_after_the_signal_has_been_beyond_the_hysteresis(
     task.triggers.start_trigger.cfg_anlg_edge_start_trig("Dev1/ai1", ni.Slope.RISING, 0.38)
     task.triggers.start_trigger.anlg_edge_hyst = 0.2
     ramp.start()
-    with pytest.raises(DaqError, match="-200474"):
+    with pytest.raises(DaqError, match="-200560"):
         ramp.wait_until_done(0.01)  # from 0 V to the first sample is a crossing, too
     task.start()
     with pytest.raises(DaqReadError, match="-200284"):

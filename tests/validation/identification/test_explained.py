@@ -63,7 +63,7 @@ def test_each_session_is_asked_with_its_own_trials_and_tables_as_they_are(asked:
         trial("held by its key, trial 1", 2, key=object()),
         trial("piano, trial 4", 3),
     )
-    lines = explained_lines(ACTION, Sources(fitted, {}, {}, (), measured=("f1", "f2", "p4")))  # type: ignore[arg-type]
+    lines = explained_lines(ACTION, Sources(fitted, {}, {}, {}, (), measured=("f1", "f2", "p4")))  # type: ignore[arg-type]
     assert asked.measured == [["f1", "f2"], ["p4"]] and asked.observed == [["table, trial 1", "table, trial 2"]]
     assert lines[0].startswith("Which part of the model explains the difference, table: nothing was looked for")
     assert lines[1] == "Which part of the model explains the difference, forte: this change explains it."
@@ -72,5 +72,5 @@ def test_each_session_is_asked_with_its_own_trials_and_tables_as_they_are(asked:
 
 def test_strokes_driven_by_the_key_are_not_asked(asked: Asked) -> None:
     fitted = (trial("one, trial 1", 0, key=object()),)
-    assert explained_lines(ACTION, Sources(fitted, {}, {}, ())) == (BY_MOTION,)
+    assert explained_lines(ACTION, Sources(fitted, {}, {}, {}, ())) == (BY_MOTION,)
     assert not asked.measured and not asked.observed

@@ -64,7 +64,8 @@ def test_wrong_or_missing_units_are_named(make, strokes, tmp_path, monkeypatch, 
 
     monkeypatch.setattr(Content, "close", other)
     session.add_trial(make.trial(2, *strokes))
-    result, reason = reasons(Session.open(tmp_path / "s"))
+    with pytest.warns(UserWarning, match="trial 2 is left out"):
+        result, reason = reasons(Session.open(tmp_path / "s"))
     assert list(result.traces) == [1]
     assert f"trial_0002.h5: daq/force: {words}" in reason[2]
 
@@ -76,7 +77,8 @@ def test_a_missing_channel_a_truncated_file_and_a_single_trial_are_named(make, s
     session.add_trial(make.trial(3, *strokes, names=("key", "whippen", "motor")))
     with session.trials[1].path.open("r+b") as file:
         file.truncate(100_000)
-    result, reason = reasons(Session.open(tmp_path / "s"))
+    with pytest.warns(UserWarning, match="trial 2 is left out"):
+        result, reason = reasons(Session.open(tmp_path / "s"))
     assert list(result.traces) == [1]
     assert "truncated" in reason[2]
     assert "encoder 'hammer' is missing" in reason[3]
@@ -102,7 +104,8 @@ def test_trials_of_several_conditions_are_not_pooled(make, strokes, tmp_path):
     with (session.path / "trial_0002.h5").open("r+b") as file:
         file.truncate(100_000)
     session.add_trial(replace(make.trial(4, *strokes, names=("key", "whippen", "motor")), condition="soft"))
-    result, reason = reasons(Session.open(session.path))  # those of the other condition are not usable
+    with pytest.warns(UserWarning, match="trial 2 is left out"):
+        result, reason = reasons(Session.open(session.path))  # those of the other condition are not usable
     assert list(result.traces) == [1, 3] and "encoder 'hammer' is missing" in reason[4]
 
 
