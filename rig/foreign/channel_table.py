@@ -15,6 +15,7 @@ from datetime import datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.arrays import as_numbers
 from rig.errors import RigInputError
 from rig.foreign.sample_times import JITTER, SECONDS, TIME_NAMES, Clock, check_times, even_interval, find_breaks
 
@@ -267,6 +268,7 @@ class ChannelTable:
 
     def cut(self, time_s: NDArray[np.float64], interval_s: float) -> list[ChannelTable]:
         """Return the pieces between breaks of the times, (n,); channels of other lengths are left out of them."""
+        time_s = as_numbers(time_s, "times", 1)
         at = [0, *find_breaks(time_s, interval_s), time_s.size]
         if len(at) == 2:
             return [self]

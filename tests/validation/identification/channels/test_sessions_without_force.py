@@ -32,15 +32,14 @@ def without_force(data: TrialData) -> TrialData:
 
 @pytest.fixture(scope="module")
 def two(make: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Three filmed trials with a force, and as many others without one: a count more in every 97th sample."""
+    """Three filmed trials with a force, and as many a little stronger, kept without their force."""
     folder = tmp_path_factory.mktemp("two")
     forced, _ = make.session(folder / "forced", n_trials=3, filmed=(1, 3))
+    others, _ = make.session(folder / "others", n_trials=3, filmed=(1, 3), strength=(1.02, 1.03, 0.98))
     driven = Session.create(folder / "driven", make.info(name="driven"))
-    for trial in forced.trials:
-        data = without_force(trial.read())
-        more = (np.arange(len(data.encoder_count)) % 97 == 0)[:, None]
-        driven.add_trial(replace(data, encoder_count=data.encoder_count + more))
-        derived = forced.read_derived("angles", trial.number)
+    for trial in others.trials:
+        driven.add_trial(without_force(trial.read()))
+        derived = others.read_derived("angles", trial.number)
         if derived is not None:
             driven.write_derived("angles", trial.number, derived[0])
     return [forced.path, driven.path]
