@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import model
 import rig
 from pianorig.console.options import AsJson
 from pianorig.console.output import tell
@@ -30,10 +31,21 @@ def _doubts(row: dict[str, Any]) -> str:
     found += [f"rejected: {row['rejected']}"] if row["rejected"] else []
     found += [f"{row['status']}: {row['reason']}"] if row["status"] != "complete" else []
     found += [f"beyond the limits: {row['beyond_limits']}"] if row["beyond_limits"] else []
+    found += [row["cannot_be_a_blow"]] if row["cannot_be_a_blow"] else []
     for name, facts in row["positions"].items():
         if facts["beyond_ruler_share"] > 0:
             found.append(f"{name} {100 * facts['beyond_ruler_share']:.1f} % beyond its ruler, flagged")
     return "".join(f"; {text}" for text in found)
+
+
+def _implausibility(data: rig.TrialData) -> str:
+    """Why the force of a trial cannot be a blow; empty where it can, or where there is none."""
+    import numpy as np  # start-up: --help needs none of it
+
+    known = np.isfinite(data.force_n)
+    if not data.has_force or known.sum() < 2:
+        return ""
+    return model.blow_implausibility(data.time_s[known], data.force_n[known], "force")
 
 
 def command(
@@ -59,6 +71,7 @@ def command(
             "status": data.status,
             "reason": data.reason,
             "beyond_limits": session.info.notes.get(f"limits of trial {trial.number}", ""),
+            "cannot_be_a_blow": _implausibility(data),
             "rejected": trial.rejected,
             "condition": data.condition,
             "peak_force_n": float(data.force_n.max()) if data.has_force else None,
