@@ -52,7 +52,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where examples run: the files of ``pianorig examples``, and the sessions of a clone."""
     place = tmp_path_factory.mktemp("examples")
     assert run("examples", place) == 0
-    assert run("dataset", "make", "--out", place / "dataset", "--each", "2", "--no-films") == 0
     for name in ("example_forte", "kawai_kg3c"):
         shutil.copytree(ROOT / "sessions" / name, place / "sessions" / name)
     return place
