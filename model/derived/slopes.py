@@ -157,7 +157,7 @@ class Differentiated:
         assert len(holds) <= 64
         for c in s.place:
             if s.law(c).added:  # of what it decides by as much as there are bits for
-                holds += [e.contacts[c].touches & one for one in e.contacts[c].decided()]
+                holds += [e.contacts[c].touches & one for one in e.contacts[c].branch_conditions()]
         holds = holds[:64]
         return Program(dict.fromkeys("wp", "array"), e.string_seen(), [(k, ~one) for k, one in enumerate(holds)])
 

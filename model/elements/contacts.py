@@ -194,7 +194,7 @@ class Contact:
         rates = asked(of, self.pressed_by(self.gap[0], self.closing[0]))
         return [Put(name(f"fade{m}"), rate) for m, rate in zip(self.memories, rates, strict=True)]
 
-    def decided(self) -> list[Expression]:
+    def branch_conditions(self) -> list[Expression]:
         """Conditions by which the law of its felt takes one of two numbers."""
         felt = self.pressed_by(self.gap[0], self.closing[0])
         said = [*asked(self.law.force, felt), *asked(self.law.rates, felt), *asked(self.law.alone, felt)]

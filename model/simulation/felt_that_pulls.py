@@ -32,20 +32,20 @@ def check_pushes(scene: Scene, time_s: Array, contact: Array, memory: Array | No
     m, c = np.nonzero(np.isnan(contact[:, :, NORMAL]))
     if len(m):
         rows = np.empty((len(contact), 0)) if memory is None else memory
-        raise InputError(said(scene, float(time_s[m[0]]), int(c[0]), contact[m[0]], rows[m[0]]))
+        raise InputError(describe_force(scene, float(time_s[m[0]]), int(c[0]), contact[m[0]], rows[m[0]]))
 
 
-def said(scene: Scene, time_s: float, c: int, contact: Array, memory: Array) -> str:
+def describe_force(scene: Scene, time_s: float, c: int, contact: Array, memory: Array) -> str:
     """The sentence for contact ``c`` of a scene, from its columns (c, 11) and what felt remembers there."""
     law = Structure(scene.tables).law(c)
-    force = force_of(scene, c, contact, memory)
+    force = law_force_n(scene, c, contact, memory)
     return (
         f"{scene.contacts[c]}.law {law.name}: force {force:.3g} N at {time_s:.6g} s, allowed from 0: felt never pulls "
         f"(here at depth {1e3 * contact[c, DEPTH]:.3g} mm and rate {contact[c, RATE]:.3g} m/s); {ADVICE}"
     )
 
 
-def force_of(scene: Scene, c: int, contact: Array, memory: Array) -> float:
+def law_force_n(scene: Scene, c: int, contact: Array, memory: Array) -> float:
     """What the law of contact ``c`` gives as force, N, whatever its sign; 0 where it does not press."""
     s, p = Structure(scene.tables), scene.vector
     law, first = s.law(c), s.offset[1] + L.CONTACT_SIZE * c
@@ -61,7 +61,7 @@ def force_of(scene: Scene, c: int, contact: Array, memory: Array) -> float:
     return found
 
 
-def pulling(scene: Scene, time_s: float, state: tuple[Array, Array, Array], u: float) -> str:
+def describe_pull(scene: Scene, time_s: float, state: tuple[Array, Array, Array], u: float) -> str:
     """The sentence where a run stopped at a state because felt would pull next; empty where that was not why.
 
     ``state``: angles, speeds, and what is remembered; ``u`` the input.
@@ -81,6 +81,6 @@ def pulling(scene: Scene, time_s: float, state: tuple[Array, Array, Array], u: f
         angle, rate = whole + ahead * speed, speed + ahead * gain
         contact = contacts_at(scene.tables, scene.vector, angle[None], rate[None], memory[None])[0]
         for c in watched:
-            if np.isnan(contact[c, NORMAL]) and force_of(scene, c, contact, memory) < -PULL_N:
-                return said(scene, time_s, c, contact, memory)
+            if np.isnan(contact[c, NORMAL]) and law_force_n(scene, c, contact, memory) < -PULL_N:
+                return describe_force(scene, time_s, c, contact, memory)
     return ""

@@ -27,7 +27,7 @@ from model.kernels import workspace as W
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
 from model.scene.build import Scene
 from model.scene.key_motion import with_moved
-from model.simulation.felt_that_pulls import pulling
+from model.simulation.felt_that_pulls import describe_pull
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import with_pins
 from model.simulation.string_motion import lost_meanwhile, straight, swung_on
@@ -305,7 +305,7 @@ class Simulation:
         if status in (NOT_FINITE, STEP_TOO_SMALL):
             u = float(np.interp(time, plan.drive.time, plan.drive.value))
             u = time if np.any(self.scene.tables.prescribed) else u
-            pulls = pulling(self.scene, time, (plan.span.angle, plan.span.speed, plan.span.memory), u)
+            pulls = describe_pull(self.scene, time, (plan.span.angle, plan.span.speed, plan.span.memory), u)
             if pulls:
                 raise InputError(pulls)
         if status in _ADVICE:

@@ -18,6 +18,8 @@ from model.compiler.expressions import ONE, TRUTHS, Expression, argument, lift, 
 from model.elements.laws.felt_law import Felt, Law, Number
 from model.errors import InputError
 
+MOST_MEMORIES = 3
+"""Of one felt: the workspace of a step has room for so many at each of thirteen contacts."""
 TRIED_ON = (1e10, 1e7, 1e4)
 """A loading curve that no law refuses: a, b, c in N/m^3, N/m^2, N/m; 30 N at a millimetre."""
 DEEPEST_M = 1e-3
@@ -33,7 +35,7 @@ UNIT = re.compile(rf"(1|{_SYMBOL})([*/]{_SYMBOL})*")
 
 
 class Traced(NamedTuple):
-    """What a law returned for symbolic felt: its arguments, force, rates of the memories, and what it was packed to."""
+    """What the methods of a law returned for symbolic felt, and that felt."""
 
     felt: Felt
     pressing: Expression
@@ -41,9 +43,11 @@ class Traced(NamedTuple):
     rates: tuple[Expression, ...]
     alone: tuple[Expression, ...]
     packed: tuple[float, ...]
+    energy: tuple[Any, ...]
+    stiffness: Any
 
 
-def place_of(law: Law) -> str:
+def locate(law: Law) -> str:
     """File and line of a law's class, as far as Python knows them."""
     for kind in type(law).__mro__:  # of a class that was made by a call, the one that it was made of
         if kind is not type(law) and kind.__module__.startswith("model."):
@@ -62,44 +66,44 @@ def call_method(law: Law, method: str, *arguments: Any) -> Any:
         return getattr(law, method)(*arguments)
     except InputError as error:
         if str(error).startswith("expression: "):
-            raise InputError(f"{place_of(law)}: {method}: {str(error).removeprefix('expression: ')}") from None
+            raise InputError(f"{locate(law)}: {method}: {str(error).removeprefix('expression: ')}") from None
         raise
     except NotImplementedError:
         needed = {
             "force": "return whether the felt presses and its force, e.g. (slow > 0.0, slow)",
             "energy": "return statements, the energy stored in J and the power lost in W",
         }
-        raise InputError(f"{place_of(law)}: {method} is missing; {needed.get(method, 'write it')}") from None
+        raise InputError(f"{locate(law)}: {method} is missing; {needed.get(method, 'write it')}") from None
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(
-            f"{place_of(law)}: {method}: {type(error).__name__}: {reason}; calculate with felt.depth, felt.rate, "
+            f"{locate(law)}: {method}: {type(error).__name__}: {reason}; calculate with felt.depth, felt.rate, "
             "felt.memory, felt.curve and felt.numbers and the functions of model.compiler.expressions"
         ) from None
 
 
-def as_number(law: Law, what: str, value: Any) -> Expression:
+def _check_number(law: Law, what: str, value: Any) -> Expression:
     """Return a number that a law gave as an expression; refuse anything else."""
     if isinstance(value, bool) or not isinstance(value, Expression | int | float):
-        raise InputError(f"{place_of(law)}: {what}: found {_shown(value)}, allowed an expression of felt or a number")
+        raise InputError(f"{locate(law)}: {what}: found {_show(value)}, allowed an expression of felt or a number")
     found = lift(value)
     if found.op in TRUTHS:
-        raise InputError(f"{place_of(law)}: {what}: found a condition, allowed a number; write where(condition, a, b)")
+        raise InputError(f"{locate(law)}: {what}: found a condition, allowed a number; write where(condition, a, b)")
     return found
 
 
-def _as_expression(law: Law, what: str, value: Any) -> Expression:
+def _check_expression(law: Law, what: str, value: Any) -> Expression:
     """Return a number that a law gave; refuse a plain one, which no kernel can differentiate."""
-    found = as_number(law, what, value)
+    found = _check_number(law, what, value)
     if not isinstance(value, Expression):
         raise InputError(
-            f"{place_of(law)}: {what}: found the plain number {value!r}, allowed an expression; write {value!r} * ONE, "
+            f"{locate(law)}: {what}: found the plain number {value!r}, allowed an expression; write {value!r} * ONE, "
             "or ZERO, of model.compiler.expressions"
         )
     return found
 
 
-def _shown(value: Any) -> str:
+def _show(value: Any) -> str:
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 and " object at " not in text else f"a {type(value).__name__}"
 
@@ -113,26 +117,24 @@ def check_members(law: Law) -> None:
         One line names file, law, member and what is allowed.
     """
     if not isinstance(law.damped, bool):
-        raise InputError(f"{place_of(law)}: damped: found {_shown(law.damped)}, allowed True or False")
+        raise InputError(f"{locate(law)}: damped: found {_show(law.damped)}, allowed True or False")
     if law.anew is not None and not _is_finite(law.anew):
-        raise InputError(f"{place_of(law)}: anew: found {_shown(law.anew)}, allowed a finite number or None")
+        raise InputError(f"{locate(law)}: anew: found {_show(law.anew)}, allowed a finite number or None")
     if not isinstance(law.numbers, Mapping):
-        raise InputError(f"{place_of(law)}: numbers: found {_shown(law.numbers)}, allowed a dict of Number by name")
+        raise InputError(f"{locate(law)}: numbers: found {_show(law.numbers)}, allowed a dict of Number by name")
     for name, n in law.numbers.items():
         if not isinstance(n, Number) or not all(map(_is_finite, (n.value, n.u))):
             raise InputError(
-                f"{place_of(law)}: {name}: found {n}, allowed a Number with low <= value <= high, u from 0: "
+                f"{locate(law)}: {name}: found {n}, allowed a Number with low <= value <= high, u from 0: "
                 "Number(value, unit, u, low, high, source)"
             )
         if not isinstance(n.unit, str) or not UNIT.fullmatch(n.unit):
             raise InputError(
-                f'{place_of(law)}: {name}: found the unit {n.unit!r}, allowed one of SI without prefix, such as "1", '
+                f'{locate(law)}: {name}: found the unit {n.unit!r}, allowed one of SI without prefix, such as "1", '
                 '"s/m", "N/m^2", "kg*m^2"'
             )
         if not (n.low <= n.value <= n.high and n.u >= 0.0):
-            raise InputError(
-                f"{place_of(law)}: {name}: found {n}, allowed a Number with low <= value <= high, u from 0"
-            )
+            raise InputError(f"{locate(law)}: {name}: found {n}, allowed a Number with low <= value <= high, u from 0")
 
 
 def _is_finite(x: Any) -> bool:
@@ -153,52 +155,55 @@ def trace_law(law: Law) -> Traced:
         count, packed = int(given[0]), tuple(float(x) for x in given[1])
     except (TypeError, ValueError, IndexError):
         raise InputError(
-            f"{place_of(law)}: packed: found {_shown(given)}, allowed the number of memories and a row of numbers"
+            f"{locate(law)}: packed: found {_show(given)}, allowed the number of memories and a row of numbers"
         ) from None
+    if not 0 <= count <= MOST_MEMORIES:
+        raise InputError(f"felt law {law.name}: found {count} memories, allowed to {MOST_MEMORIES}")
     memory = tuple(argument(f"memory {k}") for k in range(count))
     curve = argument("a"), argument("b"), argument("c")
     numbers = tuple(argument(f"number {k}") for k in range(len(packed)))
     felt = Felt(argument("depth"), argument("rate"), memory, curve, argument("damping"), numbers)
-    pressing, force = _checked_force(law, call_method(law, "force", felt))
-    rates, alone = (_checked_rates(law, method, call_method(law, method, felt)) for method in ("rates", "alone"))
+    pressing, force = _check_force(law, call_method(law, "force", felt))
+    rates, alone = (_check_rates(law, method, call_method(law, method, felt)) for method in ("rates", "alone"))
     energy = call_method(law, "energy", felt, "")
     if not isinstance(energy, tuple | list) or len(energy) != 3 or not isinstance(energy[0], list | tuple):
         raise InputError(
-            f"{place_of(law)}: energy: found {_shown(energy)}, allowed a list of statements (or []), the energy stored "
+            f"{locate(law)}: energy: found {_show(energy)}, allowed a list of statements (or []), the energy stored "
             "in J and the power lost in W"
         )
     for what, value in zip(("energy stored", "power lost"), energy[1:], strict=True):
-        _as_expression(law, f"energy: {what}", value)
-    as_number(law, "stiffness", call_method(law, "stiffness", felt))
+        _check_expression(law, f"energy: {what}", value)
+    stiffness = call_method(law, "stiffness", felt)
+    _check_number(law, "stiffness", stiffness)
     _check_derivatives(law, felt, (force, *rates, *alone))
-    return Traced(felt, pressing, force, rates, alone, packed)
+    return Traced(felt, pressing, force, rates, alone, packed, tuple(energy), stiffness)
 
 
-def _checked_force(law: Law, given: Any) -> tuple[Expression, Expression]:
+def _check_force(law: Law, given: Any) -> tuple[Expression, Expression]:
     if not isinstance(given, tuple | list) or len(given) != 2:
         raise InputError(
-            f"{place_of(law)}: force: found {_shown(given)}, allowed a pair: whether the felt presses, and its force "
+            f"{locate(law)}: force: found {_show(given)}, allowed a pair: whether the felt presses, and its force "
             "in N, e.g. (slow > 0.0, slow)"
         )
     pressing, force = given
     if not isinstance(pressing, Expression) or pressing.op not in TRUTHS:
         raise InputError(
-            f"{place_of(law)}: force: whether it presses: found {_shown(pressing)}, allowed a condition on the felt, "
+            f"{locate(law)}: force: whether it presses: found {_show(pressing)}, allowed a condition on the felt, "
             "e.g. slow > 0.0, joined by & and |"
         )
-    found = as_number(law, "force", force)
+    found = _check_number(law, "force", force)
     if found.op == "constant":
         raise InputError(
-            f"{place_of(law)}: force: found the number {found.args[0]:g} N for every depth, allowed a force that grows "
+            f"{locate(law)}: force: found the number {found.args[0]:g} N for every depth, allowed a force that grows "
             "from 0 with felt.depth"
         )
     return pressing, found
 
 
-def _checked_rates(law: Law, method: str, given: Any) -> tuple[Expression, ...]:
+def _check_rates(law: Law, method: str, given: Any) -> tuple[Expression, ...]:
     if isinstance(given, Expression) or not isinstance(given, Sequence):
-        raise InputError(f"{place_of(law)}: {method}: found {_shown(given)}, allowed a list, one rate for each memory")
-    return tuple(_as_expression(law, f"{method}: rate of memory {k + 1}", rate) for k, rate in enumerate(given))
+        raise InputError(f"{locate(law)}: {method}: found {_show(given)}, allowed a list, one rate for each memory")
+    return tuple(_check_expression(law, f"{method}: rate of memory {k + 1}", rate) for k, rate in enumerate(given))
 
 
 def _check_derivatives(law: Law, felt: Felt, wholes: Sequence[Expression]) -> None:
@@ -209,7 +214,7 @@ def _check_derivatives(law: Law, felt: Felt, wholes: Sequence[Expression]) -> No
                 slope(whole)
             except TypeError:
                 raise InputError(
-                    f"{place_of(law)}: force or rates hold power(), which has no derivative by depth, rate or memory; "
+                    f"{locate(law)}: force or rates hold power(), which has no derivative by depth, rate or memory; "
                     "write products, root() or exponential()"
                 ) from None
 
@@ -244,22 +249,11 @@ _VALUE_OF: dict[str, Callable[..., Any]] = {
 
 def compile_values(wholes: Sequence[Expression]) -> Callable[[dict[Expression, float]], dict[Expression, Any]]:
     """Return a function from the values of arguments to those of all parts; not a number where one cannot be."""
-    ordered = sorted(parts(wholes), key=lambda e: e.order)
-    done: dict[Expression, None] = {}
-
-    def visit(e: Expression) -> None:
-        if e not in done:
-            for a in e.args:
-                if isinstance(a, Expression):
-                    visit(a)
-            done[e] = None
-
-    for e in ordered:
-        visit(e)
+    ordered = sorted(parts(wholes), key=lambda e: e.order)  # an expression is made after its arguments
 
     def evaluate(given: dict[Expression, float]) -> dict[Expression, Any]:
         value: dict[Expression, Any] = dict(given)
-        for e in done:
+        for e in ordered:
             if e in value:
                 continue
             if e.op == "constant":
@@ -297,7 +291,7 @@ class _Press:
             felt.damping: 1.0 if law.damped else 0.0,
         }
 
-    def at(self, state: _State) -> tuple[float, tuple[float, ...], tuple[bool, ...]]:
+    def evaluate(self, state: _State) -> tuple[float, tuple[float, ...], tuple[bool, ...]]:
         """Return force (N), rates, and which conditions hold."""
         felt = self.traced.felt
         given = {**self._fixed, felt.depth: state.depth, felt.rate: state.rate}
@@ -315,14 +309,14 @@ class _Press:
 
     def step(self, before: _State, depth: float, rate: float, dt: float) -> _State:
         """Advance the memories by the implicit Euler method to another depth and rate."""
-        if self.law.anew is not None and not self.at(_State(depth, rate, before.memory))[2][1]:
+        if self.law.anew is not None and not self.evaluate(_State(depth, rate, before.memory))[2][1]:
             return _State(depth, rate, (self.law.anew,) * len(before.memory))
         memory = list(before.memory)
         for k, start in enumerate(before.memory):
 
             def residual(z: float, k: int = k, start: float = start) -> float:
                 trial = tuple(z if j == k else x for j, x in enumerate(memory))
-                return z - start - dt * float(self.at(_State(depth, rate, trial))[1][k])
+                return z - start - dt * float(self.evaluate(_State(depth, rate, trial))[1][k])
 
             z, step = start, 1e-6 * (1.0 + abs(start))
             for _ in range(12):
@@ -350,10 +344,10 @@ def find_jump(law: Law, traced: Traced) -> str:
         _State(depth, 0.0, tuple(call_method(law, "rested", depth, TRIED_ON, traced.packed, len(traced.felt.memory))))
         for depth in (1e-9, 1e-6, 1e-4, DEEPEST_M)
     ]
-    _refuse_impossible(law, resting, [press.at(state) for state in resting])
+    _refuse_impossible(law, resting, [press.evaluate(state) for state in resting])
     for speed in SPEEDS_M_PER_S:
         states = _pressed_states(press, speed)
-        seen = [press.at(state) for state in states]
+        seen = [press.evaluate(state) for state in states]
         _refuse_impossible(law, states, seen)
         by_memory = zip(*(rates for _, rates, _ in seen), strict=True)
         most = max(abs(force) for force, _, _ in seen), [max(map(abs, rates)) for rates in by_memory]
@@ -383,12 +377,12 @@ def _refuse_impossible(law: Law, states: Sequence[_State], seen: Sequence[Any]) 
         where = f"at depth {1e3 * state.depth:.3g} mm and rate {state.rate:.3g} m/s"
         if not all(map(math.isfinite, (force, *rates))):
             raise InputError(
-                f"{place_of(law)}: force or rates are not finite {where}; keep each division from zero, e.g. by "
+                f"{locate(law)}: force or rates are not finite {where}; keep each division from zero, e.g. by "
                 "where(x > 0.0, x, 1.0), and each root from below it"
             )
         if force < -1e-9 * largest:
             raise InputError(
-                f"{place_of(law)}: force {force:.3g} N {where}, allowed from 0: felt never pulls; say that it does not "
+                f"{locate(law)}: force {force:.3g} N {where}, allowed from 0: felt never pulls; say that it does not "
                 "press there, e.g. force > 0.0"
             )
 
@@ -398,19 +392,19 @@ def _jump_between(press: _Press, ends: tuple[_State, _State], most: tuple[float,
     a, b = ends
     meets = a.depth <= 0.0 < b.depth  # memories are those of the open felt until it is touched
 
-    def between(share: float) -> _State:
+    def interpolate(share: float) -> _State:
         memory = a.memory if meets else tuple(x + share * (y - x) for x, y in zip(a.memory, b.memory, strict=True))
         return _State(a.depth + share * (b.depth - a.depth), a.rate + share * (b.rate - a.rate), memory)
 
-    low, high, at_low = 0.0, 1.0, press.at(a)
+    low, high, at_low = 0.0, 1.0, press.evaluate(a)
     for _ in range(60):
         middle = 0.5 * (low + high)
-        here = press.at(between(middle))
+        here = press.evaluate(interpolate(middle))
         if here[2] == at_low[2]:
             low, at_low = middle, here
         else:
             high = middle
-    at_high, state = press.at(between(high)), between(high)
+    at_high, state = press.evaluate(interpolate(high)), interpolate(high)
     where = f"at depth {1e3 * state.depth:.3g} mm and rate {state.rate:.3g} m/s"
     if abs(at_high[0] - at_low[0]) > JUMP * most[0]:
         return f"its force jumps by {at_high[0] - at_low[0]:.3g} N {where}"
