@@ -299,11 +299,6 @@ class CorrectedForce:
         """Declared force of the resting arm, N."""
         return self.channel.preload_n
 
-    @property
-    def u_level_n(self) -> float:
-        """Standard uncertainty common to all samples, of the preload and the fitted offset, N."""
-        return float(np.hypot(self.channel.u_preload_n, self.hum.u_offset_n))
-
 
 class ForceChannelValues(TypedDict, total=False):
     """Keywords of `correct_force`, see `ForceChannel`."""

@@ -37,7 +37,7 @@ from validation.scores.score_session import ScoredSession, score_session
 from validation.statistics.rivals import beside_rivals
 from validation.verdict.error_draws import session_errors
 from validation.verdict.quantities import relevance_limits
-from validation.verdict.verdict import Verdict, judge_model, no_verdict
+from validation.verdict.verdict import Verdict, judge_model, undecided_verdict
 
 SOFTWARE = ("piano-action-rig", "numpy", "scipy", "pandas", "matplotlib", "numba", "h5py")
 
@@ -230,7 +230,7 @@ def _verdict(
     """The verdict on the usable trials and channels; none where the draws were not asked for."""
     limits = relevance_limits(chosen.relevant)
     if not chosen.budget:
-        return no_verdict("the uncertainties were not drawn")
+        return undecided_verdict("the uncertainties were not drawn")
     chosen.say("error of the model: draws of all inputs")
     left_out, kinds = findings.left_out, findings.kinds
     u_level = chosen.u_rest_level_m

@@ -21,7 +21,7 @@ from validation.scores.traces import SessionTraces
 from validation.statistics.bands import FEWEST_FOR_BAND, repeatability_band
 from validation.statistics.repeatability import curve_repeatability, on_common_base
 from validation.verdict.estimate import quantile_by_rank
-from validation.verdict.verdict import Verdict, curve_errors, no_verdict, right_rmse
+from validation.verdict.verdict import Verdict, curve_errors, right_rmse, undecided_verdict
 
 COLUMNS = (
     "range_rad",
@@ -39,7 +39,7 @@ COLUMNS = (
     "rmse_right_rad",
     "rmse_right_95_rad",
 )
-NOT_MADE = no_verdict("the uncertainties were not drawn")
+NOT_MADE = undecided_verdict("the uncertainties were not drawn")
 
 
 SPREAD = ("mean", "s_r", "band95", "difference", "difference_u95")

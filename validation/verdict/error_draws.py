@@ -3,7 +3,7 @@
 What is common to all trials (parameters, gain, level and delay of the force, scales of the encoders, levels of rest) is
 drawn on one representative trial of each kind of stroke. What each trial has for itself as declared (offset and noise
 of its force, quantisation) is drawn apart, so that it is counted once: with the scatter of all trials it makes the one
-variance component of `validation.verdict.estimate.between_trials`.
+variance component of `validation.verdict.estimate.draw_trial_scatter`.
 """
 
 from __future__ import annotations
@@ -177,7 +177,9 @@ def session_errors(
         most = max(found[m.number].known for m in group)
         whole = [m for m in group if found[m.number].known == most]
         m = representative([m for m in whole if m.film is not None] or whole)
-        of_group.append((m, _drawn(tested, m, found[m.number], draws, own_draws(seed, OWN_DRAWS), u_rest_level_m)))
+        of_group.append(
+            (m, _load_or_run_draws(tested, m, found[m.number], draws, own_draws(seed, OWN_DRAWS), u_rest_level_m))
+        )
     ran = np.all([np.isfinite(one.common).any(axis=1) for _, one in of_group], axis=0)
     mean, count, residuals = _means([np.array([found[m.number].errors for m in group]) for group in groups])
     branch, observed = np.zeros(len(draws), dtype=np.int64), 0
@@ -189,8 +191,8 @@ def session_errors(
         found=mean,
         n_trials=count,
         residuals=residuals,
-        common=_weighted([one.common[ran] for _, one in of_group], weights),
-        own=_weighted([one.own for _, one in of_group], weights),
+        common=_weighted_mean([one.common[ran] for _, one in of_group], weights),
+        own=_weighted_mean([one.own for _, one in of_group], weights),
         branch=branch[ran],
         branch_found=observed,
         inputs=np.array([_inputs(d) for d in draws])[ran],
@@ -247,7 +249,7 @@ def _means(groups: Sequence[Array]) -> tuple[Array, NDArray[np.int64], Array]:
     return mean, count, np.concatenate(residuals)
 
 
-def _weighted(parts: Sequence[Array], weights: Sequence[float]) -> Array:
+def _weighted_mean(parts: Sequence[Array], weights: Sequence[float]) -> Array:
     return np.asarray(sum(weight * part for weight, part in zip(weights, parts, strict=True)))
 
 
@@ -261,7 +263,7 @@ class _TrialDraws:
     curves: NDArray[np.float32]
 
 
-def _drawn(
+def _load_or_run_draws(
     tested: ModelUnderTest,
     m: MeasuredTrial,
     found: TrialErrors,
@@ -272,7 +274,7 @@ def _drawn(
     """Run the draws of one trial, or read them when nothing they depend on has changed."""
     sensors = (m.u_rad, m.resolution_rad, m.scale_relative_u, m.time_s, m.quiet.stop, u_rest_level_m)
     known = tested.identity, sha256_of((draws, own)), m.number, m.force, m.film, sensors, found.masks
-    stored = tested.store.value("error draws", known, lambda: _run(tested, m, found, draws, own, u_rest_level_m))
+    stored = tested.store.value("error draws", known, lambda: _run_draws(tested, m, found, draws, own, u_rest_level_m))
     n, n_samples = len(draws), m.time_s[_sparse(m.time_s.size)].size
     values = np.frombuffer(base64.b64decode(stored["values"])).reshape(n + len(own) - 1, len(QUANTITIES))
     curves = np.full((n, n_samples, len(CHANNELS)), np.nan, dtype=np.float32)
@@ -281,7 +283,7 @@ def _drawn(
     return _TrialDraws(values[:n], values[n:], np.array(stored["branch"], dtype=np.int64), curves)
 
 
-def _run(
+def _run_draws(
     tested: ModelUnderTest,
     m: MeasuredTrial,
     found: TrialErrors,

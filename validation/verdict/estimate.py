@@ -135,7 +135,7 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
     """
     n_all = len(sample.common)
     rng = np.random.default_rng([SEED, n_all, len(sample.found)])
-    noise, u_repeat = between_trials(sample.residuals, sample.own, sample.n_trials, n_all, rng)
+    noise, u_repeat = draw_trial_scatter(sample.residuals, sample.own, sample.n_trials, n_all, rng)
     drawn = sample.common + noise
     here = sample.branch == sample.branch_found
     inside = drawn[here]
@@ -176,7 +176,7 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
     )
 
 
-def between_trials(
+def draw_trial_scatter(
     residuals: Array, own: Array, n_trials: NDArray[np.int64], n_draws: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Draws of the mean of what differs between trials, (n_draws, V), and its standard deviation, (V,).

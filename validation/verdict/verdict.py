@@ -59,7 +59,7 @@ class Verdict:
     estimates: Estimates | None = None
 
 
-def no_verdict(reason: str) -> Verdict:
+def undecided_verdict(reason: str) -> Verdict:
     """Nothing can be told, because of ``reason``."""
     return Verdict(CANNOT_TELL, f"cannot tell: {reason}.", facts={"judged": False, "reason": reason})
 
@@ -75,9 +75,9 @@ def judge_model(errors: SessionErrors | None, limits: Mapping[str, float]) -> Ve
         Of relevance, as of `quantities.relevance_limits`.
     """
     if errors is None:
-        return no_verdict("no trial is usable")
+        return undecided_verdict("no trial is usable")
     if errors.failed > MOST_FAILED * DRAWS:
-        return no_verdict(f"{errors.failed} of {DRAWS} draws of the declared uncertainties cannot be simulated")
+        return undecided_verdict(f"{errors.failed} of {DRAWS} draws of the declared uncertainties cannot be simulated")
     estimates = estimate_errors(errors.sample)
     table = quantity_table(errors, estimates, limits)
     outcome = decide(table, is_branch_resolved=estimates.is_branch_resolved)
@@ -161,15 +161,17 @@ def _state(q: Quantity, errors: SessionErrors, e: Estimates, i: int) -> str:
 def decide(table: pd.DataFrame, *, is_branch_resolved: bool = False) -> str:
     """One of `validation.result.OUTCOMES`, of a table of quantities."""
     claim = table[table["primary"].astype(bool) & table["difference"].notna()]
-    resolved = claim[claim["resolved"].astype(bool)]
-    beyond = (resolved["low"] > resolved["limit"]) | (resolved["high"] < -resolved["limit"])
-    if is_branch_resolved or beyond.any():
+    readings = {reading_of(row) for row in claim[claim["resolved"].astype(bool)].itertuples()}
+    if is_branch_resolved or DIFFERS in readings:
         return DIFFERS
-    if len(resolved):
-        inside = (resolved["low"] >= -resolved["limit"]) & (resolved["high"] <= resolved["limit"])
-        return DIFFERS_LITTLE if inside.all() else DIFFERS_PERHAPS
-    agrees = (claim["low_90"] > -claim["limit"]) & (claim["high_90"] < claim["limit"])
-    return AGREES if len(claim) and agrees.all() else CANNOT_TELL
+    if readings:
+        return DIFFERS_LITTLE if readings == {DIFFERS_LITTLE} else DIFFERS_PERHAPS
+    return AGREES if len(claim) and is_within_limit(claim).all() else CANNOT_TELL
+
+
+def is_within_limit(rows: Any) -> Any:
+    """Whether a 90 % interval lies inside its limit, of a row or of each row of a table: two one-sided tests of 5 %."""
+    return (rows.low_90 > -rows.limit) & (rows.high_90 < rows.limit)
 
 
 def most_important(table: pd.DataFrame) -> pd.DataFrame:
@@ -220,7 +222,7 @@ def reading_of(row: Any) -> str:
         return DIFFERS_LITTLE if -row.limit <= row.low and row.high <= row.limit else DIFFERS_PERHAPS
     if row.alone:
         return "alone"
-    if math.isfinite(row.limit) and -row.limit < row.low_90 and row.high_90 < row.limit:
+    if is_within_limit(row):
         return "within its limit"
     return "not resolved"
 
@@ -266,7 +268,7 @@ def _largest_ends(ordered: pd.DataFrame) -> str:
 
 def _why_not(ordered: pd.DataFrame, errors: SessionErrors, e: Estimates) -> str:
     """What could be shown, which input makes it so much, and what would halve it."""
-    open_rows = ordered[~((ordered["low_90"] > -ordered["limit"]) & (ordered["high_90"] < ordered["limit"]))]
+    open_rows = ordered[~is_within_limit(ordered)]
     if not len(open_rows):
         return ": no quantity of the claim has an interval"
     row = next(

@@ -24,7 +24,7 @@ from validation.result_tables.events import event_summary, event_table
 from validation.scores.score_session import score_curves
 from validation.scores.traces import SessionTraces
 from validation.statistics.repeatability import on_common_base
-from validation.verdict.verdict import no_verdict
+from validation.verdict.verdict import undecided_verdict
 
 WINDOW = Window(0.0, 1.0, "test", "test")
 
@@ -107,7 +107,7 @@ class Judged(NamedTuple):
     event_summary: pd.DataFrame
 
 
-NOT_DRAWN = no_verdict("the uncertainties were not drawn")
+NOT_DRAWN = undecided_verdict("the uncertainties were not drawn")
 
 
 def lines_of(channels, summary, n, verdict=NOT_DRAWN, nearer=""):

@@ -9,8 +9,8 @@ import pytest
 
 from validation.verdict.estimate import (
     ErrorSample,
-    between_trials,
     divide_variance,
+    draw_trial_scatter,
     estimate_errors,
     interval_by_rank,
     pooled_scale,
@@ -70,11 +70,11 @@ def test_scatter_beyond_what_is_declared_widens_the_interval_and_two_trials_are_
     rng = np.random.default_rng(4)
     own = 0.1 * rng.standard_normal((K, 1))
     trials = np.array([[-1.0], [1.0], [-1.0], [1.0], [0.0], [0.0]])
-    draws, s = between_trials(trials, own, np.array([6]), 20_000, rng)
+    draws, s = draw_trial_scatter(trials, own, np.array([6]), 20_000, rng)
     expected = np.sqrt((4.0 + 3.0 * own.var(ddof=1)) / (3 + 5) / 6)
     assert s[0] == pytest.approx(expected)
     assert draws.std() == pytest.approx(expected * np.sqrt(8 / 6), rel=0.03)  # variance of Student's t of 8
-    few, _ = between_trials(trials[:2], own, np.array([2]), 20_000, rng)
+    few, _ = draw_trial_scatter(trials[:2], own, np.array([2]), 20_000, rng)
     assert np.quantile(few, 0.975) > 2 * np.quantile(draws, 0.975)
 
 

@@ -25,7 +25,7 @@ from validation.verdict.quantities import (
     phase_masks,
     relevance_limits,
 )
-from validation.verdict.verdict import decide, format_interval, halving, no_verdict
+from validation.verdict.verdict import decide, format_interval, halving, undecided_verdict
 
 
 def table(**rows: tuple[float, float, bool]) -> pd.DataFrame:
@@ -63,7 +63,7 @@ def test_a_branch_that_a_right_model_does_not_take_differs() -> None:
 
 def test_nothing_can_be_told_without_a_quantity() -> None:
     assert decide(table(a=(-0.2, 0.3, False)).iloc[:0]) == CANNOT_TELL
-    assert no_verdict("nothing was drawn").sentence == "cannot tell: nothing was drawn."
+    assert undecided_verdict("nothing was drawn").sentence == "cannot tell: nothing was drawn."
 
 
 def row(force: float, sensors: float, parameters: float, scatter: float, n: int = 4) -> SimpleNamespace:
