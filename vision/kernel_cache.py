@@ -128,7 +128,7 @@ def cached_njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     Where no folder can be written, it is kept in memory only.
     """
 
-    def compiled(function: Callable[..., Any]) -> Any:
+    def compile_function(function: Callable[..., Any]) -> Any:
         compile_with: Any = numba.njit  # its types do not name all options
         dispatcher = compile_with(**options)(function)
         if hasattr(dispatcher, "enable_caching"):  # not so where numba is told to compile nothing
@@ -136,4 +136,4 @@ def cached_njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
                 dispatcher._cache = _VerifiedCache(function)
         return dispatcher
 
-    return compiled
+    return compile_function

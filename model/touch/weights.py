@@ -108,7 +108,7 @@ def _smooth(press: Press) -> Array:
     return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), mode="valid"))
 
 
-def _jammed(press: Press) -> NDArray[np.bool_]:
+def _find_jams(press: Press) -> NDArray[np.bool_]:
     """Samples (m,) at which a contact without a part in let-off presses noticeably."""
     normal = [press.contact_normal_n[c] for c in NO_LET_OFF if c in press.contact_normal_n]
     if not normal:
@@ -185,7 +185,7 @@ def _find_let_off(action: Action, press: Press, dip_m: float) -> tuple[float, tu
     """
     way = np.flatnonzero((press.leg == 0) & (press.dip_m >= MIDDLE[1] * dip_m))
     slipped = np.flatnonzero(slip_angle(action, press.angle_rad[way]) > SLIPPED)
-    jams, width = np.flatnonzero(_jammed(press)[way]), _window(press)
+    jams, width = np.flatnonzero(_find_jams(press)[way]), _window(press)
     end = min(slipped[0] if len(slipped) else 0, jams[0] if len(jams) else len(way))
     peak, remarks = math.nan, list[str]()
     if end >= width:
@@ -231,7 +231,7 @@ def weigh(action: Action) -> Weights:
             f"{action.origin}: key dip found {1e3 * dip:.2f} mm, allowed above 0.1; lower contact02.first.y"
         )
     faster, press = (_press(action, rest, dip, share) for share in SLOWER)
-    jammed, values, u, remarks = _jammed(press), list[float](), list[float](), list[str]()
+    jammed, values, u, remarks = _find_jams(press), list[float](), list[float](), list[str]()
     balances = [(math.nan, math.nan)] * 2
     for leg, name in enumerate(("down weight", "up weight")):
         at = _middle(press, dip, leg)

@@ -233,7 +233,7 @@ class ChannelTable:
                     "(time.same_start = true in the mapping where they did)"
                 )
 
-    def without_doubts(self, names: Collection[str]) -> ChannelTable:
+    def overrule_doubts(self, names: Collection[str]) -> ChannelTable:
         """Return the table with the values of ``names`` as they are, whatever the file states of their scale."""
         return replace(self, doubts={name: doubt for name, doubt in self.doubts.items() if name not in names})
 

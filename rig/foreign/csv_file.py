@@ -49,10 +49,10 @@ def read_text(path: Path) -> str:
             data = gzip.decompress(data)
         except (OSError, EOFError, zlib.error) as error:
             raise RigInputError(f"{path}: not a whole gzip file ({error}); fetch it again") from None
-    return decoded(data, str(path))
+    return decode_text(data, str(path))
 
 
-def decoded(data: bytes, where: str) -> str:
+def decode_text(data: bytes, where: str) -> str:
     """Return the text of ``data``; ``where`` names it in errors."""
     for mark, encoding in _MARKS:
         if data.startswith(mark):
@@ -116,7 +116,7 @@ def parse_csv(
     if names_row is not None and lines:
         lines[0] = lines[0].lstrip("# ")
     try:
-        rows = list(csv.reader(_without_comments(lines), delimiter=separator, strict=True))
+        rows = list(csv.reader(_drop_comments(lines), delimiter=separator, strict=True))
         cells = [cell for cell in rows[0] if cell.strip()] if rows and names_row is None else []
         if cells and all(_is_value(cell, decimal, thousands) for cell in cells):
             rows = [*_commented_names(lines, len(rows[0]), separator, where), *rows]
@@ -156,7 +156,7 @@ def parse_csv(
     return ChannelTable(where, columns, known, unreadable=unreadable, started=started)
 
 
-def _without_comments(lines: list[str]) -> Iterator[str]:
+def _drop_comments(lines: list[str]) -> Iterator[str]:
     return (line for line in lines if line.strip() and not line.startswith("#"))
 
 

@@ -85,7 +85,7 @@ def _plain(path: Path, file: h5py.File) -> ChannelTable:
             unreadable[name] = f"{name} is a table of {node.shape} numbers, allowed one dimension longer than 1"
             continue
         raw = (node[column] if column else node[()]).reshape(-1)
-        columns[name], doubt = _scaled(raw, dict(_numbers(node)))
+        columns[name], doubt = _apply_scale(raw, dict(_numbers(node)))
         stated, contradiction = _unit(node, column)
         units |= {name: stated} if stated else {}
         doubts |= {name: f"{name}: {doubt or contradiction}"} if doubt or contradiction else {}
@@ -120,7 +120,7 @@ def _numbers(node: h5py.Dataset) -> Iterator[tuple[str, float]]:
                 continue
 
 
-def _scaled(raw: NDArray[np.generic], stated: dict[str, float]) -> tuple[NDArray[np.float64], str]:
+def _apply_scale(raw: NDArray[np.generic], stated: dict[str, float]) -> tuple[NDArray[np.float64], str]:
     """Return the values with the scale the attributes state applied, and which of them is not known; else empty."""
     values = np.asarray(raw, dtype=np.float64)
     for key in MISSING:

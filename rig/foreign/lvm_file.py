@@ -59,7 +59,7 @@ def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
     lines = [line.rstrip("\r") for line in text.split("\n")]
     if not lines[0].startswith("LabVIEW Measurement"):
         raise RigInputError(f"{where}: not a LabVIEW measurement file; its first line must be 'LabVIEW Measurement'")
-    lines = list(_without_special(lines, where))
+    lines = list(_drop_special_blocks(lines, where))
     ends = [i for i, line in enumerate(lines) if line.startswith(END)]
     if len(ends) < 2:
         raise RigInputError(f"{where}: 0 segments, allowed from 1; the file is cut off")
@@ -71,7 +71,7 @@ def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
     return tuple(tables)
 
 
-def _without_special(lines: list[str], where: str) -> Iterator[str]:
+def _drop_special_blocks(lines: list[str], where: str) -> Iterator[str]:
     inside = False
     for line in lines:
         if line.startswith(SPECIAL):
@@ -222,15 +222,15 @@ def _table(
 ) -> ChannelTable:
     """Return a segment's channels; ``names`` and ``values`` by column."""
 
-    def of_channel(tag: str) -> dict[str, str]:
+    def read_fields(tag: str) -> dict[str, str]:
         cells = segment.fields.get(tag, [])
         return {name: cells[k - 1].strip() for k, name in names.items() if k <= len(cells) and cells[k - 1].strip()}
 
     def quantity(tag: str) -> dict[str, float]:
-        return {name: _numbers([cell], file.decimal, tag, where)[0] for name, cell in of_channel(tag).items()}
+        return {name: _numbers([cell], file.decimal, tag, where)[0] for name, cell in read_fields(tag).items()}
 
-    dimensions = set(of_channel("X_Dimension").values()) or {"Time"}
-    labels = {known(label) or "s" for label in of_channel("X_Unit_Label").values()} or {"s"}
+    dimensions = set(read_fields("X_Dimension").values()) or {"Time"}
+    labels = {known(label) or "s" for label in read_fields("X_Unit_Label").values()} or {"s"}
     if dimensions != {"Time"} or len(labels) != 1 or not labels <= set(SECONDS):
         raise RigInputError(
             f"{where}: X_Dimension {sorted(dimensions)} in {sorted(labels)}, allowed Time in one of {list(SECONDS)}"
@@ -240,7 +240,7 @@ def _table(
     if any(not step > 0 for step in steps.values()):
         raise RigInputError(f"{where}: Delta_X {sorted(steps.values())}, allowed above 0")
     columns = {name: values[k] for k, name in names.items()}
-    digits = {name: _resolution(cell) for name, cell in of_channel("Delta_X").items()}
+    digits = {name: _resolution(cell) for name, cell in read_fields("Delta_X").items()}
     if file.columns == "No":
         if set(steps) != set(columns):
             raise RigInputError(f"{where}: X_Columns is No and Delta_X is missing; the times are not known")
@@ -256,7 +256,7 @@ def _table(
             if len(time) > 1
         }
         stated = {name: clock for name, clock in found.items() if clock is not None}
-    dates, hours = of_channel("Date"), of_channel("Time")
+    dates, hours = read_fields("Date"), read_fields("Time")
     clocks = {
         name: Clock(
             clock.interval_s * SECONDS[unit],
@@ -266,7 +266,7 @@ def _table(
         )
         for name, clock in stated.items()
     }
-    units = of_channel("Y_Unit_Label")
+    units = read_fields("Y_Unit_Label")
     longest = max(times, key=len)
     if all(np.array_equal(time, longest[: time.size]) for time in times):
         columns[TIME], units[TIME] = longest.copy(), unit

@@ -153,7 +153,7 @@ class EncoderMapping(Table):
     u_scale_relative: Number = Field(default=0.0, ge=0, le=0.5)
 
     @model_validator(mode="after")
-    def _counted(self) -> EncoderMapping:
+    def _check_counter_bits(self) -> EncoderMapping:
         if self.counter_bits is not None and self.unit != "counts":
             raise ValueError(f"encoders.{self.name}.counter_bits: allowed with unit = 'counts', found {self.unit!r}")
         return self

@@ -418,7 +418,7 @@ def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
         file, separator=config.separator, decimal=config.decimal, thousands=config.thousands,
         names_row=config.names_row, skip_rows=config.skip_rows,
     )  # fmt: skip
-    segments = tuple(_shortened(table.without_doubts(config.overrule_units), config) for table in segments)
+    segments = tuple(_trim_to_shortest(table.overrule_doubts(config.overrule_units), config) for table in segments)
     if config.segments == "trials":
         return tuple(piece for table in segments for piece in _pieces(table, config))
     if len(segments) == 1:
@@ -452,7 +452,7 @@ def _difference(one: ChannelTable, other: ChannelTable, names: Sequence[str]) ->
     return ""
 
 
-def _shortened(table: ChannelTable, config: ImportMapping) -> ChannelTable:
+def _trim_to_shortest(table: ChannelTable, config: ImportMapping) -> ChannelTable:
     """Return a table that is not whole with its used channels as long as the shortest of them."""
     if not table.cut_off:
         return table
@@ -567,7 +567,7 @@ def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, 
     if encoder.unit == "counts":
         whole = np.round(values)
         if encoder.counter_bits is not None:
-            whole = _unwrapped(whole, encoder.counter_bits, f"{table.where}: {encoder.channel}")
+            whole = _unwrap_counts(whole, encoder.counter_bits, f"{table.where}: {encoder.channel}")
             values = whole + (values - np.round(values))
         if np.any(whole != values):
             row = int(np.argmax(whole != values)) + 1
@@ -596,7 +596,7 @@ def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, 
     return counts
 
 
-def _unwrapped(values: Array, bits: int, what: str) -> Array:
+def _unwrap_counts(values: Array, bits: int, what: str) -> Array:
     """Return the counts of a counter of ``bits`` bits, signed or not, without its wraps; the first stays as it is."""
     span = 2.0**bits
     outside = (values < -span / 2) | (values >= span) | ((values >= span / 2) & (values.min() < 0))

@@ -90,7 +90,7 @@ def recover(path: str | Path, out: str | Path | None = None) -> list[Recovered]:
     for file in journals.values():
         _refuse_if_in_use(file, os.O_RDWR if out is None else os.O_RDONLY)
     if out is not None:
-        copy, damaged = _copied(session, Path(out))
+        copy, damaged = _copy_session(session, Path(out))
         kept = [one for one in damaged if one.trial not in journals]  # the others are in their journals
         return kept + _recover_all(copy, journals, keep=True)
     for part in session.path.glob(".trial_*.h5.*.part"):
@@ -141,7 +141,7 @@ def _seal_again(session: Session) -> list[Recovered]:
     return found
 
 
-def _copied(session: Session, out: Path) -> tuple[Session, list[Recovered]]:
+def _copy_session(session: Session, out: Path) -> tuple[Session, list[Recovered]]:
     """Make a session of what is sealed and written in another; what cannot be read is copied under another name."""
     texts = {INFO_NAME: "", annotation_file.FILE_NAME: ""}
     for file in session.path.iterdir():

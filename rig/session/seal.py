@@ -122,7 +122,7 @@ def open_sealed(path: Path) -> Iterator[h5py.File]:
     """
     has_seal = _check_seal(path)
     try:
-        with _opened(path, has_seal) as file:
+        with _open_locked_or_not(path, has_seal) as file:
             yield file
     except RigInputError:
         raise
@@ -133,7 +133,7 @@ def open_sealed(path: Path) -> Iterator[h5py.File]:
         raise RigInputError(f"{path}: not a file of this program or version ({reason})") from error
 
 
-def _opened(path: Path, has_seal: bool) -> h5py.File:
+def _open_locked_or_not(path: Path, has_seal: bool) -> h5py.File:
     try:
         return h5py.File(path, "r")
     except OSError as error:

@@ -717,18 +717,18 @@ def let_off(motion: Motion, strike: Strike | None) -> Event:
     age = contact - motion.time_s
     near = (age > 0) & (age < FREE_FOR_S)
 
-    def beside_path(speed: float) -> Array:
+    def distance_from_path(speed: float) -> Array:
         path = speed * age + DECELERATION_M_PER_S2 * age**2 / 2
         return np.where(near, motion.hammer_way_m - path, np.nan)
 
     def off_path(speed: float) -> Array:
-        return np.abs(beside_path(speed))
+        return np.abs(distance_from_path(speed))
 
     # the deceleration of the path is part of the definition; the speed is not, and tilts it
     speed, u_speed = strike.arrival.speed, strike.arrival.u_speed
     off = off_path(speed)
     # a jack pushes the hammer from one side of its path; one that is off on the other side vibrates about it
-    swing = float(np.nanmax(np.where(age < SWINGS_S, beside_path(speed), np.nan), initial=0.0))
+    swing = float(np.nanmax(np.where(age < SWINGS_S, distance_from_path(speed), np.nan), initial=0.0))
     vibrates = swing > OFF_PATH_M
     level = OFF_PATH_M + (SWINGS_BY * swing if vibrates else 0.0)
     value, u = with_level_uncertainty(lambda level: last_fall(motion.time_s, off, level), level, motion.u_height_m)

@@ -123,8 +123,8 @@ def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: M
         forces = wrong or force_drift(m)
         forces = forces + force_stands_still(m)
         readings = encoder_readings(m, p)
-        encoders = [*readings, *_of_others(stuck_bits(m), readings)]
-        encoders += [] if wrong else _of_others(wiring(m, p) + dead(m, p) + encoder_return(m, p), readings)
+        encoders = [*readings, *_keep_other_channels(stuck_bits(m), readings)]
+        encoders += [] if wrong else _keep_other_channels(wiring(m, p) + dead(m, p) + encoder_return(m, p), readings)
         sound = not any(f.channel in ("whippen", "") for f in encoders)
         films = film_wiring(m, p, whippen_sound=sound)
         films += camera_clock(m) if sound and not films else []
@@ -226,7 +226,7 @@ def _capstan_gaps(events: SessionEvents, found: Sequence[SessionFinding]) -> lis
     return capstan_gaps({number: x for number, x in events.lifts.items() if number not in broken}, release)
 
 
-def _of_others(found: Sequence[SessionFinding], before: Sequence[SessionFinding]) -> list[SessionFinding]:
+def _keep_other_channels(found: Sequence[SessionFinding], before: Sequence[SessionFinding]) -> list[SessionFinding]:
     """Findings of channels of which nothing is said before; a gap is said of all of them."""
     said = {f.channel for f in before}
     return [] if "" in said else [f for f in found if f.channel not in said]

@@ -38,7 +38,7 @@ def let_off_way_m(
     The way ends where the hammer turns, which a string that yields moves, or where it meets the string, which another
     scale or blow distance moves: stated is what both have, the smaller one of the two.
     """
-    if not _resolved(events, model, LET_OFF_SPEED, "let_off"):
+    if not _has_fast_event(events, model, LET_OFF_SPEED, "let_off"):
         return float("nan")
     known = np.isfinite(p.angle_rad[:, 0])
     predicted = geometry.hammer_height_m(p.angle_rad[known])
@@ -57,13 +57,13 @@ def _ways(time: np.ndarray, height: np.ndarray, events: Mapping[str, Event]) -> 
 
 def check_difference_m(events: Mapping[str, Event], model: Mapping[str, Event]) -> float:
     """Height of check of the trial less that of its prediction, m; NaN where not caught, or after a soft blow."""
-    if not _resolved(events, model, CHECK_SPEED, "check_height"):
+    if not _has_fast_event(events, model, CHECK_SPEED, "check_height"):
         return float("nan")
     mine, theirs = events["check_height"].value, model["check_height"].value
     return mine - theirs if max(mine, theirs) < CHECKED_WITHIN_M else float("nan")
 
 
-def _resolved(events: Mapping[str, Event], model: Mapping[str, Event], speed: float, name: str) -> bool:
+def _has_fast_event(events: Mapping[str, Event], model: Mapping[str, Event], speed: float, name: str) -> bool:
     needed = (name, "string_impact", "hammer_speed")
     if any(e[n].status != "found" for e in (events, model) for n in needed):
         return False

@@ -28,7 +28,7 @@ class _Pictures(Film):
     def __init__(self, path: Path, n_frames: int, channel: str | None) -> None:
         self.path, self.n_frames, self._channel = path, n_frames, channel
         self._newest = NewestFrame()
-        _, first = self._decoded(0)
+        _, first = self._decode_picture(0)
         (self.height, self.width), self._type = first.shape, first.dtype
         self.bit_depth = 8 * first.dtype.itemsize
 
@@ -38,7 +38,7 @@ class _Pictures(Film):
         return self._newest.of(index, self._fitting)
 
     def _fitting(self, index: int) -> NDArray[Any]:
-        where, picture = self._decoded(index)
+        where, picture = self._decode_picture(index)
         if picture.shape != (self.height, self.width) or picture.dtype != self._type:
             raise FilmError(
                 f"{where}: {picture.shape[1]} x {picture.shape[0]} {picture.dtype}, the first picture is "
@@ -46,7 +46,7 @@ class _Pictures(Film):
             )
         return picture
 
-    def _decoded(self, index: int) -> tuple[str, NDArray[Any]]:
+    def _decode_picture(self, index: int) -> tuple[str, NDArray[Any]]:
         """Where a picture stands, and its grey values."""
         raise NotImplementedError
 
@@ -69,7 +69,7 @@ class PictureFolder(_Pictures):
         if self._files[0].suffix.lower() in JPEG_SUFFIXES:
             self.compression = Compression(jpeg_steps(self._files[0].read_bytes()))
 
-    def _decoded(self, index: int) -> tuple[str, NDArray[Any]]:
+    def _decode_picture(self, index: int) -> tuple[str, NDArray[Any]]:
         # start-up: OpenCV costs 0.12 s, MRAW films do without
         import cv2
 
@@ -83,7 +83,7 @@ class OnePicture(_Pictures):
     def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
         super().__init__(path, 1, channel)
 
-    def _decoded(self, index: int) -> tuple[str, NDArray[Any]]:
+    def _decode_picture(self, index: int) -> tuple[str, NDArray[Any]]:
         # start-up: as above
         import cv2
 
@@ -125,7 +125,7 @@ def _one_series(folder: Path, files: list[Path], allow_truncated: bool) -> list[
             VisionWarning,
             stacklevel=4,
         )
-    return _in_order(folder, kinds[series], number, allow_truncated)
+    return _sort_by_number(folder, kinds[series], number, allow_truncated)
 
 
 def _number_pattern(folder: Path, files: list[Path]) -> re.Pattern[str]:
@@ -150,7 +150,7 @@ def _number_pattern(folder: Path, files: list[Path]) -> re.Pattern[str]:
     return NUMBER
 
 
-def _in_order(folder: Path, files: list[Path], number: re.Pattern[str], allow_truncated: bool) -> list[Path]:
+def _sort_by_number(folder: Path, files: list[Path], number: re.Pattern[str], allow_truncated: bool) -> list[Path]:
     """Files of one kind by the number that grows, after a check for gaps."""
     values = {file: [int(digits) for digits in number.findall(file.stem)] for file in files}
     files = sorted(files, key=lambda file: (values[file], file.name))

@@ -93,7 +93,7 @@ class TiffFilm(Film):
         self._check_region(y0, y1, x0, x1)
         start = self._place(index)
         if start is None:
-            return self._newest.of(index, self._decoded)[y0:y1, x0:x1]
+            return self._newest.of(index, self._decode_page)[y0:y1, x0:x1]
         row = self.width * self._samples * self._type.itemsize
         data = self._file.view(start + y0 * row, start + y1 * row).view(self._type)
         return self._grey(data.reshape(y1 - y0, self.width, self._samples)[:, x0:x1])
@@ -215,7 +215,7 @@ class TiffFilm(Film):
                 "read what is whole with --allow-truncated"
             )
 
-    def _decoded(self, index: int) -> NDArray[Any]:
+    def _decode_page(self, index: int) -> NDArray[Any]:
         series, number = self._at[index]
         page, key = series.pages[number], self._key
         try:
@@ -225,12 +225,12 @@ class TiffFilm(Film):
                     picture = np.moveaxis(picture, 0, -1)
                 picture = picture.reshape(self.height, self.width, self._samples)
             else:
-                return self._by_opencv(page, index)
+                return self._decode_with_opencv(page, index)
         except (ValueError, OSError, IndexError, RuntimeError, struct.error) as error:
             raise FilmError(f"{self.path}: page {index} cannot be decoded ({error}); the film is damaged") from None
         return self._grey(picture)
 
-    def _by_opencv(self, page: tifffile.TiffPage, index: int) -> NDArray[Any]:
+    def _decode_with_opencv(self, page: tifffile.TiffPage, index: int) -> NDArray[Any]:
         # start-up: OpenCV costs 0.12 s, other films do without
         import cv2
 

@@ -191,7 +191,7 @@ def frame_times_at_rate(film: FrameSource, frame_rate_hz: float) -> F64:
         return even
     scale = 1.0 / (frame_rate_hz * spacing.interval_s)
     warnings.warn(
-        f"{film.path}: its time stamps are uneven ({in_words(spacing, first)}) and run at "
+        f"{film.path}: its time stamps are uneven ({describe_spacing(spacing, first)}) and run at "
         f"{1.0 / spacing.interval_s:.6g} frames/s, {frame_rate_hz:.6g} are stated: they keep their pattern, "
         f"times {scale:.6g}",
         VisionWarning,
@@ -223,7 +223,7 @@ def refuse_ramp(path: Path, time_s: F64) -> None:
     )
 
 
-def in_words(spacing: Spacing, first_frame: int) -> str:
+def describe_spacing(spacing: Spacing, first_frame: int) -> str:
     """What is uneven, of stamps from a frame of the film on."""
     gaps = np.flatnonzero(spacing.missing)
     if gaps.size == 0:
@@ -247,7 +247,7 @@ def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -
     if abs(frame_rate_hz - saved) <= allowed * saved:
         if multiple.max() == 1:
             return
-        words = f", and {in_words(Spacing('gaps', 1.0 / saved, multiple - 1), getattr(film, 'first_frame', 0))}"
+        words = f", and {describe_spacing(Spacing('gaps', 1.0 / saved, multiple - 1), getattr(film, 'first_frame', 0))}"
     raise FilmError(
         f"{film.path}: a rate of {frame_rate_hz:.9g} frames/s is stated, the camera's own times say "
         f"{saved:.9g}{words}; leave out the rate (--frame-rate): its own times are used"
@@ -260,7 +260,7 @@ def warn_of_uneven_times(film: FrameSource, time_s: F64) -> None:
         return
     spacing = spacing_of(time_s, 0.0)
     if spacing.missing.any():
-        words = in_words(spacing, getattr(film, "first_frame", 0))
+        words = describe_spacing(spacing, getattr(film, "first_frame", 0))
         words += ", as their times say; nothing is known of the motion there"
     elif spacing.kind == "ramp":
         words = "frames follow at a pace that changes; where it is that of play-back, give the true times"

@@ -15,6 +15,7 @@ from __future__ import annotations
 import threading
 import warnings
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -81,7 +82,7 @@ class VideoFilm(Film):
     def read(self, index: int) -> Picture:
         """Whole frame, shape (height, width), uint8 or uint16; fastest in order."""
         self._check_index(index)
-        return self._newest.of(index, self._decoded)
+        return self._newest.of(index, self._decode_frame)
 
     def close(self) -> None:
         """Close the file; frames already read stay valid."""
@@ -89,7 +90,7 @@ class VideoFilm(Film):
             self._open.pop().close()
         self._local = threading.local()
 
-    def _decoded(self, index: int) -> Picture:
+    def _decode_frame(self, index: int) -> Picture:
         decoder = getattr(self._local, "decoder", None)
         if decoder is None:
             decoder = self._local.decoder = _Decoder(self.path, self._index)
@@ -165,7 +166,7 @@ class _Decoder:
         import av
 
         try:
-            return self._standalone(number) if self._index.is_standalone else self._predicted(number)
+            return self._decode_standalone(number) if self._index.is_standalone else self._decode_in_sequence(number)
         except (av.error.FFmpegError, StopIteration, OSError, ValueError) as error:
             said = getattr(error, "strerror", None) or "it is not there"
             raise FilmError(
@@ -190,7 +191,7 @@ class _Decoder:
     def _packets_of(packets: Iterator[Any]) -> Iterator[Any]:
         return (packet for packet in packets if packet.size)
 
-    def _predicted(self, number: int) -> Any:
+    def _decode_in_sequence(self, number: int) -> Any:
         if number < self._next:
             self.close()
             self._start()
@@ -200,7 +201,7 @@ class _Decoder:
             if self._next > number:
                 return frame
 
-    def _standalone(self, number: int) -> Any:
+    def _decode_standalone(self, number: int) -> Any:
         wanted = int(self._index.packet_of[number])
         if not self._next <= wanted <= self._next + NEAR:
             self._seek(wanted)
@@ -231,12 +232,7 @@ class _Decoder:
             self.close()
             self._start()
             return
-        self._next, self._packets = landed, _after(first, packets)
-
-
-def _after(first: Any, others: Iterator[Any]) -> Iterator[Any]:
-    yield first
-    yield from others
+        self._next, self._packets = landed, chain([first], packets)
 
 
 def _bits(path: Path, pixel_format: str) -> int:

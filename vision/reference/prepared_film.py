@@ -45,7 +45,7 @@ class PreparedFilm:
     delay_frames: float = 0.0
 
     @property
-    def rectified(self) -> RectifiedFilm | None:
+    def rectified_film(self) -> RectifiedFilm | None:
         """The resampled film whose frames are tracked; None where they are tracked as they are."""
         film = self.film
         while isinstance(film, Corrected) and not isinstance(film, RectifiedFilm):

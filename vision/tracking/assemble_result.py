@@ -111,8 +111,8 @@ def _widened_table(ready: PreparedFilm, table: PoseTable, camera: Projection | N
     factor = variance_factor(ratio, table.blocks)
     if ready.skips_blocks:
         factor = factor + UNDECLARED_FACTOR**2
-    if ready.rectified is not None:
-        factor = np.maximum(factor, ready.rectified.oversampling)
+    if ready.rectified_film is not None:
+        factor = np.maximum(factor, ready.rectified_film.oversampling)
     return replace(table, covariance=widened(table.covariance, factor))
 
 
@@ -129,12 +129,12 @@ def assemble_result(
     """Angles, uncertainties and budget from the poses; ``time_s`` of all frames of the film, shape (n_frames,)."""
     film, bodies, reference = ready.film, ready.bodies, ready.reference
     # what the film was resampled by is corrected already
-    is_corrected = ready.rectified is not None and ready.rectified.projection is not None
+    is_corrected = ready.rectified_film is not None and ready.rectified_film.projection is not None
     nominal = None if is_corrected else settings.camera_model.nominal(film.width, film.height)
     table = _widened_table(ready, table, nominal)
     predicted = np.array([predicted_u_angle(t, reference.noise_grey) for t in ready.templates])
-    if ready.rectified is not None:
-        predicted *= np.sqrt(ready.rectified.oversampling)
+    if ready.rectified_film is not None:
+        predicted *= np.sqrt(ready.rectified_film.oversampling)
     u_single = zero.u_single_rad.copy()
     # a still frame agrees too well with the average it is part of, so the noise is taken from the other frames
     others = table.u_turn[table.frame >= reference.n_averaged]
@@ -165,9 +165,9 @@ def assemble_result(
     flag |= _width_flags(ready, predicted, u_angle)
     place = np.array([template.centre_px for template in ready.templates]) + table.pose[..., 1:]
     covariance = turned_covariance(table.covariance, table.pose[..., 0])
-    if ready.rectified is not None:
-        place = ready.rectified.to_film(place)
-        per_film_px = np.array([1.0, *ready.rectified.stretch])
+    if ready.rectified_film is not None:
+        place = ready.rectified_film.to_film(place)
+        per_film_px = np.array([1.0, *ready.rectified_film.stretch])
         covariance = covariance / (per_film_px[:, None] * per_film_px)
     return TrackResult(
         bodies=tuple(body.name for body in bodies),

@@ -79,7 +79,7 @@ def prepare(
         skips = skips_blocks(film, box, reference.noise_grey)
         return replace(found, skips_blocks=skips, grey_step=grey_step(film, box))
 
-    def with_delay(found: PreparedFilm) -> PreparedFilm:
+    def measure_delay(found: PreparedFilm) -> PreparedFilm:
         predicted = found.film.compression is not None and found.film.compression.steps is None
         if predicted or found.skips_blocks:
             return found  # the noise of frames predicted from others is correlated whatever the camera did
@@ -100,7 +100,7 @@ def prepare(
     elif n_still > FIRST_AVERAGED and not isinstance(film, WithoutPattern):
         first = prepared(average_still_frames(film, region, FIRST_AVERAGED))
         _warn_of_motion(first, n_still)
-    return with_delay(prepared(still))
+    return measure_delay(prepared(still))
 
 
 def _warn_of_motion(ready: PreparedFilm, n_still: int) -> None:

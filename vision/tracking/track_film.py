@@ -197,7 +197,7 @@ def _track(
         "defect_pixels": ready_defects(ready),
         "skips_blocks": ready.skips_blocks,
         "delay_frames": ready.delay_frames,
-        "pixel_aspect": 1.0 if ready.rectified is None else ready.rectified.aspect,
+        "pixel_aspect": 1.0 if ready.rectified_film is None else ready.rectified_film.aspect,
         "moving_parts": {name: asdict(parts) for name, parts in apart.items()},
     }
     with workers(threads) as crew:
@@ -237,7 +237,7 @@ def _stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSettings, u_b
         return PictureStretch(0.0, 0.0, False)
     stretch = measure_stretch(ready, table, u_before)
     if stretch.is_significant:
-        used = 1.0 if ready.rectified is None else ready.rectified.aspect
+        used = 1.0 if ready.rectified_film is None else ready.rectified_film.aspect
         warnings.warn(
             f"{ready.film.path}: bodies change their shape as they turn, as in pixels of width over height "
             f"{used * stretch.pixel_aspect:.4f} (u {2.0 * stretch.u:.4f}), not {used:g}; the error of the angles is in "

@@ -338,7 +338,7 @@ FIELDS_APART = 0.5
 def _field_order_s(ready: PreparedFilm, frame_s: float) -> float:
     """Standard uncertainty of the time of an interlaced frame's even rows, s: they are exposed first or second, which
     the file does not tell."""
-    is_field = ready.rectified is not None and ready.rectified.is_field
+    is_field = ready.rectified_film is not None and ready.rectified_film.is_field
     return FIELDS_APART * frame_s / math.sqrt(2.0) if is_field else 0.0
 
 
@@ -348,7 +348,7 @@ def _row_interpolation(ready: PreparedFilm) -> NDArray[np.float64]:
     At rest both fields show the same, so that their difference is that of the interpolation, and noise. Frame and
     reference are interpolated alike at rest and independently once the body has moved.
     """
-    film = ready.rectified
+    film = ready.rectified_film
     found = np.zeros(len(ready.templates))
     if film is None or not film.is_field:
         return found

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rig.errors import InputError, RigInputError
-from rig.foreign.csv_file import decoded, parse_csv
+from rig.foreign.csv_file import decode_text, parse_csv
 from rig.foreign.mapping import parse_mapping
 from rig.foreign.reading import read_segments
 from rig.foreign.session_import import import_session
@@ -29,8 +29,8 @@ def test_text_of_every_usual_encoding_reads_the_same(encoding, tmp_path) -> None
 
 def test_an_encoding_that_the_first_bytes_promise_is_kept_to() -> None:
     with pytest.raises(InputError, match="byte 2 is not utf-16-le text"):
-        decoded(b"\xff\xfea\x00b", "a.csv")
-    assert decoded(b"\x81\xe4", "a.csv") == "\x81ä"
+        decode_text(b"\xff\xfea\x00b", "a.csv")
+    assert decode_text(b"\x81\xe4", "a.csv") == "\x81ä"
 
 
 @pytest.mark.parametrize(
