@@ -133,7 +133,9 @@ def test_draws_give_the_difference_its_uncertainty_at_each_instant():
     assert row["u_difference_rad"] == pytest.approx(0.03, rel=0.2)
     assert row["mean_difference_rad"] == pytest.approx(0.03)
     assert row["resolved_share"] == 0.0
-    assert 0.01 < row["rmse_right_rad"] < row["rmse_right_95_rad"] < 0.12
+    assert row["rmse_right_rad"] == pytest.approx(0.03 * 0.6745, rel=0.2)  # median and 95 % of 0.03 |z|
+    assert row["rmse_right_95_rad"] == pytest.approx(0.03 * 1.96, rel=0.2)
+    assert row["rmse_right_95_rad"] < 0.1
     assert spread["hammer_difference_u95_rad"].to_numpy() == pytest.approx(1.96 * row["u_difference_rad"])
 
 
