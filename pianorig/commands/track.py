@@ -32,7 +32,6 @@ def command(
     out: Annotated[
         Path | None, typer.Option("--out", help="CSV file; default: FILM with the ending .angles.csv.")
     ] = None,
-    method: Annotated[str, typer.Option("--method", help="icgn or ecc.")] = "icgn",
     every: Annotated[int, typer.Option("--every", help="Use every N-th frame.")] = 1,
     n_still: Annotated[
         int | None, typer.Option("--n-still", min=1, help="Frames at rest at the start; default: found from the film.")
@@ -149,7 +148,6 @@ def command(
     camera = workflows.camera_of(calibration, tilt, distortion)
     workflows.check_pixel_aspect(pixel_aspect, calibration)
     fit: FitOptions = {
-        "method": method,
         "n_still": n_still,
         "camera": camera,
         "pixel_aspect": pixel_aspect,

@@ -264,7 +264,7 @@ def numbered_in_film(film: SessionFilm, result: vision.TrackResult) -> vision.Tr
 
 def _attributes(result: vision.TrackResult, every: int) -> dict[str, Any]:
     """How the angles were found and what makes up their uncertainty, as attributes of the stored table."""
-    attributes: dict[str, Any] = {"method": result.method, "every": every, "n_still": result.n_still}
+    attributes: dict[str, Any] = {"every": every, "n_still": result.n_still}
     attributes |= {f"{b}_u_common_rad": float(u) for b, u in zip(result.bodies, result.u_common_rad, strict=True)}
     attributes |= {"camera": result.budget.camera, "shutter": result.budget.shutter}
     for body, (offset, u) in result.info.get("clock_offset", {}).items():
@@ -378,7 +378,6 @@ def retrack(
             in_film = film.first_frame + np.arange(source.n_frames)
             times = make_interp_spline(table["frame"], table["time_s"], k=1)(in_film)
         options["u_time_s"] = u_time
-        options["method"] = options.get("method") or attributes.get("method", "icgn")
         if options.get("n_still") is None:
             options["n_still"] = attributes.get("n_still")
         result = vision.retrack_frames(
@@ -390,7 +389,7 @@ def retrack(
             **options,
         )
     now = _attributes(result, 1)
-    for name in ("method", "n_still", "camera", "shutter"):
+    for name in ("n_still", "camera", "shutter"):
         if attributes.get(name, now[name]) != now[name]:
             raise CommandInputError(
                 f"{film.path}: {name} is {now[name]}, the table's is {attributes[name]}; fit the frame again with "

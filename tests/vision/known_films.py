@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-import cv2
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -29,10 +27,6 @@ from vision.tracking.track_film import track_film
 HEIGHT, WIDTH = 150, 210
 PIVOT = (92.0, 96.0)
 """Where the tests put the origin of the bar."""
-ECC = pytest.param(
-    "ecc",
-    marks=pytest.mark.skipif(not hasattr(cv2, "findTransformECCWithMask"), reason="masked ECC is in OpenCV 5"),
-)
 
 
 def smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:

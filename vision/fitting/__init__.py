@@ -1,4 +1,4 @@
-"""Fit of one rigid body in one frame: templates, B-splines, the IC-GN and ECC engines, and the covariance of a pose.
+"""Fit of one rigid body in one frame: templates, B-splines, the IC-GN fit, and the covariance of a pose.
 
 In: a frame, a template and a pose to start from. Out: `vision.fitting.base.Fit`, the pose with its covariance and
 quality.

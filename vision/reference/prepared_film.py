@@ -25,7 +25,6 @@ class PreparedFilm:
     templates : list of Template
         In the order of the bodies.
     occlusion : Occlusion
-    method : {"icgn", "ecc"}
     skips_blocks : bool
         Whether its frames repeat squares of the frame before, as a codec leaves them of which the file says nothing.
     grey_step : float
@@ -39,7 +38,6 @@ class PreparedFilm:
     reference: Reference
     templates: list[Template]
     occlusion: Occlusion
-    method: str
     skips_blocks: bool = False
     grey_step: float = 1.0
     delay_frames: float = 0.0

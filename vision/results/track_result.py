@@ -53,7 +53,6 @@ class TrackResult(ArrayRecord):
     budget : ErrorBudget
         All terms of the angles' uncertainty, frame by frame.
     n_still : int
-    method : str
     film : str
     info : dict
         Counts and settings of the run.
@@ -76,7 +75,6 @@ class TrackResult(ArrayRecord):
     covariance: NDArray[np.float64]
     budget: ErrorBudget
     n_still: int
-    method: str
     film: str
     info: dict[str, Any] = field(default_factory=dict)
 

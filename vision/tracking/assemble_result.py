@@ -187,7 +187,6 @@ def assemble_result(
         covariance=covariance,
         budget=budget,
         n_still=reference.n_averaged,
-        method=ready.method,
         film=str(film.path),
         info=info,
     )

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from vision.bodies.outlines import parents_first
 from vision.film.source import FrameSource, Repeats, saturated_grey
 from vision.fitting.base import Fit, region_of
-from vision.fitting.ecc import EccFitter
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import Begun, IcgnFitter
 from vision.fitting.template import Template
@@ -45,12 +44,8 @@ class FilmTracker:
         """Put every body back to its place in the reference."""
         self.searches_before = 0  # of trackers whose work this one goes on with
         parents = self._parents
-        self._together: FrameFit | None = None
-        if self.ready.method == "ecc":
-            self.trackers = [BodyTracker(EccFitter(template)) for template in self.ready.templates]
-        else:
-            self._together = FrameFit(self.ready.templates, self.ready.occlusion, self.order, parents)
-            self.trackers = trackers_in(self._together, self._frames)
+        self._together = FrameFit(self.ready.templates, self.ready.occlusion, self.order, parents)
+        self.trackers = trackers_in(self._together, self._frames)
         for i in self.order:
             parent = parents[i]
             self.trackers[i].parent = None if parent is None else self.trackers[parent]
@@ -76,10 +71,6 @@ class FilmTracker:
             for body, pose in zip(self.trackers, expected, strict=True)
         ]
         self._frames.expect(index, [box for box in boxes if box is not None])
-        if together is None:
-            for i in self.order:
-                self._step_alone(i, index, step, search, expected)
-            return
         # in one compiled call while every body's fit is good
         together.expect(expected, boxes)
         first = boxes[self.order[0]]
@@ -119,7 +110,7 @@ class FilmTracker:
         """
         index = table.frame[rows.start : rows.stop]
         span = frames_around(self.ready.film, index)
-        if self._together is None or span is None or self._frames.newest(int(index[0])) is not None:
+        if span is None or self._frames.newest(int(index[0])) is not None:
             return 0
         together, (first, frames, n), stop = self._together, span, self._together.stop
         n_still, watched_from, line = watch

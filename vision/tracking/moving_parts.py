@@ -103,7 +103,7 @@ def _asks_for_it(table: PoseTable, i: int) -> bool:
     inlier = table.inlier[good, i]
     coherence = table.ratio[good, i, -1].max(axis=1)
     coherence = coherence[np.isfinite(coherence)]
-    ratio = float(np.median(coherence)) if coherence.size else 0.0  # the other engine does not tell
+    ratio = float(np.median(coherence)) if coherence.size else 0.0
     return bool(ratio > COHERENT or np.median(inlier) < AGREES * np.quantile(inlier, 0.75) or inlier.max() < AGREES)
 
 

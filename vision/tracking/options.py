@@ -14,7 +14,6 @@ from vision.errors import VisionInputError
 from vision.reference.rectified_film import ASPECTS
 from vision.uncertainty.budget import ErrorBudget
 
-METHODS = ("icgn", "ecc")
 CONFIRM = ("doubtful", "all", "none")
 MOST_THREADS = 64
 MAX_PIXELS = 12_000
@@ -24,7 +23,6 @@ MAX_PIXELS = 12_000
 class FitOptions(TypedDict, total=False):
     """Keywords of `retrack_frames`, described in `track`."""
 
-    method: str
     n_still: int | None
     max_pixels: int | None
     camera: CameraModel | None
@@ -55,7 +53,6 @@ def check_count(name: str, value: object) -> None:
 class FitSettings:
     """Checked `FitOptions`."""
 
-    method: str = "icgn"
     n_still: int | None = None
     max_pixels: int | None = MAX_PIXELS
     camera: CameraModel | None = None
@@ -65,8 +62,6 @@ class FitSettings:
     deinterlace: bool = False
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise VisionInputError(f"method {self.method!r} is not known; choose {' or '.join(METHODS)}")
         if not 0.0 <= self.u_time_s < np.inf:
             raise VisionInputError(f"u_time_s = {self.u_time_s!r}; needs a standard uncertainty of at least 0 s")
         if self.max_pixels is not None:

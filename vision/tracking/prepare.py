@@ -49,7 +49,6 @@ def prepare(
     bodies: Sequence[Body],
     n_still: int | None = None,
     max_pixels: int | None = MAX_PIXELS,
-    method: str = "icgn",
     each: Each = in_turn,
 ) -> PreparedFilm:
     """Average the still frames and build the bodies' templates, ``each`` on its own.
@@ -74,7 +73,7 @@ def prepare(
             range(len(bodies)),
         )
         occlusion = Occlusion(bodies, templates, distances)
-        found = PreparedFilm(film, bodies, reference, templates, occlusion, method)
+        found = PreparedFilm(film, bodies, reference, templates, occlusion)
         box = _around(region)
         skips = skips_blocks(film, box, reference.noise_grey)
         return replace(found, skips_blocks=skips, grey_step=grey_step(film, box))

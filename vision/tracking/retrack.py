@@ -52,7 +52,7 @@ def retrack_frames(
     places : sequence of dict
         Per frame: body name to (angle rad, x px, y px) from which the fit starts; every body must be named. The row
         of a good neighbour, or an estimate by eye, is near enough: 4 degrees and 4 px, backed by a wide search.
-    method, n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace
+    n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace
         As for `track`, and with the same values; the zero is found anew from the still frames.
 
     Returns
@@ -87,7 +87,7 @@ def retrack_frames(
             )
         u_stretch = stretch_before(film, settings)
         film, bodies = square_film(film, bodies, settings)
-        ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
+        ready = prepare(film, bodies, settings.n_still, settings.max_pixels)
         zero = zero_of_still_frames(ready)
 
         start: dict[int, list[NDArray[np.float64]]] = {}
@@ -121,7 +121,7 @@ def preview(
         As for `track`.
     count : int
         Frames, spread over the film up to its last.
-    method, n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace
+    n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace
         As for `track`.
 
     Returns
@@ -149,7 +149,7 @@ def preview(
             raise VisionInputError(f"{film.path}: {count} frames to preview; allowed 1..{film.n_frames - 1}")
         u_stretch = stretch_before(film, settings)
         film, bodies = square_film(film, bodies, settings)
-        ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
+        ready = prepare(film, bodies, settings.n_still, settings.max_pixels)
         chosen = np.unique(np.rint(np.linspace(0, film.n_frames - 1, count + 1)[1:]).astype(np.int64))
         walked = starts(ready, np.arange(film.n_frames), (chosen + 1).tolist())
         start = {frame: list(pose) for frame, (_, pose) in zip(chosen.tolist(), walked, strict=False)}
@@ -177,8 +177,7 @@ def _fitted(
     table = PoseTable.empty(rows, len(ready.bodies))
     for row in np.flatnonzero(np.isin(rows, list(start))).tolist():
         fit_alone(ready, table, row, start[int(rows[row])])
-    if settings.method == "icgn":
-        confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
+    confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
     result = assemble_result(ready, zero, table, time_s, settings, {what: frames.tolist()}, u_stretch=u_stretch)
     return _rows_of(result, np.searchsorted(rows, frames))
 

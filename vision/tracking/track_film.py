@@ -68,8 +68,6 @@ def track(
         Outlines on the still frames at the start of the film.
     frame_time_s : array_like, shape (n_frames,), optional
         Middle of each exposure, s; the film's own times when None.
-    method : {"icgn", "ecc"}
-        Inverse-compositional Gauss-Newton with weights (default), or OpenCV's masked ECC.
     every : int
         Track one frame out of this many; 1 by default.
     n_still : int or None
@@ -136,7 +134,7 @@ def _track(
     film, bodies = square_film(film, bodies, settings)
     threads = settings.threads or usable_threads()
     with workers(threads if several_may_read(film) else 1) as crew:
-        ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method, crew.each)
+        ready = prepare(film, bodies, settings.n_still, settings.max_pixels, crew.each)
     if settings.expected is not None:
         expected = expected_budget(
             ready, camera, settings.u_time_s, rows_per_s=settings.rows_per_s, u_stretch=u_stretch
@@ -145,14 +143,14 @@ def _track(
     frame = np.arange(0, film.n_frames, settings.every)
     checkpoint = None
     if settings.checkpoint is not None:
-        job = job_hash(film, bodies, (settings.method, settings.every, first_rows(film, frame.size)), ready.templates)
+        job = job_hash(film, bodies, (settings.every, first_rows(film, frame.size)), ready.templates)
         checkpoint = Checkpoint(settings.checkpoint, job)
     done = _both_passes(ready, frame, settings, checkpoint)
     ready, done, pattern_grey = _without_pattern(ready, done, settings)
     table = done.table
     reject_repeated(ready, table)
     doubted = residual_variance(ready, table) > PATTERN_EXCESS
-    confirmed = confirm_hidden(ready, table, doubted) if settings.method == "icgn" else 0
+    confirmed = confirm_hidden(ready, table, doubted)
     table.covariance[..., [0, 1, 2], [0, 1, 2]] += held_back(ready, table)
     _reject_hopeless(ready, table)
     if ready.skips_blocks:
@@ -290,7 +288,7 @@ def _both_passes(
     n_still = ready.reference.n_averaged
     resumed = track_forward(tracker, table, checkpoint, settings.progress, n_still, threads, at_rest)
     confirmed = confirm_backward(ready, table, settings.confirm, threads)
-    renewed = renew(ready, table) if settings.method == "icgn" else 0
+    renewed = renew(ready, table)
     return _Done(
         table,
         zeros[0],
@@ -303,7 +301,7 @@ def _without_pattern(ready: PreparedFilm, done: _Done, settings: TrackSettings) 
     grey = 0.0
 
     def prepared(film: WithoutPattern) -> PreparedFilm:
-        return prepare(film, ready.bodies, ready.reference.n_averaged, settings.max_pixels, settings.method)
+        return prepare(film, ready.bodies, ready.reference.n_averaged, settings.max_pixels)
 
     for _ in range(TRACKED_AGAIN):
         found = pattern_by_sample(ready, done.table, prepared) if pattern_is_suspected(ready, done.table) else None

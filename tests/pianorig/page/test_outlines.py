@@ -117,11 +117,11 @@ def test_a_frame_is_fitted_again_as_its_film_was_tracked(filmed: Path, writing: 
     frames = (picture + random.standard_normal((FRAMES, HEIGHT, WIDTH))).astype(np.uint8)
     write_mraw(film, frames, 2000.0, exposure_s=1e-4, start_frame=FIRST_FRAME)
     sent = {"frame": 30, "places": {}}
-    assert run("track", film, "--method", "ecc", "--every", "10", "--out", film.with_suffix(".angles.csv")) == 0
+    assert run("track", film, "--every", "10", "--out", film.with_suffix(".angles.csv")) == 0
     before, stated = Session.open(session).read_derived("angles", 1)
     assert writing.ask(f"{HERE}/frame", "POST", sent).status == 200
     after, again = Session.open(session).read_derived("angles", 1)
-    assert stated["method"] == again["method"] == "ecc" and again["retracked_frames"] == "30"
+    assert stated["every"] == again["every"] == 10 and again["retracked_frames"] == "30"
     np.testing.assert_array_equal(after["time_s"], before["time_s"])
     assert writing.ask(f"{HERE}/frame", "POST", {**sent, "frame": 20}).status == 200
     assert Session.open(session).read_derived("angles", 1)[1]["retracked_frames"] == "20, 30"

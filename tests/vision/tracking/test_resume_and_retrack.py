@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vision.tracking.passes
-from tests.vision.known_films import ECC, PIVOT, bar_motion, bar_scene, dark, error_of, film_of, same_bits
+from tests.vision.known_films import PIVOT, bar_motion, bar_scene, dark, error_of, film_of, same_bits
 from vision.errors import InputError
 from vision.results.flags import FrameFlag
 from vision.tracking.retrack import retrack_frames
@@ -21,11 +21,10 @@ class StoppedError(Exception):
     """Stands for Ctrl-C."""
 
 
-@pytest.mark.parametrize("method", ["icgn", pytest.param(*ECC.values, marks=[*ECC.marks, pytest.mark.slow])])
-def test_resumed_run_gives_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+def test_resumed_run_gives_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(vision.tracking.passes, "EVERY_ROWS", 16)
     known = film_of(bar_scene("wood"), bar_motion(70, PIVOT, 0.3))
-    whole = track_film(known.film, known.bodies, method=method)
+    whole = track_film(known.film, known.bodies)
     checkpoint = tmp_path / "unfinished.npz"
 
     def stop(done: int, total: int) -> None:
@@ -33,24 +32,24 @@ def test_resumed_run_gives_the_same_numbers(tmp_path: Path, monkeypatch: pytest.
             raise StoppedError
 
     with pytest.raises(StoppedError):
-        track_film(known.film, known.bodies, method=method, checkpoint=checkpoint, progress=stop)
+        track_film(known.film, known.bodies, checkpoint=checkpoint, progress=stop)
     assert checkpoint.exists()
     stored = checkpoint.read_bytes()
-    resumed = track_film(known.film, known.bodies, method=method, checkpoint=checkpoint)
-    assert (32 if method == "ecc" else 16) <= resumed.info["rows_resumed"] <= 37 and not checkpoint.exists()
+    resumed = track_film(known.film, known.bodies, checkpoint=checkpoint)
+    assert 16 <= resumed.info["rows_resumed"] <= 37 and not checkpoint.exists()
     same_bits(resumed, whole)
     # nothing is resumed from another job or a damaged file
     checkpoint.write_bytes(stored)
-    other = track_film(known.film, known.bodies, method=method, every=2, checkpoint=checkpoint)
+    other = track_film(known.film, known.bodies, every=2, checkpoint=checkpoint)
     assert other.info["rows_resumed"] == 0
     damages = (b"", b"no archive", stored[:1000], stored[: len(stored) // 2] + b"\0" * 99)
-    for damaged in damages if method == "icgn" else damages[3:]:  # the file is the same for both
+    for damaged in damages:
         checkpoint.write_bytes(damaged)
-        again = track_film(known.film, known.bodies, method=method, checkpoint=checkpoint)
+        again = track_film(known.film, known.bodies, checkpoint=checkpoint)
         assert again.info["rows_resumed"] == 0
         same_bits(again, whole)
     with pytest.raises(InputError, match="cannot be written"):
-        track_film(known.film, known.bodies, method=method, checkpoint=tmp_path / "absent" / "unfinished.npz")
+        track_film(known.film, known.bodies, checkpoint=tmp_path / "absent" / "unfinished.npz")
 
 
 def test_a_frame_alone_gives_what_the_film_gave() -> None:
