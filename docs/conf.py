@@ -1,7 +1,7 @@
 """Configuration of the documentation site; build it with ``python -m sphinx -W -b html docs docs/_build/html``.
 
 The reference pages of Python names, commands and parameters are written at every build by ``make_reference_pages.py``,
-so that they cannot lag behind the code (docs/explanation/house.md).
+so that they cannot lag behind the code.
 """
 
 from __future__ import annotations

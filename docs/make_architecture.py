@@ -1,4 +1,4 @@
-"""Draw one picture a package from the imports, and write what each room is for into `docs/architecture.md`.
+"""Draw one picture a package from the imports, and write what each folder is for into `docs/architecture.md`.
 
 Run after moving or adding a folder:  python docs/make_architecture.py
 A test redraws the pictures and compares, so that they cannot become outdated. An arrow points from a subpackage to one
@@ -147,7 +147,7 @@ def rooms(package: str) -> str:
     folder = ROOT / package
     lines = [f"## {package}/", "", said(folder / "__init__.py"), ""]
     lines += [f"![Subpackages of {package} and which of them import which](images/{picture(package).name})", ""]
-    lines += ["| room | what it is for |", "|---|---|"]
+    lines += ["| folder | what it is for |", "|---|---|"]
     order = [room for row in levels(imports_between(imports(), package, rooms_of(imports(), package))) for room in row]
     lines += [f"| `{room}/` | {said(folder / room / '__init__.py')} |" for room in order]
     return "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""Write `docs/results.md` from the schema of ``results.json``: every table with its columns.
+"""Write `docs/results.md` from the schema of ``results.json``: its top level and its tables.
 
 Run after changing the schema:  python docs/make_results_page.py
 The page of every field with its meaning and unit is made with the site, by ``docs/make_reference_pages.py``.
@@ -15,10 +15,9 @@ SCHEMA = Path(__file__).parents[1] / "validation" / "report" / "results.schema.j
 PAGE = Path(__file__).with_name("results.md")
 HEAD = """# results.json
 
-Beside every `report.html` stand `results.json` and, one file per table, `tables/*.csv` with the same columns. This page
-is made from the schema (JSON Schema 2020-12, `validation/report/results.schema.json`) by
-`python docs/make_results_page.py`; unit and meaning of each field stand in the schema, and in the site's page *Fields
-of results.json*. SI units and radians; angles are changes since rest, counter-clockwise; times are on the DAQ clock. A
+Beside every `report.html` stand `results.json` and, one file per table, `tables/*.csv` with the same columns. Type,
+unit and meaning of every field: JSON Schema `validation/report/results.schema.json`, and the site's page *Fields of
+results.json*. SI units and radians; angles are changes since rest, counter-clockwise; times are on the DAQ clock. A
 number that does not exist is null in JSON and an empty cell in CSV.
 
 ```python
@@ -32,10 +31,6 @@ print(scores.pivot_table("rmse_rad", ["session", "model"], "channel"))
 
 Curves stand beside it: `curves.nc` (netCDF-4; `xarray.open_dataset("curves.nc", engine="h5netcdf")`, or
 `validation.read_curves("curves.nc")` as a tidy table), and by channel `curves/*.csv` and `curves/*.json`.
-
-Changes of the schema. Version 6: table `rivals`, distance of each trial, skill of each channel. Version 5: table
-`compatible_changes` in the place of `single_changes`. Version 4: each of `results` has `outcome` and `sentence`; table
-`phases`. Version 3: scores beside a perfect model, the one test, table `single_changes`.
 """
 FIELDS = """# Fields of results.json
 
@@ -44,15 +39,20 @@ Every field of `results.json` and of `tables/*.csv`, from the schema. "unit of t
 
 
 def page(schema: dict[str, Any]) -> str:
-    """Return the text of the page: what is at the top, and the columns of each table."""
+    """Return the text of the page: what is at the top, and what a row of each table is."""
     properties = schema["properties"]
-    parts = [HEAD, "## Top level\n", _table(_flat(properties, most=1)), "## Each of `results`\n"]
-    each = [name for name, *_ in _flat(properties["results"]["items"]["properties"])]
-    parts += [", ".join(f"`{name}`" for name in each) + ".\n"]
-    for name, table in properties["tables"]["properties"].items():
-        columns = ", ".join(f"`{column}`" for column in table["items"]["properties"])
-        parts += [f"## `tables.{name}`\n", f"{table['description']}.\n", f"{columns}.\n"]
-    return "\n".join(parts)
+    rows = "\n".join(
+        f"| `{name}` | {table['description'].split('. ')[0]} |"
+        for name, table in properties["tables"]["properties"].items()
+    )
+    return "\n".join(
+        [
+            HEAD,
+            "## Top level\n",
+            _table(_flat(properties, most=1)),
+            f"## Tables\n\n| table | rows |\n|---|---|\n{rows}\n",
+        ]
+    )
 
 
 def fields(schema: dict[str, Any]) -> str:

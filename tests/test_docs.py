@@ -69,11 +69,6 @@ def test_files_named_in_a_page_exist(page: Path) -> None:
     assert not [name for name in missing if not name.startswith("docs/_build")], f"{page.name}: {missing}"
 
 
-def test_the_tables_of_the_model_are_those_of_its_parameters() -> None:
-    made = script("make_model_page")
-    assert made.PAGE.read_text(encoding="utf-8") == made.page(), "run: python docs/make_model_page.py"
-
-
 def test_every_dependency_is_listed_with_its_licence() -> None:
     made = script("make_licences_page")
     listed = re.findall(r"^\| (\S+) \| (.+?) \| (.+?) \|$", made.PAGE.read_text(encoding="utf-8"), re.MULTILINE)

@@ -4,7 +4,7 @@ Numba makes machine code of every function as soon as it is compiled, though a c
 optimised intermediate code of its callees into its own. Of the functions behind a step loop or a tracker nine in ten
 are never called from Python. ``make_machine_code_when_called`` has numba wait until somebody asks for the address of a
 function; what is made then is the same to the bit. Nothing is changed where numba has another inside than the one known
-here: then compiling only takes longer. docs/explanation/house.md.
+here: then compiling only takes longer. docs/explanation/one_text.md.
 """
 
 from __future__ import annotations

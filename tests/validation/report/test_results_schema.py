@@ -99,5 +99,11 @@ def test_the_page_is_made_from_the_schema(schema):
     page = runpy.run_path(str(ROOT / "docs" / "make_results_page.py"))["page"]
     text = page(schema)
     assert (ROOT / "docs" / "results.md").read_text(encoding="utf-8") == text
+    for name in schema["properties"]["tables"]["properties"]:
+        assert f"| `{name}` |" in text
+
+
+def test_the_site_has_every_field(schema):
+    text = runpy.run_path(str(ROOT / "docs" / "make_results_page.py"))["fields"](schema)
     for name in ("`tables.event_summary`", "`provenance.window.start_s`", "`p_joint`"):
         assert name in text
