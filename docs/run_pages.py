@@ -1,9 +1,10 @@
 """Run the Python code of tutorials and how-to guides, and write what it prints into the pages.
 
-Run after changing a page or what it shows:  python docs/run_pages.py
+Run after changing a page or what it shows:  python docs/run_pages.py [--check] [PAGE …]
 The blocks of a page run in order in an empty folder, as one program. A block marked ``python no-run`` is skipped. A
-``text`` block right after a code block is its output. A test runs every page and compares outputs, numbers aside: they
-may differ from machine to machine in their last digits.
+``text`` block right after a code block is its output. With ``--check`` outputs are compared and not written, numbers
+aside: they may differ from machine to machine in their last digits. A test does so with the tutorials, CI with all
+pages.
 """
 
 from __future__ import annotations
@@ -52,15 +53,18 @@ def outputs(text: str) -> list[str]:
 
 
 def main() -> None:
-    """Run the pages named on the command line, or all, and write their outputs."""
-    home = Path.cwd()
-    for page in [Path(name).resolve() for name in sys.argv[1:]] or pages():
+    """Run the pages named on the command line, or all; write their outputs, or check them."""
+    home, names = Path.cwd(), [name for name in sys.argv[1:] if name != "--check"]
+    for page in [Path(name).resolve() for name in names] or pages():
         with tempfile.TemporaryDirectory() as folder:
             os.chdir(folder)
             text = run(page)
             os.chdir(home)
-        page.write_text(text, encoding="utf-8")
         print(page.relative_to(DOCS))
+        if "--check" not in sys.argv:
+            page.write_text(text, encoding="utf-8")
+        elif outputs(text) != outputs(page.read_text(encoding="utf-8")):
+            raise SystemExit(f"{page}: prints something else than it shows")
 
 
 if __name__ == "__main__":
