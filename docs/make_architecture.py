@@ -147,9 +147,8 @@ def rooms(package: str) -> str:
     folder = ROOT / package
     lines = [f"## {package}/", "", said(folder / "__init__.py"), ""]
     lines += [f"![Subpackages of {package} and which of them import which](images/{picture(package).name})", ""]
-    lines += ["| folder | what it is for |", "|---|---|"]
     order = [room for row in levels(imports_between(imports(), package, rooms_of(imports(), package))) for room in row]
-    lines += [f"| `{room}/` | {said(folder / room / '__init__.py')} |" for room in order]
+    lines += [f"- `{room}/`: {said(folder / room / '__init__.py')}" for room in order]
     return "\n".join(lines) + "\n"
 
 

@@ -19,14 +19,10 @@ CLASSIFIER = "License :: OSI Approved :: "
 LONGEST = 60
 HEAD = """# Licences of dependencies
 
-piano-action-rig itself is BSD-3-Clause. Direct dependencies, with the licence that each declares in its own metadata,
-made by `python docs/make_licences_page.py`. Nothing here is distributed with this project: pip installs it. Packages
-of the groups `dev`, `docs` and `peers` are used by tests, documentation and benchmarks only. GPL packages are never
-imported at run time, with one exception: the wheel of PyAV (BSD) ships FFmpeg with GPL codecs (x264, x265); it is used
-to decode, and nothing of it is redistributed.
-
-| package | needed for | declared licence |
-| --- | --- | --- |
+piano-action-rig itself is BSD-3-Clause. Direct dependencies, what needs them, and the licence that each declares in its
+own metadata, made by `python docs/make_licences_page.py`. Nothing here is distributed with this project: pip installs
+it. GPL packages are never imported at run time, with one exception: the wheel of PyAV (BSD) ships FFmpeg with GPL
+codecs (x264, x265); it is used to decode, and nothing of it is redistributed.
 """
 
 
@@ -63,8 +59,8 @@ def page() -> str:
             stated = licence(metadata(name))
         except PackageNotFoundError:
             stated = "not installed where this page was made"
-        rows.append(f"| {name} | {', '.join(groups)} | {stated} |\n")
-    return HEAD + "".join(rows)
+        rows.append(f"- {name} ({', '.join(groups)}): {stated}\n")
+    return f"{HEAD}\n{''.join(rows)}"
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ def page(schema: dict[str, Any]) -> str:
     """Return the text of the page: what is at the top, and what a row of each table is."""
     properties = schema["properties"]
     rows = "\n".join(
-        f"| `{name}` | {table['description'].split('. ')[0]} |"
+        f"| `{name}` | {table['description'].split('. ')[0].removeprefix('One row per ')} |"
         for name, table in properties["tables"]["properties"].items()
     )
     return "\n".join(
@@ -50,7 +50,7 @@ def page(schema: dict[str, Any]) -> str:
             HEAD,
             "## Top level\n",
             _table(_flat(properties, most=1)),
-            f"## Tables\n\n| table | rows |\n|---|---|\n{rows}\n",
+            f"## Tables\n\n| table | one row per |\n|---|---|\n{rows}\n",
         ]
     )
 
