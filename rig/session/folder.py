@@ -102,7 +102,10 @@ def _read_column(dataset: h5py.Dataset) -> np.ndarray:
 
 
 INFO_NAME = "session.toml"
-FILM_SUFFIXES = (".mraw", ".cine", ".avi", ".tif", ".tiff", ".mp4", ".mov", ".mkv", ".m4v")
+FILM_SUFFIXES = (
+    *(".mraw", ".cine", ".avi", ".tif", ".tiff", ".mp4", ".mov", ".mkv", ".m4v", ".webm", ".3gp"),
+    *(".mts", ".m2ts", ".ts", ".mpg", ".mpeg", ".mxf"),
+)
 """Films that a session can hold: every format of one file that `vision.film.open` reads."""
 UNREADABLE = "unreadable"
 """Status of a trial whose file cannot be read."""

@@ -10,13 +10,16 @@ from pathlib import Path
 from vision.errors import FilmError
 from vision.film.cine_reader import CineFilm
 from vision.film.mraw import MrawFilm, take_header_beside
-from vision.film.picture_stack import PICTURE_SUFFIXES, OnePicture, PictureFolder
+from vision.film.picture_stack import PICTURE_SUFFIXES, TIFF_SUFFIXES, OnePicture, PictureFolder
 from vision.film.source import CHANNELS, Film, FrameSource
 from vision.film.tiff_reader import TiffFilm
+from vision.film.used_bits import find_white
 from vision.film.video_reader import VideoFilm
 
-TIFF_SUFFIXES = (".tif", ".tiff")
-VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v")
+VIDEO_SUFFIXES = (
+    *(".avi", ".mp4", ".mov", ".mkv", ".m4v", ".webm", ".3gp"),
+    *(".mts", ".m2ts", ".ts", ".mpg", ".mpeg", ".mxf"),
+)
 READERS: dict[str, Callable[..., Film]] = {
     **dict.fromkeys((".mraw", ".cih", ".cihx"), MrawFilm),
     ".cine": CineFilm,
@@ -34,9 +37,9 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
     Parameters
     ----------
     path : path
-        ``.mraw``, ``.cih`` or ``.cihx`` (film and header lie side by side), a Phantom ``.cine``, AVI/MP4/MOV/MKV, a
-        TIFF with one frame per page or axes (ImageJ, OME), or a folder of PNG, TIFF, BMP or JPEG pictures, read in the
-        order of the numbers in their names.
+        ``.mraw``, ``.cih`` or ``.cihx`` (film and header lie side by side), a Phantom ``.cine``, a container video
+        (AVI, MP4, MOV, MKV, WebM, MPEG, MXF), a TIFF with one frame per page or axes (ImageJ, OME), or a folder of PNG,
+        TIFF, BMP or JPEG pictures, read in the order of the numbers in their names.
     allow_truncated : bool
         Read a film that was cut short up to its last whole frame instead of refusing it.
     channel : {"red", "green", "blue"} or str, optional
@@ -76,6 +79,7 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
     film = reader(path, allow_truncated=allow_truncated, channel=channel)
     if not film.has_camera_times:
         take_header_beside(film)
+        find_white(film)
     return film
 
 

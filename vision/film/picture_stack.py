@@ -2,7 +2,8 @@
 
 OpenCV decodes one picture at a time, so memory does not grow with the film. A folder is read in the order of the
 numbers in the file names, which count negative before a trigger. These formats carry no frame rate: the caller gives
-the frame times. Pictures that cannot be decoded, or differ in size or depth from the first, raise `FilmError`.
+the frame times. Pictures that cannot be decoded, or differ in size or depth from the first, raise `FilmError`. A
+picture that its file wants turned is turned.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
-from vision.film.source import Compression, Film, NewestFrame, grey_of, jpeg_steps
+from vision.film.source import Compression, Film, NewestFrame, decode_picture, grey_of, jpeg_ends, jpeg_steps
 
-JPEG_SUFFIXES = (".jpg", ".jpeg")
-PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".bmp", *JPEG_SUFFIXES)
+JPEG_SUFFIXES, TIFF_SUFFIXES = (".jpg", ".jpeg"), (".tif", ".tiff")
+PICTURE_SUFFIXES = (".png", *TIFF_SUFFIXES, ".bmp", *JPEG_SUFFIXES)
 
 
 class _Pictures(Film):
@@ -70,11 +71,8 @@ class PictureFolder(_Pictures):
             self.compression = Compression(jpeg_steps(self._files[0].read_bytes()))
 
     def _decode_picture(self, index: int) -> tuple[str, NDArray[Any]]:
-        # start-up: OpenCV costs 0.12 s, MRAW films do without
-        import cv2
-
-        where = str(self._files[index])
-        return where, _grey(cv2.imread(where, cv2.IMREAD_UNCHANGED), where, self._channel)
+        where = self._files[index]
+        return str(where), _read_picture(where, self._channel)
 
 
 class OnePicture(_Pictures):
@@ -84,15 +82,12 @@ class OnePicture(_Pictures):
         super().__init__(path, 1, channel)
 
     def _decode_picture(self, index: int) -> tuple[str, NDArray[Any]]:
-        # start-up: as above
-        import cv2
-
-        return str(self.path), _grey(cv2.imread(str(self.path), cv2.IMREAD_UNCHANGED), str(self.path), self._channel)
+        return str(self.path), _read_picture(self.path, self._channel)
 
 
-NUMBER = re.compile(r"(?<![A-Za-z0-9])-?\d+|\d+")
+NUMBER = re.compile(r"(?<![A-Za-z0-9])[-+]?\d+|\d+")
 """A minus after a letter may be a hyphen, one after a digit is."""
-SIGNED_AFTER_LETTERS = re.compile(r"(?<![0-9])-?\d+|\d+")
+SIGNED_AFTER_LETTERS = re.compile(r"(?<![0-9])[-+]?\d+|\d+")
 CAMERA_COUNTS = re.compile(r"Img-\d{5}$")
 """As Phantom's software names pictures before the trigger."""
 
@@ -134,7 +129,7 @@ def _number_pattern(folder: Path, files: list[Path]) -> re.Pattern[str]:
     hyphened = [file for file in files if re.search(r"[A-Za-z]-\d+$", file.stem)]
     if not hyphened:
         return NUMBER
-    without = {re.sub(r"-?\d+$", "", file.stem) for file in files if file not in hyphened}
+    without = {re.sub(r"[-+]?\d+$", "", file.stem) for file in files if file not in hyphened}
     is_sign = all(CAMERA_COUNTS.search(file.stem) for file in hyphened) or any(
         re.sub(r"-\d+$", "", file.stem) in without for file in hyphened
     )
@@ -179,9 +174,29 @@ def _sort_by_number(folder: Path, files: list[Path], number: re.Pattern[str], al
     return files[: gaps[0] + 1] if gaps else files
 
 
-def _grey(picture: NDArray[Any] | None, where: str, channel: str | None) -> NDArray[Any]:
+def _read_picture(path: Path, channel: str | None) -> NDArray[Any]:
+    """Grey values of the only picture in a file."""
+    # start-up: OpenCV costs 0.12 s, MRAW films do without
+    import cv2
+
+    suffix, how = path.suffix.lower(), cv2.IMREAD_UNCHANGED
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise FilmError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if suffix in JPEG_SUFFIXES:
+        if not jpeg_ends(data):
+            raise FilmError(f"{path}: ends before its picture does; copy it again")
+        # unlike the other, it obeys the orientation
+        how = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
+    picture = decode_picture(np.frombuffer(data, np.uint8), how)
     if picture is None:
-        raise FilmError(f"{where}: cannot be decoded; the file is damaged or not a picture")
+        raise FilmError(f"{path}: cannot be decoded; the file is damaged or not a picture")
+    if suffix in TIFF_SUFFIXES and (n_pages := cv2.imcount(str(path))) > 1:
+        raise FilmError(
+            f"{path}: holds {n_pages} pictures, a folder one in each file; track each file on its own, or join them in "
+            "one TIFF"
+        )
     if picture.dtype not in (np.uint8, np.uint16):
-        raise FilmError(f"{where}: pixel type {picture.dtype}, readable are 8 and 16 bit; convert the picture")
+        raise FilmError(f"{path}: pixel type {picture.dtype}, readable are 8 and 16 bit; convert the picture")
     return grey_of(picture, channel)

@@ -71,6 +71,11 @@ def jpeg_steps(data: bytes) -> NDArray[np.float64] | None:
     return steps
 
 
+def jpeg_ends(data: bytes) -> bool:
+    """Whether a JPEG picture ends with its mark; decoders fill up what breaks off."""
+    return data.startswith(b"\xff\xd8") and data[-64:].rstrip(b"\0").endswith(b"\xff\xd9")
+
+
 COARSE_JPEG = 12.0
 """Mean quantisation step: 6 at quality 95, 11.5 at 90, 29 at 75 (tables of ITU-T T.81 annex K)."""
 
@@ -109,6 +114,22 @@ def grey_of(picture: NDArray[Any], channel: str | None) -> NDArray[Any]:
     import cv2
 
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGRA2GRAY if picture.shape[2] == 4 else cv2.COLOR_BGR2GRAY))
+
+
+def decode_picture(data: NDArray[np.uint8], how: int) -> NDArray[Any] | None:
+    """Picture of an encoded file as OpenCV decodes it, which says nothing on the terminal; None where it cannot."""
+    # start-up: as above
+    import cv2
+
+    if not data.size:
+        return None
+    logging = cv2.utils.logging
+    level = logging.getLogLevel()
+    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    try:
+        return cv2.imdecode(data, how)
+    finally:
+        logging.setLogLevel(level)
 
 
 def saturated_grey(film: FrameSource) -> int:

@@ -15,27 +15,33 @@ from __future__ import annotations
 import logging
 import os
 import struct
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.errors import FilmError
+from vision.errors import FilmError, VisionWarning
 from vision.film.mmap_window import FileWindow
-from vision.film.source import CHANNELS, Compression, Film, NewestFrame, grey_of
+from vision.film.orientation import MATRICES, turn_upright
+from vision.film.source import CHANNELS, Compression, Film, NewestFrame, decode_picture, grey_of
 
 if TYPE_CHECKING:
     import tifffile
 
+ORIENTATION = 274
 OFFSETS, COUNTS = (273, 324), (279, 325)
 """Tags of the places and sizes of strips and tiles."""
 SIZES = {3: ("H", 2), 4: ("I", 4), 16: ("Q", 8)}
 MAX_PAGES, MOST_STRIPS = 10_000_000, 65_536
 """Of a film, and of a page: a strip holds a row at least, and tiles are larger."""
-PLAIN, BY_TIFFFILE = 1, (1, 8, 32946, 32773)
-"""Compression: none, and what tifffile decodes by itself (deflate, PackBits)."""
+PLAIN, BY_TIFFFILE = 1, (1, 8, 32946, 32773, 34925)
+"""Compression: none, and what tifffile decodes by itself (deflate, PackBits, LZMA)."""
 JPEG = (6, 7)
+PACKED_BITS = (10, 12, 14)
+"""Of a page whose values follow one another without a gap; OpenCV gives them in the upper part of 16."""
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB = 0, 1, 2
 TAGS_OF_A_PAGE = {256: "I", 257: "I", 258: "H", 259: "H", 262: "H", 266: "H", 277: "H", 278: "I", 284: "H", 317: "H",
                   320: "H", 322: "I", 323: "I", 338: "H", 339: "H", 347: "B", 530: "H"}  # fmt: skip
@@ -74,10 +80,12 @@ class TiffFilm(Film):
             raise FilmError(f"{path}: cannot be decoded; the file is damaged or not a picture ({error})") from None
         self._file = FileWindow(path)
         self._newest = NewestFrame()
+        self._turned: Callable[[NDArray[Any]], NDArray[Any]] | None = None
         try:
             self._read_axes(series, channel)
             self._count_imagej(allow_truncated)
             self._end_at_last_whole(allow_truncated)
+            self._orient()
         except FilmError:
             self.close()
             raise
@@ -91,12 +99,37 @@ class TiffFilm(Film):
         """Rectangle of a frame; of uncompressed films only its rows are read."""
         self._check_index(index)
         self._check_region(y0, y1, x0, x1)
+        if self._turned is not None:
+            return self._newest.of(index, self._read_turned)[y0:y1, x0:x1]
+        return self._read_stored(index, y0, y1, x0, x1)
+
+    def _read_turned(self, index: int) -> NDArray[Any]:
+        grey = self._read_stored(index, 0, self._stored[0], 0, self._stored[1])
+        return grey if self._turned is None else self._turned(grey)
+
+    def _read_stored(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
+        """Rectangle of a frame as it lies in the file."""
         start = self._place(index)
         if start is None:
+            if self._turned is not None:
+                return self._decode_page(index)
             return self._newest.of(index, self._decode_page)[y0:y1, x0:x1]
-        row = self.width * self._samples * self._type.itemsize
+        width = self._stored[1]
+        row = width * self._samples * self._type.itemsize
         data = self._file.view(start + y0 * row, start + y1 * row).view(self._type)
-        return self._grey(data.reshape(y1 - y0, self.width, self._samples)[:, x0:x1])
+        return self._grey(data.reshape(y1 - y0, width, self._samples)[:, x0:x1])
+
+    def _orient(self) -> None:
+        """Size as shown, and what turns a stored picture."""
+        tag = self._key.tags.get(ORIENTATION)
+        matrix = MATRICES.get(tag.value) if tag is not None and isinstance(tag.value, int) else None
+        turned = None if matrix is None else turn_upright(matrix)
+        if turned is None:
+            return
+        words, is_transposed, self._turned = turned
+        if is_transposed:
+            self.height, self.width = self._stored[::-1]
+        warnings.warn(f"{self.path}: its file wants the picture {words}, which is done", VisionWarning, stacklevel=5)
 
     def _read_axes(self, series: list[Any], channel: str | None) -> None:
         """Which page is which frame."""
@@ -115,14 +148,17 @@ class TiffFilm(Film):
             raise FilmError(f"{self.path}: pixel type {kind}, readable are 8 and 16 bit; convert the picture")
         self._key = one.keyframe
         self.height, self.width, self._samples = size["Y"], size["X"], size.get("S", 1)
+        self._stored = self.height, self.width
         self.bit_depth = 8 * one.dtype.itemsize
+        if self.bit_depth == 16 and one.keyframe.bitspersample in PACKED_BITS:
+            self.bit_depth = one.keyframe.bitspersample
         self._type = np.dtype(one.dtype).newbyteorder(self._tiff.byteorder)
         outer = [(axis, count) for axis, count in zip(one.axes, one.shape, strict=True) if axis not in "YXS"]
         along = [(axis, count) for axis, count in outer if count > 1 and axis != "C"]
         if len(along) > 1:
             words = " and ".join(f"{count} along {axis}" for axis, count in along)
             raise FilmError(f"{self.path}: its pages have two axes ({words}); a film has one: save one of them")
-        chosen = self._chosen(size.get("C", 1), channel)
+        chosen = self._chosen(size.get("C", 1), channel, len(along))
         grid = np.arange(int(np.prod([count for _, count in outer], dtype=np.int64))).reshape(
             [n for _, n in outer] or [1]
         )
@@ -156,16 +192,18 @@ class TiffFilm(Film):
         self._at = [(series, page) for page in range(min(found, said))]
         self.n_frames = len(self._at)
 
-    def _chosen(self, n_channels: int, channel: str | None) -> int:
-        """Number of the channel, from 0; ``self._colour`` is the name of one of a colour picture."""
+    def _chosen(self, n_channels: int, channel: str | None, n_along: int) -> int:
+        """Number of the channel, from 0, beside ``n_along`` axes of frames; ``self._colour`` is the name of one of a
+        colour picture."""
         self._colour = channel if channel in CHANNELS else None
         is_number = channel is not None and channel.isdecimal()
         if n_channels > 1:
             if not is_number or not 1 <= int(channel or 0) <= n_channels:
                 found = "" if channel is None else f", {channel} is none"
+                only = "" if n_along else "; were they frames, save them along time"
                 raise FilmError(
                     f"{self.path}: holds {n_channels} channels{found}; choose one by its number (--channel 1 to "
-                    f"{n_channels})"
+                    f"{n_channels}){only}"
                 )
             return int(channel or 1) - 1
         if is_number and channel != "1":
@@ -177,14 +215,14 @@ class TiffFilm(Film):
     def _place(self, index: int) -> int | None:
         """Byte at which a frame lies as such; None where it has to be decoded."""
         key = self._key
-        if key.compression != PLAIN or key.bitspersample != self.bit_depth or key.photometric > RGB or key.is_tiled:
+        if key.compression != PLAIN or key.bitspersample != 8 * self._type.itemsize or key.photometric > RGB:
+            return None
+        if key.is_tiled or (self._samples > 1 and key.planarconfig != 1):
             return None
         series, page = self._at[index]
         frame_bytes = self.height * self.width * self._samples * self._type.itemsize
         if series.dataoffset is not None:
             return int(series.dataoffset) + page * frame_bytes
-        if self._samples > 1 and key.planarconfig != 1:
-            return None
         offsets, counts = self._strips(index)
         lies_together = all(a + n == b for a, n, b in zip(offsets, counts, offsets[1:], strict=False))
         return int(offsets[0]) if lies_together and sum(counts) >= frame_bytes else None
@@ -219,13 +257,16 @@ class TiffFilm(Film):
         series, number = self._at[index]
         page, key = series.pages[number], self._key
         try:
-            if key.compression in BY_TIFFFILE and key.photometric <= RGB and key.bitspersample == self.bit_depth:
+            is_whole = key.bitspersample == 8 * self._type.itemsize
+            if key.compression in BY_TIFFFILE and key.photometric <= RGB and is_whole:
                 picture = page.asarray()
                 if key.planarconfig != 1 and picture.ndim == 3:
                     picture = np.moveaxis(picture, 0, -1)
-                picture = picture.reshape(self.height, self.width, self._samples)
+                picture = picture.reshape(*self._stored, self._samples)
             else:
                 return self._decode_with_opencv(page, index)
+        except FilmError:
+            raise
         except (ValueError, OSError, IndexError, RuntimeError, struct.error) as error:
             raise FilmError(f"{self.path}: page {index} cannot be decoded ({error}); the film is damaged") from None
         return self._grey(picture)
@@ -239,11 +280,17 @@ class TiffFilm(Film):
             for at, count in zip(page.dataoffsets, page.databytecounts, strict=True)
         ]
         data = np.frombuffer(one_page(self._key, strips, self._tiff.byteorder), np.uint8)
-        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-        if picture is None or picture.shape[:2] != (self.height, self.width):
-            raise FilmError(f"{self.path}: page {index} of {self.n_frames} cannot be decoded; the film is damaged")
+        picture = decode_picture(data, cv2.IMREAD_UNCHANGED)
+        if picture is None or picture.shape[:2] != self._stored:
+            stored = f"{self._key.bitspersample} bit, compression {getattr(self._key.compression, 'name', '')}"
+            raise FilmError(
+                f"{self.path}: page {index} of {self.n_frames} ({stored}) cannot be decoded; the film is damaged, or "
+                "of a kind that is not read: save it uncompressed, of 8 or 16 bit"
+            )
         if picture.dtype not in (np.uint8, np.uint16):
             raise FilmError(f"{self.path}: pixel type {picture.dtype}, readable are 8 and 16 bit; convert the picture")
+        if self._key.bitspersample in PACKED_BITS:
+            picture = picture >> (16 - self._key.bitspersample)
         return grey_of(picture, self._colour)
 
     def _grey(self, picture: NDArray[Any]) -> NDArray[Any]:
@@ -263,7 +310,7 @@ def one_page(key: Any, strips: list[memoryview], byteorder: str) -> bytes:
     for tag in key.tags:
         if tag.code in TAGS_OF_A_PAGE:
             value = tag.value
-            values = list(value) if isinstance(value, tuple | list | bytes | np.ndarray) else [value]
+            values = np.ravel(list(value) if isinstance(value, bytes) else value).tolist()
             entries[tag.code] = (TAGS_OF_A_PAGE[tag.code], [int(one) for one in values])
     at_strips = 8 + 2 + 12 * (len(entries) + 2) + 4
     extra = b""

@@ -40,6 +40,8 @@ LEAST_RAMP, SURE_RAMP = 1.02, 3.0
 multiples: phones halve their rate in the dark, slow motion is played 4 or 8 times slower."""
 RUN = 5
 """Intervals whose median is the pace at a place: two of them may be gaps."""
+LONG = 2.0
+"""An interval of so many medians is said, though intervals are no whole multiples: frames may be missing there."""
 CLOCKS_AGREE = 1e-4
 """Quartz clocks of cameras and computers agree within 100 ppm, and rates are written with four digits at least."""
 
@@ -108,8 +110,16 @@ def spacing_of(stamp_s: F64, tick_s: float, nominal_s: float | None = None) -> S
 
 
 def _multiples(intervals: F64, tick_s: float, base_s: float) -> NDArray[np.int64] | None:
-    """Intervals as whole multiples of one; None where they are none."""
+    """Intervals as whole multiples of one that is near ``base_s``; None where they are none."""
+    single = intervals[np.rint(intervals / base_s) == 1.0]
+    if not single.size:
+        return None
+    # rounded to ticks, one alone is too coarse to count what a long gap lacks
+    base_s = float(single.mean())
     multiple = np.rint(intervals / base_s)
+    if multiple.min() >= 1.0:
+        base_s = float(intervals.sum() / multiple.sum())
+        multiple = np.rint(intervals / base_s)
     slack = max(WHOLE, min(1.001 * tick_s / base_s, 0.3))
     if multiple.min() < 1.0 or np.any(np.abs(intervals / base_s - multiple) > slack):
         return None
@@ -255,7 +265,7 @@ def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -
 
 
 def warn_of_uneven_times(film: FrameSource, time_s: F64) -> None:
-    """Say that frames are missing, or that the pace changes, where the times to be used show it (`VisionWarning`)."""
+    """Say that frames are missing, or the pace changes, where the times to be used show it (`VisionWarning`)."""
     if time_s.size < 3:
         return
     spacing = spacing_of(time_s, 0.0)
@@ -264,6 +274,12 @@ def warn_of_uneven_times(film: FrameSource, time_s: F64) -> None:
         words += ", as their times say; nothing is known of the motion there"
     elif spacing.kind == "ramp":
         words = "frames follow at a pace that changes; where it is that of play-back, give the true times"
+    elif (longest := float(np.diff(time_s).max())) > LONG * spacing.interval_s:
+        at = int(np.argmax(np.diff(time_s))) + getattr(film, "first_frame", 0)
+        words = (
+            f"frames follow unevenly: {1e3 * longest:.4g} ms after frame {at}, {1e3 * spacing.interval_s:.4g} ms in "
+            "the median; nothing is known of the motion between"
+        )
     else:
         return
     warnings.warn(f"{film.path}: {words}", VisionWarning, stacklevel=4)

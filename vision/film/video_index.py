@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError
-from vision.film.source import jpeg_segments
+from vision.film.source import jpeg_ends, jpeg_segments
 from vision.film.time_scale import Spacing, spacing_of
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ LIMITED_RANGE = 1
 """FFmpeg's code of luma between 16 and 235."""
 STANDALONE = frozenset(["ffv1", "png"])
 """Not listed by FFmpeg as coding every frame alone, but they do when all packets are key frames."""
+COARSE_TICK = 0.02
+"""Of a frame's time: at 1,000/s a tick of 20 us, a standard uncertainty of 6 us."""
 HELD = 8
 """Indices kept, so that opening a film again within a command decodes nothing twice."""
 
@@ -39,7 +41,7 @@ NO_JPEG = "frame {} is not a whole JPEG picture of {} x {}; export the film agai
 def jpeg_is_whole(data: bytes, width: int, height: int) -> bool:
     """Whether a JPEG ends with its mark and states a film's size, or half its rows (a field): a decoder would fill up
     what breaks off, and allocate for any size."""
-    if not (data.startswith(b"\xff\xd8") and data[-64:].rstrip(b"\0").endswith(b"\xff\xd9")):
+    if not jpeg_ends(data):
         return False
     for kind, at in jpeg_segments(data):
         if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC) and at + 5 <= len(data):
@@ -124,10 +126,25 @@ def open_container(path: Path) -> av.container.InputContainer:
     if not container.streams.video:
         container.close()
         raise FilmError(f"{path}: cannot be decoded; it holds no video")
-    if container.streams.video[0].codec_context is None:
+    if choose_video(container).codec_context is None:
         container.close()
         raise FilmError(f"{path}: cannot be decoded; its codec is not known to FFmpeg")
     return container
+
+
+def choose_video(container: av.container.InputContainer) -> Any:
+    """The video of a container that is the film: the largest, the first of these; a title picture only alone."""
+    return max(container.streams.video, key=_size_as_film)
+
+
+def _size_as_film(stream: Any) -> int:
+    # start-up: as above
+    import av
+
+    context = stream.codec_context
+    if context is None or stream.disposition & av.stream.Disposition.attached_pic:
+        return 0
+    return int(context.width) * int(context.height)
 
 
 def _said(error: Exception) -> str:
@@ -148,15 +165,20 @@ def index_of(path: Path, allow_truncated: bool) -> VideoIndex:
 @lru_cache(maxsize=HELD)
 def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIndex:
     with open_container(path) as container:
-        stream: Any = container.streams.video[0]
+        stream = choose_video(container)
         packets = _demux(path, container, stream)
         context = stream.codec_context
         n_shown = sum(packets.shown)
         damage = _what_is_missing(container, stream, packets)
         codec = context.codec
         remarks = []
-        if len(container.streams.video) > 1:
-            remarks.append(f"holds {len(container.streams.video)} videos, of which the first is read")
+        videos = [one for one in container.streams.video if _size_as_film(one)]
+        if len(videos) > 1:
+            sizes = ", ".join(f"{one.codec_context.width} x {one.codec_context.height}" for one in videos)
+            remarks.append(
+                f"holds {len(videos)} videos ({sizes}), of which number {videos.index(stream) + 1}, the largest, is "
+                "read"
+            )
         cut_off = packets.n_discarded
         if cut_off:
             kept = len(packets.shown) - cut_off
@@ -181,6 +203,7 @@ def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIn
         states_rate = is_avi or "matroska" in container.format.name
     is_counted = is_standalone or facts["is_lossless"]
     first, pts, is_interlaced, undecoded = _decode(path, is_counted, packets.first)
+    damage = damage or undecoded
     if is_counted:
         order = _shown_order(packets, is_avi)
         stamps = [(packets.dts if is_avi else packets.pts)[k] for k in order]
@@ -190,8 +213,19 @@ def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIn
             remarks.append(f"{n_shown} stored frames decode to {len(pts)}")
         # an AVI has no stamps but the places of its chunks, which decoders mix up with the order of prediction
         shown_dts = [dts for dts, shown in zip(packets.dts, packets.shown, strict=True) if shown]
-        stamps = sorted(shown_dts) if is_avi and len(pts) == n_shown and None not in shown_dts else pts  # type: ignore[type-var]  # no None
-    stamp_s, spacing = _times(path, stamps, facts["tick_s"], 1.0 / rate if states_rate and rate > 0.0 else None)
+        if is_avi and None not in shown_dts and (len(pts) == n_shown or (damage and len(pts) < n_shown)):
+            stamps = sorted(shown_dts)[: len(pts)]  # type: ignore[type-var]  # no None
+        else:
+            stamps = pts
+    try:
+        stamp_s, spacing = _times(stamps, facts["tick_s"], 1.0 / rate if states_rate and rate > 0.0 else None)
+    except FilmError as error:
+        # damage is the cause, not the stamps
+        raise FilmError(f"{path}: {damage or f'{error}; export the film again'}") from None
+    if spacing is not None and spacing.kind == "variable" and facts["tick_s"] > COARSE_TICK * spacing.interval_s:
+        remarks.append(
+            f"its time stamps are rounded to {1e3 * facts['tick_s']:g} ms, and so are the times of its frames"
+        )
     if spacing is not None and spacing.interval_s < 0.99 * facts["tick_s"]:
         remarks.append(
             f"its time stamps are rounded to {1e3 * facts['tick_s']:g} ms, and a frame lasts "
@@ -210,7 +244,7 @@ def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIn
         rate_hz=1.0 / spacing.interval_s if spacing is not None else (rate if 0.0 < rate < 1e9 else None),
         is_interlaced=is_interlaced or context_is_interlaced(context),
         remarks=tuple(remarks),
-        damage=damage or undecoded,
+        damage=damage,
     )
 
 
@@ -267,7 +301,7 @@ def _what_is_missing(container: Any, stream: Any, packets: _Packets) -> str:
         spare_s = container.duration * 1e-6 - (max(pts) - min(pts)) * tick_s
         # the last frame lasts as long as the longest before it, and stamps are rounded
         longest_s = float(np.diff(np.sort(pts)).max()) * tick_s
-        others = any(other.type != "video" for other in container.streams)
+        others = len(container.streams) > 1
         if spare_s > 2.0 * longest_s + 4.0 * tick_s and not others and min(pts) * tick_s < longest_s + tick_s:
             return (
                 f"lasts {container.duration * 1e-6:.6g} s by its header, but its frames end {spare_s:.3g} s earlier; "
@@ -284,10 +318,11 @@ def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[Any, list[int | 
     pts: list[int | None] = []
     first, is_interlaced, damage = None, False, ""
     with open_container(path) as container:
-        stream: Any = container.streams.video[0]
+        stream = choose_video(container)
         context = stream.codec_context
         if not is_counted:
-            stream.thread_type = "AUTO"
+            # with several threads FFmpeg reports the damage of a frame in some runs only
+            context.thread_count = 1
         elif context.name == "mjpeg" and not jpeg_is_whole(head, context.width, context.height):
             raise FilmError(f"{path}: {NO_JPEG.format(0, context.width, context.height)}")
         try:
@@ -327,19 +362,20 @@ def _seek_ticks(packets: _Packets, is_avi: bool) -> NDArray[np.int64]:
 
 
 def _times(
-    path: Path, stamps: list[int | None], tick_s: float, nominal_s: float | None
+    stamps: list[int | None], tick_s: float, nominal_s: float | None
 ) -> tuple[NDArray[np.float64] | None, Spacing | None]:
     """Stamps from the first on, s, and how they are spaced; None where the file has none."""
     if len(stamps) < 2 or any(at is None for at in stamps) or len(set(stamps)) == 1:
         return None, None
     ticks = np.array(stamps, dtype=np.int64)
     stamp_s = (ticks - ticks[0]) * tick_s
-    try:
-        spacing = spacing_of(stamp_s, tick_s, nominal_s)
-    except FilmError as error:
-        raise FilmError(f"{path}: {error}; export the film again") from None
+    spacing = spacing_of(stamp_s, tick_s, nominal_s)
     if spacing.kind == "even":
         stamp_s = np.arange(ticks.size) * spacing.interval_s
+    elif spacing.kind == "gaps":
+        whole_s = np.concatenate([[0.0], np.cumsum(1.0 + spacing.missing)]) * spacing.interval_s
+        # what is off them is the rounding of the stamps, or else that of the camera's clock
+        stamp_s = whole_s if np.ptp(stamp_s - whole_s) <= 2.0 * tick_s else stamp_s
     return stamp_s, spacing
 
 

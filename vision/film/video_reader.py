@@ -23,10 +23,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
+from vision.film.orientation import Picture, turn_upright
 from vision.film.source import Compression, Film, NewestFrame, grey_of, jpeg_compression
-from vision.film.video_index import NO_JPEG, VideoIndex, index_of, is_limited, jpeg_is_whole, key_of, open_container
+from vision.film.video_index import (
+    NO_JPEG,
+    VideoIndex,
+    choose_video,
+    index_of,
+    is_limited,
+    jpeg_is_whole,
+    key_of,
+    open_container,
+)
 
-Picture = NDArray[Any]
 PACKED_LUMA = {"yuyv422": 0, "yvyu422": 0, "uyvy422": 1}
 """First byte of luma in formats that store it between the colours."""
 NEAR = 16
@@ -62,7 +71,7 @@ class VideoFilm(Film):
         if channel is not None and index.pixel_format.startswith(("gray", "mono")):
             raise FilmError(f"{path}: is a grey film; leave the channel ({channel}) out")
         if channel is not None:
-            self.bit_depth = 8
+            self.bit_depth = 8 if self.bit_depth == 8 else 16
         elif index.is_limited:
             self.white_grey = 235 << (self.bit_depth - 8)
         self._orient(index)
@@ -122,7 +131,7 @@ class VideoFilm(Film):
         self._turned: Callable[[Picture], Picture] | None = None
         if index.display_matrix is None:
             return
-        turned = _turn(index.display_matrix)
+        turned = turn_upright(index.display_matrix)
         if turned is None:
             raise FilmError(
                 f"{self.path}: is to be shown turned by an angle that is no multiple of 90 deg; export it as taken"
@@ -176,7 +185,7 @@ class _Decoder:
 
     def _start(self) -> None:
         self._container = open_container(self._path)
-        self._stream = self._container.streams.video[0]
+        self._stream = choose_video(self._container)
         if self._index.is_standalone:
             # damage of one frame concerns no other
             self._stream.codec_context.options = {"err_detect": "crccheck+bitstream+buffer+explode"}
@@ -243,18 +252,24 @@ def _bits(path: Path, pixel_format: str) -> int:
     if pixel_format.startswith("bayer"):
         raise FilmError(f"{path}: holds the raw mosaic of a colour sensor ({pixel_format}); export grey or colour")
     form = av.VideoFormat(pixel_format)
-    return 8 if form.is_rgb or not form.components else max(8, int(form.components[0].bits))
+    bits = max([8, *(int(one.bits) for one in form.components[:1])])
+    # colours of more bits are widened to 16
+    return 16 if form.is_rgb and bits > 8 else bits
+
+
+def _colours(frame: Any) -> Picture:
+    """Blue, green and red of a decoded frame, (height, width, 3), of 16 bit where it has more than 8."""
+    if int(frame.format.components[0].bits) > 8:
+        return np.ascontiguousarray(frame.to_ndarray(format="rgb48le")[..., ::-1])
+    return np.asarray(frame.to_ndarray(format="bgr24"))
 
 
 def _grey(frame: Any, channel: str | None) -> Picture:
     """Grey values of a decoded frame; where they lie as such, without a copy."""
     form = frame.format
     name, height, width = form.name, frame.height, frame.width
-    if channel is not None:
-        return grey_of(frame.to_ndarray(format="bgr24"), channel)
-    if form.is_rgb and name != "pal8":
-        colour = frame.to_ndarray(format="bgr24")
-        return grey_of(colour, None)
+    if channel is not None or (form.is_rgb and name != "pal8"):
+        return grey_of(_colours(frame), channel)
     plane = frame.planes[0]
     is_upright = plane.line_size > 0
     if name in PACKED_LUMA and is_upright:
@@ -269,20 +284,3 @@ def _grey(frame: Any, channel: str | None) -> Picture:
     rows = np.frombuffer(plane, "<u2").reshape(-1, plane.line_size // 2)[:height, :width]
     # the formats of hardware decoders have their bits in the upper half
     return rows >> (16 - bits) if name.startswith(("p0", "p2", "p4")) else rows
-
-
-def _turn(matrix: tuple[int, int, int, int]) -> tuple[str, bool, Callable[[Picture], Picture] | None] | None:
-    """Words, whether rows become columns, and the turn of a display matrix; None for one that is no right angle.
-
-    A stored point (x, y) is shown at (a x + c y, b x + d y).
-    """
-    a, b, c, d = (int(np.sign(value)) for value in matrix)
-    if a and d and not b and not c:
-        if a > 0 and d > 0:
-            return "as it is", False, None
-        words = {(-1, -1): "turned by 180 deg", (-1, 1): "mirrored", (1, -1): "mirrored top to bottom"}[a, d]
-        return words, False, lambda grey: grey[::d, ::a]
-    if b and c and not a and not d:
-        words = {(1, -1): "turned clockwise", (-1, 1): "turned counter-clockwise"}.get((b, c), "turned and mirrored")
-        return words, True, lambda grey: grey.T[::b, ::c]
-    return None

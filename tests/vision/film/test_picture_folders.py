@@ -84,3 +84,27 @@ def test_the_working_folder_is_a_film(tmp_path: Path, monkeypatch: pytest.Monkey
     assert np.abs(table["bar_rad"] - angles).max() < np.radians(0.05)
     assert run("track", "/", "--bodies", "../b.toml") == 2
     assert "/: is no film" in capsys.readouterr().err  # type: ignore[attr-defined]
+
+
+def test_a_file_of_several_pictures_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "f").mkdir()
+    for k in range(3):
+        assert cv2.imwritemulti(
+            str(tmp_path / "f" / f"{k}.tif"), [np.full((6, 9), 10 * k + i, np.uint8) for i in range(4)]
+        )
+    with pytest.raises(FilmError, match=r"0\.tif: holds 4 pictures"):
+        open_film(tmp_path / "f")
+
+
+def test_a_jpeg_that_breaks_off_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "f"
+    write(folder, [f"{k}.jpg" for k in range(4)])
+    data = (folder / "2.jpg").read_bytes()
+    (folder / "2.jpg").write_bytes(data[:-40])
+    with open_film(folder) as film, pytest.raises(FilmError, match=r"2\.jpg: ends before its picture"):
+        film.read(2)
+
+
+def test_a_plus_is_a_sign(tmp_path: Path) -> None:
+    write(tmp_path / "f", [f"Img{i:+06d}.png" for i in range(-4, 5)])
+    assert order(tmp_path / "f") == list(range(9))

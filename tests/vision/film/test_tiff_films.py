@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import pytest
 import tifffile
 
 from tests.command_line import run
-from vision.errors import FilmError
+from vision.errors import FilmError, VisionWarning
 from vision.film.open import open_film
+from vision.film.source import saturated_grey
 
 FRAMES = np.random.default_rng(8).integers(0, 4096, (7, 18, 26), dtype=np.uint16)
 OTHER = FRAMES[::-1].copy()
@@ -83,11 +85,12 @@ def test_an_imagej_stack_with_one_directory_has_all_its_frames(tmp_path: Path) -
 
 @pytest.mark.parametrize("compression", [None, "zlib"])
 @pytest.mark.parametrize("planar", ["contig", "separate"])
-def test_colour_pages(tmp_path: Path, compression: str | None, planar: str) -> None:
+@pytest.mark.parametrize("is_one_series", [True, False])
+def test_colour_pages(tmp_path: Path, compression: str | None, planar: str, is_one_series: bool) -> None:
     colour = np.random.default_rng(2).integers(0, 256, (5, 18, 26, 3), dtype=np.uint8)
     stored = colour if planar == "contig" else np.moveaxis(colour, -1, 1)
     with tifffile.TiffWriter(tmp_path / "f.tif") as file:
-        for page in stored:
+        for page in [stored] if is_one_series else stored:
             file.write(page, photometric="rgb", planarconfig=planar, compression=compression, metadata=None)
     for k, channel in enumerate(("red", "green", "blue")):
         with open_film(tmp_path / "f.tif", channel=channel) as film:
@@ -127,3 +130,74 @@ def test_the_command_asks_for_a_channel(tmp_path: Path, capsys: pytest.CaptureFi
     outlines.write_text('[[body]]\nname = "all"\npolygon_px = [[4, 4], [22, 4], [22, 14], [4, 14]]\n')
     assert run("track", str(path), "--bodies", str(outlines), "--frame-rate", "100") == 2
     assert "choose one by its number (--channel 1 to 2)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("orientation", range(2, 9))
+@pytest.mark.parametrize("compression", [None, "zlib"])
+def test_a_picture_is_turned_as_its_tag_wants(tmp_path: Path, orientation: int, compression: str | None) -> None:
+    """TIFF 6.0, page 36: the sides of the scene on which the first row and the first column lie."""
+    path = tmp_path / "f.tif"
+    tifffile.imwrite(
+        path, FRAMES, photometric="minisblack", compression=compression, extratags=[(274, 3, 1, orientation, True)]
+    )
+    upright = {
+        2: FRAMES[:, :, ::-1],
+        3: FRAMES[:, ::-1, ::-1],
+        4: FRAMES[:, ::-1],
+        5: FRAMES.swapaxes(1, 2),
+        6: np.rot90(FRAMES, -1, (1, 2)),
+        7: FRAMES[:, ::-1, ::-1].swapaxes(1, 2),
+        8: np.rot90(FRAMES, 1, (1, 2)),
+    }[orientation]
+    with pytest.warns(VisionWarning, match="wants the picture .*which is done"):
+        film = open_film(path)
+    with film:
+        assert (film.n_frames, film.height, film.width) == upright.shape
+        np.testing.assert_array_equal(film.read(3), upright[3])
+        np.testing.assert_array_equal(film.read_region(5, 2, 9, 3, 11), upright[5, 2:9, 3:11])
+
+
+@pytest.mark.parametrize("compression", [None, "lzma"])
+def test_a_palette_gives_its_colours(tmp_path: Path, compression: str | None) -> None:
+    level = np.arange(256, dtype=np.uint16)[::-1] * 257
+    grey = (FRAMES >> 4).astype(np.uint8)
+    tifffile.imwrite(tmp_path / "f.tif", grey, photometric="palette", colormap=np.stack([level] * 3))
+    with open_film(tmp_path / "f.tif") as film:
+        np.testing.assert_array_equal(film.read(2), 255 - grey[2])
+    tifffile.imwrite(tmp_path / "g.tif", grey, photometric="minisblack", compression=compression)
+    with open_film(tmp_path / "g.tif") as film:
+        np.testing.assert_array_equal(film.read(2), grey[2])
+
+
+def write_12_bit(path: Path, frames: np.ndarray) -> None:
+    """Pages whose values follow one another without a gap, two in three bytes."""
+    n, height, width = frames.shape
+    data, directories = bytearray(b"II*\0" + bytes(4)), 4
+    for frame in frames:
+        pairs = frame.reshape(-1, 2)
+        packed = np.stack([pairs[:, 0] >> 4, (pairs[:, 0] & 15) << 4 | pairs[:, 1] >> 8, pairs[:, 1] & 255], -1)
+        tags = {256: width, 257: height, 258: 12, 259: 1, 262: 1, 273: len(data), 277: 1, 278: height, 279: packed.size}
+        data += packed.astype(np.uint8).tobytes()
+        data[directories : directories + 4] = struct.pack("<I", len(data))
+        data += struct.pack("<H", len(tags)) + b"".join(struct.pack("<HHII", tag, 4, 1, tags[tag]) for tag in tags)
+        directories = len(data)
+        data += bytes(4)
+    path.write_bytes(data)
+
+
+def test_packed_12_bit_has_its_white(tmp_path: Path) -> None:
+    write_12_bit(tmp_path / "f.tif", FRAMES)
+    with open_film(tmp_path / "f.tif") as film:
+        assert film.bit_depth == 12
+        np.testing.assert_array_equal(film.read(4), FRAMES[4])
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14])
+@pytest.mark.parametrize("is_high", [False, True])
+def test_white_of_fewer_bits_in_either_end_of_16_is_known(tmp_path: Path, bits: int, is_high: bool) -> None:
+    frames = np.minimum(FRAMES.astype(np.int64) * 5 * 2**bits // 16384, 2**bits - 1)
+    frames <<= (16 - bits) * is_high
+    tifffile.imwrite(tmp_path / "f.tif", frames.astype(np.uint16), photometric="minisblack")
+    with open_film(tmp_path / "f.tif") as film:
+        assert saturated_grey(film) == frames.max()
+        np.testing.assert_array_equal(film.read(4), frames[4])

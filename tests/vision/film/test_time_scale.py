@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 
 from vision.errors import FilmError, VisionInputError, VisionWarning
 from vision.film.source import ArrayFilm
-from vision.film.time_scale import frame_times_at_rate, spacing_of
+from vision.film.time_scale import frame_times_at_rate, spacing_of, warn_of_uneven_times
 
 GAP = np.r_[0:30, 40:70]
 
@@ -120,3 +122,28 @@ def test_stamps_that_go_back_are_refused() -> None:
     coarse = np.floor(GAP / 2400.0 / 1e-3) * 1e-3
     with pytest.raises(FilmError, match="at 1 ms too coarse to tell which frames are missing"):
         spacing_of(coarse, 1e-3)
+
+
+@pytest.mark.parametrize(("rate", "tick"), [(240.0, 1e-3), (120.0, 1e-3), (960.0, 1 / 12800), (5000.0, 1 / 90_000)])
+@pytest.mark.parametrize("seed", range(5))
+def test_frames_left_out_are_counted_in_rounded_stamps(rate: float, tick: float, seed: int) -> None:
+    """Rounding makes the usual interval 4 % too short here, so that a long gap would be half a frame off."""
+    rng = np.random.default_rng(seed)
+    places = np.arange(300)
+    for at in (40, 170):
+        places[at:] += rng.integers(8, 40)
+    spacing = spacing_of(np.rint(places / rate / tick + rng.uniform()) * tick, tick)
+    assert spacing.kind == "gaps"
+    np.testing.assert_array_equal(spacing.missing, np.diff(places) - 1)
+    assert abs(spacing.interval_s * rate - 1.0) < 2.0 * tick * rate / 300
+
+
+def test_a_long_interval_that_is_no_multiple_is_said() -> None:
+    film = ArrayFilm(np.zeros((40, 4, 5), np.uint8))
+    times = np.cumsum(np.random.default_rng(5).uniform(0.8, 1.25, 40)) * 1e-3
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_of_uneven_times(film, times)
+    times[25:] += 0.0037
+    with pytest.warns(VisionWarning, match=r"unevenly: 4\.\d+ ms after frame 24"):
+        warn_of_uneven_times(film, times)

@@ -194,3 +194,84 @@ def test_a_video_cut_short_is_refused_or_read_on_request(tmp_path: Path, name: s
     with film:
         assert 10 < film.n_frames < 60
         film.read(film.n_frames - 1)
+
+
+def add_video(file: Any, codec: str, frames: np.ndarray, pixels: str, rate: int) -> Any:
+    stream: Any = file.add_stream(codec, rate=rate)
+    stream.height, stream.width, stream.pix_fmt = *frames[0].shape, pixels
+    return stream
+
+
+@pytest.mark.parametrize("ending", ["mkv", "mov", "mp4"])
+def test_a_small_video_before_the_film_is_not_taken_for_it(tmp_path: Path, ending: str) -> None:
+    frames, path = film_at(ALL)[:9], tmp_path / f"f.{ending}"
+    small = np.full((4, 32, 48), 90, np.uint8)
+    with av.open(str(path), "w") as file:
+        streams = [add_video(file, "libx264", some, "yuv444p", 25) for some in (small, frames)]
+        for stream, some in zip(streams, (small, frames), strict=True):
+            stream.options = {"qp": "0"}
+            for grey in some:
+                file.mux(stream.encode(av.VideoFrame.from_ndarray(grey, format="gray").reformat(format="yuv444p")))
+            file.mux(stream.encode())
+    film, said = read(path)
+    with film:
+        assert (film.n_frames, film.height, film.width) == frames.shape
+        assert any("2 videos (48 x 32, 172 x 120), of which number 2, the largest" in line for line in said)
+
+
+@pytest.mark.parametrize(("pixels", "bits"), [("gbrp10le", 10), ("gbrp12le", 12), ("rgb48le", 16), ("gbrp16le", 16)])
+def test_colours_of_more_than_8_bits_keep_them(tmp_path: Path, pixels: str, bits: int) -> None:
+    """A ramp of all values of 10 bit: in 8 bits a quarter of its steps would be left."""
+    ramp = (np.arange(1024).reshape(16, 64) << (bits - 10)).astype(np.uint16)
+    path = tmp_path / "f.mkv"
+    with av.open(str(path), "w") as file:
+        stream = add_video(file, "ffv1", ramp[None], pixels, 500)
+        for _ in range(3):
+            colours = np.repeat(ramp[..., None] << (16 - bits), 3, axis=-1)
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(colours, format="rgb48le").reformat(format=pixels)))
+        file.mux(stream.encode())
+    for channel in (None, "green"):
+        with open_film(path, channel=channel) as film:
+            assert np.all(np.diff(film.read(1).ravel().astype(int)) > 0)
+            np.testing.assert_allclose(film.read(1) / 2.0**film.bit_depth, ramp / 2.0**bits, atol=1e-3)
+
+
+def test_the_times_around_a_gap_are_not_rounded(tmp_path: Path) -> None:
+    """240 frames/s in stamps of 1 ms."""
+    path = write_video(tmp_path / "f.mkv", film_at(GAP), stamps=GAP, rate=240)
+    film, said = read(path)
+    with film:
+        np.testing.assert_allclose(film.frame_time_s, GAP / 240.0, rtol=4e-3, atol=0)
+        assert np.ptp(np.diff(film.frame_time_s)[:20]) < 1e-9
+        assert not any("rounded" in line for line in said)
+
+
+def test_a_damaged_avi_is_called_damaged(tmp_path: Path) -> None:
+    """Predicted frames in an AVI have no stamps of their own: what is missing must not be taken for bad stamps."""
+    path = write_video(tmp_path / "f.avi", film_at(ALL), "libx264", pixels="yuv444p", rate=100, options={"bf": "3"})
+    data = path.read_bytes()
+    path.write_bytes(data[: int(0.7 * len(data))])
+    with pytest.raises(FilmError, match="cut short"):
+        open_film(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        film = open_film(path, allow_truncated=True)
+    with film:
+        np.testing.assert_allclose(film.frame_time_s, np.arange(film.n_frames) / 100.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("ending", ["webm", "ts", "mts", "mpg", "3gp", "mxf"])
+def test_containers_of_camcorders_and_the_web_are_read(tmp_path: Path, ending: str) -> None:
+    codec, options = {
+        "webm": ("libvpx-vp9", {"lossless": "1"}),
+        "mpg": ("mpeg2video", {"b": "40M"}),
+        "mxf": ("mpeg2video", {"b": "40M"}),
+    }.get(ending, ("libx264", {"crf": "1", "bf": "2"}))
+    frames = film_at(ALL)[25:45]
+    film, _ = read(write_video(tmp_path / f"f.{ending}", frames, codec, pixels="yuv420p", rate=25, options=options))
+    with film:
+        assert film.n_frames == 20
+        np.testing.assert_allclose(film.frame_time_s, np.arange(20) / 25.0, atol=1e-4)
+        for k in (0, 19, 11):
+            shown = [np.corrcoef(film.read(k).ravel(), other.ravel())[0, 1] for other in frames]
+            assert int(np.argmax(shown)) == k
