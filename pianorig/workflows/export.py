@@ -8,7 +8,7 @@ from pianorig.console.column_file import make_folder, write_columns
 from pianorig.errors import CommandInputError
 from pianorig.workflows.force_input import read_driving_force
 from rig import Session, Trial
-from rig.foreign.export import FORMATS, export_trial
+from rig.session.trial_export import FORMATS, export_trial
 
 FORCE = "force"
 FORMS = (*FORMATS, FORCE)

@@ -38,12 +38,12 @@ class DrivingForce:
         return model.rest_state(action, force_n=self.preload_n, scene=model.build_scene(action, scene))
 
 
-TABLE_ENDINGS = (".lvm", ".tdms", ".h5", ".hdf5", ".txt", ".gz")
+TABLE_ENDINGS = (".lvm", ".tdms", ".h5", ".hdf5", ".nc", ".mat", ".txt", ".tsv", ".dat", ".asc", ".prn", ".gz")
 """Files that are tables with the channels ``time_s`` and ``force_n`` in another format than CSV."""
 
 
 def read_driving_force(path: Path, column: str = "force_n", mapping: Path | None = None) -> DrivingForce:
-    """Read a table (CSV, LVM, TDMS, HDF5), a sealed trial (``.h5``), or a recording that a mapping explains.
+    """Read a table (a file that an import reads), a sealed trial (``.h5``), or a recording that a mapping explains.
 
     The force of a trial, and of a recording with a mapping, is corrected as in a comparison: offset, mains hum and
     group delay are taken off, the preload of the arm stays. That of a table is taken as it is.
@@ -55,11 +55,14 @@ def read_driving_force(path: Path, column: str = "force_n", mapping: Path | None
     rig.RigInputError : a file or mapping that cannot be used, or a trial altered since it was sealed
     """
     if mapping is None and path.suffix.lower() not in TABLE_ENDINGS:
-        return DrivingForce(*model.read_force_table(path, column))
+        try:
+            return DrivingForce(*model.read_force_table(path, column))
+        except model.InputError as problem:
+            if path.suffix.lower() != ".csv" or not path.is_file():
+                raise
+            return _read_recording(path, column, problem)
     if mapping is None and not _is_trial(path):
-        from rig.foreign.reading import read_force  # start-up: h5py costs 0.1 s that a CSV table does not need
-
-        return DrivingForce(*model.check_force_table(*read_force(path, column), str(path), column))
+        return _read_recording(path, column)
     if column != "force_n":
         raise CommandInputError(f"{path}: a trial records a force, this scene is driven by {column}; give a CSV table")
     # start-up: pandas and h5py cost 0.4 s that a table does not need
@@ -86,6 +89,23 @@ def read_driving_force(path: Path, column: str = "force_n", mapping: Path | None
     except TrialError as problem:
         raise CommandInputError(f"{path}: {problem}") from None
     return DrivingForce(*model.check_force_table(force.time_s, force.force_n, str(path)), info.preload_n)
+
+
+def _read_recording(path: Path, column: str, problem: Exception | None = None) -> DrivingForce:
+    """Read the channels ``time_s`` and ``column`` of a recording; ``problem`` is why it is no plain table."""
+    # start-up: h5py costs 0.1 s that a CSV table does not need
+    from rig.errors import RigInputError
+    from rig.foreign.reading import read_force
+
+    try:
+        return DrivingForce(*model.check_force_table(*read_force(path, column), str(path), column))
+    except RigInputError as error:
+        if path.suffix.lower() in (".h5", ".hdf5", ".tdms") or not path.is_file():
+            raise
+        raise CommandInputError(
+            f"{problem or error}; for other names, separators or units: pianorig info {path} --propose lab.toml, then "
+            "--mapping lab.toml"
+        ) from None
 
 
 def _is_trial(path: Path) -> bool:

@@ -20,7 +20,7 @@ from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable, known
 from rig.foreign.csv_file import parse_csv, read_text
 from rig.foreign.mapping import NEWTONS, parse_mapping
-from rig.foreign.reading import SUFFIXES, read_segments
+from rig.foreign.reading import SUFFIXES, TEXT, read_segments
 from rig.foreign.sample_times import SECONDS, TIME_NAMES, typical_interval
 from rig.foreign.session_import import COUNTER_BITS, has_wraps, make_trial
 
@@ -80,20 +80,21 @@ def recording_facts(path: Path, out: Path | None = None) -> dict[str, Any]:
 
 def is_recording(path: Path) -> bool:
     """Whether a path is a file that an import could read, by the ending of its name."""
-    return path.is_file() and path.name.lower().endswith(SUFFIXES + (".txt.gz",))
+    return path.is_file() and path.name.lower().endswith(SUFFIXES)
 
 
 def _read(path: Path) -> tuple[tuple[ChannelTable, ...], dict[str, Any]]:
     """Return the tables of a file, and how its text is written where it is CSV."""
-    if not path.name.lower().removesuffix(".gz").endswith((".csv", ".txt")):
+    if not path.name.lower().removesuffix(".gz").endswith(TEXT):
         return read_segments(path), {}
     text = read_text(path)
     head = "\n".join(text.splitlines()[: MOST_LINES_ABOVE + 40])
     best: tuple[tuple[int, int], dict[str, Any]] | None = None
     for (separator, decimal), thousands in product(
-        ((",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (" ", ".")), ("", ".", ",", " ", "'")
+        ((",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (" ", "."), (",", ",")),
+        ("", ".", ",", " ", "'"),
     ):
-        if thousands in (separator, decimal) or (thousands and best and best[0][1] == 0):
+        if thousands == decimal or (thousands and best and best[0][1] == 0):
             continue
         for row in (None, *range(1, 1 + min(MOST_LINES_ABOVE, head.count("\n")))):
             found = {"separator": separator, "decimal": decimal, "thousands": thousands, "names_row": row}
@@ -124,23 +125,29 @@ def _rate(table: ChannelTable, name: str) -> str:
     size = table.channels[name].size
     if name in table.clocks:
         return f"{1.0 / table.clocks[name].interval_s:.6g}"
-    times = _time_column(table)
+    times = _time_column(table, name)
     if times is None or table.channels[times].size != size or size < 2:
         return "not stated"
-    interval_s = typical_interval(table.channels[times]) * SECONDS[known(table.units.get(times, "")) or "s"]
+    interval_s = typical_interval(table.channels[times]) * SECONDS.get(known(table.units.get(times, "")) or "s", 0.0)
     return f"{1.0 / interval_s:.6g}" if interval_s > 0 else "not stated"
 
 
-def _time_column(table: ChannelTable) -> str | None:
-    """Return the channel of times: by its name, or the first with a unit of time."""
-    of_name = [name for name in table.channels if TIME_NAMES.fullmatch(name)]
-    of_unit = [name for name in table.channels if known(table.units.get(name, "")) in SECONDS]
+def _time_column(table: ChannelTable, beside: str) -> str | None:
+    """Return the channel of times of another one's group: by its name, or the first with a unit of time."""
+    group = beside.rpartition("/")[0]
+    names = sorted(table.channels, key=lambda name: name.rpartition("/")[0] != group)
+    of_name = [name for name in names if TIME_NAMES.fullmatch(name) or TIME_NAMES.fullmatch(name.rpartition("/")[2])]
+    of_unit = [name for name in names if known(table.units.get(name, "")) in SECONDS]
     return next(iter([*of_name, *of_unit]), None)
 
 
-def _channel(table: ChannelTable, what: str, taken: list[str]) -> str | None:
-    """Return the channel that is a force or the angle of a body, by its unit first, then by its name."""
-    units = {name: known(table.units.get(name, "")) for name in table.channels if name not in taken}
+def _channel(table: ChannelTable, what: str, taken: list[str], group: str = "") -> str | None:
+    """Return the channel that is a force or the angle of a body, by its unit first, then by its name.
+
+    One that cannot be read is found as well, so that what is wrong with it is said. Those of ``group`` come first.
+    """
+    names = sorted((*table.channels, *table.unreadable), key=lambda name: name.rpartition("/")[0] != group)
+    units = {name: known(table.units.get(name, "")) for name in names if name not in taken}
     if what == "force":
         found = [name for name, unit in units.items() if unit in NEWTONS]
         if found:
@@ -154,11 +161,11 @@ def _channel(table: ChannelTable, what: str, taken: list[str]) -> str | None:
 def _proposal(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> dict[str, Any]:
     """Return the text of a mapping for the first table, and why it does not import where it does not."""
     table = tables[0]
-    time = None if table.clocks else _time_column(table)
-    force = _channel(table, "force", [time or "", *table.computed])
+    force = _channel(table, "force", [*table.computed])
+    time = None if force is None or table.clocks else _time_column(table, force)
     if force is None:
         return {"mapping": "none: no channel has a unit of force or a name like force, load, Kraft"}
-    encoders = _encoders(table, [time or "", force, *table.computed])
+    encoders = _encoders(table, [time or "", force, *table.computed], force.rpartition("/")[0])
     absent = [body for body in COUNTS_PER_REVOLUTION if body not in encoders]
     settings = {**text_format, **({"segments": "trials"} if len(tables) > 1 else {})}
     settings |= {"absent_encoders": absent} if absent else {}
@@ -191,22 +198,23 @@ def _text(value: str) -> str:
     return dump_toml({"x": value}).strip().removeprefix("x = ")
 
 
-def _encoders(table: ChannelTable, taken: list[str]) -> dict[str, tuple[str, str]]:
+def _encoders(table: ChannelTable, taken: list[str], group: str) -> dict[str, tuple[str, str]]:
     """Return channel and unit of each body's encoder that a name tells."""
     found: dict[str, tuple[str, str]] = {}
     for body in COUNTS_PER_REVOLUTION:
-        name = _channel(table, body, taken)
+        name = _channel(table, body, taken, group)
         if name is None:
             continue
         taken = [*taken, name]
-        values = table.channels[name]
+        values = table.channels.get(name, np.zeros(1))
         unit = known(table.units.get(name, "")) or ("counts" if np.all(values == np.round(values)) else "rad")
         found[body] = name, unit
     return found
 
 
 def _wraps(table: ChannelTable, channel: str, unit: str, bits: int) -> bool:
-    return unit == "counts" and has_wraps(table.channels[channel].astype(np.int64), bits)
+    values = table.channels.get(channel, np.zeros(1))
+    return unit == "counts" and bool(np.isfinite(values).all()) and has_wraps(values.astype(np.int64), bits)
 
 
 def _time_lines(table: ChannelTable, time: str | None) -> list[str]:

@@ -17,10 +17,21 @@ from numpy.typing import NDArray
 
 from rig.arrays import as_numbers
 from rig.errors import RigInputError
-from rig.foreign.sample_times import JITTER, SECONDS, TIME_NAMES, Clock, check_times, even_interval, find_breaks
+from rig.foreign.sample_times import (
+    JITTER,
+    SAMPLE_NAMES,
+    SECONDS,
+    TIME_NAMES,
+    Clock,
+    check_times,
+    even_interval,
+    find_breaks,
+    is_mostly_even,
+)
 
 SYNONYMS = {
     "n": "N", "newton": "N", "newtons": "N", "mn": "mN", "millinewton": "mN", "millinewtons": "mN", "kn": "kN",
+    "kilonewton": "kN", "kilonewtons": "kN",
     "dan": "daN", "dyn": "dyn", "kp": "kp", "ozf": "ozf", "lbf": "lbf", "pound-force": "lbf", "kgf": "kgf", "gf": "gf",
     "v": "V", "volt": "V", "volts": "V", "mv": "mV", "mv/v": "mV/V", "kg": "kg", "g": "g", "lb": "lb", "lbs": "lb",
     "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "rad": "rad", "radian": "rad", "radians": "rad",
@@ -31,19 +42,28 @@ SYNONYMS = {
 }  # fmt: skip
 SILENT = ("", "-", "1", "none", "default si unit")
 """Texts in the place of a unit that state none."""
-_TAIL = re.compile(r"^(?P<name>.*\S)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]$")
+_UNIT_IN_NAME = re.compile(
+    r".*\S(\s*[(\[](?P<bracket>[^()\[\]]*)[)\]]|(\s*/\s+|\s+/\s*|\s+in\s+)(?P<word>\S+)"
+    r"|[_/](?P<tail>N|V|(?i:mn|kn|dan|kp|lbf|kgf|gf|mv|deg|rad|mrad|counts|ticks|ms|us|µs|ns)))"
+)
+"""Places of a unit in a name; after ``_`` or ``/`` without a space only what is no word that names a channel."""
 
 
 def known(text: str) -> str | None:
     """Return the unit a text states: ours for a known spelling, else the text itself; None where none is stated."""
-    stated = text.strip()
+    stated = text.partition(" since ")[0].strip()  # "seconds since 1970-01-01" of CF are seconds
     return None if stated.lower() in SILENT else SYNONYMS.get(stated.lower(), stated)
 
 
-def of_name(name: str) -> str:
-    """Return the known unit in brackets at the end of a channel's name, ``Force (N)``; empty where there is none."""
-    found = _TAIL.match(name)
-    unit = found["unit"].strip() if found else ""
+def unit_in_name(name: str) -> str:
+    """Return the known unit at the end of a channel's name: ``Force (kN)``, ``F / kN``, ``F in kN``, ``force_kN``.
+
+    Empty where there is none.
+    """
+    found = _UNIT_IN_NAME.fullmatch(name.strip())
+    if found is None:
+        return ""
+    unit = (found["bracket"] or found["word"] or found["tail"] or "").strip()
     return unit if unit.lower() in SYNONYMS else ""
 
 
@@ -62,6 +82,7 @@ def _is_value(cell: str, decimal: str) -> bool:
     return cell not in SILENT
 
 
+_TIME_WORDS = re.compile(r"time|zeit|temps|tiempo|tempo|tijd|stamp|clock", re.IGNORECASE)
 _GROUPED = r"[+-]?[1-9]\d{0,2}(%s\d{3})+(?![\d%s])"
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 _PLAIN = frozenset("0123456789+-.eE ")
@@ -74,7 +95,7 @@ def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
 
     ``thousands``: sign between groups of three digits, which must be whole groups.
     """
-    text = cell.strip()
+    text = cell.strip().replace("\u2212", "-")  # the minus sign of Swedish and typeset numbers
     for alike in _ALIKE.get(thousands, ""):
         text = text.replace(alike, thousands)
     if thousands and thousands in text:
@@ -129,7 +150,7 @@ class ChannelTable:
         The file, for messages.
     channels : mapping of name to ndarray, shape (n,)
         Lengths may differ from channel to channel.
-    units : mapping of name to unit text, where the file gives one
+    units : mapping of name to unit text, where the file gives one, or the channel's name holds one
     clocks : mapping of name to Clock, where the file gives one
     unreadable : mapping of name to what is wrong with that channel
         Refused when it is used.
@@ -153,6 +174,10 @@ class ChannelTable:
     computed: tuple[str, ...] = ()
     cut_off: str = ""
     started: str = ""
+
+    def __post_init__(self) -> None:
+        of_names = {name: unit for name in self.channels if (unit := unit_in_name(name))}
+        object.__setattr__(self, "units", of_names | dict(self.units))
 
     def channel(self, name: str) -> NDArray[np.float64]:
         """Return one channel; RigInputError when it is missing or holds a value that is not finite."""
@@ -233,25 +258,40 @@ class ChannelTable:
                     "(time.same_start = true in the mapping where they did)"
                 )
 
-    def overrule_doubts(self, names: Collection[str]) -> ChannelTable:
-        """Return the table with the values of ``names`` as they are, whatever the file states of their scale."""
-        return replace(self, doubts={name: doubt for name, doubt in self.doubts.items() if name not in names})
+    def overrule(self, names: Collection[str], ignored: Collection[str]) -> ChannelTable:
+        """Return the table with the values of ``names`` as they are, and without clocks of ``ignored`` properties."""
+        return replace(
+            self,
+            doubts={name: doubt for name, doubt in self.doubts.items() if name not in names},
+            clocks={name: clock for name, clock in self.clocks.items() if clock.source not in ignored},
+        )
 
-    def time_columns(self, size: int, interval_s: float, ignored: Collection[str]) -> dict[str, NDArray[np.float64]]:
-        """Return the recorded columns of ``size`` sample times, s, by name.
+    def time_columns(
+        self, names: Sequence[str], interval_s: float, ignored: Collection[str]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return the recorded columns of the sample times of ``names``, s.
 
-        A column is one by its name, or by its unit where it rises about as samples every ``interval_s`` do.
+        A column is one by its name, or by its unit where it rises about as samples every ``interval_s`` do. A column of
+        another unit or none that rises evenly, as a number of the sample does, is one by its name or as the first.
         """
+        size = self.channel(names[0]).size
+        group = names[0].rpartition("/")[0]
         found = {}
-        for name, values in self.channels.items():
-            named = TIME_NAMES.fullmatch(name)
-            unit = known(self.units.get(name, "")) or (named and (named["unit"] or "s"))
-            if name in ignored or name in self.computed or unit not in SECONDS or values.size != size or size < 2:
+        for k, (path, values) in enumerate(self.channels.items()):
+            name = path.rpartition("/")[2]
+            if path in (*names, *ignored, *self.computed) or values.size != size or size < 2:
                 continue
-            time_s = values * SECONDS[unit]
-            typical = float(np.median(np.diff(time_s)))
-            if np.isfinite(time_s).all() and (named or abs(typical - interval_s) < 0.1 * interval_s):
-                found[name] = time_s
+            of_own_group = f"{group}/{name}"
+            if not np.isfinite(values).all() or (of_own_group in self.channels and path != of_own_group):
+                continue
+            named = TIME_NAMES.fullmatch(name) or TIME_NAMES.fullmatch(path)
+            unit = known(self.units.get(path, "")) or (named and (named["unit"] or "s"))
+            step = float(np.median(np.diff(values)))
+            if unit in SECONDS:
+                if named or abs(step * SECONDS[unit] - interval_s) < 0.1 * interval_s:
+                    found[path] = values * SECONDS[unit]
+            elif interval_s > 0 and (k == 0 or SAMPLE_NAMES.search(name)) and is_mostly_even(values):
+                found[path] = values * (interval_s / step)
         return found
 
     def check_rate(self, names: Sequence[str], interval_s: float, ignored: Collection[str] = ()) -> None:
@@ -261,10 +301,16 @@ class ChannelTable:
             raise RigInputError(
                 f"{self.where}: sample interval {stated.interval_s:g} s by the file itself, the mapping or a column of "
                 f"times says {interval_s:g} s"
+                + (f'; time.ignore = ["{stated.source}"] in the mapping where the file is wrong' * bool(stated.source))
             )
-        size = self.channel(names[0]).size
-        for name, time_s in self.time_columns(size, interval_s, [*names, *ignored]).items():
+        for name, time_s in self.time_columns(names, interval_s, ignored).items():
             check_times(time_s, interval_s, f"{self.where}: {name}")
+        for name, reason in self.unreadable.items():
+            if name not in ignored and (TIME_NAMES.fullmatch(name) or _TIME_WORDS.search(name)):
+                raise RigInputError(
+                    f"{self.where}: {reason}; times that cannot be compared with the rate are named in time.ignore of "
+                    "the mapping"
+                )
 
     def cut(self, time_s: NDArray[np.float64], interval_s: float) -> list[ChannelTable]:
         """Return the pieces between breaks of the times, (n,); channels of other lengths are left out of them."""

@@ -1,11 +1,11 @@
 """CSV: one row of names, optionally one of units, then one row per sample; ``#`` lines and empty lines are skipped.
 
 Separator, decimal sign and sign between thousands are given, never guessed. Names may stand on a stated line, below
-lines that are skipped, or in the ``#`` lines directly above the numbers, as numpy.savetxt writes them. A unit may also
-stand in brackets after a name, ``Force (N)``; the name keeps it. A column of clock times (``10:15:00.0002``, ISO 8601
-date and time) becomes seconds after its first row, whose date tells when the recording began. A row that is too short
-or long is refused with its number (from 1 below the names), a column with a cell that is not a number when that column
-is used.
+lines that are skipped, or in the ``#`` lines directly above the numbers, as numpy.savetxt writes them. A column
+of clock times (``10:15:00.0002``, with or without a date) becomes seconds after its first row; a date of ISO 8601 tells
+when the recording began, any other must stay the same, because its order of day and month is not known. Rows of empty
+cells at the end are left out. A row that is too short or long is refused with its number (from 1 below the names), a
+column with a cell that is not a number when that column is used.
 
 Text is UTF-8, UTF-16 with or without its mark, or the western Latin-1 of Windows. Numbers are ASCII in all of them; an
 encoding guessed wrongly could only garble a name or a unit, which the mapping would then not find.
@@ -21,7 +21,7 @@ import gzip
 import re
 import zlib
 from collections.abc import Iterator
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from rig.atomic_write import refused
 from rig.errors import RigInputError
-from rig.foreign.channel_table import ChannelTable, is_units_row, number, numbers, of_name, shown
+from rig.foreign.channel_table import ChannelTable, is_units_row, number, numbers, shown
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -123,8 +123,12 @@ def parse_csv(
     except csv.Error as error:
         raise RigInputError(f"{where}: not a CSV file ({error})") from None
     names = [name.strip() for name in rows[0]] if rows else []
-    units = [of_name(name) for name in names]
+    units = [""] * len(names)
     first = 1
+    while rows and not any(cell.strip() for cell in rows[-1]):  # spreadsheets write them for formatted empty cells
+        rows.pop()
+    if len(rows) > 1 and all(len(row) == len(names) + 1 and not row[-1].strip() for row in rows[1:]):
+        rows[1:] = [row[:-1] for row in rows[1:]]  # a separator at the end of each row but that of the names
     if len(rows) > 1 and len(rows[1]) == len(names) and is_units_row(rows[1], decimal):
         units = [cell.strip().strip("()[]").strip() or unit for cell, unit in zip(rows[1], units, strict=True)]
         first = 2
@@ -146,7 +150,8 @@ def parse_csv(
             unreadable[name] = f"{names.count(name)} columns are named {name!r}; names must be unique"
         elif name:
             try:
-                columns[name], clock = _column([row[k] for row in rows[first:]], decimal, thousands, first)
+                cells = [row[k] for row in rows[first:]]
+                columns[name], clock = _column(cells, decimal, thousands, first)
                 units[k] = "s" if clock else units[k]
                 if clock is not None and clock.year > UNDATED:
                     started = started or clock.isoformat()
@@ -165,7 +170,7 @@ def _is_value(cell: str, decimal: str, thousands: str) -> bool:
     try:
         number(cell, decimal, thousands)
     except ValueError:
-        return _clock_time(cell, decimal) is not None
+        return _clock_time(cell) is not None
     return True
 
 
@@ -185,43 +190,66 @@ def _commented_names(lines: list[str], width: int, separator: str, where: str) -
 
 def _column(cells: list[str], decimal: str, thousands: str, first: int) -> tuple[NDArray[np.float64], datetime | None]:
     """Numbers of a column; the first of clock times, None for plain numbers."""
-    started = _clock_time(cells[0], decimal)
-    if started is None:
+    begin = _clock_time(cells[0])
+    if begin is None:
         try:
             return numbers(cells, decimal, thousands), None
         except ValueError as error:
             i, cell = error.args
-        raise ValueError(f"row {first + i}: found {shown(cell)}, allowed a number{_advice(cell, decimal, thousands)}")
+        advice = _advice(cell, decimal, thousands)
+        raise ValueError(f"row {first + i}: found {shown(cell)}, allowed a number{advice}")
     values = np.empty(len(cells))
+    started, date = begin
     for i, cell in enumerate(cells):
-        read = _clock_time(cell, decimal)
+        read = _clock_time(cell)
         try:
-            values[i] = np.nan if read is None else (read - started).total_seconds()
+            if read is None or read[1] != date:
+                raise TypeError
+            values[i] = (read[0] - started).total_seconds()
         except TypeError:  # one with a zone, one without
-            read = None
-        if read is None:
-            raise ValueError(f"row {first + i}: found {shown(cell)}, allowed a time like the first")
+            raise ValueError(f"row {first + i}: found {shown(cell)}, allowed a time like the first") from None
     return values, started
 
 
 def _advice(cell: str, decimal: str, thousands: str) -> str:
     """Return what the mapping can say so that a cell is a number; empty where nothing helps."""
-    for sign in (".", ",", " ", "'"):
-        if sign != decimal and not thousands:
-            try:
-                number(cell, decimal, sign)
-            except ValueError:
-                continue
-            return f' (the mapping can say thousands = "{sign}")'
-    return ""
+    settings = [(sign, thousands) for sign in ".," if sign != decimal]
+    settings += [(decimal, sign) for sign in (".", ",", " ", "'") if sign != decimal and not thousands]
+    helpful = []
+    for mark, sign in settings:
+        try:
+            number(cell, mark, sign)
+        except ValueError:
+            continue
+        helpful.append(f'thousands = "{sign}"' if mark == decimal else f'decimal = "{mark}"')
+    return f" (the mapping can say {' or '.join(helpful)})" if helpful else ""
 
 
-def _clock_time(cell: str, decimal: str) -> datetime | None:
-    """A time of day, on an arbitrary date, or a date and time; None for anything else."""
-    text = cell.strip().replace(decimal, ".")
+_TIME_OF_DAY = re.compile(
+    r"(?P<date>[\d./-]+,?[ T]+)?((?P<hour>\d{1,2}):)?(?P<minute>\d{1,2}):(?P<second>\d\d)([.,:](?P<fraction>\d+))?"
+    r" ?(?P<half>[AP]M)?",
+    re.IGNORECASE,
+)
+
+
+def _clock_time(cell: str) -> tuple[datetime, str] | None:
+    """A date and time of ISO 8601, or a time of day and the text of its date; None for anything else."""
+    text = cell.strip()
     if ":" not in text:
         return None
-    try:
-        return datetime.fromisoformat(text if "-" in text or "/" in text else f"{UNDATED}-01-01T{text}")
-    except ValueError:
+    found = _TIME_OF_DAY.fullmatch(text)
+    if found is None or "-" in (found["date"] or ""):
+        try:
+            return datetime.fromisoformat(text), ""
+        except ValueError:
+            pass
+    if found is None:
         return None
+    hour = int(found["hour"] or 0)
+    if found["half"]:
+        hour = hour % 12 + 12 * (found["half"].lower() == "pm")
+    second = float(f"{found['second']}.{found['fraction'] or 0}")
+    if hour > 23 or int(found["minute"]) > 59 or second >= 61:
+        return None
+    day = datetime(UNDATED, 1, 1, hour, int(found["minute"]))
+    return day + timedelta(seconds=second), found["date"] or ""

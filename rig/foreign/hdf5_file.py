@@ -2,33 +2,36 @@
 
 A trial gives ``force_n`` (less its mean before the blow), ``motor_command_v`` and the angles in rad; its seal is
 checked first. Other files carry no checksum: what the HDF5 library cannot read is refused. A channel is a dataset of
-one dimension longer than 1, or a column of a table of named columns. A dataset's attribute ``units`` or ``unit`` is its
-unit. ``scale_factor`` and ``add_offset`` (CF), ``conversion`` and ``offset`` (NWB), ``_FillValue`` and
-``missing_value`` are applied; another number that looks like a scale is a doubt. NWB's ``starting_time`` beside a
-dataset ``data`` is its clock.
+one dimension longer than 1, or a column of a table of named columns. ``scale_factor`` and ``add_offset`` (CF),
+``conversion`` and ``offset`` (NWB), ``_Unsigned``, ``_FillValue`` and ``missing_value`` of a dataset are applied; what
+else its attributes, and those of its groups, may say of unit, scale and rate is in `stated_properties`. NWB's
+``starting_time`` beside a dataset ``data`` is its clock.
 """
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigInputError
-from rig.foreign.channel_table import ChannelTable, known
+from rig.foreign.channel_table import ChannelTable
 from rig.foreign.sample_times import Clock
+from rig.foreign.stated_properties import (
+    find_clock,
+    find_scale_doubt,
+    find_scale_doubt_of_groups,
+    find_unit,
+    scale_numbers,
+    text_of,
+)
 from rig.session.sealed_trial import SCHEMA, read_trial
 
 FACTORS, OFFSETS, MISSING = ("scale_factor", "conversion"), ("add_offset", "offset"), ("_FillValue", "missing_value")
-_SCALE_NAMES = re.compile(
-    r".*(scale|scaling|gain|slope|sensitivity|conversion|multipl|factor|calib|offset|intercept).*"
-)
-"""Names of attributes that change what a number means."""
 
 
 def read_hdf5(path: Path) -> ChannelTable:
@@ -63,97 +66,110 @@ def read_hdf5(path: Path) -> ChannelTable:
 
 def _plain(path: Path, file: h5py.File) -> ChannelTable:
     found: list[tuple[str, str, h5py.Dataset, str]] = []
+    outer: dict[str, dict[str, Any]] = {"/": _properties(file)}
 
     def take(name: str, node: h5py.Group | h5py.Dataset) -> None:
-        if isinstance(node, h5py.Dataset) and node.size and node.ndim:
+        if isinstance(node, h5py.Group):
+            outer[node.name] = _properties(node)
+        elif node.size and node.ndim and node.attrs.get("MATLAB_class") != b"char":
             columns = node.dtype.names or ("",)
             found.extend((name, column, node, column or name) for column in columns)
 
     file.visititems(take)
+    for group, properties in outer.items():  # a number beside the datasets says of them what an attribute would
+        scalars = ((name, node) for name, node in file[group].items() if isinstance(node, h5py.Dataset))
+        properties |= {name: node[()] for name, node in scalars if node.size == 1 and node.dtype.kind in "iuf"}
     short = Counter(name for *_, name in found)
     columns, clocks, unreadable = {}, {}, {}
     units: dict[str, str] = {}
     doubts: dict[str, str] = {}
     for path_in_file, column, node, name in found:
-        name = name if short[name] == 1 else f"{path_in_file}/{column}"
-        kind = node.dtype[column] if column else node.dtype
-        if kind.kind not in "iuf":
-            if kind.subdtype is not None:
-                unreadable[name] = f"{name} holds {kind.shape} numbers a row, allowed one"
-            continue
-        if max(node.shape) != node.size:
-            unreadable[name] = f"{name} is a table of {node.shape} numbers, allowed one dimension longer than 1"
+        name = name if short[name] == 1 else f"{path_in_file}/{column}".strip("/")
+        if reason := _unusable(node, column, path.parent):
+            unreadable[name] = f"{name} {reason}"
             continue
         raw = (node[column] if column else node[()]).reshape(-1)
-        columns[name], doubt = _apply_scale(raw, dict(_numbers(node)))
-        stated, contradiction = _unit(node, column)
-        units |= {name: stated} if stated else {}
-        doubts |= {name: f"{name}: {doubt or contradiction}"} if doubt or contradiction else {}
+        stated = _properties(node, column)
+        above = [outer[group] for group in _groups(node.name)]
+        columns[name], doubt = _apply_scale(raw, stated)
+        unit, contradiction = find_unit(stated)
+        are_unscaled = raw.dtype.kind in "iu" and not _scales(stated)
+        doubt = doubt or contradiction or find_scale_doubt_of_groups(name, above, are_integers=are_unscaled)
+        units |= {name: unit} if unit else {}
+        doubts |= {name: f"{name}: {doubt}"} if doubt else {}
         start = node.parent.get("starting_time") if path_in_file.split("/")[-1] == "data" else None
-        if isinstance(start, h5py.Dataset) and (rate := dict(_numbers(start)).get("rate", 0.0)) > 0:
-            clocks[name] = Clock(1.0 / rate, float(start[()]))
+        if isinstance(start, h5py.Dataset) and (rate := float(text_of(start.attrs.get("rate", 0.0)))) > 0:
+            clocks[name] = Clock(1.0 / rate, float(start[()]), source="starting_time")
+        elif clock := find_clock(stated, *above):
+            clocks[name] = clock
     if not columns:
         more = f"; {next(iter(unreadable.values()))}" if unreadable else ""
         raise RigInputError(f"{path}: no one-dimensional dataset of numbers{more}")
     return ChannelTable(str(path), columns, units, clocks, unreadable, doubts)
 
 
+def _unusable(node: h5py.Dataset, column: str, folder: Path) -> str:
+    """Return why a dataset or column is no channel; empty where it is one."""
+    kind = node.dtype[column] if column else node.dtype
+    if kind.subdtype is not None:
+        return f"holds {kind.shape} numbers a row, allowed one"
+    if kind.kind not in "iuf":
+        return "holds no numbers"
+    if max(node.shape) != node.size:
+        return f"is a table of {node.shape} numbers, allowed one dimension longer than 1"
+    if node.is_virtual:  # HDF5 would fill in zeros
+        sources = [source.file_name for source in node.virtual_sources()]
+        absent = [name for name in sources if name != "." and not (folder / name).exists()]
+        return f"lies in the file {absent[0]}, which is not there" if absent else ""
+    return ""
+
+
+def _groups(name: str) -> list[str]:
+    """Return the groups above a dataset, the nearest first."""
+    parts = name.strip("/").split("/")[:-1]
+    return ["/" + "/".join(parts[:k]) for k in range(len(parts), -1, -1)]
+
+
 LARGEST_ATTRIBUTE = 10_000
 """Values of an attribute that are read; HDF5 itself allows 64 KB. A damaged size would take hours to read."""
 
 
-def _small_attributes(node: h5py.Dataset) -> list[str]:
-    """Return the names of the attributes that can be read at once."""
-    return [key for key in node.attrs if np.prod(node.attrs.get_id(key).shape or (1,)) <= LARGEST_ATTRIBUTE]
+def _properties(node: h5py.Group | h5py.Dataset, column: str = "") -> dict[str, Any]:
+    """Return the attributes that can be read at once; units that stand for several columns as that of one."""
+    found = {}
+    for key in node.attrs:
+        if np.prod(node.attrs.get_id(key).shape or (1,)) > LARGEST_ATTRIBUTE:
+            continue
+        value = found[key] = node.attrs[key]
+        if column and key.lower() in ("unit", "units"):
+            cells = [text_of(cell) for cell in np.ravel(value)]
+            cells = cells[0].split(",") if len(cells) == 1 else cells
+            names = node.dtype.names
+            # as many as columns, or one for all; else none of them is taken for the unit
+            found[key] = cells[names.index(column) if len(cells) > 1 else 0] if len(cells) in (1, len(names)) else "?"
+    return found
 
 
-def _numbers(node: h5py.Dataset) -> Iterator[tuple[str, float]]:
-    """Yield the attributes of one number, also where it is written as text or as an array of one."""
-    for key in _small_attributes(node):
-        value = np.asarray(node.attrs[key])
-        if value.size != 1 and _SCALE_NAMES.fullmatch(key.lower()) and value.dtype.kind in "iuf":
-            yield key, np.nan  # one for each of something
-        if value.size == 1:
-            try:
-                yield key, float(value.reshape(-1)[0])
-            except (TypeError, ValueError):
-                continue
+def _scales(stated: dict[str, Any]) -> dict[str, float]:
+    return {key: value for key, value in scale_numbers(stated) if key in (*FACTORS, *OFFSETS)}
 
 
-def _apply_scale(raw: NDArray[np.generic], stated: dict[str, float]) -> tuple[NDArray[np.float64], str]:
+def _apply_scale(raw: NDArray[np.generic], stated: dict[str, Any]) -> tuple[NDArray[np.float64], str]:
     """Return the values with the scale the attributes state applied, and which of them is not known; else empty."""
+    if text_of(stated.get("_Unsigned", "")).lower() == "true" and raw.dtype.kind == "i":
+        raw = raw.view(raw.dtype.str.replace("i", "u"))
     values = np.asarray(raw, dtype=np.float64)
     for key in MISSING:
-        if key in stated:
-            values = np.where(values == stated[key], np.nan, values)
-    factors = {key: stated[key] for key in FACTORS if key in stated}
-    offsets = {key: stated[key] for key in OFFSETS if key in stated}
-    if len(set(factors.values())) > 1 or len(set(offsets.values())) > 1:
-        return values, f"the attributes {factors | offsets} contradict each other"
-    for key, value in stated.items():
-        neutral = 0.0 if "offset" in key.lower() or "intercept" in key.lower() else 1.0
-        if key not in (*FACTORS, *OFFSETS) and _SCALE_NAMES.fullmatch(key.lower()) and value != neutral:
-            return values, (
-                f"the attribute {key} = {value:g} may be a scale; name the channel in overrule_units of the mapping "
-                "to take its numbers as they are"
-            )
-    factor, offset = next(iter(factors.values()), 1.0), next(iter(offsets.values()), 0.0)
+        for missing in np.ravel(stated.get(key, ())):
+            if isinstance(missing, np.number | int | float):
+                # stated with more digits than the numbers have
+                values = np.where(raw == np.asarray(missing).astype(raw.dtype), np.nan, values)
+    scales = _scales(stated)
+    factors = {scales[key] for key in FACTORS if key in scales}
+    offsets = {scales[key] for key in OFFSETS if key in scales}
+    if len(factors) > 1 or len(offsets) > 1:
+        return values, f"the attributes {scales} contradict each other"
+    if doubt := find_scale_doubt(stated, (*FACTORS, *OFFSETS), are_integers=raw.dtype.kind in "iu" and not scales):
+        return values, doubt
+    factor, offset = next(iter(factors), 1.0), next(iter(offsets), 0.0)
     return (values if factor == 1.0 and offset == 0.0 else values * factor + offset), ""
-
-
-def _unit(node: h5py.Dataset, column: str) -> tuple[str, str]:
-    """Return the unit a dataset states for a column, and what is wrong with it; both empty where nothing is."""
-    found = set()
-    for key in _small_attributes(node):
-        if key.lower() not in ("unit", "units"):
-            continue
-        cells = [c.decode("utf-8", "replace") if isinstance(c, bytes) else str(c) for c in np.ravel(node.attrs[key])]
-        names = node.dtype.names or (column,)
-        cells = cells[0].split(",") if len(cells) == 1 and len(names) > 1 else cells
-        if len(cells) not in (1, len(names)):
-            return "", f"{len(cells)} units for {len(names)} columns"
-        unit = cells[names.index(column) if len(cells) > 1 else 0].strip()
-        found |= {unit} if known(unit) else set()
-    if len({known(unit) for unit in found}) > 1:
-        return "", f"the attributes unit and units contradict each other: {sorted(found)}"
-    return next(iter(found), ""), ""

@@ -95,7 +95,7 @@ class TimeMapping(Table):
     sample_rate_hz: Annotated[float, Field(strict=True, gt=0, le=1e7, allow_inf_nan=False)] | None = None
     same_start: bool = Field(default=False, strict=True)
     ignore: tuple[Text, ...] = ()
-    """Columns of times that are not the sample clock's: they are not compared with it."""
+    """Columns of times that are not the sample clock's, and properties with a wrong rate: not compared with it."""
 
     @model_validator(mode="after")
     def _one(self) -> TimeMapping:
@@ -177,8 +177,9 @@ class ImportMapping(Table):
         Bodies that were not measured; with those of ``encoders`` they are all three.
     segments : "trials", "join" or None
         Meaning of a file's segments: one trial each, or parts of one. None refuses files of several.
-    thousands : str
-        Sign between groups of three digits in CSV; empty for none. A space also stands for no-break and thin ones.
+    separator, decimal, thousands : str
+        Of CSV; ``thousands``, between groups of three digits, is empty for none, and a space also stands for no-break
+        and thin ones. The separator may be the decimal sign as well where cells are quoted.
     names_row, skip_rows : int
         Line of the names in CSV, from 1, or how many lines before it are left out.
     limits : LimitsConfig
@@ -187,6 +188,8 @@ class ImportMapping(Table):
         Zone of the times of day in the files, hours ahead of UTC; None where it is not known.
     overrule_units : tuple of str
         Channels whose unit, or a scale that is not known here, the file states wrongly: the mapping's is taken.
+    time.ignore : tuple of str
+        Columns of times that are not the sample clock's, and properties of the file that state a wrong rate.
     """
 
     schema_name: Literal["piano-action-rig mapping 1"] = Field(alias="schema")
@@ -252,11 +255,7 @@ class ImportMapping(Table):
                 f"overrule_units names {', '.join(map(repr, unknown))}, allowed are the channels of the mapping",
             ),
             (self.names_row and self.skip_rows, "names_row and skip_rows: allowed is one of them"),
-            (self.separator == self.decimal, "separator and decimal are the same sign"),
-            (
-                self.thousands in (self.separator, self.decimal),
-                f"thousands = {self.thousands!r} is the separator or the decimal sign as well",
-            ),
+            (self.thousands == self.decimal, f"thousands = {self.thousands!r} is the decimal sign as well"),
         )
         return self
 

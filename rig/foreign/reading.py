@@ -1,4 +1,4 @@
-"""The readers of foreign recordings, chosen by the ending of a file's name: CSV, LabVIEW text, TDMS and HDF5.
+"""The readers of foreign recordings, chosen by the ending of a file's name: text, LabVIEW text, TDMS, HDF5 and MATLAB.
 
 Segments of a file are joined only where the file's own times continue from one to the next, or where it states none.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,9 +18,12 @@ from rig.foreign.csv_file import parse_csv, read_text
 from rig.foreign.hdf5_file import read_hdf5
 from rig.foreign.lvm_file import parse_lvm
 from rig.foreign.mapping import NEWTONS
+from rig.foreign.mat_file import read_mat
 from rig.foreign.sample_times import SECONDS
 
-SUFFIXES = (".csv", ".csv.gz", ".txt", ".lvm", ".tdms", ".h5", ".hdf5")
+TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn")
+HDF5 = (".h5", ".hdf5", ".nc")
+SUFFIXES = (*TEXT, ".csv.gz", ".txt.gz", ".lvm", ".tdms", *HDF5, ".mat")
 
 
 def read_segments(
@@ -37,7 +41,7 @@ def read_segments(
     """
     file = Path(path)
     suffix = "".join(file.suffixes[-2:]).lower() if file.suffix.lower() == ".gz" else file.suffix.lower()
-    if suffix in (".csv", ".txt", ".csv.gz", ".txt.gz"):
+    if suffix in (*TEXT, ".csv.gz", ".txt.gz"):
         text = read_text(file)
         return (parse_csv(text, str(file), separator, decimal, thousands, names_row=names_row, skip_rows=skip_rows),)
     if suffix == ".lvm":
@@ -48,9 +52,11 @@ def read_segments(
         except ImportError:
             raise RigInputError(f"{file}: reading TDMS needs npTDMS; pip install 'piano-action-rig[tdms]'") from None
         return read_tdms(file)
-    if suffix in (".h5", ".hdf5"):
+    if suffix in HDF5 or (suffix == ".mat" and file.is_file() and h5py.is_hdf5(file)):  # MATLAB 7.3
         return (read_hdf5(file),)
-    raise RigInputError(f"{file}: ending {suffix!r}, allowed {', '.join(SUFFIXES)}")
+    if suffix == ".mat":
+        return (read_mat(file),)
+    raise RigInputError(f"{file}: ending {suffix!r}, allowed {', '.join(SUFFIXES)}; save the recording as one of them")
 
 
 def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".") -> ChannelTable:
@@ -114,6 +120,7 @@ def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.fl
     if time_unit not in SECONDS:
         raise RigInputError(f"{path}: time_s is in {time_unit!r}, allowed {', '.join(SECONDS)}")
     interval_s = table.interval([column], time_channel, "a channel time_s", unit=time_unit)
+    table.check_rate([column], interval_s, [time_channel] if time_channel else [])
     start_s = 0.0 if time_channel is None else float(table.channel(time_channel)[0]) * SECONDS[time_unit]
     return start_s + interval_s * np.arange(values.size, dtype=np.float64), values
 

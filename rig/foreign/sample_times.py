@@ -23,10 +23,16 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units a channel of times may have."""
 TIME_NAMES = re.compile(
     r"(t|times?|zeit|temps|tiempo|tempo|tijd|timestamps?|x_value|elapsed( time)?)"
-    r"[ _]?[(\[]?(?P<unit>s|ms|us|ns)?[)\]]?",
+    r"[ _/]*[(\[]?(?P<unit>s|ms|us|ns)?[)\]]?",
     re.IGNORECASE,
 )
 """Names of a column of times, with or without a unit."""
+SAMPLE_NAMES = re.compile(
+    r"time|zeit|temps|tiempo|tempo|tijd|stamp|clock|second|uhr|datum|date|sample|scan|record|index|messwert|"
+    r"\b(no|nr|row|line|pt|point|n|i|x|#)\b",
+    re.IGNORECASE,
+)
+"""Words in the names of columns that number the samples or tell their times."""
 
 
 class Clock(NamedTuple):
@@ -34,12 +40,14 @@ class Clock(NamedTuple):
 
     ``stamp_s`` is the time of day or date it states beside, s from an origin of the file's; 0 where it states none.
     ``resolution_s`` is the decimal place the interval is written with; 0 where it is stated in binary.
+    ``source`` is the property of the file that states it, where it has a name.
     """
 
     interval_s: float
     start_s: float = 0.0
     stamp_s: float = 0.0
     resolution_s: float = 0.0
+    source: str = ""
 
     def agrees(self, interval_s: float) -> bool:
         """Whether the stated interval is this one to its number of digits: 0.000021 s may be 1/48000 s."""
@@ -103,6 +111,13 @@ def typical_interval(time_s: NDArray[np.float64]) -> float:
     return float(steps[np.abs(steps - median) <= 0.5 * abs(median) + time_resolution(time_s)].mean())
 
 
+def is_mostly_even(values: NDArray[np.float64]) -> bool:
+    """Whether nine steps in ten of a column are one step upwards, as those of times and of sample numbers are."""
+    steps = np.diff(values)
+    step = float(np.median(steps))
+    return step > 0 and float(np.mean(np.abs(steps - step) > 0.5 * step)) < 0.1
+
+
 def refuse_break(time_s: NDArray[np.float64], interval_s: float, what: str) -> None:
     """Raise BrokenTimes with the first row whose time is not one interval after the row above, and by how much."""
     steps = np.diff(time_s)
@@ -134,7 +149,7 @@ def check_times(time_s: NDArray[np.float64], interval_s: float, what: str) -> No
         return
     steps = np.diff(time_s)
     mean = float(time_s[-1] - time_s[0]) / steps.size
-    typical = mean if rounding > COARSE * interval_s else float(np.median(steps))
+    typical = typical_interval(time_s)
     if abs(typical - interval_s) > max(allowed, 0.01 * interval_s) or np.all(np.abs(steps - interval_s) <= allowed):
         if abs(mean - interval_s) <= max(interval_s / steps.size, DRIFT * interval_s):
             return

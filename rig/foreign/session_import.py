@@ -418,7 +418,8 @@ def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
         file, separator=config.separator, decimal=config.decimal, thousands=config.thousands,
         names_row=config.names_row, skip_rows=config.skip_rows,
     )  # fmt: skip
-    segments = tuple(_trim_to_shortest(table.overrule_doubts(config.overrule_units), config) for table in segments)
+    segments = tuple(table.overrule(config.overrule_units, config.time.ignore) for table in segments)
+    segments = tuple(_trim_to_shortest(table, config) for table in segments)
     if config.segments == "trials":
         return tuple(piece for table in segments for piece in _pieces(table, config))
     if len(segments) == 1:
@@ -468,7 +469,7 @@ def _pieces(table: ChannelTable, config: ImportMapping) -> list[ChannelTable]:
     if time.channel is not None and time.channel in table.channels:
         columns = [table.channel(time.channel) * SECONDS[time.unit]]
     else:
-        columns = [*table.time_columns(table.channel(names[0]).size, stated_s, [*names, *time.ignore]).values()]
+        columns = [*table.time_columns(names, stated_s, time.ignore).values()]
     if not columns or columns[0].size < 2:
         return [table]
     interval_s = typical_interval(columns[0]) if np.isnan(stated_s) else stated_s

@@ -1,17 +1,17 @@
 """TDMS of LabVIEW and NI-DAQmx, by npTDMS (extra ``tdms``): every numeric channel, as ``channel`` or ``group/channel``.
 
-Clocks are the waveform properties ``wf_increment``, ``wf_start_offset`` and ``wf_start_time``; a channel of time stamps
-becomes seconds after its first. Scales of DAQmx and LabVIEW are applied by npTDMS; one that it does not know is a
-doubt. Where a later segment states another start, rate, unit or scale of a channel that has samples already, the file
-is several recordings, one table each: npTDMS itself would give all samples the last statement. TDMS has no checksum: a
-file that is cut off or whose sizes do not fit the file is refused, changed numbers cannot be noticed. A last segment
-without a size was not finalised; its whole samples are read, and the table says so.
+Clocks are the waveform properties ``wf_increment``, ``wf_start_offset`` and ``wf_start_time``, else a sample rate among
+the properties of the channel, its group or the file; a channel of time stamps becomes seconds after its first. Scales
+of DAQmx and LabVIEW are applied by npTDMS; one that it does not know is a doubt. Where a later segment states another
+start, rate, unit or scale of a channel that has samples already, the file is several recordings, one table each: npTDMS
+itself would give all samples the last statement. TDMS has no checksum: a file that is cut off or whose sizes do not fit
+the file is refused, changed numbers cannot be noticed. A last segment without a size was not finalised; its whole
+samples are read, and the table says so.
 """
 
 from __future__ import annotations
 
 import logging
-import re
 import struct
 import warnings
 from collections import Counter
@@ -28,17 +28,13 @@ from nptdms.reader import TdmsReader
 from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable, known
 from rig.foreign.sample_times import SECONDS, Clock
+from rig.foreign.stated_properties import find_clock, find_scale_doubt, find_unit, says_what_numbers_mean
 
 _MARK = struct.Struct("<4sI")
 _SIZES = {False: struct.Struct("<IQQ"), True: struct.Struct(">IQQ")}
 _BIG_ENDIAN = 1 << 6
 """Bit of the table of contents, which itself is always little-endian."""
 _NOT_FINALISED = 2**64 - 1
-_OF_A_RECORDING = re.compile(
-    r"wf_(increment|start_time|start_offset|xunit_string)|unit_string|NI_UnitDescription|NI_.*Scal.*"
-)
-"""Properties that say what the numbers of a recording mean."""
-
 Properties = dict[str, dict[str, Any]]
 """Property values by path of the object and name."""
 
@@ -166,7 +162,7 @@ def _parts(stream: BinaryIO, segments: int, where: str) -> list[_Part]:
             for name, pairs in properties.items()
         }
         if before != first and any(
-            _OF_A_RECORDING.fullmatch(key) and key in stated.get(name, {}) and stated[name][key] != value
+            says_what_numbers_mean(key) and key in stated.get(name, {}) and stated[name][key] != value
             for name, values in new.items()
             for key, value in values.items()
         ):
@@ -204,7 +200,8 @@ def _table(
     table: ChannelTable, channels: dict[str, tuple[Any, str]], part: _Part, complaints: _Complaints
 ) -> ChannelTable:
     """Fill a table with the samples of one part."""
-    columns, doubts, started = {}, {}, ""
+    columns, started = {}, ""
+    doubts: dict[str, str] = {}
     units: dict[str, str] = {}
     clocks: dict[str, Clock] = {}
     for name, (channel, unscaled) in channels.items():
@@ -218,14 +215,17 @@ def _table(
         columns[name] = (
             (values - values[0]) / np.timedelta64(1, "ns") * 1e-9 if is_stamp else np.asarray(values, dtype=np.float64)
         )
-        unit = "s" if is_stamp else str(stated.get("unit_string") or stated.get("NI_UnitDescription", ""))
+        unit, doubt = ("s", "") if is_stamp else find_unit(stated)
         units |= {name: unit} if unit else {}
+        outer = [part.stated.get(path, {}) for path in (channel.path.partition("'/'")[0] + "'", "/")]
+        doubt = doubt or find_scale_doubt(stated)
+        doubts |= {name: f"{name}: {doubt}"} if doubt else {}
         if complaint := complaints.take():
             raise RigInputError(f"{table.where}: not a whole TDMS file ({complaint[:120]})")
         if unscaled:
             doubts[name] = f"{name}: {unscaled[:120]}; overrule_units in the mapping takes its numbers as they are"
         try:
-            clock = _waveform_clock(stated)
+            clock = _waveform_clock(stated) or find_clock(stated, *outer)
         except ValueError as error:
             doubts[name] = f"{name}: {error}"
         else:
@@ -247,4 +247,4 @@ def _waveform_clock(properties: Mapping[str, object]) -> Clock | None:
     start = float(offset) if isinstance(offset, float | int) and np.isfinite(offset) else 0.0
     begun = properties.get("wf_start_time")
     stamp = begun.astype("datetime64[ns]").astype(np.int64) * 1e-9 if isinstance(begun, np.datetime64) else 0.0
-    return Clock(float(interval) * SECONDS[unit], start * SECONDS[unit], float(stamp))
+    return Clock(float(interval) * SECONDS[unit], start * SECONDS[unit], float(stamp), source="wf_increment")

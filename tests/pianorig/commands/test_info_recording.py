@@ -94,3 +94,24 @@ def test_a_file_without_a_force_is_listed_all_the_same(tmp_path: Path, capsys) -
     assert "channel depth" in said and "none: no channel has a unit of force" in said
     assert run("info", recording, "--propose", tmp_path / "m.toml") == 2
     assert "not written" in capsys.readouterr().err and not (tmp_path / "m.toml").exists()
+
+
+def test_a_channel_that_cannot_be_read_is_proposed_with_what_is_wrong(tmp_path: Path, capsys) -> None:
+    recording = tmp_path / "a.csv"
+    recording.write_text(text(".", ",", "Zeit,Kraft,Taste,Hammer\ns,N,counts,rad") + "0.175,NaN,1,0\n", "utf-8")
+    assert run("info", recording, "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert "Kraft row 702: found 'NaN'" in facts["does_not_import_yet"] and 'channel = "Kraft"' in facts["mapping"]
+
+
+def test_the_channels_of_one_group_are_proposed_together(tmp_path: Path, capsys) -> None:
+    recording, mapping = tmp_path / "a.h5", tmp_path / "m.toml"
+    with h5py.File(recording, "w") as file:
+        for run_name, scale in (("b", 1.0), ("a", 2.0)):
+            for name, values in CHANNELS.items():
+                file[f"{run_name}/{name}"] = values * (scale if name != "Taste" else 1.0)
+    assert run("info", recording, "--propose", mapping) == 0
+    assert "rate_hz 4000" in capsys.readouterr().out
+    assert run("import", recording, "--mapping", mapping, "--out", tmp_path / "s") == 0
+    data = Session.open(tmp_path / "s").trial(1).read()
+    assert data.sample_rate_hz == pytest.approx(2000.0) and data.force_n.max() == pytest.approx(18.0)

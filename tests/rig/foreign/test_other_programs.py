@@ -6,6 +6,7 @@ integers with a scale hold it exactly.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -250,11 +251,27 @@ def test_a_tdms_file_that_was_not_finalised_is_an_incomplete_trial(bench: Bench)
         ("key", np.int16(KEY / 4), {"scale_factor": np.float32(4.0), "units": np.array(["counts"], dtype="S")}, ""),
         ("force_n", FORCE_N, {"units": np.array(["N"], dtype=object)}, ""),
         ("force_n", FORCE_N, {"unit": "lbf"}, "force_n is in 'lbf' by the file itself"),
-        ("force_n", FORCE_N, {"unit": "N", "Units": "kN"}, "contradict each other: ['N', 'kN']"),
+        ("force_n", FORCE_N, {"unit": "N", "Units": "kN"}, "units that the file states contradict each other"),
         ("force_n", FORCE_N, {"scale_factor": 2.0, "conversion": 3.0}, "contradict each other"),
-        ("force_n", FORCE_N, {"gain": 2.0}, "the attribute gain = 2 may be a scale"),
-        ("force_n", FORCE_N, {"calibration_slope": [2.0, 3.0]}, "the attribute calibration_slope"),
+        ("force_n", FORCE_N, {"gain": 2.0}, "property gain = 2.0 may be a scale"),
+        ("force_n", FORCE_N, {"calibration_slope": [2.0, 3.0]}, "property calibration_slope = several numbers"),
         ("force_n", FORCE_N, {"_FillValue": FORCE_N[-1]}, "force_n row 351: found nan"),
+        (
+            "force_n",
+            np.float32(FORCE_N),
+            {"missing_value": np.array([-1.0, FORCE_N[250]])},
+            "force_n row 251: found nan",
+        ),
+        ("force_n", np.uint16(FORCE_N * 8e3).view(np.int16), {"_Unsigned": "true", "scale_factor": 1.25e-4}, ""),
+        ("force_n", FORCE_N, {"unit_string": "kN"}, "force_n is in 'kN' by the file itself"),
+        ("force_n", FORCE_N, {"engineering_unit": "kN"}, "force_n is in 'kN' by the file itself"),
+        ("force_n", FORCE_N, {"unit_serial": "DAQ 3", "x_unit": "ms"}, ""),
+        ("force_n", FORCE_N, {"newtons_per_bit": "0.002 N"}, "property newtons_per_bit = 0.002 N may be a scale"),
+        ("hammer", np.int32(HAMMER), {"resolution": 2e-3}, "property resolution = 0.002 may be a scale"),
+        ("force_n", FORCE_N, {"resolution": 2e-3, "calibration_date": 20260103, "calibration": "2026-01-03"}, ""),
+        ("time_s", TIME_S, {"units": "seconds since 2026-11-29"}, ""),
+        ("force_n", FORCE_N, {"sampling_rate": 1e4}, "0.0001 s by the file itself, the mapping or a column of times"),
+        ("force_n", FORCE_N, {"Sample Rate": "5000", "dt": 2e-4}, ""),
         ("force_n", FORCE_N, {"gain": 1.0, "offset_v": 0.0, "long_name": "force", "range": [0.0, 8.0]}, ""),
     ],
 )
@@ -273,7 +290,7 @@ def test_scales_and_units_of_hdf5_are_applied_or_refused(bench: Bench, name, sto
     else:
         same(bench.load(path)[0])
     if words and "may be" in words:
-        same(bench.load(path, more='overrule_units = ["force_n"]')[0])
+        same(bench.load(path, more=f'overrule_units = ["{name}"]')[0])
 
 
 def test_hdf5_vectors_of_matlab_tables_and_nwb_series(bench: Bench) -> None:
@@ -464,3 +481,210 @@ def test_a_force_is_read_as_a_table_or_by_a_mapping(bench: Bench) -> None:
         read_force(bench.csv(names="time_s,force_n,key,hammer\ns,bar,counts,counts"))
     trial = read_recording(bench.csv(), parse_mapping(MAPPING.format(more="", time=TIME, key="")))
     same(trial)
+
+
+def test_numbers_beside_a_channel_that_may_be_its_scale_are_asked_for(bench: Bench) -> None:
+    path, codes = bench.folder / "a.h5", np.int16(FORCE_N / 2e-3)
+    for stored, beside, words in (
+        (codes, {"scale_factor": 2e-3}, "property scale_factor = 0.002 may be a scale"),
+        (FORCE_N, {"force_n_gain": 3.0}, "property force_n_gain = 3.0 may be a scale"),
+        (FORCE_N, {"amplifier_gain": 3.0}, ""),
+    ):
+        for are_attributes in (True, False):
+            with h5py.File(path, "w") as file:
+                for name, values in {**CHANNELS, "force_n": stored}.items():
+                    file[name] = values
+                for key, value in beside.items():
+                    if are_attributes:
+                        file.attrs[key] = value
+                    else:
+                        file[key] = value
+            if words:
+                bench.refuse(path, words)
+            else:
+                same(bench.load(path)[0])
+
+
+def test_a_rate_beside_the_channels_is_their_clock_and_may_be_ignored(bench: Bench) -> None:
+    path = bench.folder / "a.h5"
+    untimed = {name: values for name, values in CHANNELS.items() if name != "time_s"}
+    for rate_hz, time in ((5000.0, ""), (4000.0, STATED + 'ignore = ["SampleRate"]\n')):
+        with h5py.File(path, "w") as file:
+            for name, values in untimed.items():
+                file[name] = values
+            file.attrs["SampleRate"] = rate_hz
+        (trial,) = bench.load(path, time=time)
+        same(trial)
+        assert trial.sample_rate_hz == pytest.approx(RATE_HZ)
+    bench.refuse(path, 'time.ignore = ["SampleRate"] in the mapping where the file is wrong', time=STATED)
+
+
+def test_a_virtual_dataset_without_its_file_is_not_read_as_zeros(bench: Bench) -> None:
+    path = bench.folder / "a.h5"
+    with h5py.File(path, "w", libver="latest") as file:
+        for name in ("time_s", "key", "hammer"):
+            file[name] = CHANNELS[name]
+        layout = h5py.VirtualLayout(shape=(N,), dtype="f8")
+        layout[:] = h5py.VirtualSource("force.h5", "force_n", shape=(N,))
+        file.create_virtual_dataset("force_n", layout)
+    bench.refuse(path, "force_n lies in the file force.h5, which is not there", more="blow_start_s = 0.04")
+    with h5py.File(bench.folder / "force.h5", "w") as file:
+        file["force_n"] = FORCE_N
+    same(bench.load(path)[0])
+
+
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [
+        ({"force:unit": "kN", "force:unit_string": ""}, "force_n is in 'kN' by the file itself"),
+        ({"force:NI_UnitDescription": "lbf"}, "units that the file states contradict each other"),
+        ({"force:gain": 100.0}, "property gain = 100.0 may be a scale"),
+        ({"Sampling Rate": 2500.0}, "0.0004 s by the file itself"),
+        ({"force:wf_increment": 2e-4, "force:NI_ChannelName": "load cell 2"}, ""),
+    ],
+)
+def test_what_tdms_properties_state_is_compared(bench: Bench, stored=None, *, stated, words: str) -> None:
+    path = bench.tdms((slice(None), stated))
+    if words:
+        bench.refuse(path, words, time=STATED)
+    else:
+        same(bench.load(path, time=STATED)[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        *itertools.product(("Force (kN)", "F / kN", "Kraft in kN", "force_kN", "F/kN", "load [kN]"), ("csv", "tdms")),
+        *itertools.product(("Force (kN)", "Kraft in kN", "force_kN"), ("h5",)),
+    ],
+)
+def test_a_unit_in_the_name_of_a_channel_is_one_that_the_file_states(bench: Bench, name: str, form: str) -> None:
+    path = bench.folder / f"a.{form}"
+    channels = {name if key == "force_n" else key: values for key, values in CHANNELS.items()}
+    if form == "csv":
+        bench.csv(channels)
+    elif form == "h5":
+        with h5py.File(path, "w") as file:
+            for key, values in channels.items():
+                file[key] = values
+    else:
+        nptdms = pytest.importorskip("nptdms")
+        with nptdms.TdmsWriter(path) as writer:
+            writer.write_segment([nptdms.ChannelObject("g", key, values) for key, values in channels.items()])
+    mapping = MAPPING.format(more="", time=TIME, key="").replace('"force_n"', f'"{name}"')
+    with pytest.raises(RigInputError, match="is in 'kN' by the file itself, the mapping says 'N'"):
+        read_recording(path, parse_mapping(mapping))
+    trial = read_recording(path, parse_mapping(mapping.replace(f'"{name}"', f'"{name}"\nunit = "kN"')))
+    np.testing.assert_allclose(trial.force_n, 1e3 * FORCE_N)
+
+
+def test_words_in_the_name_of_a_channel_are_no_units(bench: Bench) -> None:
+    for name in ("load_second", "sensor_a", "Force (old)", "load_g", "in/out", "force_n", "Date/Time"):
+        channels = {name if key == "force_n" else key: values for key, values in CHANNELS.items()}
+        bench.csv(channels)
+        mapping = MAPPING.format(more="", time=TIME, key="").replace('"force_n"', f'"{name}"')
+        same(read_recording(bench.folder / "a.csv", parse_mapping(mapping)))
+
+
+AT = np.datetime64("2026-11-29T10:58:59.96") + np.round(TIME_S * 1e6).astype("m8[us]")
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda t: str(t),
+        lambda t: f"{t}Z",
+        lambda t: t.item().strftime("%d.%m.%Y %H:%M:%S,%f"),
+        lambda t: t.item().strftime("%m/%d/%Y, %I:%M:%S.%f %p"),
+        lambda t: t.item().strftime("%H:%M:%S:%f"),
+        lambda t: t.item().strftime("%M:%S.%f"),
+    ],
+)
+def test_clock_times_of_any_form_are_compared_with_a_stated_rate(bench: Bench, write) -> None:
+    def table(rows) -> Path:
+        path = bench.folder / "a.csv"
+        lines = [f'"{write(AT[k])}",{FORCE_N[k]:.10g},{KEY[k]:.0f},{HAMMER[k]:.0f}' for k in rows]
+        path.write_text("time_s,force_n,key,hammer\n" + "\n".join(lines) + "\n")
+        return path
+
+    whole, gap = np.arange(N), np.r_[0:100, 170:N]
+    same(bench.load(table(whole))[0])
+    same(bench.load(table(whole), time=STATED)[0])
+    table(gap)
+    bench.refuse(
+        bench.folder / "a.csv", "time_s row 101: 0.034 s comes after 0.0198 s, samples are missing: 70", time=STATED
+    )
+
+
+def test_a_date_of_unknown_order_must_not_change(bench: Bench) -> None:
+    at = np.datetime64("2026-11-29T23:59:59.96") + np.round(TIME_S * 1e6).astype("m8[us]")
+    lines = [f"{at[k].item():%d.%m.%Y %H:%M:%S.%f},{FORCE_N[k]:.10g},{KEY[k]:.0f},{HAMMER[k]:.0f}" for k in range(N)]
+    path = bench.folder / "a.csv"
+    path.write_text("time_s,force_n,key,hammer\n" + "\n".join(lines) + "\n")
+    bench.refuse(path, "time_s row 201: found '30.11.2026 00:00:00.000000', allowed a time like the first")
+    bench.refuse(path, "times that cannot be compared with the rate are named in time.ignore", time=STATED)
+    same(bench.load(path, time=STATED + 'ignore = ["time_s"]\n')[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "step"),
+    [
+        *itertools.product(("Time Stamp", "Time  1 - default sample rate", "seconds", "Sample"), (1.0, 2e-4)),
+        ("Zeit / s", 2e-4),
+        ("t/s", 2e-4),
+    ],
+)
+def test_a_column_that_numbers_the_samples_is_compared_with_a_stated_rate(bench: Bench, name: str, step: float) -> None:
+    numbers = {**CHANNELS, "time_s": np.arange(N) * step}
+    names = f"{name},force_n,key,hammer"
+    same(bench.load(bench.csv(numbers, names=names), time=STATED)[0])
+    path = bench.csv({key: values[GAP] for key, values in numbers.items()}, names=names)
+    bench.refuse(path, f"{name} row 201: 0.052 s comes after 0.0398 s, samples are missing: 60", time=STATED)
+    whole = bench.load(path, time=STATED + f'ignore = ["{name}"]\n')[0]
+    same(whole, GAP)
+
+
+def test_cells_that_spreadsheets_leave_empty_are_no_samples(bench: Bench) -> None:
+    path = bench.csv()
+    written = path.read_text()
+    path.write_text(written + ",,,\n , ,,\n\n")
+    same(bench.load(path)[0])
+    names, _, body = written.partition("\n")
+    path.write_text(names + "\n" + body.replace("\n", ",\n"))
+    same(bench.load(path)[0])
+    path.write_text(names + "\n,,,\n" + body)
+    bench.refuse(path, "force_n row 1: found ''")
+
+
+def test_quoted_cells_may_hold_the_separator(bench: Bench) -> None:
+    path = bench.folder / "a.csv"
+    rows = zip(*CHANNELS.values(), strict=True)
+    lines = [",".join(f'"{value:.10g}"'.replace(".", ",") for value in row) for row in rows]
+    path.write_text("time_s,force_n,key,hammer\n" + "\n".join(lines) + "\n")
+    same(bench.load(path, more='decimal = ","')[0])
+    bench.refuse(path, 'the mapping can say decimal = ","')
+    path.write_text(path.read_text().replace('"', ""))
+    bench.refuse(path, "cells, allowed 4", more='decimal = ","')
+
+
+def test_matlab_files_of_both_kinds_are_read(bench: Bench) -> None:
+    from scipy.io import savemat
+
+    path = bench.folder / "a.mat"
+    savemat(path, {name: values[:, None] for name, values in CHANNELS.items()})
+    same(bench.load(path)[0])
+    savemat(
+        path, {"run": {name: CHANNELS[name] for name in CHANNELS if name != "time_s"}, "Fs": 5000.0, "units": UNITS}
+    )
+    mapping = MAPPING.format(more="", time="", key="")
+    for name in ("force_n", "key", "hammer"):
+        mapping = mapping.replace(f'channel = "{name}"', f'channel = "run/{name}"')
+    same(read_recording(path, parse_mapping(mapping)))
+    savemat(path, {**CHANNELS, "force_n": np.int16(FORCE_N / 2e-3), "force_n_scale": 2e-3})
+    bench.refuse(path, "property force_n_scale = 0.002 may be a scale")
+    path.write_bytes(path.read_bytes()[:300])
+    bench.refuse(path, "not a readable MATLAB file")
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values in CHANNELS.items():
+            file[name] = values[None, :]
+    same(bench.load(path)[0])

@@ -10,12 +10,12 @@ import pytest
 
 from rig.configuration.rig_file import ChannelConfig
 from rig.errors import InputError, RigInputError
-from rig.foreign.export import columns
 from rig.foreign.mapping import load_mapping, parse_mapping
 from rig.foreign.session_import import cut_strokes, import_session
 from rig.session import Session
 from rig.session.info import ChannelInfo, RulerInfo
 from rig.session.ruler import ABOVE, BELOW, position_of, ruler_curve
+from rig.session.trial_export import columns
 from tests.command_line import run
 from validation.measurement.positions import measure_positions
 

@@ -50,8 +50,8 @@ def test_what_is_not_whole_groups_is_refused(cell) -> None:
 def test_thousands_dots_that_are_not_announced_are_refused_with_advice() -> None:
     with pytest.raises(InputError, match='thousands = "."'):
         parse_csv("x\n1.234\n", "a", ";", ",").channel("x")
-    with pytest.raises(InputError, match="thousands = ',' is the separator or the decimal sign"):
-        parse_mapping('thousands = ","\n' + MAPPING)
+    with pytest.raises(InputError, match="thousands = '.' is the decimal sign"):
+        parse_mapping('thousands = "."\n' + MAPPING)
 
 
 def recording(path: Path, times: list[str]) -> Path:

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from rig.errors import InputError
-from rig.foreign.export import columns, export_trial
 from rig.foreign.reading import read_channels
 from rig.session.info import ChannelInfo
 from rig.session.trial_data import TrialData
+from rig.session.trial_export import columns, export_trial
 from tests.rig.session.test_sealed_trial import trial
 
 ACCELERATION = ChannelInfo("key_acceleration", "acceleration of the key", "m/s^2", "x", "y", (0.0, 1.0), (0.0, 9.8))
