@@ -13,8 +13,9 @@ import shutil
 import signal
 import stat
 import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 WINDOWS = sys.platform == "win32"
@@ -33,6 +34,24 @@ def ending_signals(*, with_keyboard: bool = False) -> list[int]:
     """Return the signals that ask a program to end on this system; ``SIGBREAK`` is Ctrl-Break on Windows."""
     names = (("SIGINT",) if with_keyboard else ()) + _ENDING
     return [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
+
+
+@contextlib.contextmanager
+def ending_by_keyboard() -> Iterator[None]:
+    """Let Ctrl-C end the program at once, as within a library that never comes back to Python.
+
+    For reading only: nothing is tidied up. Outside of the main thread, and where an interrupt is ignored, nothing
+    changes.
+    """
+    is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not is_ours or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def synchronise_whole(descriptor: int) -> None:

@@ -29,6 +29,7 @@ from rig.foreign.stated_properties import (
     scale_numbers,
     text_of,
 )
+from rig.platform_calls import ending_by_keyboard
 from rig.session.sealed_trial import SCHEMA, read_trial
 
 FACTORS, OFFSETS, MISSING = ("scale_factor", "conversion"), ("add_offset", "offset"), ("_FillValue", "missing_value")
@@ -40,7 +41,8 @@ def read_hdf5(path: Path) -> ChannelTable:
     Raises RigInputError when the file cannot be read or has no numbers.
     """
     try:
-        with h5py.File(path, "r") as file:
+        # a damaged heap can keep the library busy without end
+        with ending_by_keyboard(), h5py.File(path, "r") as file:
             if file.attrs.get("schema") != SCHEMA:
                 return _plain(path, file)
     except RigInputError:

@@ -9,6 +9,7 @@ import hashlib
 import os
 import signal
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import pytest
@@ -16,6 +17,7 @@ import pytest
 from rig import platform_calls
 from rig.atomic_write import replace_when_complete, sha256_of_file, write_text
 from rig.errors import InputError
+from rig.foreign import read_channels
 from rig.recording.recover import recover_session
 from rig.session import Session
 from rig.session.journal import JournalWriter
@@ -131,3 +133,23 @@ def test_without_room_for_it_nothing_is_reserved(windows, tmp_path) -> None:
         platform_calls.reserve(file.fileno(), tmp_path / "f", 1000)
         with pytest.raises(OSError, match="free"):
             platform_calls.reserve(file.fileno(), tmp_path / "f", 10**18)
+
+
+def test_ctrl_c_ends_a_library_that_never_comes_back(tmp_path) -> None:
+    def handler_within() -> object:
+        with platform_calls.ending_by_keyboard():
+            return signal.getsignal(signal.SIGINT)
+
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        assert handler_within() is signal.SIG_DFL
+        with ThreadPoolExecutor(1) as pool:
+            assert pool.submit(handler_within).result() is signal.default_int_handler
+        with pytest.raises(InputError):
+            read_channels(tmp_path / "absent.h5")
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        assert handler_within() is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
