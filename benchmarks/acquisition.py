@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import runpy
 import subprocess
 import sys
 import tempfile
@@ -38,7 +39,6 @@ from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
 from rig.simulated.bench.bench_time import PacedClock, VirtualClock
 from rig.simulated.bench.plant_protocol import PlantBlock
 from rig.simulated.bench.sensors import load_sensors
-from rig.simulated.serve import serve
 
 RAD_PER_VOLT = np.array([-0.05, 0.09, -0.4])
 FORCE_PER_VOLT_N = 12.0
@@ -136,6 +136,7 @@ def bench_elsewhere() -> Iterator[Remote]:
 
 def serve_bench() -> None:
     """Serve the bench until standard input ends; print the port."""
+    serve = runpy.run_path(str(ROOT / "examples" / "serve_sim.py"))["serve"]
     server, port = serve(bench(PacedClock(1.0)).service)
     print(port, flush=True)
     sys.stdin.read()

@@ -53,13 +53,13 @@ COMMANDS = {
     "calibrate-encoder": Listed("calibrate_encoder", BENCH, "Calibrate an encoder over its arc."),
     "calibrate-contact": Listed("calibrate_contact", BENCH, "Calibrate the friction of a contact."),
     "calibrate-joint": Listed("calibrate_joint", BENCH, "Calibrate the friction of a joint."),
-    "serve-sim": Listed("serve_sim", BENCH, "Serve the virtual DAQ device over TCP until Ctrl-C."),
     "selftest": Listed("selftest", BENCH, "Test a bench with gentle pushes before the first blow."),
 }
 """Every command; ``--help`` lists them in this order within their group."""
 
 RETIRED_COMMANDS = {
     "dataset": "the data set is made by the script examples/dataset/make_dataset.py",
+    "serve-sim": "the virtual bench is served by the script examples/serve_sim.py",
 }
 """Commands of earlier releases: what to use instead."""
 

@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -32,6 +32,25 @@ class Table(BaseModel):
     """A table of the rig file: frozen, unknown keys refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+SCALE_KEYS = ("scale", "custom_scale", "custom_scale_name", "max_scale")
+
+
+class ScaledTable(Table):
+    """A table of a channel, whose scaling stands in the rig file: a scale of NI MAX would not be in the session."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _scale_here(cls, values: Any) -> Any:
+        named = [key for key in SCALE_KEYS if isinstance(values, dict) and key in values]
+        if named:
+            line = " and ".join(name for name in ("electrical", "physical", "physical_n") if name in cls.model_fields)
+            table = ", a table as ruler" if "ruler" in cls.model_fields else ""
+            raise ValueError(
+                f"{named[0]} = {values[named[0]]!r}: scales of NI MAX are not used; give the slope as {line}{table}"
+            )
+        return values
 
 
 class CertificateConfig(Table):
@@ -54,7 +73,7 @@ class DeviceConfig(Table):
     sample_rate_hz: Number = Field(ge=100, le=50_000)
 
 
-class ForceConfig(Table):
+class ForceConfig(ScaledTable):
     """The load cell: a bridge module (mV/V), or a conditioner into a voltage input (V)."""
 
     kind: Literal["bridge", "voltage"] = "bridge"
@@ -142,7 +161,7 @@ class RulerConfig(Table):
         return self
 
 
-class ChannelConfig(Table):
+class ChannelConfig(ScaledTable):
     """A further voltage input on the clock of the force; what it measures is up to the lab.
 
     With a ``ruler`` it is a position sensor: the value (in ``unit``) is the reading of the ruler's points.

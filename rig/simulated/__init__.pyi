@@ -9,6 +9,3 @@ from .bench.camera import film_trial as film_trial
 from .bench.plant import ActionPlant as ActionPlant
 from .bench.plant import PlantTruth as PlantTruth
 from .bench.plant import load_plant as load_plant
-from .serve import ServeOptions as ServeOptions
-from .serve import Tls as Tls
-from .serve import serve_until_interrupted as serve_until_interrupted

@@ -15,31 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.simulated import daqmx
-from rig.simulated.device.state import DeviceState, WatchdogTimer, commit, release, verify
-from rig.simulated.device.task import (
-    LOG,
-    OFF,
-    Channel,
-    InputBuffer,
-    SampleClock,
-    SimulatedTask,
-    TaskType,
-    TdmsLog,
-    Timing,
-)
+from rig.simulated.device.state import DeviceState, WatchdogTimer, commit, release
+from rig.simulated.device.task import Channel, InputBuffer, Progress, SampleClock, SimulatedTask, TaskType
 from rig.simulated.device.watchdog import refuse_bad_timer, refuse_expired, start_watchdog
 from rig.simulated.product import Inventory, Kind, channel_names
 from rig.simulated.signals import latch_now, set_outputs
-from rig.simulated.status import UNSUPPORTED, Code, DaqStatusError, NotImplementedByDevice, refuse_any
-from rig.simulated.timing import (
-    await_something,
-    await_trigger,
-    go_live,
-    settle_on_demand,
-    wait_for_samples,
-    wait_for_timeout,
-    write_as_room_comes,
-)
+from rig.simulated.status import Code, DaqStatusError, NotAnswered
+from rig.simulated.timing import await_something, await_trigger, go_live, settle_on_demand, wait_for_samples
 
 
 def find_task(device: DeviceState, name: str) -> SimulatedTask:
@@ -84,71 +66,25 @@ def start_task(device: DeviceState, task: SimulatedTask) -> None:
         start_watchdog(device, task)
         return
     output = task.output
-    if task.type in ("AO", "DO") and output.samples is None and task.timing.clock is not None:
+    if task.type == "AO" and output.samples is None and task.clock is not None:
         raise DaqStatusError(Code.OUTPUT_BUFFER_EMPTY, f"Task: {task.name}")
-    verify(device, task)
-    open_log(task)
-    try:
-        commit(device, task)
-    except DaqStatusError:
-        close_log(task)
-        raise
-    if output.samples is not None:
-        output.size = max(int(task.setting("Buffer", "", daqmx.BUF_OUTPUT_BUF_SIZE, 0)), output.written)
+    commit(device, task)
     task.state, output.generated, task.pulses.finished = "running", 0, False
-    progress = task.progress
-    task.progress = replace(
-        progress,
-        runs=progress.runs + 1,
-        error=0,
-        samples_before_trigger=0,
-        reference_edges=None,
-        reference_end=None,
-        comparator=None,
-    )
-    if task.type in ("AI", "CI", "DI"):
-        columns = len(task.lines) if task.type == "DI" else len(task.channels)
-        if task.measures in daqmx.PULSE_PAIRS:
-            columns = 2
-        task.buffer = InputBuffer(task.input_buffer_size, columns, drops_oldest=task.triggers.referenced)
+    task.progress = Progress()
+    if task.type in ("AI", "CI"):
+        task.buffer = InputBuffer(task.input_buffer_size, len(task.channels))
     # a trigger that is waited for must still come; one that has passed never comes again
-    if task.triggers.awaited:
+    if task.triggers.begin:
         await_trigger(device, task)
     else:
         go_live(device, task)
-
-
-def open_log(task: SimulatedTask) -> None:
-    """Open the file of a task that logs, in place of the one that is open."""
-    close_log(task)
-    logging, clock = task.logging, task.timing.clock
-    if logging.mode == OFF:
-        return
-    detail, unlogged = f"Task: {task.name}", task.type == "DI" or task.measures in daqmx.PULSE_PAIRS
-    refuse_any(
-        (task.type in ("AO", "DO", "CO"), Code.LOGGING_NOT_SUPPORT_ON_OUTPUT_TASKS, detail),
-        (clock is None, Code.LOGGING_MODE_NOT_SUPPORTED_NON_BUFFERED, detail),
-        (unlogged, Code.MEASUREMENT_TYPE_NOT_SUPPORTED_FOR_LOGGING, detail),
-    )
-    interval_s = 1 / clock.rate_hz if clock is not None and task.timing.own_clock else 0.0
-    names = [channel.name for channel in task.channels]
-    task.log = TdmsLog(logging.path, logging.operation, logging.group or task.name, names, interval_s)
-
-
-def close_log(task: SimulatedTask) -> None:
-    """Close the file of a task that logs."""
-    if task.log is not None:
-        task.log.close()
-        task.log = None
 
 
 def stop_task(device: DeviceState, task: SimulatedTask) -> None:
     """Stop a task; an output keeps the value it has."""
     if task.state != "running":
         return
-    task.progress.completed += int(task.ended)
     task.progress.live = False
-    close_log(task)
     if task.name in device.watchdogs:
         device.watchdogs[task.name].running = False
     if task.committed:
@@ -186,10 +122,8 @@ def add_channels(
         task.add_channel(type_, Channel(assigned if name else channel.name, channel, dict(settings)))
 
 
-def add_lines(
-    device: DeviceState, task: SimulatedTask, type_: TaskType, lines: str, name: str, *, one_channel: bool
-) -> None:
-    """Add digital lines or whole ports to a task, as one channel or one per line."""
+def add_lines(device: DeviceState, task: SimulatedTask, lines: str, name: str, *, one_channel: bool) -> None:
+    """Add digital outputs, lines or whole ports, to a task: as one channel or one per line."""
     found = device.inventory.lines(lines)
     groups = [found] if one_channel else [[line] for line in found]
     for index, group in enumerate(groups):
@@ -197,7 +131,7 @@ def add_lines(
         port = group[0].name.rsplit("/", 1)[0]
         several = port if lines.strip().lower() == port.lower() else group[0].name + "..."
         own = several if len(group) > 1 else group[0].name
-        task.add_channel(type_, Channel(assigned if name else own, group[0], {"lines": [line.name for line in group]}))
+        task.add_channel("DO", Channel(assigned if name else own, group[0], {"lines": [line.name for line in group]}))
 
 
 def configure_clock(device: DeviceState, task: SimulatedTask, clock: SampleClock) -> None:
@@ -206,24 +140,16 @@ def configure_clock(device: DeviceState, task: SimulatedTask, clock: SampleClock
     if not task.channels:
         raise DaqStatusError(Code.CAN_NOT_PERFORM_OP_WHEN_NO_CHANS_IN_TASK, f"Task: {task.name}")
     task.refuse_while_running()
+    if task.type in ("CO", "DO"):
+        raise NotAnswered(f"a sample clock of a {task.type} task")
     if not rate_hz > 0 or clock.samples < 1:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Rate {rate_hz:g}, samples per channel {clock.samples}")
     terminal = device.inventory.terminal(source) if source and source != "OnboardClock" else ""
+    if task.type == "CI" and not terminal:
+        raise DaqStatusError(Code.EXT_SAMP_CLK_SRC_NOT_SPECIFIED)
     owner = device.inventory.of(task.channels[0].physical.name)
-    static = any(channel.physical.kind == "static_line" for channel in task.channels)
-    refuse_any(
-        (task.type in ("CI", "CO") and not terminal, Code.EXT_SAMP_CLK_SRC_NOT_SPECIFIED, ""),
-        (task.type == "CO" and clock.mode != daqmx.CONTINUOUS, UNSUPPORTED, "not simulated: finite pulses on a clock"),
-        (
-            static or (task.type in ("DI", "DO") and not owner.product.clocked_lines),
-            UNSUPPORTED,
-            f"Task: {task.name}: these lines are static",
-        ),
-    )
     rate_hz = owner.coerced_rate(rate_hz, task.channels[0].physical.kind, len(task.channels))
-    task.timing = Timing(replace(clock, rate_hz=rate_hz, source=terminal))
-    if task.type == "CO":
-        task.pulses.count = None
+    task.clock = replace(clock, rate_hz=rate_hz, source=terminal)
 
 
 MAX_ON_DEMAND = 100_000
@@ -236,7 +162,7 @@ def read_samples(device: DeviceState, task: SimulatedTask, n: int, timeout_s: fl
     A negative n reads all available. Fewer come when the timeout ends first. Raises DaqStatusError when samples were
     overwritten or will never come.
     """
-    if task.timing.clock is None and task.state != "running":  # started for this read alone
+    if task.clock is None and task.state != "running":  # started for this read alone
         start_task(device, task)
         try:
             return read_samples(device, task, n, timeout_s)
@@ -244,17 +170,13 @@ def read_samples(device: DeviceState, task: SimulatedTask, n: int, timeout_s: fl
             stop_task(device, task)
     if task.state != "running":
         start_task(device, task)
-    if task.timing.clock is None or task.buffer is None:
-        return _read_on_demand(device, task, n, timeout_s)
-    if task.logging.mode == LOG:
-        raise DaqStatusError(Code.READ_NOT_SUPPORTED_FOR_LOGGING_MODE, f"Task: {task.name}", samples_read=0)
+    if task.clock is None or task.buffer is None:
+        return _read_on_demand(device, task, n)
     if n < 0:
         await_something(device, task)
         n = task.read_all_samples
     missing = n - task.buffer.available
-    if task.triggers.referenced and task.samples_remaining > 0:
-        missing = max(missing, 1)
-    if missing > task.samples_remaining and not task.retriggerable:  # cut to what there will be
+    if missing > task.samples_remaining:  # cut to what there will be
         n = task.buffer.available + int(task.samples_remaining)
         missing = n - task.buffer.available
         if n <= 0:
@@ -263,55 +185,38 @@ def read_samples(device: DeviceState, task: SimulatedTask, n: int, timeout_s: fl
         wait_for_samples(device, task, missing, timeout_s)
     if task.progress.error:  # e.g. the watchdog expired while the read waited
         raise DaqStatusError(task.progress.error, f"Task: {task.name}", samples_read=0)
-    if task.triggers.referenced and task.samples_remaining > 0:
-        return np.empty((0, len(task.channels)))
     values = task.buffer.take(min(n, task.buffer.available))
-    if task.log is not None and values.size:
-        task.log.write(values)
     device.handed_out = max(device.handed_out, task.buffer.read)
     return values
 
 
-def all_has_come(task: SimulatedTask) -> bool:
+def has_been_read(task: SimulatedTask) -> bool:
     """Whether a finite acquisition has ended and all its samples have been read: a read gives no more."""
     return task.buffer is not None and task.samples_remaining <= 0 and not task.buffer.available
 
 
-def _read_on_demand(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> NDArray[np.float64]:
+def _read_on_demand(device: DeviceState, task: SimulatedTask, n: int) -> NDArray[np.float64]:
     if n > MAX_ON_DEMAND:
-        raise NotImplementedByDevice(f"{n} readings on demand at once")
-    if task.type in ("AI", "CI"):
-        settle_on_demand(device)
-    try:
-        return np.concatenate([latch_now(device, task) for _ in range(max(n, 1))])
-    except DaqStatusError as error:
-        if error.code == Code.SAMPLES_NOT_YET_AVAILABLE:
-            wait_for_timeout(device, task, timeout_s)
-        raise
+        raise NotAnswered(f"{n} readings on demand at once")
+    settle_on_demand(device)
+    return np.concatenate([latch_now(device, task) for _ in range(max(n, 1))])
 
 
-def write_volts(
-    device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool, timeout_s: float
-) -> None:
-    """Take samples for an analog output, V or in its custom scale, shape (n, channels), within the channels' limits."""
-    values = values.copy()
+def write_volts(device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:
+    """Take samples for an analog output, V, shape (n, channels), within the channels' limits."""
     for column, channel in enumerate(task.channels):
-        if (scale := channel.settings.get("scale")) is not None:
-            values[:, column] = scale.prescaled(values[:, column])
         low, high = channel.settings["min_val"], channel.settings["max_val"]
         inside = (values[:, column] >= low) & (values[:, column] <= high)  # NaN is not inside
         if not np.all(inside):
             detail = f"Channel: {channel.name}, limits {low:g} to {high:g} V"
             raise DaqStatusError(Code.INVALID_AO_DATA_WRITE, detail)
-    write_levels(device, task, values, auto_start, timeout_s)
+    write_levels(device, task, values, auto_start)
 
 
-def write_levels(
-    device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool, timeout_s: float
-) -> None:
+def write_levels(device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:
     """Take samples for an output, shape (n, channels or lines): buffered, or put out at once without a clock."""
     refuse_expired(device, task)
-    if task.timing.clock is None:
+    if task.clock is None:
         _write_on_demand(device, task, values[-1], auto_start)
     elif task.state != "running":
         before, room = task.output.samples, int(task.setting("Buffer", "", daqmx.BUF_OUTPUT_BUF_SIZE, 0))
@@ -322,10 +227,8 @@ def write_levels(
             start_task(device, task)
     elif task.progress.error:
         raise DaqStatusError(task.progress.error, f"Task: {task.name}")
-    elif task.regenerates or task.output.samples is None:
-        task.output.samples = values.copy()
     else:
-        write_as_room_comes(device, task, values, timeout_s)
+        task.output.samples = values.copy()
 
 
 def _write_on_demand(device: DeviceState, task: SimulatedTask, row: NDArray[np.float64], auto_start: bool) -> None:

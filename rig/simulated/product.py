@@ -23,7 +23,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from rig.simulated.status import Code, DaqStatusError, NotImplementedByDevice
+from rig.simulated.status import Code, DaqStatusError, NotAnswered
 
 Kind = Literal["bridge", "voltage_in", "voltage_out", "counter", "line", "static_line"]
 
@@ -37,14 +37,13 @@ UNSIMULATED = (
 
 @dataclass(frozen=True)
 class CounterPins:
-    """Default terminals of counters 0 to 3; A, Z and B of an encoder are source, gate and auxiliary.
+    """Default terminals of counters 0 to 3; A and B of an encoder are source and auxiliary.
 
     X Series manual, default counter pins; NI-DAQmx Help, "CompactDAQ counter signal connections" (NI 9401). Counters
     named by the NI 9411 have none.
     """
 
     source: tuple[str, ...] = ()
-    gate: tuple[str, ...] = ()
     auxiliary: tuple[str, ...] = ()
     out: tuple[str, ...] = ()
 
@@ -64,8 +63,6 @@ class Product:
     ai_max_rate_hz: float = 0.0
     modules: tuple[tuple[str, str], ...] = ()
     """Modules of a chassis: name behind the chassis's, product type."""
-    lines_in_group: Mapping[str, int] = field(default_factory=dict)
-    """Lines that have one direction together, by the stem of their pins; others have one each."""
     differential: tuple[int, ...] = ()
     """Numbers of the voltage inputs that can be the positive one of a pair."""
     unsimulated: str = UNSIMULATED
@@ -76,9 +73,6 @@ class Product:
     ai_ranges_v: tuple[float, ...] = ()
     counter_pins: Mapping[str, CounterPins] = field(default_factory=dict)
     """Default terminals of the counters, by the module that names the counter ("" on a card)."""
-    clocked_lines: bool = False
-    """Whether digital lines can have a sample clock."""
-    change_detection: bool = False
     ai_aggregate_rate_hz: float = math.inf
     """Sum of the rates of several AI channels on one converter."""
     ao_rates_hz: tuple[float, ...] = ()
@@ -100,8 +94,6 @@ class Product:
     """Whether the bridge input is a 9237's: rates of 50 kHz/n, delay of its filter."""
     bridge_delay_s: float = 0.0
     """Delay of another bridge input."""
-    apfi: bool = False
-    """Whether it has the analog terminals APFI0 and APFI1."""
     rtsi: bool = False
     """Whether it has a connector for the RTSI cable."""
     timebases: str = r"(?!)"
@@ -123,11 +115,9 @@ CDAQ_9189 = Product(
     counter_pins={
         "Mod4": CounterPins(
             source=("PFI0", "PFI4", "PFI3", "PFI7"),
-            gate=("PFI1", "PFI5", "PFI2", "PFI6"),
             auxiliary=("PFI2", "PFI6", "PFI0", "PFI4"),
         )
     },
-    lines_in_group={"pin4": 4},  # NI 9401 data sheet: direction by nibble
     modules=(("Mod1", "NI 9237"), ("Mod2", "NI 9263"), ("Mod3", "NI 9411"), ("Mod4", "NI 9401")),
     channels=(
         *numbered("Mod1/ai", 4, "bridge", "bridge"),
@@ -146,8 +136,6 @@ CDAQ_9189 = Product(
     watchdog_reach=("voltage_out", "line"),  # cDAQ-9185/9189 manual, "Watchdog Timer"
     watchdog_longest_s=(2**32 - 1) * 25e-9,
     expiry_locks=True,
-    clocked_lines=True,
-    change_detection=True,
     timebase_hz=80e6,
     timebases=r"(80|20)MHzTimebase|100kHzTimebase|Ctr[0-3]InternalOutput",
 )
@@ -171,18 +159,14 @@ PCIE_6363 = Product(
     counter_pins={
         "": CounterPins(
             source=("PFI8", "PFI3", "PFI0", "PFI5"),
-            gate=("PFI9", "PFI4", "PFI1", "PFI6"),
             auxiliary=("PFI10", "PFI11", "PFI2", "PFI7"),
             out=("PFI12", "PFI13", "PFI14", "PFI15"),
         )
     },
-    clocked_lines=True,
-    change_detection=True,
     ai_aggregate_rate_hz=1e6,
     ao_rates_hz=(2.86e6, 2.0e6, 1.54e6, 1.25e6),
     timebases=r"(100|20)MHzTimebase|100kHzTimebase|Ctr[0-3]InternalOutput",
     rtsi=True,
-    apfi=True,
     watchdog_reach=("line",),  # X Series manual: digital and PFI lines, not the analog outputs
 )
 
@@ -205,7 +189,7 @@ PCI_6034E = Product(
     ai_aggregate_rate_hz=200e3,
     ai_ranges_v=(0.05, 0.5, 5.0, 10.0),
     counter_timebase_hz=20e6,
-    counter_pins={"": CounterPins(source=("PFI8", "PFI3"), gate=("PFI9", "PFI4"), out=("Ctr0Out", "Ctr1Out"))},
+    counter_pins={"": CounterPins(source=("PFI8", "PFI3"), out=("Ctr0Out", "Ctr1Out"))},
     timebase_hz=20e6,
     timebases=E_SERIES_TIMEBASES,
     internal=("ai/SampleClock", "ai/StartTrigger"),
@@ -228,7 +212,6 @@ PCI_6602 = Product(
     counter_pins={
         "": CounterPins(
             source=tuple(f"PFI{39 - 4 * k}" for k in range(8)),
-            gate=tuple(f"PFI{38 - 4 * k}" for k in range(8)),
             auxiliary=tuple(f"PFI{37 - 4 * k}" for k in range(8)),
             out=tuple(f"PFI{36 - 4 * k}" for k in range(8)),
         )
@@ -249,7 +232,7 @@ PCI_6733 = Product(
     terminals=(r"PFI[0-9]", r"RTSI[0-6]", r"Ctr[01]Out"),
     ao_max_rate_hz=1e6,
     counter_timebase_hz=20e6,
-    counter_pins={"": CounterPins(source=("PFI8", "PFI3"), gate=("PFI9", "PFI4"), out=("Ctr0Out", "Ctr1Out"))},
+    counter_pins={"": CounterPins(source=("PFI8", "PFI3"), out=("Ctr0Out", "Ctr1Out"))},
     timebase_hz=20e6,
     timebases=E_SERIES_TIMEBASES,
     internal=("ao/SampleClock", "ao/StartTrigger"),
@@ -259,8 +242,7 @@ PCI_6733 = Product(
 PRODUCTS = {product.name: product for product in (CDAQ_9189, PCIE_6363, PCI_6034E, PCI_6602, PCI_6733)}
 
 
-DIGITAL_RATE_HZ = 10e6
-Pin = Literal["source", "gate", "auxiliary", "out"]
+Pin = Literal["source", "auxiliary", "out"]
 
 
 @dataclass(frozen=True)
@@ -427,7 +409,7 @@ class Inventory:
         known = relative in self.product.internal or any(re.fullmatch(p, relative) for p in patterns)
         spelled = "/" + self.full_name(relative) == name
         if spelled and re.fullmatch(self.product.unsimulated, relative):
-            raise NotImplementedByDevice(f"terminal {name}")
+            raise NotAnswered(f"terminal {name}")
         if not (known and spelled):
             raise DaqStatusError(Code.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING, f"Terminal: {given!r}")
         inputs = self.product.input_only_terminals
@@ -453,14 +435,13 @@ class Inventory:
         product = self.product
         if not rate_hz > 0 or (kind != "counter" and rate_hz < product.timebase_hz / 2**32):
             raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Sample clock rate: {rate_hz:g}")
-        most = DIGITAL_RATE_HZ
-        if kind in ("bridge", "voltage_in"):
+        if kind == "counter":
+            return rate_hz  # not generated: the clock comes from a terminal
+        if kind == "voltage_out":
+            most = product.ao_rates_hz[channels - 1] if product.ao_rates_hz else product.ao_max_rate_hz
+        else:
             shared = product.ai_aggregate_rate_hz if channels > 1 else math.inf
             most = min(product.ai_max_rate_hz, shared / channels)
-        elif kind == "voltage_out":
-            most = product.ao_rates_hz[channels - 1] if product.ao_rates_hz else product.ao_max_rate_hz
-        elif kind == "counter":
-            return rate_hz  # not generated: the clock comes from a terminal
         if rate_hz > most * (1 + 1e-9):
             raise DaqStatusError(Code.SAMP_RATE_TOO_HIGH, f"Requested {rate_hz:g}, maximum {most:g}")
         if kind == "bridge" and product.bridge_decimates:
@@ -474,8 +455,8 @@ class Inventory:
         return (40 + 5 / 512) / rate_hz + 4.5e-6 if self.product.bridge_decimates else self.product.bridge_delay_s
 
     def half_range(self, settings: Mapping[str, Any]) -> float:
-        """Return the range a voltage input uses, as half its span, V: the one set, else what covers its limits."""
-        return max(settings.get("range_v", 0.0), self.voltage_range(settings["min_val"], settings["max_val"]))
+        """Return the range a voltage input uses, as half its span, V: the least that covers its limits."""
+        return self.voltage_range(settings["min_val"], settings["max_val"])
 
     def voltage_range(self, low_v: float, high_v: float) -> float:
         """Return the input range that covers the limits asked for, as half its span, V."""

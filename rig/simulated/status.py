@@ -16,7 +16,6 @@ TEXTS: dict[int, str] = {
         "The generation stopped because no new samples were written in time."
     ),
     Code.PAL_RESOURCE_RESERVED: "The specified resource is reserved by another task.",
-    Code.SAMPLES_CAN_NOT_YET_BE_WRITTEN: "Some or all of the samples could not yet be written: the buffer is full.",
     Code.INVALID_DEVICE_ID: "Device identifier is invalid.",
     Code.PHYSICAL_CHAN_DOES_NOT_EXIST: "Physical channel specified does not exist on this device.",
     Code.PHYS_CHAN_MEAS_TYPE: "The physical channel does not support the requested measurement type.",
@@ -27,21 +26,10 @@ TEXTS: dict[int, str] = {
         "No registered trigger lines could be found between the devices in the route; register the RTSI cable."
     ),
     Code.RESOURCES_IN_USE_FOR_ROUTE_ROUTING: "The terminal carries another signal already.",
-    Code.LINE_CONFLICT_CDAQ: "Lines of one group of the module are inputs or outputs together, not mixed.",
     Code.OUTPUT_BUFFER_EMPTY: "Generation cannot be started: no samples have been written.",
     Code.SAMPLES_WILL_NEVER_BE_AVAILABLE: "The read is past the last sample of a finite acquisition.",
-    Code.TASK_NOT_IN_DATA_NEIGHBORHOOD: "Task specified is not saved on this system.",
-    Code.TRIG_WHEN_ON_DEMAND_SAMP_TIMING: "A trigger is set, but the samples are taken on demand.",
-    Code.BUILT_IN_CJC_SRC_NOT_SUPPORTED: (
-        "The device has no built-in cold junction sensor; give a constant temperature or a channel."
-    ),
-    Code.WAIT_UNTIL_DONE_DOES_NOT_INDICATE_DONE: (
-        "Wait Until Done did not indicate that the task was done within the specified timeout."
-    ),
-    Code.TDMS_NOT_FOUND: "The TDMS library is not installed.",
-    Code.UNITS_NOT_FROM_CUSTOM_SCALE: "A custom scale is named, but the units are not from a custom scale.",
     Code.WRITE_NUM_CHANS_MISMATCH: "The number of values does not fit channels and samples of the task.",
-    UNSUPPORTED: "The property is not supported by the virtual device for this task.",
+    UNSUPPORTED: "Not supported by the virtual bench.",
     Code.CHASSIS_WATCHDOG_TIMER_EXPIRED: (
         "The watchdog timer of the chassis has expired; nothing can be done until the chassis is reset."
     ),
@@ -63,24 +51,13 @@ def text_of(code: int) -> str:
     return words[:1].upper() + words[1:] + "."
 
 
-EVENT_REGISTERED = {
-    "RegisterEveryNSamplesEvent": Code.EVERY_N_SAMPS_ACQ_INTO_BUFFER_EVENT_ALREADY_REGISTERED,
-    "RegisterDoneEvent": Code.DONE_EVENT_ALREADY_REGISTERED,
-    "RegisterSignalEvent": Code.SIGNAL_EVENT_ALREADY_REGISTERED,
-}
-"""Status of an event that is registered twice, by its call."""
-
-
 class DaqStatusError(Exception):
-    """A driver status below zero; ``samples_read`` and ``samples_written`` are given when part of a call succeeded."""
+    """A driver status below zero; ``samples_read`` is given by a read."""
 
-    def __init__(
-        self, code: int, detail: str = "", *, samples_read: int | None = None, samples_written: int | None = None
-    ) -> None:
+    def __init__(self, code: int, detail: str = "", *, samples_read: int | None = None) -> None:
         super().__init__(" ".join(filter(None, (text_of(code), detail))))
         self.code = code
         self.samples_read = samples_read
-        self.samples_written = samples_written
 
 
 class SessionRefused(Exception):
@@ -102,11 +79,11 @@ class Unsupported(DaqStatusError):
         super().__init__(UNSUPPORTED, detail)
 
 
-class NotImplementedByDevice(DaqStatusError):
-    """What DAQmx has and the virtual device has not: refused with the driver's code, never answered with a value."""
+class NotAnswered(Unsupported):
+    """What NI-DAQmx has and ``rig.daq`` never asks for: refused by its name, never answered with a value."""
 
-    def __init__(self, what: str, code: int = UNSUPPORTED) -> None:
-        super().__init__(code, f"not simulated: {what}")
+    def __init__(self, what: str) -> None:
+        super().__init__(f"{what}: rig.daq never asks for it; what is answered is listed in rig/simulated/rpc/calls.py")
 
 
 def refuse_any(*checks: tuple[object, int, str]) -> None:

@@ -10,14 +10,9 @@ terminal where nothing is connected nothing ticks. Sample k of AI and CI is latc
 generated at edge k and stays until the next.
 
 Whenever time has passed the triggers are checked. A task with a sample clock of its own sends a start trigger as it
-begins; counter outputs, the camera's exposures and the encoders' A signals trigger by the edges on their terminals. A
-counter output on a sample clock loads with each tick the next pulses written, which begin with the next pulse; the
-first ones are loaded when the task starts, and a buffer that is used up begins again. While a digital terminal is at a
-level a task with a pause trigger takes no sample: its clock goes on by whole samples, what is left out is left out.
-With a reference trigger the input buffer drops its oldest samples until the edge has come, and nothing can be read
-before the last posttrigger sample has been acquired, as with the driver.
+begins; counter outputs, the camera's exposures and the encoders' A signals trigger by the edges on their terminals.
 
-A wait for samples, for the end of a task or for a timeout lets pass what it takes. Beyond that the rule is:
+A wait for samples or for a timeout lets pass what it takes. Beyond that the rule is:
 
 - on a paced clock the device goes on with the wall clock, whether or not a client reads; what is due passes before each
   call, and in a server every 10 ms. A reader that is late finds its samples, or finds them overwritten (-200279). Time
@@ -35,25 +30,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState
-from rig.simulated.device.task import LOG, Comparator, SimulatedTask
+from rig.simulated.device.task import SimulatedTask
 from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.signals import (
-    analog_reading,
     edges_now,
-    edges_passed,
     encoder_counts,
     input_terminal,
     latch,
-    level_on,
     output_terminals,
     pulse_train,
     pulses_on,
-    set_clocked_lines,
     set_outputs,
 )
-from rig.simulated.status import Code, DaqStatusError
 
 _TOLERANCE_EDGES = 1e-6
 """By so much a tick may miss an edge through rounding."""
@@ -85,18 +74,15 @@ class Engine:
 
 def engine_of(device: DeviceState, task: SimulatedTask) -> Engine | None:
     """Return the engine that clocks a task; None when nothing ticks for it."""
-    clock = task.timing.clock
-    if clock is None or task.timing.change_lines:
+    clock = task.clock
+    if clock is None:
         return None
-    if task.timing.implicit:
-        return _engine_of_pulses(device, task)
-    if task.timing.own_clock:
-        if not task.progress.live:
-            return None
-        counted = task.timing.finite and not task.triggers.referenced and not task.triggers.pause
-        limit = clock.samples if counted else float("inf")
-        return Engine(clock.rate_hz * drift(device, task), task.progress.live_since_s, device.bench.rate_hz, limit)
-    return _engine_behind(device, clock.source, {task.name})
+    if not task.has_own_clock:
+        return _engine_behind(device, clock.source, {task.name})
+    if not task.progress.live:
+        return None
+    limit = clock.samples if task.is_finite else float("inf")
+    return Engine(clock.rate_hz * drift(device, task), task.progress.live_since_s, device.bench.rate_hz, limit)
 
 
 def drift(device: DeviceState, task: SimulatedTask) -> float:
@@ -107,18 +93,6 @@ def drift(device: DeviceState, task: SimulatedTask) -> float:
     return (1.0 + own.clock_error) / (1.0 + device.timebase.clock_error)
 
 
-def _engine_of_pulses(device: DeviceState, task: SimulatedTask) -> Engine | None:
-    """Return the engine of a counter that takes one sample from each pulse: it ticks with the edge that ends it."""
-    train = pulses_on(device, input_terminal(device, task))
-    clock, since_s = task.timing.clock, task.progress.live_since_s
-    if train is None or not task.progress.live or clock is None:
-        return None
-    first_s = train.next_after(since_s) + 1 / train.rate_hz
-    pulses = train.count - train.passed_at(since_s) - 1
-    limit = min(pulses, clock.samples) if task.timing.finite else pulses
-    return Engine(train.rate_hz, first_s, device.bench.rate_hz, limit) if limit > 0 else None
-
-
 def _engine_behind(device: DeviceState, terminal: str, seen: set[str]) -> Engine | None:
     """Return the engine whose ticks a terminal carries; ``seen`` names the tasks on the way, against loops."""
     terminal = device.carried(terminal)
@@ -127,12 +101,11 @@ def _engine_behind(device: DeviceState, terminal: str, seen: set[str]) -> Engine
     others = [task for task in device.tasks.values() if task.name not in seen and task.progress.live]
     if signal == "SampleClock":
         for task in others:
-            timing = task.timing
             own = task.channels and device.inventory.of(task.channels[0].physical.name) is owner
-            if own and task.type == stem.upper() and timing.clock is not None and not timing.change_lines:
-                if timing.own_clock:
+            if own and task.type == stem.upper() and task.clock is not None:
+                if task.has_own_clock:
                     return engine_of(device, task)
-                return _engine_behind(device, timing.clock.source, {*seen, task.name})
+                return _engine_behind(device, task.clock.source, {*seen, task.name})
         return None
     for task in others:
         if task.type == "CO" and terminal in output_terminals(device, task):
@@ -141,81 +114,35 @@ def _engine_behind(device: DeviceState, terminal: str, seen: set[str]) -> Engine
     return None
 
 
-def load_pulses(device: DeviceState, task: SimulatedTask, edge: int, n: int) -> None:
-    """Load what the clock's ticks on the next n edges of the bench call for."""
-    engine, pulses = engine_of(device, task), task.pulses
-    if engine is None:
-        return
-    first = max(engine.passed(edge), task.progress.first_tick)
-    for at in engine.edges(first, max(engine.passed(edge + n), first)):
-        train, now_s = pulse_train(task), float(at) / device.bench.rate_hz
-        pulses.passed, pulses.next_s = train.passed_at(now_s), train.next_after(now_s)
-        load(task, pulses.loaded + 1)
-
-
-def load(task: SimulatedTask, number: int) -> None:
-    """Load the pulses of sample ``number`` of the buffer."""
-    pulses = task.pulses
-    if pulses.written is None:
-        return
-    pulses.loaded = number
-    high_s, low_s = pulses.written[number % pulses.written.shape[0]]
-    name = task.channels[0].name
-    task.properties["Chan", name, daqmx.CO_PULSE_FREQ] = float(1 / (high_s + low_s))
-    task.properties["Chan", name, daqmx.CO_PULSE_DUTY_CYC] = float(high_s / (high_s + low_s))
-
-
 def await_trigger(device: DeviceState, task: SimulatedTask) -> None:
     """Let a task wait for the next edge on its trigger's terminal."""
-    progress = task.progress
-    progress.live = progress.triggered = False
-    if (shape := task.triggers.analog_start) is None:
-        progress.trigger_edges = edges_now(device, task.triggers.begin)
-        return
-    alone = not any(_passes_time(other) for other in device.tasks.values() if other is not task)
-    if alone and progress.comparator is None:
-        _begin_trial(device, task)
-    progress.comparator = Comparator(shape)
+    task.progress.trigger_edges = edges_now(device, task.triggers.begin)
 
 
 def _makes_time_pass(task: SimulatedTask) -> bool:
-    return task.timing.own_clock or task.type == "CO"
-
-
-def watches(task: SimulatedTask) -> bool:
-    """Whether a task compares its input with the level of its analog start trigger: time passes meanwhile."""
-    progress = task.progress
-    return task.state == "running" and not progress.live and task.triggers.analog_start is not None
-
-
-def _passes_time(task: SimulatedTask) -> bool:
-    return watches(task) or (task.progress.live and _makes_time_pass(task))
+    return task.has_own_clock or task.type == "CO"
 
 
 def go_live(device: DeviceState, task: SimulatedTask) -> None:
     """Let a task's clock tick from here on, and those of the tasks that waited for it."""
-    if _makes_time_pass(task) and not any(_passes_time(t) for t in device.tasks.values()):
+    if _makes_time_pass(task) and not any(t.progress.live and _makes_time_pass(t) for t in device.tasks.values()):
         _begin_trial(device, task)
-    if (reference := task.triggers.analog_reference) is not None:
-        task.progress.comparator, task.progress.crossings = Comparator(reference), 0
     progress = task.progress
     progress.live, progress.live_since_s = True, device.bench.now_s
-    progress.samples_before_trigger = task.total_samples
-    engine = None if task.timing.own_clock else engine_of(device, task)
+    engine = None if task.has_own_clock else engine_of(device, task)
     progress.first_tick = engine.passed(device.bench.edge) if engine else 0
-    if task.type == "CO":
-        load(task, 0)
-        task.pulses.passed, task.pulses.next_s, task.pulses.drift = 0, None, drift(device, task)
-        task.pulses.end_s = pulse_train(task).end_s
-    channel, clock = task.channels[0], task.timing.clock
+    channel, clock = task.channels[0], task.clock
     owner, wired = device.inventory.of(channel.physical.name), device.inventory.full_name(device.wiring.force)
-    if task.measures == daqmx.EDGES:
+    if task.type == "CO":
+        task.pulses.drift = drift(device, task)
+        task.pulses.end_s = pulse_train(task).end_s
+    elif task.counts_edges:
         progress.initial_edges = edges_now(device, input_terminal(device, task))
-    elif "decoding_type" in channel.settings:
+    elif task.type == "CI":
         progress.initial_edges = int(encoder_counts(device, task, device.bench.quarter)[0])
     if clock is not None and (cell := next((c for c in task.channels if c.physical.name == wired), None)):
         device.bench.delay_force(owner.input_delay_s(cell.physical.kind, clock.rate_hz))
-    if task.timing.own_clock:
+    if task.has_own_clock:
         trigger = device.inventory.known_as(owner, f"{str(task.type).lower()}/StartTrigger")
         for other in _waiting(device):
             if device.carried(other.triggers.begin) == trigger:
@@ -223,7 +150,7 @@ def go_live(device: DeviceState, task: SimulatedTask) -> None:
 
 
 def _begin_trial(device: DeviceState, task: SimulatedTask) -> None:
-    bench, clock = device.bench, task.timing.clock
+    bench, clock = device.bench, task.clock
     rate_hz = clock.rate_hz if clock is not None else bench.rate_hz
     device.trial += 1
     device.handed_out = 0
@@ -246,8 +173,6 @@ def _waiting(device: DeviceState) -> list[SimulatedTask]:
 def edges_to_trigger(device: DeviceState) -> float:
     """Return how many edges of the bench pass before the next trigger a task waits for; infinite for none."""
     bench, nearest = device.bench, float("inf")
-    if any(watches(task) for task in device.tasks.values()):
-        return 1.0  # when the input crosses the level is known only afterwards
     for task in _waiting(device):
         terminal = task.triggers.begin
         train = pulses_on(device, terminal)
@@ -260,51 +185,10 @@ def edges_to_trigger(device: DeviceState) -> float:
 
 
 def check_triggers(device: DeviceState) -> None:
-    """Start what waited for an edge that has come; a finished retriggerable task waits for the next one."""
+    """Start what waited for an edge that has come."""
     for task in _waiting(device):
         if edges_now(device, task.triggers.begin) > task.progress.trigger_edges:
             go_live(device, task)
-    for task in list(device.tasks.values()):
-        if watches(task) and task.progress.triggered:
-            go_live(device, task)
-    for task in device.tasks.values():
-        if task.progress.live and task.retriggerable and task.samples_remaining <= 0:
-            await_trigger(device, task)
-
-
-def paused(device: DeviceState, task: SimulatedTask, edge: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return whether a task pauses at each edge (n,) of the bench."""
-    return level_on(device, task.triggers.pause, edge) == task.triggers.pause_high
-
-
-def ticks_to_acquire(
-    device: DeviceState, task: SimulatedTask, edge: NDArray[np.int64], values: NDArray[np.float64]
-) -> int:
-    """Return how many of the next ticks, on these edges of the bench (n,), still belong to the acquisition.
-
-    ``values``, (n, channels), are what the task would acquire. An edge of the trigger counts only after all pretrigger
-    samples have been acquired. The first sample behind it is the first posttrigger sample.
-    """
-    progress, triggers = task.progress, task.triggers
-    if task.timing.clock is None or task.buffer is None or not edge.size:
-        return 0
-    if progress.reference_end is None:
-        index = task.buffer.acquired + np.arange(edge.size)
-        comparator = progress.comparator
-        if comparator is None:
-            passed = edges_passed(device, triggers.reference, edge)
-        else:
-            passed = progress.crossings + comparator.crossings(values[:, 0])
-            progress.crossings = int(passed[-1])
-        armed = index >= triggers.pretrigger_samples
-        if progress.reference_edges is None and armed.any():
-            progress.reference_edges = int(passed[armed][0])
-        posttrigger = armed & (passed > (progress.reference_edges or 0))
-        if not posttrigger.any():
-            return edge.size
-        first = int(index[posttrigger][0])
-        progress.reference_end = first + task.timing.clock.samples - triggers.pretrigger_samples
-    return int(min(edge.size, max(progress.reference_end - task.buffer.acquired, 0)))
 
 
 def pass_edges(device: DeviceState, n: int) -> None:
@@ -317,41 +201,21 @@ def pass_edges(device: DeviceState, n: int) -> None:
     ]
     volts = np.full(n + 1, device.output_v.get(device.motor, 0.0))  # just before the edges, then from each of them on
     command_v = volts[1:]
-    device.line_history.clear()
     for task, engine in clocked:
-        if task.type in ("AO", "DO"):
+        if task.type == "AO":
             _generate(device, task, engine, command_v)
     at_s = (edge + np.arange(n)) / bench.rate_hz
     bench.set_motor_volts(volts)
-    enable = device.line_history.get(device.inventory.full_name(device.wiring.drive_enable or ""))
-    cell, quarter = bench.step(np.where(device.drive_enabled() if enable is None else enable[1:] > 0, command_v, 0.0))
+    cell, quarter = bench.step(command_v if device.drive_enabled() else np.zeros(n))
     cell, quarter = device.faults.change(device.trial, at_s, cell, quarter)
     for task, engine in clocked:
         if task.buffer is None:
             continue
         first, last = _ticks(task, engine, edge, n)
-        if not task.triggers.pause:
-            last = min(last, first + int(min(task.samples_remaining, last - first)))
+        last = min(last, first + int(min(task.samples_remaining, last - first)))
         rows = np.clip(engine.edges(first, last) - edge, 0, n - 1)
-        if task.triggers.pause:
-            rows = rows[~paused(device, task, edge + rows)]
-            rows = rows[: int(min(task.samples_remaining, rows.size))]
-        if not rows.size:
-            continue
-        values = latch(device, task, cell[rows], quarter[rows], edge + rows)
-        if task.triggers.referenced:
-            values = values[: ticks_to_acquire(device, task, edge + rows, values)]
-        if values.size:
-            task.buffer.put(values)
-        if task.log is not None and task.logging.mode == LOG:
-            task.log.write(task.buffer.take(task.buffer.available))
-    for task in device.tasks.values():
-        if watches(task) and (comparator := task.progress.comparator) is not None:
-            reading = analog_reading(device, task, task.channels[0], cell, edge + np.arange(n))
-            task.progress.triggered = task.progress.triggered or bool(comparator.crossings(reading)[-1])
-    for task in device.tasks.values():
-        if task.type == "CO" and task.progress.live and task.pulses.written is not None:
-            load_pulses(device, task, edge, n)
+        if rows.size:
+            task.buffer.put(latch(device, task, cell[rows], quarter[rows], edge + rows))
     for task in device.tasks.values():
         if task.type == "CO" and task.progress.live and bench.now_s >= task.pulses.end_s:
             task.pulses.finished = True
@@ -366,16 +230,10 @@ def _generate(device: DeviceState, task: SimulatedTask, engine: Engine, command_
     """Generate the samples of the next edges; those of the motor's channel go into ``command_v``, (n,)."""
     edge, n = device.bench.edge, command_v.size
     first, last = _ticks(task, engine, edge, n)
-    at = engine.edges(first, last) - edge
-    if task.triggers.pause:
-        at = at[~paused(device, task, edge + at)]
-    rows = task.generate(at.size)
+    rows = task.generate(last - first)
     if not rows.shape[0]:
         return
-    at = at[: rows.shape[0]]
-    if task.type == "DO":
-        set_clocked_lines(device, task, rows, at, n)
-        return
+    at = (engine.edges(first, last) - edge)[: rows.shape[0]]
     set_outputs(device, task, rows[-1])
     for column, channel in enumerate(task.channels):
         if channel.physical.name == device.motor:
@@ -434,16 +292,12 @@ def _edges_to_end(device: DeviceState) -> float:
     """Return how many edges pass before the last task that makes time pass has ended."""
     left = 0.0
     for task in device.tasks.values():
-        if watches(task):
-            return float("inf")
         if not task.progress.live:
             continue
         if task.type == "CO":
             left = max(left, 0.0 if task.pulses.finished else _edges_to_pulse_end(device, task))
-        elif task.timing.own_clock and (engine := engine_of(device, task)) is not None:
+        elif task.has_own_clock and (engine := engine_of(device, task)) is not None:
             ended = float("inf") if np.isinf(engine.limit) else engine.edge_after(int(engine.limit))
-            if task.triggers.pause and task.samples_remaining <= 0:
-                ended = 0.0
             left = max(left, ended - device.bench.edge)
     return left
 
@@ -452,40 +306,17 @@ def _edges_to_pulse_end(device: DeviceState, task: SimulatedTask) -> float:
     return float(np.ceil(task.pulses.end_s * device.bench.rate_hz) - device.bench.edge) + 1
 
 
-def wait_until_done(device: DeviceState, task: SimulatedTask, timeout_s: float) -> None:
-    """Let time pass until a task is done, at most ``timeout_s``; a negative one waits for ever."""
-    allowed = _edges_of_timeout(device, timeout_s)
-    live, remaining = task.progress.live, task.samples_remaining
-    left = 0.0
-    if task.type == "CO":
-        left = _edges_to_pulse_end(device, task) if live else 0.0
-    elif task.triggers.pause or watches(task):
-        while allowed > 0 and not task.done:
-            passed = advance(device, int(min(edges_in(device, POLL_S), allowed)))
-            allowed = allowed - passed if passed else 0
-        return
-    elif live and np.isfinite(remaining) and (engine := engine_of(device, task)) is not None:
-        ticks = task.progress.first_tick + task.samples_since_trigger + int(remaining)
-        left = engine.edge_after(ticks) - device.bench.edge
-    elif live:
-        left = float("inf")
-    if np.isfinite(left):
-        advance(device, int(min(left, allowed)))
-    elif timeout_s > 0:
-        advance(device, int(allowed))
-
-
 def wait_for_samples(device: DeviceState, task: SimulatedTask, missing: int, timeout_s: float) -> None:
     """Let time pass until a task has ``missing`` more samples, or the timeout has ended."""
     if task.buffer is not None:
         allowed = _edges_of_timeout(device, timeout_s)
         wanted = task.buffer.acquired + missing
-        while allowed > 0 and task.state == "running" and not task.progress.error and _incomplete(task, wanted):
+        while allowed > 0 and task.state == "running" and not task.progress.error and task.buffer.acquired < wanted:
             passed = advance(device, int(min(_edges_to_sample(device, task, wanted), allowed)))
             if not passed:
                 break
             allowed -= passed
-        if not _incomplete(task, wanted) or task.progress.error:
+        if task.buffer.acquired >= wanted or task.progress.error:
             return
         timeout_s = allowed / device.bench.rate_hz
     wait_for_timeout(device, task, timeout_s)
@@ -502,51 +333,16 @@ def wait_for_timeout(device: DeviceState, task: SimulatedTask, timeout_s: float)
         device.let_clients_call()
 
 
-def _incomplete(task: SimulatedTask, wanted: int) -> bool:
-    if task.triggers.referenced:
-        return task.samples_remaining > 0
-    return task.buffer is not None and task.buffer.acquired < wanted
-
-
 def _edges_to_sample(device: DeviceState, task: SimulatedTask, wanted: int) -> float:
     """Return after how many edges of the bench to check whether a task has acquired ``wanted`` samples."""
     poll = edges_in(device, POLL_S)
     if not task.progress.live:
-        to_trigger = poll if watches(task) else edges_to_trigger(device)
+        to_trigger = edges_to_trigger(device)
         return to_trigger if np.isfinite(to_trigger) else poll
     engine = engine_of(device, task)
-    if engine is None or task.triggers.referenced or task.triggers.pause:
+    if engine is None:
         return poll
-    ticks = wanted - task.progress.samples_before_trigger
-    if task.retriggerable and task.timing.clock is not None:
-        ticks = min(ticks, task.timing.clock.samples)
-    return max(engine.edge_after(task.progress.first_tick + ticks) - device.bench.edge, 1)
-
-
-def write_as_room_comes(
-    device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], timeout_s: float
-) -> None:
-    """Append samples, (n, columns), to a running generation without regeneration, as its buffer has room for them.
-
-    Raises DaqStatusError when the timeout ends first, or the generation has.
-    """
-    allowed = _edges_of_timeout(device, timeout_s)
-    written, output = 0, task.output
-    while written < values.shape[0] and output.samples is not None:
-        if task.progress.error:
-            raise DaqStatusError(task.progress.error, f"Task: {task.name}", samples_written=written)
-        room = output.size - (output.written - output.generated)
-        if room > 0:
-            output.samples = np.concatenate((output.samples, values[written : written + room]))
-            written = min(written + room, values.shape[0])
-        elif allowed <= 0 or task.state != "running":
-            raise DaqStatusError(Code.SAMPLES_CAN_NOT_YET_BE_WRITTEN, f"Task: {task.name}", samples_written=written)
-        else:
-            step = min(edges_in(device, POLL_S), allowed)
-            if not advance(device, step):
-                device.bench.clock.advance(step / device.bench.rate_hz)
-                device.let_clients_call()
-            allowed -= step
+    return max(engine.edge_after(task.progress.first_tick + wanted) - device.bench.edge, 1)
 
 
 def _edges_of_timeout(device: DeviceState, timeout_s: float) -> int:
@@ -590,7 +386,7 @@ def question_asked(device: DeviceState, *, again: bool) -> None:
 
 def settle_on_demand(device: DeviceState) -> None:
     """Let the bench go on before a reading on demand when no clock runs: outputs written on demand act."""
-    if any(task.progress.live and (task.type == "CO" or task.timing.own_clock) for task in device.tasks.values()):
+    if any(task.progress.live and _makes_time_pass(task) for task in device.tasks.values()):
         return
     clock, rate_hz = device.bench.clock, device.bench.rate_hz
     due_s = min(clock.due_s, MOST_DUE_S) if clock.paced else ON_DEMAND_S

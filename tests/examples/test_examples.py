@@ -11,6 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import grpc
+import nidaqmx
 import numpy as np
 import pandas as pd
 import pytest
@@ -58,8 +60,25 @@ def test_data_set_scores_its_own_measurements_as_perfect(tmp_path: Path) -> None
     assert float(changed["force gain"]["force"][-1]) == pytest.approx(1.15 * time_s[-1])
 
 
+def test_a_program_of_ones_own_uses_the_served_bench() -> None:
+    command = [sys.executable, str(EXAMPLES / "serve_sim.py"), "--rig", "pcie6363", "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        said = server.stdout.readline()
+        with grpc.insecure_channel(said.split()[-1]) as channel:
+            options = nidaqmx.GrpcSessionOptions(channel, "mine")
+            with nidaqmx.Task("mine", grpc_options=options) as task:
+                task.ai_channels.add_ai_voltage_chan("Dev1/ai0:1")
+                task.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=50)
+                assert np.array(task.read(nidaqmx.constants.READ_ALL_AVAILABLE)).shape == (2, 50)
+                with pytest.raises(nidaqmx.DaqError, match="CreateAIThrmcplChan: rig.daq never asks for it"):
+                    task.ai_channels.add_ai_thrmcpl_chan("Dev1/ai2")
+        server.terminate()
+    assert said.startswith("virtual bench on localhost:")
+
+
 def test_no_example_is_forgotten() -> None:
-    assert {p.name for p in EXAMPLES.glob("*.py")} == set(PROMISES)
+    assert {p.name for p in EXAMPLES.glob("*.py")} == {*PROMISES, "serve_sim.py"}
 
 
 @pytest.mark.slow  # each starts a fresh process and compiles or records by itself

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import runpy
 import shutil
 import signal
 from collections.abc import Callable, Iterator
@@ -29,6 +30,7 @@ FORCE_PER_VOLT_N = 12.0
 RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])  # key, whippen, hammer
 REST_RAD = np.array([0.011, -0.007, 0.25])
 REST_FORCE_N = 0.05
+SERVE_SIM = Path(__file__).parents[2] / "examples" / "serve_sim.py"
 
 
 class AlgebraicPlant:
@@ -126,9 +128,7 @@ def begin(config: RigConfig, command: np.ndarray) -> Callable[..., None]:
 @pytest.fixture
 def served() -> Iterator[Callable[..., tuple[Any, str]]]:
     """Serve the device of a backend on the loopback: (server, address); it is stopped with the test."""
-    from rig.simulated.serve import serve
-
-    servers = []
+    serve, servers = runpy.run_path(str(SERVE_SIM))["serve"], []
 
     def start(backend: SimulatedBackend, **options: Any) -> tuple[Any, str]:
         server, port = serve(backend.service, **options)
@@ -167,9 +167,9 @@ def intercept() -> Any:
     def calls(backend: SimulatedBackend, before: Callable[[str, Any], None]) -> Iterator[None]:
         handle = backend.service.handle
 
-        def intercepted(call: str, request: Any) -> Any:
+        def intercepted(call: str, request: Any, *waiting: Any) -> Any:
             before(call, request)
-            return handle(call, request)
+            return handle(call, request, *waiting)
 
         backend.service.handle = intercepted
         try:

@@ -6,7 +6,7 @@ whenever a task with a sample clock of its own starts while nothing else runs. T
 that have not been acquired yet: the virtual clock just counts; the paced clock also waits, so that the bench runs at
 wall-clock speed or a multiple of it.
 
-The virtual operator acts with ``sim://?hand=yes`` (or ``serve-sim --hand``) in every acquisition whose motor command is
+The virtual operator acts with ``sim://?hand=yes`` in every acquisition whose motor command is
 0 V throughout, which is when ``pianorig selftest`` asks for it: lifts the arm off the key, puts it back, presses the
 key down and lets go. Pressing is a torque on the arm, so that all bodies move as the mechanism makes them.
 
@@ -37,7 +37,7 @@ class VirtualClock:
     """Whether the clock follows the wall clock."""
 
     def __init__(self) -> None:
-        self._now_s, self.made_s = 0.0, time.time()
+        self._now_s = 0.0
 
     @property
     def now_s(self) -> float:
@@ -110,13 +110,11 @@ class PulseTrain:
     first_s: float
     count: float
     high_s: float
-    before: int = 0
-    """Edges that had passed before ``first_s``."""
 
     def passed(self, time_s: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return how many rising edges have passed by each time."""
         edges = np.floor((time_s - self.first_s) * self.rate_hz + 1e-9) + 1
-        return np.asarray(np.clip(self.before + np.maximum(edges, 0), 0, self.count), dtype=np.int64)
+        return np.asarray(np.clip(edges, 0, self.count), dtype=np.int64)
 
     def passed_at(self, time_s: float) -> int:
         """Return how many rising edges have passed by one time."""
@@ -125,12 +123,12 @@ class PulseTrain:
     def next_after(self, time_s: float) -> float:
         """Return when the next rising edge comes; infinite when there is none."""
         passed = self.passed_at(time_s)
-        return self.first_s + (passed - self.before) / self.rate_hz if passed < self.count else float("inf")
+        return self.first_s + passed / self.rate_hz if passed < self.count else float("inf")
 
     @property
     def end_s(self) -> float:
         """When the last pulse has ended."""
-        last = self.count - 1 - self.before
+        last = self.count - 1
         return self.first_s + last / self.rate_hz + self.high_s if np.isfinite(self.count) else float("inf")
 
 

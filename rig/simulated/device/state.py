@@ -25,10 +25,9 @@ from rig.simulated import daqmx
 from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES
 from rig.simulated.bench.wiring import Wiring
-from rig.simulated.device.scales import CustomScale
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.product import Inventory
-from rig.simulated.status import Code, DaqStatusError, ServerGone, Unsupported
+from rig.simulated.status import Code, DaqStatusError, ServerGone
 
 STATUS = {
     "overwrite": Code.SAMPLES_NO_LONGER_AVAILABLE,
@@ -162,24 +161,22 @@ class Reservations:
     def __init__(self, inventory: Inventory) -> None:
         self._inventory = inventory
         self._reserved: dict[str, str] = {}
-        self._directions: dict[str, dict[str, bool]] = {}
 
     def needed(self, task: SimulatedTask) -> list[str]:
         """Return the hardware a task needs for itself; refuses terminals not set, or of no linked device."""
-        digital = task.type in ("DI", "DO")
         owner = self._inventory.of(task.channels[0].physical.name) if task.channels else self._inventory
-        source = task.timing.clock.source if task.timing.clock is not None else ""
-        triggers = (task.triggers.start, task.triggers.arm_start, task.triggers.reference, task.triggers.pause)
-        for route in filter(None, (source, *triggers)):
+        source = task.clock.source if task.clock is not None else ""
+        for route in filter(None, (source, task.triggers.start, task.triggers.arm_start)):
             origin = self._inventory.of(route) if route.startswith("/") else self._inventory
             if not self._inventory.linked(origin, owner):  # no cable carries it here
                 detail = f"Task: {task.name}: {route} of {origin.name} to {owner.name}"
                 raise DaqStatusError(Code.TRIG_LINE_NOT_FOUND_ROUTING, detail)
-        needed = [] if digital else [channel.physical.resource for channel in task.channels]
-        if task.type == "DO":  # inputs may share a line, outputs may not
+        if task.type == "DO":
             needed = [self._inventory.line(line).resource for line in task.lines]
+        else:
+            needed = [channel.physical.resource for channel in task.channels]
         multiplexed = task.type == "AI" and not owner.product.chassis  # one converter, also on demand
-        if (task.timing.clock is not None and (digital or task.type in ("AI", "AO"))) or multiplexed:
+        if (task.clock is not None and task.type in ("AI", "AO")) or multiplexed:
             needed.append(f"{task.type} timing engine")
         if (
             task.setting("Trig", "", daqmx.ARM_START_TRIG_TYPE, daqmx.NO_TRIGGER) != daqmx.NO_TRIGGER
@@ -190,9 +187,6 @@ class Reservations:
                 f"Task: {task.name}: arm start trigger without a source",
             )
         for channel in task.channels:
-            if channel.settings.get("two_counters"):
-                number = int(channel.physical.resource.removeprefix("ctr"))
-                needed.append(f"ctr{number ^ 1}")  # the paired counter makes the time base
             if task.type == "CI" and "decoding_type" in channel.settings:
                 for terminal in (daqmx.CI_ENCODER_A_INPUT_TERM, daqmx.CI_ENCODER_B_INPUT_TERM):
                     self._inventory.terminal(task.setting("Chan", channel.name, terminal, ""))
@@ -202,44 +196,14 @@ class Reservations:
                 needed.append("pin4." + relative[-1] if relative.startswith("Mod4") else "PFI " + relative)
         return needed if owner is self._inventory else [f"{owner.name}: {resource}" for resource in needed]
 
-    def directions(self, task: SimulatedTask) -> dict[str, bool]:
-        """Return whether the task drives each group of lines it uses, where all lines of a group have one direction.
-
-        The NI 9401 has two groups of four lines; a terminal and a line of the same number are one pin. A counter's
-        inputs are left out: it may count what another puts out on the pin.
-        """
-        pins = {
-            self._inventory.line(line).resource: task.type == "DO"
-            for channel in task.channels
-            for line in channel.settings.get("lines", ())
-        }
-        for channel in task.channels:
-            if value := task.setting("Chan", channel.name, daqmx.CO_PULSE_TERM, ""):
-                if self._inventory.of(value) is not self._inventory:
-                    continue
-                module, _, pin = self._inventory.terminal(value).partition("/PFI")
-                pins[f"{module.replace('Mod', 'pin')}.{pin}"] = True
-        groups = self._inventory.product.lines_in_group
-        found = {}
-        for pin, is_output in pins.items():
-            stem, _, number = pin.partition(".")
-            if stem in groups:
-                found[f"{stem} group {int(number) // groups[stem]}"] = is_output
-        return found
-
     def reserve(self, task: SimulatedTask) -> None:
         """Reserve all a task needs, or nothing."""
-        needed, directions = self.needed(task), self.directions(task)
+        needed = self.needed(task)
         for resource in needed:
             holder = self._reserved.get(resource)
             if holder not in (None, task.name):
                 raise DaqStatusError(Code.PAL_RESOURCE_RESERVED, f"Resource: {resource}, held by task {holder}")
-        for name, others in self._directions.items():
-            for group, is_output in directions.items():
-                if name != task.name and others.get(group, is_output) != is_output:
-                    raise DaqStatusError(Code.LINE_CONFLICT_CDAQ, f"Task: {task.name}, {group}, task {name}")
         self._reserved.update(dict.fromkeys(needed, task.name))
-        self._directions[task.name] = directions
 
     def is_reserved(self, resource: str) -> bool:
         """Whether a task has reserved a resource."""
@@ -248,7 +212,6 @@ class Reservations:
     def release(self, task: SimulatedTask) -> None:
         """Release all a task has reserved."""
         self._reserved = {key: holder for key, holder in self._reserved.items() if holder != task.name}
-        self._directions.pop(task.name, None)
 
 
 @dataclass(eq=False)
@@ -263,8 +226,6 @@ class WatchdogTimer:
     """By full name of the analog output."""
     levels: dict[str, int] = field(default_factory=dict)
     """The expiration states of the lines as the client gave them, by full name."""
-    settings: dict[int, str | int] = field(default_factory=dict)
-    """Further properties by the driver's number, of an expiration by a trigger."""
     running: bool = False
     expired: bool = False
     reset_at_s: float = 0.0
@@ -297,18 +258,12 @@ class DeviceState:
     """Volts each analog output is at, by full channel name; a stopped output stays at its last value."""
     lines: dict[str, bool] = field(default_factory=dict)
     """Levels of the digital lines that were written, by full name."""
-    line_history: dict[str, NDArray[np.float64]] = field(default_factory=dict)
-    """Levels before the edges that passed last, and after the last one, of lines with a sample clock."""
-    scales: dict[str, CustomScale] = field(default_factory=dict)
-    """Custom scales by name in lower case."""
     exports: dict[str, str] = field(default_factory=dict)
     """Terminals that carry another terminal's signal."""
     timebase: Inventory | None = None
     """The device whose clock the bench's edges follow in this trial."""
     let_clients_call: Callable[[], None] = lambda: None
     """Called between stretches of time within one call, so that other clients get a turn."""
-    settle_settings: Callable[[DeviceState, SimulatedTask], None] = lambda device, task: None
-    """Takes over what a client has set of a task's triggers and logging, before it is verified."""
     reservations: Reservations = field(init=False)
 
     def __post_init__(self) -> None:
@@ -339,30 +294,10 @@ class DeviceState:
         return line is None or self.lines.get(self.inventory.full_name(line), False)
 
 
-def verify(device: DeviceState, task: SimulatedTask) -> None:
-    """Refuse settings that cannot be together, and those that the virtual device cannot act on."""
-    if not task.channels:
-        raise DaqStatusError(Code.CAN_NOT_PERFORM_OP_WHEN_NO_CHANS_IN_TASK, f"Task: {task.name}")
-    kinds = {*task.unsimulated, *task.triggers.analog_kinds}
-    if kinds & {"start trigger", "reference trigger"} and task.timing.clock is None:
-        raise DaqStatusError(Code.TRIG_WHEN_ON_DEMAND_SAMP_TIMING, f"Task: {task.name}")
-    device.settle_settings(device, task)
-    for (category, _, number), value in task.properties.items():
-        if category == "ExportedSignal" and isinstance(value, str) and value:
-            try:
-                device.inventory.terminal(value, output=True)
-            except DaqStatusError:
-                raise DaqStatusError(
-                    Code.INVALID_ROUTING_DESTINATION_TERMINAL_NAME_ROUTING, f"Property: 0x{number:04X}: {value!r}"
-                ) from None
-    if task.unsimulated:
-        settings = ", ".join(f"{name} = {value}" for name, value in task.unsimulated.items())
-        raise Unsupported(f"Task: {task.name}: not simulated: {settings}")
-
-
 def commit(device: DeviceState, task: SimulatedTask) -> None:
     """Reserve the task's resources; refuses what another task has reserved."""
-    verify(device, task)
+    if not task.channels:
+        raise DaqStatusError(Code.CAN_NOT_PERFORM_OP_WHEN_NO_CHANS_IN_TASK, f"Task: {task.name}")
     device.reservations.reserve(task)
     if task.state == "unreserved":
         task.state = "committed"

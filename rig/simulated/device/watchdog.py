@@ -14,13 +14,12 @@ from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState, WatchdogTimer
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.product import Inventory
-from rig.simulated.status import Code, DaqStatusError, Unsupported, refuse_any
+from rig.simulated.status import Code, DaqStatusError, refuse_any
 
 RESET_TIMER, CLEAR_EXPIRATION = 0, 1
 SHORTEST_S = 1e-3
 WITHOUT_HARDWARE = re.compile(
-    r"(Create|Cfg|Register|Unregister)\w+|Get(Device|System|Watchdog|Persisted|Task|Timing|Chan|Trig|Buffer)\w*|GetError\w+|"
-    r"StopTask|ClearTask|ResetDevice"
+    r"(Create|Cfg)\w+|Get(Device|System|Watchdog|Task|Timing|Chan)\w*|GetErrorString|StopTask|ClearTask|ResetDevice"
 )
 """Calls that a locked device still answers: they do not reach the hardware, or reset it."""
 
@@ -85,8 +84,6 @@ def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
         raise DaqStatusError(
             Code.CANT_RESERVE_WATCHDOG_TASK_WHILE_OTHER_TASKS_RESERVED, f"Task: {task.name}, reserved: {others[0]}"
         )
-    if any(isinstance(value, str) and value for value in timer.settings.values()):
-        raise Unsupported(f"Task: {task.name}: not simulated: expiration trigger")
     timer.running, timer.reset_at_s = True, device.bench.clock.elapsed_s
     task.state = "running"
 

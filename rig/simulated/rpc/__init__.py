@@ -1,6 +1,5 @@
-"""NI's RPC services on the virtual device: in process and over TCP, as the NI gRPC Device Server answers.
+"""NI's DAQmx service on the virtual device, as the NI gRPC Device Server answers it.
 
-In: protobuf requests of any DAQmx client.
-Out: protobuf responses, event streams, or the driver's status as gRPC metadata. The calls stand in tables by their
-names: `device`, `task`, `channels` (timing, too), `data` (waveforms, too).
+In: protobuf requests of a DAQmx client. Out: protobuf responses, or the driver's status as gRPC metadata. What is
+answered stands in one table (`calls`); how, in `task`, `channels`, `data`, `properties` and `device`.
 """

@@ -1,4 +1,4 @@
-"""The protobuf messages of NI's DAQmx service and of its session utilities, found by the name of the call.
+"""The protobuf messages of NI's DAQmx service, found by the name of the call.
 
 No other module touches the generated classes: they are private parts of ``nidaqmx`` (pinned >= 1.7, < 2). A test checks
 that every call the virtual device answers exists.
@@ -15,32 +15,28 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import grpc
-import session_pb2
 from google.protobuf.message_factory import GetMessageClass
 from nidaqmx._stubs import nidaqmx_pb2
 
+from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.status import Code, DaqStatusError, ServerGone, SessionRefused, Unsupported
+from rig.simulated.status import Code, DaqStatusError, NotAnswered, ServerGone, SessionRefused, Unsupported, one_of
 
 SERVICE = "nidaqmx_grpc.NiDAQmx"
 _METHODS = nidaqmx_pb2.DESCRIPTOR.services_by_name["NiDAQmx"].methods_by_name
 CALLS: frozenset[str] = frozenset(_METHODS)
 """Names of all calls of the service."""
-UTILITIES = "nidevice_grpc.SessionUtilities"
-_UTILITY_METHODS = session_pb2.DESCRIPTOR.services_by_name["SessionUtilities"].methods_by_name
-UTILITY_CALLS: frozenset[str] = frozenset(_UTILITY_METHODS)
-_EVERY = {**_METHODS, **_UTILITY_METHODS}
 
 
 def request_class(call: str) -> Any:
     """Return the message class of a call's request."""
-    return GetMessageClass(_EVERY[call].input_type)
+    return GetMessageClass(_METHODS[call].input_type)
 
 
 def response(call: str, **fields: Any) -> Any:
     """Return a response of a call with the given fields."""
-    return GetMessageClass(_EVERY[call].output_type)(**fields)
+    return GetMessageClass(_METHODS[call].output_type)(**fields)
 
 
 _KINDS: dict[str, type | tuple[type, ...]] = {
@@ -59,8 +55,19 @@ def attribute_fields(call: str, value: Any) -> dict[str, Any]:
 
 def property_number(category: str, name: str) -> int:
     """Return the driver's number of a property, e.g. of ``SAMP_CLK_RATE`` in category ``Timing``."""
-    prefix = {"Chan": "CHANNEL", "Trig": "TRIGGER", "ExportedSignal": "EXPORTSIGNAL"}.get(category, category.upper())
-    return int(getattr(nidaqmx_pb2, f"{prefix}_ATTRIBUTE_{name}"))
+    return int(getattr(nidaqmx_pb2, f"{_prefix(category)}{name}"))
+
+
+def property_name(category: str, number: int) -> str:
+    """Return the name of a property by the driver's number; the number where the service has no name for it."""
+    prefix = _prefix(category)
+    named = (name for name in dir(nidaqmx_pb2) if name.startswith(prefix) and getattr(nidaqmx_pb2, name) == number)
+    return next(named, f"{prefix}0x{number:04X}").removeprefix(prefix)
+
+
+def _prefix(category: str) -> str:
+    other = {"Chan": "CHANNEL", "Trig": "TRIGGER", "SystemInfo": "SYSTEM", "ExportedSignal": "EXPORTSIGNAL"}
+    return f"{other.get(category, category.upper())}_ATTRIBUTE_"
 
 
 def refuse_not_finite(request: Any) -> None:
@@ -77,6 +84,14 @@ def enum(request: Any, field: str) -> int:
     return int(getattr(request, field + "_raw") or getattr(request, field))
 
 
+def refuse_falling_edge(request: Any, field: str) -> None:
+    """Refuse an edge that is none, and a falling one, by which nothing on the virtual bench is clocked or counted."""
+    edge = enum(request, field)
+    one_of(edge, (daqmx.RISING, daqmx.FALLING), "Edge")
+    if edge == daqmx.FALLING:
+        raise NotAnswered(f"falling edge as {field}")
+
+
 def attribute_value(request: Any) -> Any:
     """Return the value of a Set…Attribute request, given as such or as a raw number."""
     names = {field.name for field in request.DESCRIPTOR.fields}
@@ -91,17 +106,15 @@ TaskHandler = Callable[[DeviceState, SimulatedTask, Any], Fields | None]
 """Answers a call about a task from its request; None is an empty response."""
 DeviceHandler = Callable[[DeviceState, Any], Fields | None]
 """Answers a call about the device from its request; None is an empty response."""
-Key = tuple[str, int]
-"""Category and the driver's number of a property."""
 
 
-class Properties(NamedTuple):
-    """What answers the calls about one category of properties; what cannot be set or reset has no function for it."""
+class Property(NamedTuple):
+    """How the calls about one property are answered; what a client does not set has no function for that."""
 
-    get: Callable[[DeviceState, Any, Key], Any]
-    """Its value from device and request; None where the product, task or channel does not have it."""
-    put: Callable[[DeviceState, Any, Key, Any], None] | None = None
-    reset: Callable[[DeviceState, Any, Key], None] | None = None
+    get: Callable[[DeviceState, Any], Any]
+    """Its value, from device and request; None where the product, task or channel does not have it."""
+    put: Callable[[DeviceState, SimulatedTask, Any, Any], None] | None = None
+    """Sets it, from device, task, request and value."""
 
 
 REFUSALS = (DaqStatusError, SessionRefused, ServerGone)
@@ -117,11 +130,7 @@ class Metadatum(NamedTuple):
 def rpc_status(error: Exception) -> tuple[grpc.StatusCode, str, tuple[Metadatum, ...]]:
     """Return the gRPC status, text and trailing metadata by which a client sees one of :data:`REFUSALS`."""
     if isinstance(error, DaqStatusError):
-        numbers = {
-            "ni-error": error.code,
-            "ni-samps-per-chan-read": error.samples_read,
-            "ni-samps-per-chan-written": error.samples_written,
-        }
+        numbers = {"ni-error": error.code, "ni-samps-per-chan-read": error.samples_read}
         metadata = tuple(Metadatum(key, str(number)) for key, number in numbers.items() if number is not None)
         return grpc.StatusCode.UNKNOWN, str(error), metadata
     if isinstance(error, SessionRefused):

@@ -55,6 +55,11 @@ def test_the_9237_delays_by_40_03_samples_at_5_khz_and_a_voltage_input_does_not(
         ("electrical = [0.0, 2.0]", "electrical = [2.0, 2.0]", "two calibration points"),
         ('product = "cDAQ-9189"', 'product = "USB-6001"', "device.product = 'USB-6001'"),
         ("[camera]", "[camero]", "unknown key camero"),
+        (
+            "[force]",
+            "[force]\ncustom_scale = 'N'",
+            "scales of NI MAX are not used; give the slope as electrical",
+        ),
         ('name = "key"', 'name = "hammer"', "allowed ('key', 'whippen', 'hammer')"),
         ("cDAQ1Mod4/ctr3", "cDAQ1Mod4/ctr0", "one task per counter"),
         ("/cDAQ1Mod3/PFI5", "/cDAQ1Mod3/PFI4", "terminals"),

@@ -14,7 +14,7 @@ from rig.daq.address import _server
 from rig.daq.nidaqmx_backend import CallDelay, calm_block_s
 from rig.errors import DeviceNotFound, HardwareFault, InputError, NotSupported, ReadTimeout, SamplesLost
 from rig.simulated.signals import pulse_train
-from rig.simulated.status import NotImplementedByDevice
+from rig.simulated.status import NotAnswered
 from rig.simulated.timing import advance
 
 RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])
@@ -104,14 +104,14 @@ def test_every_task_runs_on_the_clock_and_trigger_of_the_force_input(name, make_
     tasks = {name: task for name, task in backend.device.tasks.items() if task.state != "unreserved"}
     assert tasks.pop("watchdog").state == "running"
     assert list(tasks) == ["force", "encoder_key", "encoder_whippen", "encoder_hammer", "motor", "camera"]
-    clocks = {task: t.timing.clock.source if t.timing.clock else None for task, t in tasks.items()}
+    clocks = {task: t.clock.source if t.clock else None for task, t in tasks.items()}
     slaves = ["encoder_key", "encoder_whippen", "encoder_hammer", "motor"]
     assert clocks == {"force": "", "camera": None, **dict.fromkeys(slaves, "ai/SampleClock")}
     assert [tasks[s].triggers.arm_start for s in slaves] == ["ai/StartTrigger"] * 3 + [""]
     assert tasks["camera"].triggers.start == "ai/StartTrigger"
     assert all(t.state == "committed" for t in tasks.values())
     np.testing.assert_array_equal(tasks["motor"].output.samples[:, 0], command)
-    clock = tasks["motor"].timing.clock
+    clock = tasks["motor"].clock
     assert clock.samples == command.size and clock.mode == 10178  # finite
 
 
@@ -238,7 +238,7 @@ def test_what_the_device_does_not_have_is_not_supported(make_backend, config, co
     backend = make_backend(config)
     reservations = backend.device.reservations
     reserve = reservations.reserve
-    reservations.reserve = lambda task: (_ for _ in ()).throw(NotImplementedByDevice("commit"))
+    reservations.reserve = lambda task: (_ for _ in ()).throw(NotAnswered("commit"))
     with pytest.raises(NotSupported):
         backend.configure(config, command)
     reservations.reserve = reserve

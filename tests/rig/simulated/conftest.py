@@ -17,6 +17,8 @@ from rig.selftest import SelftestFinding, SelftestRecord
 from rig.simulated.timing import advance
 from tests.rig.program import Program
 
+WATCHED = Path(__file__).parents[1] / "watched_bench.py"
+
 
 def _mode(samples: int | None) -> dict[str, Any]:
     return {"sample_mode": ni.AcquisitionType.CONTINUOUS} if samples is None else {"samps_per_chan": samples}
@@ -146,14 +148,17 @@ def start() -> Iterator[Callable[..., Program]]:
 
 
 @pytest.fixture
-def serve(start) -> Callable[..., tuple[Program, str]]:
-    """Start ``serve-sim``; returns (program, backend address)."""
+def serve(tmp_path) -> Iterator[Callable[[str], tuple[Program, str]]]:
+    """Serve the bench of an address, in another process that tells how its outputs are: (program, backend address)."""
+    running = []
 
-    def begin(*arguments: str) -> tuple[Program, str]:
-        program = start("serve-sim", "--port", "0", "--log", "--json", *arguments)
-        return program, "ni-grpc://" + program.wait_for(lambda line: "address" in line)["address"]
+    def begin(bench: str) -> tuple[Program, str]:
+        running.append(Program(WATCHED, bench))
+        return running[-1], "ni-grpc://" + running[-1].wait_for(lambda line: "address" in line)["address"]
 
-    return begin
+    yield begin
+    for program in running:
+        program.end()
 
 
 @pytest.fixture

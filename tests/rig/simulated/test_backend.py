@@ -10,8 +10,6 @@ from rig.backend import open_backend
 from rig.errors import InputError
 from rig.simulated.bench.bench_time import VirtualClock
 from rig.simulated.bench.plant import ActionPlant
-from rig.simulated.rpc import service
-from rig.simulated.rpc.messages import CALLS
 
 
 @pytest.mark.parametrize(
@@ -73,10 +71,3 @@ def test_the_device_s_time_is_that_of_the_samples_read(make_backend, config, beg
     assert clock.now_s == 0.0
     backend.read_block(300, 1.0)
     assert clock.now_s == pytest.approx(0.06)
-
-
-def test_every_call_the_service_answers_is_one_of_nis() -> None:
-    tables = (service._DEVICE_CALLS, service._TASK_CALLS, service.UNREGISTER, service.EVENTS)
-    answered = [call for table in tables for call in table]
-    assert set(answered) <= CALLS and len(answered) == len(set(answered)) > 80
-    assert len(CALLS) > 400

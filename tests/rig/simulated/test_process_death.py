@@ -1,4 +1,4 @@
-"""The rows of docs/safety.md in which a process dies: the bench is ``serve-sim`` in another process, its clock decides.
+"""The rows of docs/safety.md in which a process dies: the bench is served in another process, its clock decides.
 
 That clock runs at a quarter of the wall's, so that a busy machine is late by a quarter as much. Committed is what an
 observer read in the journal before the program was told to end.
@@ -50,8 +50,8 @@ def safe(line: dict[str, object]) -> bool:
 def recording(serve, start, permitted, tmp_path):
     """A recording in one process on a bench in another: (bench, recorder, session folder)."""
 
-    def begin(*options: str):
-        bench, address = serve("--clock", "0.25", *options)
+    def begin(fault: str = ""):
+        bench, address = serve(f"sim://?clock=0.25&fault={fault}")
         profile = tmp_path / "held.toml"
         profile.write_text(HELD)
         folder = tmp_path / "s"
@@ -108,7 +108,7 @@ def test_when_the_recording_is_killed_with_the_drive_just_enabled_it_is_disabled
 
 @pytest.mark.slow
 def test_when_the_server_answers_no_more_the_watchdog_makes_the_outputs_safe(recording, recover, stated_s) -> None:
-    bench, recorder, folder = recording("--fault", "server-gone@1/0.6")
+    bench, recorder, folder = recording("server-gone@1/0.6")
     bench.wait_for(live)
     after = bench.wait_for(safe)
     assert after["watchdog"] == "tripped" and after["samples"] <= (0.6 + 0.02) * 5000
@@ -121,7 +121,7 @@ def test_when_the_server_answers_no_more_the_watchdog_makes_the_outputs_safe(rec
 
 @pytest.mark.slow
 def test_when_the_server_is_killed_the_trial_ends_with_what_was_committed(serve, permitted, tmp_path, recover) -> None:
-    server, address = serve("--clock", "real")
+    server, address = serve("sim://?clock=real")
     rig = load_rig(permitted[1])
     permission = Permission("--yes", rig.sha256, read_record(Path(permitted[4])))
     committed = []

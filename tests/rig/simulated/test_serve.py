@@ -1,4 +1,4 @@
-"""``serve-sim`` in another process: a session over TCP, and what it refuses to serve."""
+"""A session over TCP, from a bench served in another process."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pianorig.cli import main
 from pianorig.workflows.predict_blow import predictor
 from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import load_rig
@@ -25,7 +24,7 @@ STEP = Path(__file__).parents[1] / "step.toml"
 
 def test_a_session_recorded_over_tcp_is_the_one_recorded_in_process(serve, permitted_on_a_slow_link, tmp_path) -> None:
     permitted = permitted_on_a_slow_link
-    program, address = serve("--clock", "virtual", "--seed", "5")
+    program, address = serve("sim://?seed=5")
     assert address.startswith("ni-grpc://127.0.0.1:")
     rig = load_rig(permitted[1])
     arguments = {"profile": load_profile(STEP), "rig_config": rig, "trials": 2, "predict": predictor(rig)}
@@ -48,16 +47,3 @@ def test_a_session_recorded_over_tcp_is_the_one_recorded_in_process(serve, permi
             np.testing.assert_allclose(getattr(a, name)[:n], getattr(b, name)[:n], rtol=0, atol=within)
         assert np.count_nonzero(a.force_n[:n] != b.force_n[:n]) < 0.1 * n
     assert program.end() == 0
-
-
-def test_what_serve_sim_cannot_do_is_one_line(capsys) -> None:
-    for arguments in (
-        ["--clock", "never"],
-        ["--rig", "none"],
-        ["--port", "0", "--bench", "none.toml"],
-        ["--fault", "late@1/2"],
-    ):
-        with pytest.raises(SystemExit) as end:
-            main(["serve-sim", *arguments])
-        assert end.value.code == 2
-        assert len(capsys.readouterr().err.splitlines()) == 1
