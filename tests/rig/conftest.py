@@ -25,11 +25,9 @@ from rig.session.journal import END, JournalWriter, encode, records
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
 from rig.simulated.bench.plant_protocol import PlantBlock
 from rig.simulated.bench.sensors import EncoderSensor, ForceSensor, SensorSet
+from tests.rig.fake_backend import FORCE_PER_VOLT_N, RAD_PER_VOLT, REST_FORCE_N, FakeBackend
 
-FORCE_PER_VOLT_N = 12.0
-RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])  # key, whippen, hammer
 REST_RAD = np.array([0.011, -0.007, 0.25])
-REST_FORCE_N = 0.05
 SERVE_SIM = Path(__file__).parents[2] / "examples" / "serve_sim.py"
 
 
@@ -141,12 +139,11 @@ def served() -> Iterator[Callable[..., tuple[Any, str]]]:
 
 
 @pytest.fixture
-def record_steps(tmp_path: Path, make_backend: Any, step_profile: Profile) -> Callable[..., Session]:
+def record_steps(tmp_path: Path, step_profile: Profile) -> Callable[..., Session]:
     """Record trials of the step profile by a rig file, by default one on a bench of its own, into a named folder."""
 
     def record(rig: Rig, name: str = "s", **changes: Any) -> Session:
-        if "backend" not in changes:
-            changes["backend"] = make_backend(rig.config, noise_n=0.02)
+        changes.setdefault("backend", FakeBackend(noise_n=0.02))
         return record_session(tmp_path / name, **{"profile": step_profile, "rig_config": rig, "trials": 1, **changes})
 
     return record

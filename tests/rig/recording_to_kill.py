@@ -10,29 +10,25 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 from typing import NoReturn
 
 sys.path.insert(0, str(Path(__file__).parent))
-from conftest import AlgebraicPlant, sensors
+from fake_backend import RATE_HZ, FakeBackend
 
 from rig import platform_calls
+from rig.backend import Block
 from rig.configuration.profile import load_profile
-from rig.configuration.rig_file import load_rig, parse_rig
-from rig.daq import tasks
+from rig.configuration.rig_file import load_rig
 from rig.recording.options import Progress
 from rig.recording.recorder import record_session
 from rig.session.journal import JournalWriter
 from rig.session.sealed_trial import Content
-from rig.simulated.backend import SimulatedBackend, build_device
-from rig.simulated.bench.bench_time import PacedClock
 
 TRIALS = 3
 SPEED = 5.0
-"""Of the bench; the writing thread has a fifth of the time it has at the bench, on a machine that may be busy.
-
-The buffers are as much longer: how late the program may be woken is the machine's matter."""
-tasks.BUFFER_S *= SPEED
+"""Of the bench; the writing thread has a fifth of the time it has at the bench, on a machine that may be busy."""
 step = ""
 
 
@@ -60,15 +56,25 @@ def acknowledge(progress: Progress) -> None:
     say(f"block {progress.trial} {round(progress.time_s * 5000)} {round(progress.committed_s * 5000)}")
 
 
+class PacedBackend(FakeBackend):
+    """A bench whose samples come at :data:`SPEED` times their own rate."""
+
+    def start(self) -> None:
+        super().start()
+        self.began_s = time.monotonic()
+
+    def read_block(self, n_samples: int, timeout_s: float) -> Block:
+        block = super().read_block(n_samples, timeout_s)
+        time.sleep(max(self.next_sample / (RATE_HZ * SPEED) - (time.monotonic() - self.began_s), 0.0))
+        return block
+
+
 def record(folder: str) -> None:
-    # without the watchdog, which a machine as busy as the one that runs the tests may trip
-    rig = parse_rig(load_rig("virtual").text.replace("[watchdog]\ntimeout_s = 0.5\n", ""))
-    device = build_device(rig.config, AlgebraicPlant(), sensors(noise_n=0.02), clock=PacedClock(SPEED))
     record_session(
         folder,
         profile=load_profile(Path(__file__).with_name("step.toml")),
-        rig_config=rig,
-        backend=SimulatedBackend(device),
+        rig_config=load_rig("virtual"),
+        backend=PacedBackend(noise_n=0.02),
         trials=TRIALS,
         progress=acknowledge,
     )

@@ -17,6 +17,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from nidaqmx.errors import DaqError
 
 import rig
 from pianorig.workflows.recording import rehearse
@@ -24,7 +25,7 @@ from rig.backend import open_backend
 from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import load_rig, parse_rig
 from rig.daq.task_plan import recording_plan
-from rig.errors import HardwareFault, InputError, RecordingFault
+from rig.errors import HardwareFault, InputError, RecordingFault, RigError
 from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.session import Session
@@ -34,6 +35,18 @@ from rig.simulated.backend import CAMERA_CLOCK_ERROR, DEFAULT_BENCH
 from rig.simulated.bench.sensors import load_sensors
 from tests.rig.fuzz.stored_cases import journal_in
 from tests.rig.lab_channels import READBACK
+
+
+@pytest.fixture
+def record_steps(record_steps, make_backend):
+    """Record on the virtual device."""
+
+    def record(rig: Any, name: str = "s", **changes: Any) -> Session:
+        changes.setdefault("backend", make_backend(rig.config, noise_n=0.02))
+        return record_on_fake(rig, name, **changes)
+
+    record_on_fake = record_steps
+    return record
 
 
 @pytest.fixture(scope="module")
@@ -354,3 +367,29 @@ def test_a_rig_file_whose_devices_cannot_work_together_is_refused(name: str, old
     assert old in text
     with pytest.raises(rig.RigInputError, match=re.escape(said)):
         rig.parse_rig(text.replace(old, new))
+
+
+def test_a_trial_file_says_by_itself_where_it_comes_from(record_steps, tmp_path) -> None:
+    rig, folder = load_rig("virtual"), tmp_path / "s"
+    record_steps(rig, operator="ana", action_name="Boston")
+    said = Session.open(folder).trials[0].read().provenance
+    assert (said["operator"], said["action"], said["rig_sha256"]) == ("ana", "Boston", rig.sha256)
+    assert said["calibration_date_force"] == "2026-01-15" and said["profile"] == "step"
+    assert said["backend_client"].startswith("nidaqmx") and said["software_python"] and said["device"] == "cDAQ1"
+    with h5py.File(folder / "trial_0001.h5") as file:
+        codes = file["daq/force_code"][()]
+        assert (np.abs(codes) < 2**23).all() and np.unique(codes).size > 100  # each is whole on the virtual bridge
+        scaling = file["daq/force"].attrs["device_scaling"]
+        np.testing.assert_allclose(codes * scaling[1] * 1e3, file["daq/force_raw"][()], atol=1e-12)
+
+
+def test_a_client_that_is_called_wrongly_is_an_error_of_the_program(record_steps, monkeypatch) -> None:
+    rig = load_rig("virtual")
+
+    def misshapen(*arguments: object) -> None:
+        raise DaqError("Read cannot be performed because the NumPy array is not shaped correctly", -1)
+
+    monkeypatch.setattr("nidaqmx.stream_readers.CounterReader.read_many_sample_double", misshapen)
+    with pytest.raises(RigError, match="called wrongly during read") as caught:
+        record_steps(rig)
+    assert caught.value.exit_code == 1 and not isinstance(caught.value, HardwareFault)

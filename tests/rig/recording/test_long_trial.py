@@ -21,8 +21,10 @@ from rig.recording.trial_run import RestDetector
 from rig.session import Session
 from rig.session.journal import SessionFollower
 from rig.session.sealed_trial import read_trial, write_trial, write_trial_parts
+from tests.rig.fake_backend import RATE_HZ as RATE
+from tests.rig.fake_backend import FakeBackend
 from tests.rig.lab_channels import READBACK
-from tests.rig.recording.played_back import RATE, EachMinute, Growth, PlayedBack, peak_mb
+from tests.rig.recording.memory_growth import EachMinute, Growth, peak_mb
 from tests.rig.session.test_sealed_trial import trial
 
 
@@ -47,7 +49,7 @@ def record_held(folder: Path, rig: Rig, duration_s: float, progress: Callable[[P
         f"{{time_s={duration_s - 0.1},force_n=1}},{{time_s={duration_s},force_n=0}}]"
     )
     return record_session(
-        folder, profile=profile, rig_config=rig, backend=PlayedBack(samples), trials=1, progress=progress
+        folder, profile=profile, rig_config=rig, backend=FakeBackend(samples), trials=1, progress=progress
     )
 
 

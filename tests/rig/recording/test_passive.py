@@ -25,19 +25,19 @@ from rig.session import Session
 from rig.session.journal import SessionFollower
 from rig.simulated.backend import open_backend
 from tests.command_line import run
-from tests.rig.recording.played_back import RATE, EachMinute, Growth, PlayedBack
+from tests.rig.fake_backend import RATE_HZ as RATE
+from tests.rig.fake_backend import FakeBackend
+from tests.rig.recording.memory_growth import EachMinute, Growth
 
 EVERY_S = 4.0
 
 
-class Player(PlayedBack):
+class Player(FakeBackend):
     """A bench at which somebody plays the same stroke every four seconds."""
-
-    hardware = True
 
     def __init__(self, period: tuple[np.ndarray, np.ndarray] | None = None) -> None:
         self.force, self.count = period or played(EVERY_S, [(2.0, 0.2, 15.0)])
-        super().__init__(self.block)
+        super().__init__(self.block, hardware=True)
 
     def configure(self, config: RigConfig, command_v: np.ndarray | None) -> Timing:
         assert command_v is None and config.camera is None
@@ -51,7 +51,7 @@ class Player(PlayedBack):
 def test_each_stroke_becomes_a_trial_with_the_streams_own_samples(tmp_path) -> None:
     player = Player()
     session = record_passive(tmp_path / "s", backend=player, strokes=3, operator="ana", action_name="Boston")
-    assert player.calls == ["arm False", "safe"] and not session.journals
+    assert player.calls == ["configure", "arm False", "start", "safe"] and not session.journals
     assert [trial.status for trial in session.trials] == ["complete"] * 3
     started = []
     for k, trial in enumerate(session.trials):
@@ -221,7 +221,7 @@ def test_few_calls_are_made_while_nobody_plays(tmp_path) -> None:
 
     class Counted(Player):
         def read_block(self, n_samples: int, timeout_s: float) -> Block:
-            sizes.append((self.next, n_samples))
+            sizes.append((self.next_sample, n_samples))
             return super().read_block(n_samples, timeout_s)
 
     record_passive(tmp_path / "s", backend=Counted(), strokes=1)

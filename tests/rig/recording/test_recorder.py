@@ -9,29 +9,25 @@ import itertools
 import os
 import shutil
 
-import h5py
 import numpy as np
 import pytest
-from nidaqmx.errors import DaqError
 
 from rig.backend import Block
 from rig.configuration.profile import parse_profile
-from rig.errors import HardwareFault, InputError, LimitExceeded, RecordingFault, RigError, SamplesLost
+from rig.errors import HardwareFault, InputError, LimitExceeded, RecordingFault, SamplesLost
 from rig.recording.options import BlockFeed
 from rig.session import Session
-from rig.simulated.device.state import FaultPlan, parse_faults
-
-RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])
+from tests.rig.fake_backend import MV_PER_V_PER_N, RAD_PER_VOLT, RATE_HZ, FakeBackend
 
 
 @pytest.fixture
-def record(tmp_path, make_backend, rig, record_steps):
-    """Record two trials on the algebraic bench; returns (session folder, backend, call)."""
-    backend = make_backend(rig.config, noise_n=0.02)
+def record(tmp_path, rig, record_steps):
+    """Record two trials on the fake bench; returns (session folder, backend, call)."""
+    backend = FakeBackend(noise_n=0.02)
     return tmp_path / "s", backend, lambda **more: record_steps(rig, **{"backend": backend, "trials": 2, **more})
 
 
-def test_a_session_holds_quiet_blow_and_rest_of_every_trial(record, assert_safe, step_profile) -> None:
+def test_a_session_holds_quiet_blow_and_rest_of_every_trial(record, step_profile) -> None:
     folder, backend, call = record
     call(operator="ana", action_name="Boston", notes={"weather": "dry"})
     session = Session.open(folder)
@@ -52,11 +48,9 @@ def test_a_session_holds_quiet_blow_and_rest_of_every_trial(record, assert_safe,
         expected = felt[:, None] * RAD_PER_VOLT
         assert np.max(np.abs(data.angle_rad() - expected)) < 2 * np.pi / 163840
         assert data.motor_command_v.max() == pytest.approx(0.5) and data.motor_command_v[-1] == 0
-        assert data.force_info.group_delay_s == pytest.approx(0.00800645, abs=1e-8)
-        later = np.interp(data.time_s - data.force_info.group_delay_s, data.time_s, 0.05 + 12 * felt)
-        assert np.std(data.force_n - later) == pytest.approx(0.02, rel=0.05)
-        np.testing.assert_allclose(data.force_raw, data.force_n * 2.0 / 111.2, atol=1e-12)
-    assert_safe(backend)
+        assert np.std(data.force_n - 0.05 - 12 * felt) == pytest.approx(0.02, rel=0.05)
+        np.testing.assert_allclose(data.force_raw, data.force_n * MV_PER_V_PER_N, atol=1e-12)
+    assert backend.is_safe
 
 
 def test_frame_times_lie_within_the_record_at_the_middle_of_each_exposure(record) -> None:
@@ -106,22 +100,21 @@ def test_the_drivers_own_count_must_be_what_is_stored(record) -> None:
     assert seen[:4] == [trials[0].read().n_valid] * 4
 
 
-def test_after_each_trial_the_plant_can_be_looked_at(record) -> None:
+def test_after_each_trial_its_bench_can_be_looked_at(record) -> None:
     _, backend, call = record
     looked = []
-    call(after_trial=lambda trial: looked.append((trial.number, backend.plant.truth().size, trial.read().n_valid)))
-    assert [number for number, *_ in looked] == [1, 2]
-    assert all(stored <= truth <= stored + 500 for _, truth, stored in looked)  # time goes on while it is asked
+    call(after_trial=lambda trial: looked.append((trial.number, backend.next_sample == trial.read().n_valid)))
+    assert looked == [(1, True), (2, True)]
 
 
-def test_before_each_trial_the_recorder_waits_with_the_outputs_safe(record, assert_safe) -> None:
+def test_before_each_trial_the_recorder_waits_with_the_outputs_safe(record) -> None:
     folder, backend, call = record
     began = []
 
     def wait(number: int) -> None:
         began.append(number)
         if number == 2:
-            assert_safe(backend)
+            assert backend.is_safe
             assert [trial.status for trial in Session.open(folder).trials] == ["complete"]
         if number == 3:
             raise KeyboardInterrupt
@@ -140,7 +133,7 @@ def stop_at(trial: int, time_s: float, error: BaseException):
     return progress
 
 
-def test_ctrl_c_keeps_and_marks_what_was_recorded(record, assert_safe) -> None:
+def test_ctrl_c_keeps_and_marks_what_was_recorded(record) -> None:
     folder, backend, call = record
     with pytest.raises(KeyboardInterrupt):
         call(trials=5, progress=stop_at(2, 0.38, KeyboardInterrupt()))
@@ -148,43 +141,42 @@ def test_ctrl_c_keeps_and_marks_what_was_recorded(record, assert_safe) -> None:
     assert [t.status for t in trials] == ["complete", "interrupted"]
     data = trials[1].read()
     assert data.n_valid == 1900 and data.reason == "stopped by the operator"
-    assert data.motor_command_v[-1] == pytest.approx(0.5)
-    assert backend.plant.commands[-1][-1] == pytest.approx(0.5)  # the motor was pushing when it came
-    assert_safe(backend)
+    assert data.motor_command_v[-1] == pytest.approx(0.5)  # the motor was pushing when it came
+    assert backend.is_safe
 
 
-def test_an_exception_of_the_program_keeps_and_marks_too(record, assert_safe) -> None:
+def test_an_exception_of_the_program_keeps_and_marks_too(record) -> None:
     folder, backend, call = record
     with pytest.raises(ZeroDivisionError):
         call(progress=stop_at(1, 0.4, ZeroDivisionError("oops\0")))
     (trial,) = Session.open(folder).trials
     assert (trial.status, trial.read().reason) == ("defect", "ZeroDivisionError: oops")
-    assert_safe(backend)
+    assert backend.is_safe
 
 
 def test_a_folder_that_was_there_stays_empty_after_a_fault_before_the_first_sample(record) -> None:
     folder, backend, call = record
     folder.mkdir()
-    backend.device.faults = FaultPlan(parse_faults("reserved@CfgSampClkTiming#1"))
+    backend.plan_fault("configure", HardwareFault("reserved"))
     with pytest.raises(HardwareFault):
         call()
     assert list(folder.iterdir()) == []
 
 
 @pytest.fixture
-def record_creeping(make_backend, edited_rig, record_steps):
+def record_creeping(edited_rig, record_steps):
     """Record on a bench whose whippen goes on turning after the blow, at so many rad/s."""
     rig = edited_rig(("longest_s = 3.0", "longest_s = 0.5"))
-    backend = make_backend(rig.config, noise_n=0.02)
-    advance = backend.plant.advance
+    backend = FakeBackend(noise_n=0.02)
 
     def record(rad_per_s: float, trials: int) -> Session:
-        def creeping(command_v):
-            block = advance(command_v)
-            block.angle_rad[:, 1] += rad_per_s * np.maximum(block.time_s - 0.36, 0)
+        def creep(block: Block) -> Block:
+            time_s = (block.first_sample + np.arange(block.force_n.size)) / RATE_HZ
+            turned = rad_per_s * np.maximum(time_s - 0.36, 0) / rig.config.encoders[1].rad_per_count
+            block.encoder_count[:, 1] += np.rint(turned).astype(np.int64)
             return block
 
-        backend.plant.advance = creeping
+        backend.change_block = creep
         return record_steps(rig, backend=backend, trials=trials)
 
     return record
@@ -214,11 +206,11 @@ def test_bad_input_is_refused_before_anything_moves_and_leaves_nothing(record, t
     ):
         with pytest.raises(InputError):
             call(**changes)
-    assert not folder.exists() and backend.service.trace == []
+    assert not folder.exists() and backend.calls == []
 
 
-def test_a_path_that_cannot_be_used_is_refused_before_anything_moves(tmp_path, make_backend, rig, record_steps) -> None:
-    backend = make_backend(rig.config)
+def test_a_path_that_cannot_be_used_is_refused_before_anything_moves(tmp_path, rig, record_steps) -> None:
+    backend = FakeBackend()
     (tmp_path / "file").write_text("mine")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.txt").write_text("mine")
@@ -227,43 +219,23 @@ def test_a_path_that_cannot_be_used_is_refused_before_anything_moves(tmp_path, m
             record_steps(rig, out, backend=backend)
         assert out.split("/")[-1] in str(refusal.value) and "\n" not in str(refusal.value)
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["file", "full", "thesis.txt"]
-    assert backend.service.trace == []
+    assert backend.calls == []
 
 
-def test_an_error_of_the_program_in_the_safe_stop_is_no_fault_of_the_bench(record, assert_safe) -> None:
+def test_an_error_of_the_program_in_the_safe_stop_is_no_fault_of_the_bench(record) -> None:
     folder, backend, call = record
-    stop, told = backend.safe_stop, []
-
-    def wrong() -> None:
-        stop()
-        if backend.device.trial == 1 and not told:
-            told.append(1)
-            raise TypeError("wrong call")
-
-    backend.safe_stop = wrong
+    backend.plan_fault("stop", TypeError("wrong call"))
     with pytest.raises(TypeError, match="wrong call"):
         call()
     (trial,) = Session.open(folder).trials
     data = trial.read()
     assert (data.status, data.reason) == ("defect", "TypeError: wrong call") and data.n_valid > 1900
     assert not Session.open(folder).journals
-    assert_safe(backend)
-
-
-def test_a_client_that_is_called_wrongly_is_an_error_of_the_program(record, monkeypatch) -> None:
-    folder, backend, call = record
-
-    def misshapen(*arguments: object) -> None:
-        raise DaqError("Read cannot be performed because the NumPy array is not shaped correctly", -1)
-
-    monkeypatch.setattr("nidaqmx.stream_readers.CounterReader.read_many_sample_double", misshapen)
-    with pytest.raises(RigError, match="called wrongly during read") as caught:
-        call()
-    assert caught.value.exit_code == 1 and not isinstance(caught.value, HardwareFault)
+    assert backend.is_safe
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows keeps an open folder")
-def test_a_folder_deleted_under_a_recording_stops_it_and_is_said_truly(record, assert_safe) -> None:
+def test_a_folder_deleted_under_a_recording_stops_it_and_is_said_truly(record) -> None:
     folder, backend, call = record
 
     def delete(at) -> None:
@@ -273,28 +245,14 @@ def test_a_folder_deleted_under_a_recording_stops_it_and_is_said_truly(record, a
     with pytest.raises(RecordingFault, match="was deleted while it was .*its samples are lost") as caught:
         call(trials=3, progress=delete)
     assert "is kept" not in str(caught.value) and not folder.exists()
-    assert_safe(backend)
+    assert backend.is_safe
 
 
-def test_trials_deleted_between_two_blows_are_noticed(record, assert_safe) -> None:
+def test_trials_deleted_between_two_blows_are_noticed(record) -> None:
     folder, backend, call = record
     with pytest.raises(RecordingFault, match="1 trials were sealed here, 0 are left"):
         call(trials=3, after_trial=lambda trial: trial.path.unlink())
-    assert_safe(backend)
-
-
-def test_a_trial_file_says_by_itself_where_it_comes_from(record, rig) -> None:
-    folder, _, call = record
-    call(operator="ana", action_name="Boston", trials=1)
-    said = Session.open(folder).trials[0].read().provenance
-    assert (said["operator"], said["action"], said["rig_sha256"]) == ("ana", "Boston", rig.sha256)
-    assert said["calibration_date_force"] == "2026-01-15" and said["profile"] == "step"
-    assert said["backend_client"].startswith("nidaqmx") and said["software_python"] and said["device"] == "cDAQ1"
-    with h5py.File(folder / "trial_0001.h5") as file:
-        codes = file["daq/force_code"][()]
-        assert (np.abs(codes) < 2**23).all() and np.unique(codes).size > 100  # each is whole on the virtual bridge
-        scaling = file["daq/force"].attrs["device_scaling"]
-        np.testing.assert_allclose(codes * scaling[1] * 1e3, file["daq/force_raw"][()], atol=1e-12)
+    assert backend.is_safe
 
 
 @pytest.mark.parametrize(("step_s", "words"), [(-3 * 86400.0, "back by 259200.0 s"), (7.5, "forward by 7.5 s")])

@@ -14,6 +14,7 @@ from rig.recording.recover import recover_session, resume_session
 from rig.recording.trial_plan import parse_plan
 from rig.session import Session
 from tests.command_line import run
+from tests.rig.fake_backend import FakeBackend
 
 
 @pytest.fixture
@@ -215,21 +216,19 @@ def test_the_command_recovers_into_another_folder_and_leaves_the_first_as_it_is(
     assert "not an empty folder" in capsys.readouterr().err
 
 
-def test_a_damaged_trial_is_recorded_again_and_one_open_elsewhere_holds_up_the_rest(
-    rig, record_steps, make_backend
-) -> None:
+def test_a_damaged_trial_is_recorded_again_and_one_open_elsewhere_holds_up_the_rest(rig, record_steps) -> None:
     session = record_steps(rig, trials=2)
     first = session.trial_path(1)
     first.chmod(0o644)
     with h5py.File(first, "r+", locking=True), pytest.raises(InputError, match="has it open for writing; close it"):
-        resume_session(session.path, make_backend(rig.config))
+        resume_session(session.path, FakeBackend())
     assert [trial.number for trial in session.trials] == [1, 2]
     with pytest.raises(InputError, match="nothing to resume"):
-        resume_session(session.path, make_backend(rig.config))
+        resume_session(session.path, FakeBackend())
     damaged = bytearray(first.read_bytes())
     damaged[len(damaged) // 2] ^= 1
     first.write_bytes(damaged)
-    resumed = resume_session(session.path, make_backend(rig.config))
+    resumed = resume_session(session.path, FakeBackend())
     assert [(trial.number, trial.status) for trial in resumed.trials] == [
         (1, "unreadable"), (2, "complete"), (3, "complete"),
     ]  # fmt: skip

@@ -9,10 +9,11 @@ import pytest
 
 from rig.configuration.toml_file import dump_toml
 from rig.errors import InputError, NotPermitted
-from rig.recording.recover import due_entries, resume_session, session_rig
+from rig.recording.recover import due_entries, resume_session
 from rig.recording.trial_plan import WARM_UP_REASON, parse_plan
 from rig.session import Session
 from rig.session.info import ActionInfo
+from tests.rig.fake_backend import FakeBackend
 from tests.rig.recording.test_recorder import stop_at
 
 PLAN = """
@@ -85,12 +86,8 @@ def test_a_bad_plan_is_one_line(make_plan, tmp_path, old: str, new: str, words: 
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_a_plan_is_played_in_order_with_rest_and_its_warm_up_rejected(
-    make_backend, rig, make_plan, record_steps
-) -> None:
-    backend, plan, asked = make_backend(rig.config), make_plan("listed", prompt="add 20 g"), []
-    rests: list[float] = []
-    backend.wait = rests.append
+def test_a_plan_is_played_in_order_with_rest_and_its_warm_up_rejected(rig, make_plan, record_steps) -> None:
+    backend, plan, asked = FakeBackend(), make_plan("listed", prompt="add 20 g"), []
     left: list[float | None] = []
 
     def ask(question: str) -> str:
@@ -104,7 +101,7 @@ def test_a_plan_is_played_in_order_with_rest_and_its_warm_up_rejected(
     assert [t.rejected for t in session.trials] == [WARM_UP_REASON, None, None, None, None]
     peaks = [t.read().motor_command_v.max() * 12 for t in session.trials]
     np.testing.assert_allclose(peaks, [6, 6, 6, 4, 4])
-    assert rests == [1.5] * 4 and len(asked) == 1 and "Trial 4, condition soft: add 20 g" in asked[0]
+    assert backend.waited_s == [1.5] * 4 and len(asked) == 1 and "Trial 4, condition soft: add 20 g" in asked[0]
     assert left[0] is None and left[-1] is not None and left[-1] >= 0
     info = session.info
     assert info.action.regulation.let_off_m == 1.1e-3 and info.action.regulation.drop_m == "unknown"
@@ -122,7 +119,7 @@ def test_a_prompt_that_finds_nobody_moves_nothing(tmp_path, rig, make_plan, reco
 
 
 def test_what_was_interrupted_or_rejected_is_played_again_under_new_numbers(
-    tmp_path, make_backend, rig, make_plan, record_steps
+    tmp_path, rig, make_plan, record_steps
 ) -> None:
     with pytest.raises(KeyboardInterrupt):
         record_steps(rig, plan=make_plan("listed"), progress=stop_at(3, 0.3, KeyboardInterrupt()))
@@ -130,7 +127,7 @@ def test_what_was_interrupted_or_rejected_is_played_again_under_new_numbers(
     assert [t.status for t in session.trials] == ["complete", "complete", "interrupted"]
     session.annotate(2, "reject", "somebody knocked", author="ana")
     assert [entry.number for entry in due_entries(session)] == [2, 3, 4, 5]
-    backend = make_backend(session_rig(session).config)
+    backend = FakeBackend()
     numbers: list[int] = []
     resumed = resume_session(session.path, backend, opened=numbers.append)
     assert numbers == [3] and [t.number for t in resumed.trials] == [1, 2, 3, 4, 5, 6, 7]
@@ -140,19 +137,19 @@ def test_what_was_interrupted_or_rejected_is_played_again_under_new_numbers(
         resume_session(session.path, backend)
 
 
-def test_a_plain_session_is_continued_to_its_number_of_trials(tmp_path, make_backend, rig, record_steps) -> None:
+def test_a_plain_session_is_continued_to_its_number_of_trials(tmp_path, rig, record_steps) -> None:
     with pytest.raises(KeyboardInterrupt):
         record_steps(rig, trials=3, progress=stop_at(2, 0.1, KeyboardInterrupt()))
-    session = resume_session(tmp_path / "s", make_backend(rig.config))
+    session = resume_session(tmp_path / "s", FakeBackend())
     assert [t.status for t in session.trials] == ["complete", "interrupted", "complete", "complete"]
 
 
-def test_a_changed_copy_is_refused(make_backend, rig, make_plan, record_steps) -> None:
+def test_a_changed_copy_is_refused(rig, make_plan, record_steps) -> None:
     session = record_steps(rig, plan=make_plan("listed"))
     session.annotate(4, "reject", "noise")
     (session.path / "profile_soft.toml").write_text("name = 'x'")
     with pytest.raises(InputError, match=r"profile_soft\.toml: is not the file the session was begun with"):
-        resume_session(session.path, make_backend(rig.config))
+        resume_session(session.path, FakeBackend())
 
 
 def test_text_in_an_older_file_becomes_a_note() -> None:
