@@ -12,27 +12,28 @@
 
 from __future__ import annotations
 
+import runpy
+from typing import Any
+
 import numpy as np
 
 import model
-from benchmarks.runner import Run, Table
-from model.string import C4, C4_HAMMER, Hammer, hammer_at_the_string, strike
+from benchmarks.runner import ROOT, Run, Table
 from model.study import measure_blow
 
+STRING: dict[str, Any] = runpy.run_path(str(ROOT / "examples" / "thesis" / "string_blow.py"))
 FORCES_N = (1.5, 2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 25.0)
 RISE_S = 0.01
-UP_TO_HZ = 5000.0
 
 
-def string_table(name: str, hammer: Hammer, levels: int) -> bool:
+def string_table(name: str, hammer: Any, levels: int) -> bool:
     """Contact, touches and spectrum against impact speed; whether contacts grow shorter."""
     print(f"\n{name}")
     table, seen = Table("m/s:6.2f", "contact ms:.2f", "touches:d", "peak N:.1f", "slope dB/octave:.1f"), []
     for speed in np.linspace(1.06, 2.98, levels):
-        blow = strike(C4, hammer, float(speed), tolerance=1e-3, seconds=0.02)
-        seen.append(1e3 * blow.contact_time_s)
-        slope = blow.slope_db_per_octave(UP_TO_HZ)
-        table.row(speed, seen[-1], len(blow.contacts), blow.peak_n, slope)
+        blow = STRING["strike"](STRING["C4"], hammer, float(speed))
+        seen.append(1e3 * blow.contact_s)
+        table.row(speed, seen[-1], blow.n_contacts, float(blow.force_n.max()), blow.slope_db_per_octave)
     middle = 0.5 * (seen[0] + seen[-1])
     print(f"contact {100 * (seen[0] / middle - 1):+.0f} and {100 * (seen[-1] / middle - 1):+.0f} % about its middle")
     return seen[-1] < seen[0]
@@ -65,8 +66,10 @@ def timing_table() -> float:
 
 def main(run: Run) -> bool:
     """Print the tables; whether contacts grow shorter with speed, and the way to the string falls with it."""
-    shorter = string_table("C4 and hammer of Chaigne and Askenfelt, at Birkett's levels", C4_HAMMER, run.levels)
+    shorter = string_table(
+        "C4 and hammer of Chaigne and Askenfelt, at Birkett's levels", STRING["C4_HAMMER"], run.levels
+    )
     action = model.load_action("hirschkorn2004-regulated")
-    hammer, _ = hammer_at_the_string(action, *model.force_table("forte"))
+    hammer, _ = STRING["hammer_at_the_string"](action, *model.force_table("forte"))
     shorter &= string_table("C4 and the hammer of the action with the felt of contact12", hammer, run.levels)
     return shorter and timing_table() < 0.0

@@ -8,8 +8,6 @@ from . import null_model as null_model
 from . import observables as observables
 from . import regulation as regulation
 from . import sensitivity as sensitivity
-from . import stick_slip as stick_slip
-from . import string as string
 from . import study as study
 from . import touch as touch
 from .batch.run import simulate_many as simulate_many

@@ -29,6 +29,8 @@ from pianorig.errors import CommandInputError
 
 OLD_SPELLINGS = {"figures": "figure", "plot": "figure", "png": "out"}
 """Options that were called otherwise once: still understood, no longer listed."""
+OLD_SPELLINGS_OF_GROUPS = {"study": {"of": "action"}}
+"""The same in the commands of a group."""
 
 HOUSE = Path(__file__).resolve().parents[1]
 PACKAGES = ("model", "vision", "rig", "validation")
@@ -41,20 +43,27 @@ STYLE: dict[str, Any] = {
 
 
 class LazyGroup(TyperGroup):
-    """The commands of the table, each imported when it is run or its own help is asked for."""
+    """The commands of a table, each imported when it is run or its own help is asked for."""
 
-    def __init__(self, **attributes: Any) -> None:
+    prefix = ""
+
+    def __init__(self, prefix: str = "", **attributes: Any) -> None:
         super().__init__(**attributes)
-        self.commands: Any = dict.fromkeys(commands.COMMANDS)  # the names, also for "Did you mean …?"
+        self.prefix = prefix
+        self.table = commands.GROUPED[prefix] if prefix else commands.COMMANDS
+        self.commands: Any = dict.fromkeys(self.table)  # the names, also for "Did you mean …?"
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The command of this name, its module imported now; None where there is none."""
-        if cmd_name not in commands.COMMANDS:
+        """The command or group of this name, a command's module imported now; None where there is none."""
+        if cmd_name not in self.table:
             return None
+        if cmd_name in commands.GROUPED:
+            return _group(cmd_name)
         single = typer.Typer(add_completion=False, **STYLE)
-        single.command(cmd_name)(commands.load(cmd_name))
+        single.command(cmd_name)(commands.load(f"{self.prefix} {cmd_name}".strip()))
         command = get_command(single)
-        command.context_settings["token_normalize_func"] = lambda name: OLD_SPELLINGS.get(name, name)
+        old = OLD_SPELLINGS | OLD_SPELLINGS_OF_GROUPS.get(self.prefix, {})
+        command.context_settings["token_normalize_func"] = lambda name: old.get(name, name)
         command.help = _keep_example_lines(command.help or "")
         for parameter in command.params:
             if isinstance(parameter, TyperArgument):
@@ -62,32 +71,52 @@ class LazyGroup(TyperGroup):
                 parameter.get_usage_pieces = _usage_piece(parameter)  # type: ignore[method-assign]
         return command
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words after the group; without any it prints its help."""
+        return super().parse_args(ctx, args or ["--help"])
+
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find a command; one that is misspelt gets a suggestion, in every version of typer."""
-        if args and args[0] in commands.RETIRED_COMMANDS:
-            ctx.fail(f"There is no command {args[0]!r} any more: {commands.RETIRED_COMMANDS[args[0]]}.")
-        if args and args[0] not in commands.COMMANDS:
-            near = difflib.get_close_matches(args[0], commands.COMMANDS, n=1)
+        name = f"{self.prefix} {args[0]}".strip() if args else ""
+        if name in commands.RETIRED_COMMANDS:
+            ctx.fail(f"There is no command {name!r} any more: {commands.RETIRED_COMMANDS[name]}.")
+        near = difflib.get_close_matches(args[0], self.table, n=1) if args else []
+        if self.prefix == "study" and args and not near:  # `study ACTION`, as it was typed once
+            args = ["variants", "--action", *args]
+        if args and args[0] not in self.table:
             hint = f" Did you mean {near[0]!r}?" if near else ""
-            ctx.fail(f"No such command {args[0]!r}.{hint}")
+            ctx.fail(f"No such command {name!r}.{hint}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the commands in groups with their first lines, without importing them."""
-        width = max(map(len, commands.COMMANDS))
-        formatter.write_paragraph()
-        formatter.write_heading("Commands")
-        for title, names in commands.groups().items():
+        width = max(map(len, self.table))
+        headings = {"Commands": list(self.table)} if self.prefix else commands.groups()
+        if not self.prefix:
+            formatter.write_paragraph()
+            formatter.write_heading("Commands")
+        for title, names in headings.items():
             with formatter.section(title):
-                formatter.write_dl([(name.ljust(width), commands.COMMANDS[name].help) for name in names])
+                formatter.write_dl([(name.ljust(width), self.table[name].help) for name in names])
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command; an interrupt that it does not explain itself is told in one line."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as interrupt:
-            name = ctx.invoked_subcommand or "pianorig"
+            name = f"{self.prefix} {ctx.invoked_subcommand or ''}".strip() or "pianorig"
             raise Interrupted(f"{name} {how_stopped(interrupt)}; files are written whole or not at all") from interrupt
+
+
+def _group(name: str) -> LazyGroup:
+    """A group of commands by its name."""
+    return LazyGroup(
+        name,
+        name=name,
+        help=commands.COMMANDS[name].help,
+        rich_markup_mode=None,
+        context_settings=STYLE["context_settings"],
+    )
 
 
 def _usage_piece(argument: TyperArgument) -> Any:

@@ -262,7 +262,7 @@ class PressCurve:
     deepest_m: float
 
     def table(self) -> str:
-        """Return the curve as ``calibrate-felt`` reads it, CSV."""
+        """Return the curve as ``calibrate felt`` reads it, CSV."""
         names = ["displacement_m", "force_n", "phase"]
         names += [f"common_{name}_{unit}" for name in self.common for unit in ("m", "n")]
         shared = [row for moved in self.common.values() for row in moved]
@@ -552,7 +552,7 @@ BLOCK_PRESSES = 3
 
 @dataclass(frozen=True, eq=False)
 class FeltPress:
-    """A press: its trial, its curve, and the file for ``calibrate-felt``."""
+    """A press: its trial, its curve, and the file for ``calibrate felt``."""
 
     trial: int
     curve: PressCurve

@@ -1,6 +1,6 @@
 """What acts inside a scene at single states, derived from its elements.
 
-``contacts``, ``tips``, ``bodies`` (with their joints) and ``marched`` are kernels of their own, compiled when first
+``contacts``, ``tips`` and ``bodies`` (with their joints) are kernels of their own, compiled when first
 asked for, that take one state: coordinates and speeds of all bodies, what is remembered (as the step loop keeps it),
 the input, or where a motion is prescribed the acceleration of the way along which the input works. Forces are in N,
 powers in W; world: x right, y up.
@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from model.compiler.expressions import ONE, ZERO, Expression, constant, local, read, slopes, total, where
-from model.compiler.programs import Add, If, Program, Put, Statement, at, mapped, name
+from model.compiler.expressions import ONE, ZERO, Expression, local, read, total, where
+from model.compiler.programs import Add, If, Program, Put, Statement, at, name
 from model.derived.columns import (
     BODY,
     CONTACT,
@@ -149,42 +149,4 @@ class Watched:
             row = (x, y, angle, cx, cy, e.k.pose[i].turning, turned, vx, vy, ax, ay, *joint[i], braked, rates[i])
             out += [Put(at("y", BODY * i + k), value) for k, value in enumerate(row)]
         out += [Put(at("y", BODY * i + HELD), held) for _, i in s.drive if self._prescribed]
-        return self._given(out)
-
-    def marched(self) -> Program:
-        """Accelerations (n,), inverse of the mass matrix (n, n), of each contact its normal force and slides (n,).
-
-        Then each memory of felt with its rate and the rate's derivative by it: what it is now, so that felt which
-        starts anew where it is open has done so. Friction is as the parameter vector says.
-        """
-        s, e = self._s, self._e
-        n, out = s.n, [*e.string_seen(), *e.smooth_forces()]
-        start = n + n * n
-        last = start + (1 + n) * len(s.contact)
-
-        def with_slopes(line: Put | Add) -> list[Statement]:
-            text = str(line.place[1])
-            if line.place[0] != "local" or not text.startswith("fade"):
-                return [line]
-            m = int(text[4:])
-            slope = slopes({e.state.z[m]: ONE})(line.value)
-            return [Put(at("y", last + 3 * m + 1), line.value), Put(at("y", last + 3 * m + 2), slope)]
-
-        for c, contact in enumerate(self._contacts()):
-            at_row, (pressing, force) = start + (1 + n) * c, contact.felt
-            row: list[Statement] = [Put(at("y", at_row + 1 + k), slide) for k, slide in contact.slides().items()]
-            row += [Put(at("y", at_row), force)]
-            anew = contact.law.anew
-            begun = [Put(at("y", last + 3 * m), e.state.z[m]) for m in contact.memories]
-            ended = [Put(at("y", last + 3 * m), constant(anew)) for m in contact.memories if anew is not None]
-            cleared = [Put(at("y", at_row + k), ZERO) for k in range(1 + n)]
-            out += [*cleared, *begun, *mapped(contact.forces(), with_slopes)]
-            out.append(If(contact.touches, [If(pressing, row)], list(ended)))
-        for tip in e.tips:
-            out += tip.forces()
-        a = solved(e.bodies.mass, {i: local(f"f{i}") for i in range(n)})
-        out += [Put(at("y", i), a[i]) for i in range(n)]
-        for j in range(n):
-            column = solved(e.bodies.mass, {i: ONE if i == j else ZERO for i in range(n)})
-            out += [Put(at("y", n + n * i + j), column[i]) for i in range(n)]
         return self._given(out)

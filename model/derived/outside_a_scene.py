@@ -1,4 +1,4 @@
-"""Laws by themselves, for what is simulated without a scene: a hammer on a string, an amplifier, felt along a press.
+"""Laws by themselves, for what is simulated without a scene: an amplifier, felt along a press.
 
 Each is a kernel of four arrays, like those of `model.derived.inner_forces`: what the law is differentiated by, one that
 is not read, its numbers, what is found.
@@ -30,8 +30,8 @@ from model.compiler.expressions import (
 from model.compiler.programs import Anew, If, Program, Put, Statement, While, at, let, name, whole
 from model.elements.drives import amplifier
 from model.elements.laws.curve import Power
-from model.elements.laws.felt_law import Felt, asked
-from model.elements.laws.known import LAWS, USUAL, law_numbered
+from model.elements.laws.felt_law import Felt
+from model.elements.laws.known import law_numbered
 
 PRESS_NUMBERS = 5  # of `Alone.press` before those of its law
 GAUSS = ((0.1127016653792583, 5.0 / 18.0), (0.5, 4.0 / 9.0), (0.8872983346207417, 5.0 / 18.0))
@@ -60,13 +60,6 @@ class Alone:
 
     def _program(self, statements: list[Statement]) -> Program:
         return Program(dict.fromkeys("xupy", "array"), statements)
-
-    def felt(self) -> Program:
-        """Normal force (N) at a depth (m) and its rate (m/s), derivatives by these; numbers a, b, c, D."""
-        x, rate, a, b, c, damping = (*(read("x", k) for k in range(2)), *(read("p", k) for k in range(4)))
-        pressing, force = asked(LAWS[USUAL].force, Felt(x, rate, (), (a, b, c), damping, ()))
-        cleared: list[Statement] = [Put(at("y", k), ZERO) for k in range(3)]
-        return self._program([*cleared, If((x > 0.0) & pressing, _found(force, (x, rate)))])
 
     def amplifier(self) -> Program:
         """Voltage (V) at a source (V) and a current (A), derivative by that; numbers of `elements.drives.amplifier`."""

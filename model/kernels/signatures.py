@@ -176,7 +176,7 @@ IN_LANES = {
 """The same for lanes: numbers of the step, u and h among them, are rows of lanes in w, parameters rows in p; what was a
 truth value is an integer with a bit per lane."""
 ALONE = {"energy": LINEARISE, "regime": REGIME} | dict.fromkeys(
-    ("numbers", "normals", "carried", "contacts", "tips", "bodies", "marched", "felt", "amplifier", "press"), OBSERVE
+    ("numbers", "normals", "carried", "contacts", "tips", "bodies", "amplifier", "press"), OBSERVE
 )
 """Kernels that are asked for one by one."""
 _STEP_KERNELS, _LANE_KERNELS = (

@@ -1,7 +1,6 @@
-"""Parameter studies: one blow on variants of an action; the thesis's studies (Section 4.4) as computed checks.
+"""Parameter studies: one blow on variants of an action; those of the thesis (Sections 4.2.2, 4.4) among them.
 
-An action, a force table and `variants` in; solutions and `blow_measures` out. `thesis` repeats the published studies,
-`figure` draws them.
+An action, a force table and `variants` in; solutions and `blow_measures` out. `figure` draws them.
 """
 
 import lazy_loader as _lazy

@@ -1,4 +1,3 @@
-from . import equal_loss as equal_loss
 from . import figure as figure
 from .blow_measures import BlowMeasures as BlowMeasures
 from .blow_measures import measure_blow as measure_blow
@@ -6,13 +5,9 @@ from .effects import Effect as Effect
 from .effects import felt_law_effects as felt_law_effects
 from .effects import joint_effects as joint_effects
 from .effects import joint_sweep as joint_sweep
-from .effects import string_effects as string_effects
-from .equal_loss import effects_at_equal_loss as effects_at_equal_loss
 from .figure import draw_study as draw_study
-from .figure import draw_thesis as draw_thesis
-from .thesis import Observation as Observation
-from .thesis import ThesisStudy as ThesisStudy
-from .thesis import thesis_studies as thesis_studies
+from .variants import FORTE_VARIANTS as FORTE_VARIANTS
+from .variants import PIANO_VARIANTS as PIANO_VARIANTS
 from .variants import Study as Study
 from .variants import Variant as Variant
 from .variants import compare as compare

@@ -1,7 +1,7 @@
-"""What changes in a blow when felt follows another law, a string stands for the bar, or joints give.
+"""What changes in a blow when felt follows another law, or joints give.
 
 An action and a force table in; `Effect` rows out: events, strike, rebound, check, touch, each with the standard
-uncertainty that the declared parameters of the law, the string or the bushings give; everything else stays equal: the
+uncertainty that the declared parameters of the law or the bushings give; everything else stays equal: the
 slow loading curve of every felt, and at rest the place of every pin. The thesis names the rigid joints among its
 simplifications, and the key's motion on its balance rail as a cause of discrepancy (4.1).
 """
@@ -50,8 +50,7 @@ FELTS: Mapping[str, tuple[str, ...]] = {
     "all felts": CONTACTS,
 }
 NUMBERS = {"stulov": ("stulov.epsilon", "stulov.tau"), "hysteresis": ("hysteresis.beta", "hysteresis.eta")}
-OF_THE_STRING = ("length", "mass", "tension", "stiffness", "b1", "b2", "struck_at")
-OF_JOINTS = ("strike_ms", "bottom_ms", "give_mm")  # marks that a law of felt or a string leaves out
+OF_JOINTS = ("strike_ms", "bottom_ms", "give_mm")  # marks that a law of felt leaves out
 RIGID = {"stiffness": 1e8, "damping": 500.0}
 """N/m, N s/m of joints that give no more: a thousandth of what cloth does, in the same scene, which compiles once."""
 FACTORS = (0.2, 0.5, 1.0, 2.0, 5.0, 20.0, 100.0)
@@ -60,11 +59,11 @@ PLAIN, ALL, WITH_RAIL = (SceneChoice(effects=effects) for effects in ((), tuple(
 
 @dataclass(frozen=True)
 class Effect:
-    """What a blow and the touch are like with one law, string or joint.
+    """What a blow and the touch are like with one law or joint.
 
     Attributes
     ----------
-    of, law : which felts, and their law; "string" and "bar" or "modes"; which joint, and "rigid" or "gives"
+    of, law : which felts, and their law; which joint, and "rigid" or "gives"
     value, u : mark -> value and standard uncertainty from the declared parameters; NaN where something did not happen.
         free_flight_ms (knuckle's last touch to strike), strike_m_per_s, contact_ms, rebound (share of the strike's
         speed), check_mm (hammer below the string in the check), down_n, let_off_n; of joints also strike_ms, bottom_ms
@@ -118,38 +117,6 @@ def felt_law_effects(
             paths = [[f"{contact}.{number}" for contact in contacts] for number in numbers]
             out.append(effect_of(name, law, [given, *varied_by_u(given, paths)], lambda a: touch_and_blow(a, blow)))
     return out
-
-
-def string_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> list[Effect]:
-    """The same blow on the bar and on a string of modes, inside the moving action.
-
-    Parameters
-    ----------
-    action : parameter set with its section ``string``
-    time_s, force_n : (k,) force table
-
-    Returns
-    -------
-    list of Effect
-        Bar, then string, uncertain by u of the string's numbers; the touch of a key does not reach it.
-
-    Raises
-    ------
-    StaticsError, IntegrationError : the action cannot play this blow
-
-    Examples
-    --------
-    >>> import model
-    >>> bar, string = model.study.string_effects(model.load_action(), *model.force_table("forte"))
-    >>> string.value["contact_ms"] > 2.0 * bar.value["contact_ms"]
-    True
-    """
-    action, blow = _in_any_scene(action), check_force_table(time_s, force_n)
-    strung, paths = load_scene("string"), [[f"string.{name}"] for name in OF_THE_STRING]
-    return [
-        effect_of("string", "bar", [action], lambda a: _of_felt(a, blow, PLAIN)),
-        effect_of("string", "modes", [action, *varied_by_u(action, paths)], lambda a: _of_felt(a, blow, strung)),
-    ]
 
 
 def joint_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> list[Effect]:
@@ -277,16 +244,13 @@ def effect_of(of: str, law: str, actions: Sequence[Action], marks: Callable[[Act
 
 def touch_and_blow(action: Action, blow: Blow) -> Marks:
     """Marks of the blow, and of a slow press, in the action's scene."""
-    out = _of_felt(action, blow, choice_of(action))
+    marks = blow_marks(action, blow, choice_of(action))
+    out = {name: x for name, x in marks.items() if name not in OF_JOINTS}
     try:
         weights = weigh(action)
         return out | {"down_n": weights.down_n, "let_off_n": weights.let_off_n}
     except (IntegrationError, StaticsError):
         return out | {"down_n": math.nan, "let_off_n": math.nan}
-
-
-def _of_felt(action: Action, blow: Blow, choice: SceneChoice) -> Marks:
-    return {name: x for name, x in blow_marks(action, blow, choice).items() if name not in OF_JOINTS}
 
 
 def blow_marks(action: Action, blow: Blow, choice: SceneChoice) -> Marks:

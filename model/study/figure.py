@@ -5,7 +5,6 @@ Signs and degrees as in the thesis's figures.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,8 +12,7 @@ import numpy as np
 
 from model.files.figure_sheet import new_sheet
 from model.parameters.action import BODIES
-from model.study.thesis import FIGURES, ThesisStudy
-from model.study.variants import AS_GIVEN, Study
+from model.study.variants import Study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,10 +23,10 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)), (0, (8, 
 BODIES_DRAWN = ("key", "whippen", "hammer")
 
 
-def _draw(axes: Axes, study: Study, body: str, names: Sequence[str]) -> None:
+def _draw(axes: Axes, study: Study, body: str) -> None:
     """Turn of a body from its first angle, one curve per variant."""
     i = BODIES.index(body)
-    for k, name in enumerate(names):
+    for k, name in enumerate(v.name for v in study.variants):
         angle = study[name][0].angle_rad[:, i]
         turned = SIGN[body] * np.degrees(angle - angle[0])
         color, dash = COLORS[k % len(COLORS)], DASHES[k % len(DASHES)]
@@ -58,37 +56,7 @@ def draw_study(study: Study, path: str | Path) -> None:
         panels[0].plot(study.time_s, study.force_n, color="black", linewidth=1.0)
         panels[0].set(ylabel="force, N", title=study.action)
         panels[0].grid(alpha=0.3)
-        names = [v.name for v in study.variants]
         for axes, body in zip(panels[1:], BODIES_DRAWN, strict=True):
-            _draw(axes, study, body, names)
+            _draw(axes, study, body)
         panels[-1].set_xlabel("time, s")
         panels[-1].legend(fontsize="small")
-
-
-def draw_thesis(studies: ThesisStudy, path: str | Path) -> None:
-    """Write a sheet with the counterparts of the thesis's Figs 4.9-4.11 and 4.16-4.19.
-
-    Parameters
-    ----------
-    studies : from `thesis_studies`
-    path : file to write, .svg, .pdf or .png
-
-    Examples
-    --------
-    >>> import model
-    >>> model.study.draw_thesis(model.study.thesis_studies(model.load_action()), "thesis.svg")
-    """
-    with new_sheet(path, 14.0, 9.5) as figure:
-        spaces = figure.subplots(3, 3)
-        blows = {"piano": studies.piano, "forte": studies.forte}
-        flat = list(spaces.T.ravel())  # a column for the piano, two for the forte
-        for axes, (number, blow, body, variants) in zip(flat[: len(FIGURES)], FIGURES, strict=True):
-            _draw(axes, blows[blow], body, [AS_GIVEN, *(v.name for v in variants)])
-            axes.set_title(f"as Fig. {number}: {body}, {blow}", fontsize="medium")
-            axes.legend(fontsize="small", loc="upper right")
-            axes.set_xlabel("time, s")
-        for axes, (blow, study) in zip(flat[len(FIGURES) :], blows.items(), strict=True):
-            axes.plot(study.time_s, study.force_n, color="black", linewidth=1.0)
-            axes.set(title=f"force, {blow}", xlabel="time, s", ylabel="N")
-            axes.grid(alpha=0.3)
-            axes.margins(x=0)

@@ -17,7 +17,7 @@ from model.batch.run import simulate_many
 from model.errors import InputError, ModelError
 from model.files.force_table import check_force_table
 from model.force_driven import output_times
-from model.parameters.action import BODIES, Action
+from model.parameters.action import BODIES, STRING, Action
 from model.parameters.scaling import scaled
 from model.scene.selection import choice_of
 from model.simulation.solution import Solution
@@ -96,6 +96,19 @@ class Study(ArrayRecord):
         import pandas as pd  # start-up: 0.6 s, only a notebook's display needs it
 
         return str(pd.DataFrame(self.rows()).to_html(index=False, float_format="{:.4g}".format))
+
+
+PIANO_VARIANTS = (Variant("damping x 4.5", factors={"damping": 4.5}),)
+"""Variants of the thesis's piano blow (4.2.2)."""
+FORTE_VARIANTS = (
+    Variant("damping / 10", factors={"damping": 0.1}),
+    Variant("no damping", factors={"damping": 0.0, f"{STRING}.normal.D": 0.0}),
+    Variant("no damping but the string's", factors={"damping": 0.0}),
+    Variant("no tangential friction", factors={"friction": 0.0}),
+    Variant("no friction at the back check", values={"contact04.friction": 0.0}),
+    Variant("no rotational friction", factors={"joint_friction": 0.0}),
+)
+"""Variants of the thesis's forte blow (4.4)."""
 
 
 def compare(

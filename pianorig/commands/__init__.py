@@ -1,7 +1,8 @@
-"""One module per command, each a thin call of a documented function of the packages below.
+"""One module per command, each a call of documented functions of the packages below.
 
-The table lists what ``pianorig --help`` prints; a command's module is imported when the command runs or its own
-``--help`` is asked for. In: options as typed by typer; out: lines or JSON on standard output, files, the exit code.
+The tables list what ``pianorig --help`` and ``pianorig GROUP --help`` print; a command's module is imported when the
+command runs or its own ``--help`` is asked for. In: options as typed by typer; out: lines or JSON on standard output,
+files, the exit code.
 """
 
 from __future__ import annotations
@@ -12,11 +13,12 @@ from typing import Any, NamedTuple
 
 
 class Listed(NamedTuple):
-    """Module of a command below ``pianorig.commands``, its heading, and the first line of its help."""
+    """Module of a command below ``pianorig.commands``, its heading, the first line of its help, its function."""
 
     module: str
     group: str
     help: str
+    function: str = "command"
 
 
 FIRST, BENCH, FILMS, MODEL, COMPARED = GROUPS = (
@@ -39,27 +41,43 @@ COMMANDS = {
     "bench": Listed("bench_page", BENCH, "Show sessions in the browser until Ctrl-C."),
     "watch": Listed("watch", BENCH, "Show force and angles of the trial being recorded."),
     "track": Listed("track", FILMS, "Track rigid bodies; give angles and their uncertainty."),
-    "calibrate-camera": Listed("calibrate_camera", FILMS, "Measure the camera's tilt, distortion and scale."),
     "simulate": Listed("simulate", MODEL, "Predict motion under a force, or the force of a motion."),
     "touch": Listed("touch", MODEL, "Compare how actions feel, from slow press to repetition."),
-    "study": Listed("study", MODEL, "Ask what if: variants of an action under one blow."),
+    "study": Listed("", MODEL, "Compare a blow on variants, laws of felt, joints that give."),
     "sensitivity": Listed("sensitivity", MODEL, "Rank parameters by what they do to a blow."),
     "regulate": Listed("regulate", MODEL, "Measure and regulate an action as a technician does."),
-    "calibrate-felt": Listed("calibrate_felt", MODEL, "Calibrate felt, friction, string damping and inertia."),
-    "calibrate-drive": Listed("calibrate_drive", MODEL, "Identify the motor's drive from a log of the bench."),
     "validate": Listed("validate", COMPARED, "Report how well models predict the measured angles."),
     "identify": Listed("identify", COMPARED, "Find parameter values from strokes; say what is unknown."),
-    "calibrate-force": Listed("calibrate_force", BENCH, "Calibrate the load cell: weights, shunt or zero."),
-    "calibrate-encoder": Listed("calibrate_encoder", BENCH, "Calibrate an encoder over its arc."),
-    "calibrate-contact": Listed("calibrate_contact", BENCH, "Calibrate the friction of a contact."),
-    "calibrate-joint": Listed("calibrate_joint", BENCH, "Calibrate the friction of a joint."),
+    "calibrate": Listed("", BENCH, "Calibrate force, encoder, joint, contact, felt, drive, camera."),
     "selftest": Listed("selftest", BENCH, "Test a bench with gentle pushes before the first blow."),
 }
-"""Every command; ``--help`` lists them in this order within their group."""
+"""Every command and group of commands; ``--help`` lists them in this order within their heading."""
+
+GROUPED = {
+    "calibrate": {
+        "force": Listed("calibrate_force", BENCH, "Calibrate the load cell: weights, shunt or zero."),
+        "encoder": Listed("calibrate_encoder", BENCH, "Calibrate an encoder over its arc."),
+        "joint": Listed("calibrate_joint", BENCH, "Calibrate the friction of a joint."),
+        "contact": Listed("calibrate_contact", BENCH, "Calibrate the friction of a contact."),
+        "felt": Listed("calibrate_felt", MODEL, "Calibrate felt, friction, string damping and inertia."),
+        "drive": Listed("calibrate_drive", MODEL, "Identify the motor's drive from a log of the bench."),
+        "camera": Listed("calibrate_camera", FILMS, "Measure the camera's tilt, distortion and scale."),
+    },
+    "study": {
+        "variants": Listed("study", MODEL, "Compare variants of an action under one blow.", "variants"),
+        "thesis": Listed("study", MODEL, "Compare the thesis's variants of damping and friction.", "thesis"),
+        "felt-law": Listed("study", MODEL, "Compare the laws of felt at equal slow loading curves.", "felt_law"),
+        "joints": Listed("study", MODEL, "Compare rigid joints with joints that give.", "joints"),
+    },
+}
+"""The commands of each group."""
 
 RETIRED_COMMANDS = {
     "dataset": "the data set is made by the script examples/dataset/make_dataset.py",
     "serve-sim": "the virtual bench is served by the script examples/serve_sim.py",
+    **{f"calibrate-{what}": f"it is `pianorig calibrate {what}`" for what in GROUPED["calibrate"]},
+    "study friction-limit": "it is made by `python examples/thesis friction-limit`",
+    "study string": "it is made by `python examples/thesis string`",
 }
 """Commands of earlier releases: what to use instead."""
 
@@ -69,7 +87,19 @@ def groups() -> dict[str, list[str]]:
     return {title: [name for name, listed in COMMANDS.items() if listed.group == title] for title in GROUPS}
 
 
+def find(name: str) -> Listed:
+    """The row of a command by its full name, such as ``record`` or ``calibrate force``."""
+    group, _, word = name.partition(" ")
+    return GROUPED[group][word] if word else COMMANDS[name]
+
+
+def full_names() -> list[str]:
+    """Every command that can be run, with the name of its group before its own."""
+    return [f"{name} {word}".strip() for name in COMMANDS for word in GROUPED.get(name, {"": None})]
+
+
 def load(name: str) -> Callable[..., Any]:
-    """Import the module of a command and return its function."""
-    function: Callable[..., Any] = import_module(f"{__name__}.{COMMANDS[name].module}").command
+    """Import the module of a command by its full name and return its function."""
+    listed = find(name)
+    function: Callable[..., Any] = getattr(import_module(f"{__name__}.{listed.module}"), listed.function)
     return function

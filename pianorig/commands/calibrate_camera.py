@@ -1,4 +1,4 @@
-"""``pianorig calibrate-camera``: how the camera sees the plane of motion, from a film of a target."""
+"""``pianorig calibrate camera``: how the camera sees the plane of motion, from a film of a target."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def command(
 
     Hold the target flat in the plane in which the bodies move, fill the picture, and move it within that plane.
 
-    Example:  pianorig calibrate-camera target.mraw --target checkerboard --grid 9x6 --pitch-mm 5 --out camera.toml
+    Example:  pianorig calibrate camera target.mraw --target checkerboard --grid 9x6 --pitch-mm 5 --out camera.toml
     """
     check_writable(out, ".toml")
     columns, cross, rows = grid.lower().partition("x")

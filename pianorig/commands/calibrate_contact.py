@@ -1,4 +1,4 @@
-"""``pianorig calibrate-contact``: friction of a contact's materials, by a pad that brakes a swinging body."""
+"""``pianorig calibrate contact``: friction of a contact's materials, by a pad that brakes a swinging body."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def command(
 
     The kinetic one: a drum of one of its materials sits on the axis of a swinging body, a pad of the other rests on it.
 
-    Example:  pianorig calibrate-contact --contact contact04 --load 0.1 --radius 0.012 --out my_pair.toml
+    Example:  pianorig calibrate contact --contact contact04 --load 0.1 --radius 0.012 --out my_pair.toml
     """
     order = workflows.PadOrder(contact, load, u_load, radius, u_radius, body, swings)
     facts = workflows.calibrate_contact(order, rig, backend, out, action, type_answer)

@@ -1,4 +1,4 @@
-"""``pianorig calibrate-drive``: a bench's motor, amplifier and arm from a log of command, force and motion."""
+"""``pianorig calibrate drive``: a bench's motor, amplifier and arm from a log of command, force and motion."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ def command(
     Resistance, inductance, torque constant, gains, limits and the arm's inertia, each with its standard uncertainty;
     numbers that the log does not determine are named, with what would settle them.
 
-    Example:  pianorig calibrate-drive --rehearse motor-drive
+    Example:  pianorig calibrate drive --rehearse motor-drive
     """
     if (log is None) == (rehearse is None):
-        raise CommandInputError("calibrate-drive: found neither a log nor --rehearse, or both; give one of them")
+        raise CommandInputError("calibrate drive: found neither a log nor --rehearse, or both; give one of them")
     check_writable(out, ".csv" if log is None else ".toml")
     options = _options(mode, length, known or [], (u_force, u_current, u_delay))
     if log is None:
@@ -134,7 +134,7 @@ def scene_text(found: model.drive.DriveIdentified, length_m: float) -> str:
         assumed = effect_defaults()["motor_drive.resistance"].value
         drive += [f"resistance = {assumed!r}  # assumed; of both together the log says {found[SUM].value:.4g} V/A"]
         drive += [f"loop_gain = {found[SUM].value - assumed!r}"]
-    return "\n".join(["# by pianorig calibrate-drive", *arm, "", *drive]) + "\n"
+    return "\n".join(["# by pianorig calibrate drive", *arm, "", *drive]) + "\n"
 
 
 def _line(e: model.drive.Estimate) -> str:

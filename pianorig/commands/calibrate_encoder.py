@@ -1,4 +1,4 @@
-"""``pianorig calibrate-encoder``: an encoder's scale over its arc, by reference angles."""
+"""``pianorig calibrate encoder``: an encoder's scale over its arc, by reference angles."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def command(
 
     The body is held at each angle, up and down again; a scale off its centre reads a share too much or too little.
 
-    Example:  pianorig calibrate-encoder --body key --angles 0,0.01,0.02,0.03,0.04 --out my_arc.toml
+    Example:  pianorig calibrate encoder --body key --angles 0,0.01,0.02,0.03,0.04 --out my_arc.toml
     """
     try:
         given = [float(cell) for cell in angles.split(",") if cell.strip()]

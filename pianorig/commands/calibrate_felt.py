@@ -1,4 +1,4 @@
-"""``pianorig calibrate-felt``: parameters of an action from measurements on its parts.
+"""``pianorig calibrate felt``: parameters of an action from measurements on its parts.
 
 Each function answers one measurement: JSON facts, lines to print, and values with standard uncertainty by path.
 """
@@ -77,7 +77,7 @@ def command(
 
     Several curves at several speeds and peak forces: each law of felt is fitted to them and judged by curves left out.
 
-    Example:  pianorig calibrate-felt felt.csv --contact contact02 --force force.csv --figure felt.svg --out mine.toml
+    Example:  pianorig calibrate felt felt.csv --contact contact02 --force force.csv --figure felt.svg --out mine.toml
     """
     if figure is not None and not curves:
         raise CommandInputError("--figure: draws a loading experiment; name its CSV file too")
@@ -127,7 +127,7 @@ def command(
         if not changed:
             raise CommandInputError(f"{out}: nothing to write; name with --contact or --body what was measured")
         name = f"{given.name}-calibrated"
-        heading = [f"{name}: {given.name} with values calibrated by `pianorig calibrate-felt`."]
+        heading = [f"{name}: {given.name} with values calibrated by `pianorig calibrate felt`."]
         model.write_action(replace(calibrated, name=name), out, heading)
         facts["out"] = out
         lines.append(f"{out}: {name}, {changed} values changed")

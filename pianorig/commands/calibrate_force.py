@@ -1,4 +1,4 @@
-"""``pianorig calibrate-force``: dead weights, shunt or unloaded reading of the load cell."""
+"""``pianorig calibrate force``: dead weights, shunt or unloaded reading of the load cell."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def command(
 
     The motor stays at 0 V and the drive disabled. A new rig file is written, and a dated record beside it.
 
-    Example:  pianorig calibrate-force --weights 0.1,0.2,0.5,1 --out calibrated.toml
+    Example:  pianorig calibrate force --weights 0.1,0.2,0.5,1 --out calibrated.toml
     """
     if [weights is not None, shunt, null].count(True) != 1:
-        raise CommandInputError("calibrate-force: give one of --weights, --shunt and --null")
+        raise CommandInputError("calibrate force: give one of --weights, --shunt and --null")
     if u_mass < 0 or (gravity is not None and not 9.7 < gravity < 9.9):
         raise CommandInputError(f"--u-mass {u_mass:g}, --gravity {gravity}: allowed from 0, and 9.7 to 9.9")
     try:

@@ -1,4 +1,4 @@
-"""``pianorig calibrate-joint``: friction of a joint from free swings of its body."""
+"""``pianorig calibrate joint``: friction of a joint from free swings of its body."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def command(
 
     The body hangs on its joint alone, is lifted, let go, and swings until it rests; the motor stays off.
 
-    Example:  pianorig calibrate-joint --body hammer --out my_hammer.toml
+    Example:  pianorig calibrate joint --body hammer --out my_hammer.toml
     """
     facts = workflows.calibrate_joint(body, rig, backend, out, action, swings, type_answer)
     lines = (

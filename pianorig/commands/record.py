@@ -71,7 +71,7 @@ def command(
     """Play a motor profile; record force, angles, frame clock.
 
     On the virtual bench by default; hardware asks for a self-test and a confirmation first, except with --passive,
-    where nothing moves. With --felt each press becomes a trial and a loading curve for calibrate-felt.
+    where nothing moves. With --felt each press becomes a trial and a loading curve for calibrate felt.
 
     Example:  pianorig record --profile forte --trials 5 --film 1 --out sessions/try
     """

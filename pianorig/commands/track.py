@@ -44,7 +44,7 @@ def command(
         typer.Option("--threads", min=1, help="Threads; default: the computer's. The angles do not depend on it."),
     ] = None,
     calibration: Annotated[
-        Path | None, typer.Option("--calibration", help="Camera file of calibrate-camera; corrects the angles.")
+        Path | None, typer.Option("--calibration", help="Camera file of calibrate camera; corrects the angles.")
     ] = None,
     tilt: Annotated[
         float | None, typer.Option("--tilt", help="Without calibration: standard uncertainty of the tilt, deg [1].")

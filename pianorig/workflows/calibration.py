@@ -234,7 +234,7 @@ def calibrate_joint(
     torque = found.share * moment
     u = torque * math.hypot(found.u_share / found.share, u_moment / moment)
     path = f"{body}.joint_friction.A"
-    _write_action(given, path, (torque, u), f"calibrated from {swings} free swings", "calibrate-joint", out)
+    _write_action(given, path, (torque, u), f"calibrated from {swings} free swings", "calibrate joint", out)
     facts: dict[str, Any] = {
         "body": body,
         "friction_nm": torque,
@@ -304,7 +304,7 @@ def calibrate_contact(
             f"than five standard uncertainties ({facts['u_from_swings']:.2g}); put more weight on it"
         )
     source = f"calibrated by a pad on a drum, {2 * order.swings} free swings"
-    _write_action(given, path, (facts["friction"], facts["u_friction"]), source, "calibrate-contact", out)
+    _write_action(given, path, (facts["friction"], facts["u_friction"]), source, "calibrate contact", out)
     _write_record(record, "pad", facts, braked.device, action=given.name)
     return {"action": out, "record": record, **facts}
 

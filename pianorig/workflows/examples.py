@@ -175,16 +175,16 @@ def _checkerboard(place_px: NDArray[np.float64], turn_rad: float, pitch_px: floa
 
 
 EXAMPLES = {
-    "force.csv": "force of a forte blow: simulate --force, study --force, calibrate-felt --force",
+    "force.csv": "force of a forte blow: simulate --force, study variants --force, calibrate felt --force",
     "recorded_force.csv": "force as a pianist's key saw it, after the thesis's Fig. 4.1: learn",
     "key.csv": "motion of the key since rest, in encoder counts: simulate --key-motion --from-rest",
-    "felt.csv": "one press and release of a felt: calibrate-felt",
-    "presses": "folder: nine presses of a felt at three speeds to three depths: calibrate-felt presses/*.csv",
+    "felt.csv": "one press and release of a felt: calibrate felt",
+    "presses": "folder: nine presses of a felt at three speeds to three depths: calibrate felt presses/*.csv",
     "lab.csv": "a blow recorded by another program: import",
     "lab.toml": "what is what in lab.csv: import --mapping",
     "film.mraw": "film of a blow, 150 frames at 2000 frames/s, its header in film.cihx: track, attach",
     "bodies.toml": "outlines of the bodies in film.mraw: track --bodies",
-    "target.mraw": "film of a checkerboard, 9x6 corners 5 mm apart: calibrate-camera",
+    "target.mraw": "film of a checkerboard, 9x6 corners 5 mm apart: calibrate camera",
     "plan.toml": "piano and forte in random order: record --plan",
     "my_rig.toml": "a bench on one PCIe-6363, to be changed into yours: --rig",
 }

@@ -117,7 +117,7 @@ def felt_lines(order: FeltOrder, facts: dict[str, Any]) -> list[str]:
         )
     last = facts["presses"][-1]
     lines.append(
-        f"next: pianorig calibrate-felt {last['file'].as_posix()} --contact {order.contact} "
+        f"next: pianorig calibrate felt {last['file'].as_posix()} --contact {order.contact} "
         f"--speed {last['speed_m_per_s']:.4g}+-{last['u_speed_m_per_s']:.1g} --out mine.toml"
     )
     return lines

@@ -218,7 +218,7 @@ class EncoderConfig(Table):
     b_terminal: Text
     filter_min_pulse_s: Number = Field(default=1e-7, ge=0, le=1e-3)
     arc_gain: Number = Field(default=1.0, gt=0.8, lt=1.25)
-    """True angle over reading, over the arc the body turns (``pianorig calibrate-encoder``)."""
+    """True angle over reading, over the arc the body turns (``pianorig calibrate encoder``)."""
     u_scale_relative: Number = Field(default=0.0, ge=0, le=0.1)
     u_interpolation_rad: Number = Field(default=0.0, ge=0, le=0.01)
     u_eccentricity_rad: Number = Field(default=0.0, ge=0, le=0.1)

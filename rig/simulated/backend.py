@@ -10,10 +10,10 @@ Options of the address, e.g. ``sim://?bench=PATH&seed=3&clock=real``:
 - ``delay_ms=20``: every driver call takes so long, as over a slow network;
 - ``felt=contact02``: not the action but the specimen's felt of that contact, or a ``block`` of steel, is under the
   motor arm, as ``pianorig record --felt`` has it;
-- ``swing=hammer``: the body hangs on its joint alone, is let go and swings, as ``pianorig calibrate-joint`` has it;
+- ``swing=hammer``: the body hangs on its joint alone, is let go and swings, as ``pianorig calibrate joint`` has it;
 - ``pad=contact04:0.2:0.005`` with it: that contact's materials rub on a drum about the axis under 0.2 N at 5 mm, as
-  ``pianorig calibrate-contact`` has it;
-- ``pose=key:0,0.01``: the body is held at these angles one after the other, as ``pianorig calibrate-encoder`` has it;
+  ``pianorig calibrate contact`` has it;
+- ``pose=key:0,0.01``: the body is held at these angles one after the other, as ``pianorig calibrate encoder`` has it;
 - ``hand=yes``: the virtual operator acts when a self-test asks for it; ``hand=plays``: a virtual pianist plays where
   the motor has no task.
 

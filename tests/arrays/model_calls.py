@@ -22,22 +22,16 @@ Arguments = dict[str, Any]
 STUDY, TOUCH = "model.study", "model.touch"
 ANY_SHAPE = (
     *(f"model.observables.{name}" for name in vars(model.observables)),
-    *(f"model.string.String.{name}" for name in ("wave_number", "omega", "decay", "shape")),
     "model.Scene.check_whole",
 )
 HEAVY = {
     "model.inside.draw_sheet": ("model.inside.figure._draw_motion",),
-    "model.string.compare_with_bar": ("model.string.instead_of_the_bar.strike",) * 2,
     f"{TOUCH}.feel": (f"{TOUCH}.feel.weigh", f"{TOUCH}.feel.hammer_speeds"),
     f"{TOUCH}.fastest_repetition": (f"{TOUCH}.feel.sounded",),
-    "model.stick_slip.compare": (*("model.stick_slip.limit.simulate",) * 2, "model.stick_slip.limit.simulate_smoothed"),
     f"{STUDY}.compare": (f"{STUDY}.variants.simulate_many",),
-    f"{STUDY}.effects_at_equal_loss": (f"{STUDY}.equal_loss._blow",),
     f"{STUDY}.felt_law_effects": (f"{STUDY}.effects.touch_and_blow",),
-    f"{STUDY}.string_effects": (f"{STUDY}.effects._of_felt",),
     f"{STUDY}.joint_effects": (f"{STUDY}.effects.blow_marks",),
     f"{STUDY}.joint_sweep": (f"{STUDY}.effects.blow_marks",) * 2,
-    f"{STUDY}.thesis_studies": (f"{STUDY}.thesis.compare",) * 2,
 }
 
 TIME, FORCE = np.array([0.0, 1.0]), np.array([0.0, 4.0])
@@ -142,27 +136,6 @@ CALLS: dict[str, Callable[[], Arguments]] = {
         "self": simulation(), "angle_rad": states(), "speed_rad_per_s": np.zeros((2, 5)),
     },
     "model.null_model.simulate": lambda: {"action": action(), **TABLE, "output_time_s": OUTPUTS},
-    "model.stick_slip.simulate": lambda: {
-        "action": action(), "time_s": ROWS[:3] / 1024.0, "force_n": ROWS[:3], "step_s": 2e-5,
-    },
-    "model.stick_slip.compare": lambda: {
-        "action": action(), "time_s": ROWS[:3] / 1024.0, "force_n": ROWS[:3], "thresholds": np.array([1.0]),
-    },
-    "model.string.strike": lambda: {
-        "string": model.string.C4, "hammer": model.string.C4_HAMMER, "speed_m_per_s": 2.0,
-        "mistuning_cents": np.array([0.0]), "tolerance": 0.01, "n_modes": 40,
-    },
-    "model.string.compare_with_bar": lambda: {
-        "hammer": model.string.C4_HAMMER, "speeds_m_per_s": np.array([2.0]), "string": model.string.C4,
-        "mistuning_cents": np.array([0.0, 1.0]),
-    },
-    "model.string.hammer_at_the_string": lambda: {
-        "action": action(), "time_s": np.arange(512.0) / 2048.0, "force_n": np.minimum(np.arange(512.0), 20.0),
-    },
-    **{
-        f"model.string.String.{name}": lambda: {"self": model.string.C4, "n": np.array([1.0, 2.0])}
-        for name in ("wave_number", "omega", "decay", "shape")
-    },
     "model.drive.drive_readings": lambda: {
         "action": action(), "solution": blow(by_drive=True), "time_s": TIME, "command_v": np.array([0.0, 1.0]),
     },
@@ -210,10 +183,9 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     f"{STUDY}.compare": lambda: {"action": action(), **TABLE, "variants": []},
     **{
         f"{STUDY}.{name}": lambda: {"action": action(), **TABLE}
-        for name in ("effects_at_equal_loss", "felt_law_effects", "string_effects", "joint_effects")
+        for name in ("felt_law_effects", "joint_effects")
     },
     f"{STUDY}.joint_sweep": lambda: {"action": action(), **TABLE, "factors": np.array([2.0])},
-    f"{STUDY}.thesis_studies": lambda: {"action": action(), "forte": (TIME, FORCE)},
     **{
         f"model.observables.{name}": lambda: {"action": action(), "angle_rad": states()}
         for name in ("key_front_height_m", "key_front_gap_m", "capstan_gap_m")

@@ -10,7 +10,7 @@ import pytest
 
 import model
 
-FACES = ("", ".batch", ".calibration", ".inside", ".null_model", ".regulation", ".stick_slip", ".study", ".touch")
+FACES = ("", ".batch", ".calibration", ".inside", ".null_model", ".regulation", ".study", ".touch")
 
 
 def names_in_stub(package: str) -> dict[str, str]:

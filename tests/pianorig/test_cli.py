@@ -13,7 +13,7 @@ import pytest
 
 import pianorig
 from pianorig import commands
-from pianorig.commands import COMMANDS, RETIRED_COMMANDS
+from pianorig.commands import RETIRED_COMMANDS
 from pianorig.errors import CommandInputError, InputError
 from tests.command_line import modules_after, modules_of_numba, run
 from validation.cache.report_cache import inputs_sha256, store_report
@@ -23,22 +23,27 @@ SHIPPED = Path(__file__).parents[2] / "sessions" / "example_forte"
 
 
 def test_the_list_of_commands_says_what_each_command_says_of_itself() -> None:
-    for name, listed in commands.COMMANDS.items():
+    for name in commands.full_names():
         function = commands.load(name)
-        assert (inspect.getdoc(function) or "").splitlines()[0] == listed.help, name
+        assert (inspect.getdoc(function) or "").splitlines()[0] == commands.find(name).help, name
 
 
 def test_help_lists_every_command_and_an_unknown_one_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--help") == 0
     text = capsys.readouterr().out
     assert all(f"\n  {name} " in text and listed.help in text for name, listed in commands.COMMANDS.items())
+    for group, table in commands.GROUPED.items():
+        assert run(group, "--help") == 0
+        text = capsys.readouterr().out
+        assert all(f"\n  {name} " in text for name in table)
+        assert run(group) == 0 and capsys.readouterr().out == text
     assert run("simulat") == 2
     assert "Did you mean 'simulate'?" in capsys.readouterr().err
 
 
 def test_every_command_has_an_example_and_json(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in commands.COMMANDS:
-        assert run(name, "--help") == 0
+    for name in commands.full_names():
+        assert run(*name.split(), "--help") == 0
         text = capsys.readouterr().out
         assert f"pianorig {name}" in text and "Example:" in text and "--json" in text, name
 
@@ -47,7 +52,7 @@ def test_the_list_imports_no_command_and_help_of_a_command_nothing_heavy() -> No
     loaded = modules_after(("--help",))
     assert not loaded & HEAVY
     assert not [name for name in loaded if name.startswith("pianorig.commands.")]
-    loaded = modules_after(*((name, "--help") for name in commands.COMMANDS))
+    loaded = modules_after(*((*name.split(), "--help") for name in commands.full_names()))
     assert not loaded & HEAVY
     assert not [name for name in loaded if name.startswith("pianorig.workflows.")]
 
@@ -82,7 +87,7 @@ def test_the_package_runs_as_a_module_and_knows_its_version() -> None:
 
 def test_a_retired_command_says_what_takes_its_place(capsys: pytest.CaptureFixture[str]) -> None:
     for name, successor in RETIRED_COMMANDS.items():
-        assert run(name, "anything") == 2
+        assert run(*name.split(), "anything") == 2
         said = capsys.readouterr().err.strip()
         assert successor in said and len(said.splitlines()) == 1
-        assert name not in COMMANDS
+        assert name not in commands.full_names()

@@ -56,8 +56,8 @@ def test_arguments_are_capitals_and_examples_are_not_wrapped(capsys: pytest.Capt
         run(name, "--help")
         text = capsys.readouterr().out
         assert f"Usage: pianorig {name} [OPTIONS] {usage}\n" in text
-    for name in commands.COMMANDS:
-        run(name, "--help")
+    for name in commands.full_names():
+        run(*name.split(), "--help")
         lines = capsys.readouterr().out.splitlines()
         assert not [line for line in lines if "{" in line and "Usage" in line], name
         documented = [line.strip() for line in (commands.load(name).__doc__ or "").splitlines() if "Example:" in line]

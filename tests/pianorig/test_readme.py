@@ -48,7 +48,6 @@ def test_an_example_of_every_kind_is_read_by_what_it_is_for(folder: Path) -> Non
     assert run("record", "--dry-run", "--rig", "my_rig.toml") == 0
     assert run("record", "--dry-run", "--plan", "plan.toml") == 0
     assert run("import", "lab.csv", "--mapping", "lab.toml", "--out", "sessions/lab") == 0
-    assert (
-        run("calibrate-felt", "felt.csv", "--contact", "contact02", "--force", "force.csv", "--out", "mine.toml") == 0
-    )
+    felt = ("felt.csv", "--contact", "contact02", "--force", "force.csv", "--out", "mine.toml")
+    assert run("calibrate", "felt", *felt) == 0
     assert run("simulate", "--key-motion", "key.csv", "--from-rest", "--out", "force_of_key.csv") == 0

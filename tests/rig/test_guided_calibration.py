@@ -75,7 +75,7 @@ def test_a_trial_recorded_with_the_correction_reads_the_true_angle(tmp_path: Pat
     address = off_centre(tmp_path, 0.03)
     out = tmp_path / "mine.toml"
     listed = ",".join(map(str, ANGLES))
-    command = ("calibrate-encoder", "--body", "key", f"--angles={listed}", "--u-angle", "1e-6", "--backend", address)
+    command = ("calibrate", "encoder", "--body", "key", f"--angles={listed}", "--u-angle", "1e-6", "--backend", address)
     assert run(*command, "--out", out) == 0
     assert "key: angle = " in capsys.readouterr().out
     turned = {}
@@ -121,7 +121,7 @@ def test_a_reference_is_off_alike_on_the_way_up_and_down() -> None:
 def test_a_rig_file_that_cannot_be_rewritten_is_told_before_anything_is_read(tmp_path: Path, capsys: Any) -> None:
     file, text = tmp_path / "rig.toml", load_rig("virtual").text
     file.write_text(re.sub(r"(?m)^electrical = .*$", '"electrical" = [0.0, 2.0]', text, count=1), encoding="utf-8")
-    asked = ("calibrate-force", "--weights", "1,2", "--rig", file, "--out", tmp_path / "new.toml")
+    asked = ("calibrate", "force", "--weights", "1,2", "--rig", file, "--out", tmp_path / "new.toml")
     assert run(*asked, "--backend", "ni-grpc://nobody:1") == 2
     assert "as calibrated: not a TOML file" in (said := capsys.readouterr().err) and "keys of [force] as" in said
 
@@ -145,7 +145,7 @@ def test_keys_that_are_indented_and_arrays_over_lines_are_replaced() -> None:
 )
 def test_what_is_no_calibration_is_refused(tmp_path: Path, capsys: Any, arguments: Any, said: str) -> None:
 
-    assert run("calibrate-encoder", "--body", "key", *arguments, "--out", tmp_path / "a.toml") == 2
+    assert run("calibrate", "encoder", "--body", "key", *arguments, "--out", tmp_path / "a.toml") == 2
     assert re.search(said, capsys.readouterr().err)
     assert not (tmp_path / "a.toml").exists()
 
@@ -256,14 +256,14 @@ def test_values_change_and_everything_else_stays() -> None:
 
 def test_the_command_writes_a_rig_file_that_records(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "cal.toml"
-    assert run("calibrate-force", "--weights", "0.5,1", "--gravity", "9.81", "--operator", "ana", "--out", out) == 0
+    assert run("calibrate", "force", "--weights", "0.5,1", "--gravity", "9.81", "--operator", "ana", "--out", out) == 0
     record = tomllib.loads((tmp_path / "cal.weights.toml").read_text())
     assert record["operator"] == "ana" and record["found"]["gain_against_rig_file"] == pytest.approx(1.002, abs=2e-3)
     assert run("record", "--rig", out, "--profile", "piano", "--trials", "1", "--out", tmp_path / "s") == 0
     capsys.readouterr()
     for wrong in (("--shunt", "--null"), (), ("--weights", "a,b"), ("--null", "--gravity", "3")):
-        assert run("calibrate-force", *wrong, "--out", tmp_path / "b.toml") == 2
-    assert run("calibrate-force", "--null", "--out", out) == 2
+        assert run("calibrate", "force", *wrong, "--out", tmp_path / "b.toml") == 2
+    assert run("calibrate", "force", "--null", "--out", out) == 2
     assert "exists already" in capsys.readouterr().err
 
 

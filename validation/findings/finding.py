@@ -44,7 +44,7 @@ class Kind(NamedTuple):
 
 KINDS = {
     "force gain": Kind(
-        PREDICTION, "Calibrate the load cell (pianorig calibrate-force); loosen nothing in the action for this."
+        PREDICTION, "Calibrate the load cell (pianorig calibrate force); loosen nothing in the action for this."
     ),
     "force delay": Kind("", "Measure the delay of the force channel and state it in the rig file."),
     "encoder scale": Kind("", "Check the scale of the encoder."),

@@ -44,7 +44,7 @@ def open_session(session: Session | str | Path) -> Session:
     opened = Session.open(session) if isinstance(session, str | Path) else session
     if opened.info.kind == "felt":
         raise ValidationInputError(
-            f"{opened.path}: presses of a felt, not blows on a key; calibrate-felt reads its derived/felt/"
+            f"{opened.path}: presses of a felt, not blows on a key; calibrate felt reads its derived/felt/"
         )
     return opened
 

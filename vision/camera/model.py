@@ -5,7 +5,7 @@ Every camera model contributes to the uncertainty of the angles; a calibrated on
 A model lists *variants*: projections one standard uncertainty away from the nominal one, each with a weight and
 the budget term it belongs to. The variance of an angle is the weighted sum of its squared differences.
 
-The file of a calibration is TOML; ``pianorig calibrate-camera`` writes it and ``track --calibration`` reads it. Lengths
+The file of a calibration is TOML; ``pianorig calibrate camera`` writes it and ``track --calibration`` reads it. Lengths
 in m, pixels of the film, standard uncertainties as a covariance.
 
 From the plane of motion to the picture it is a planar homography, then radial distortion. Conventions: points (x, y) in
@@ -350,7 +350,7 @@ def load_calibration(path: str | os.PathLike[str]) -> CalibratedCamera:
     Parameters
     ----------
     path : path
-        Written by `save_calibration` or ``pianorig calibrate-camera``.
+        Written by `save_calibration` or ``pianorig calibrate camera``.
 
     Returns
     -------
@@ -371,9 +371,9 @@ def load_calibration(path: str | os.PathLike[str]) -> CalibratedCamera:
     2240.0
     """
     path = Path(path)
-    table = read_toml(path, VisionInputError, "give a file of calibrate-camera").get("camera")
+    table = read_toml(path, VisionInputError, "give a file of calibrate camera").get("camera")
     if not isinstance(table, dict):
-        raise VisionInputError(f"{path}: holds no [camera] table; give a file of calibrate-camera")
+        raise VisionInputError(f"{path}: holds no [camera] table; give a file of calibrate camera")
     try:
         width, height = table["width_px"], table["height_px"]
         if not (isinstance(width, int) and isinstance(height, int) and width > 0 and height > 0):
@@ -387,6 +387,6 @@ def load_calibration(path: str | os.PathLike[str]) -> CalibratedCamera:
             float(table["u_scale_px_per_m"]),
         )
     except KeyError as error:
-        raise VisionInputError(f"{path}: key camera.{error.args[0]} is missing; run calibrate-camera again") from None
+        raise VisionInputError(f"{path}: key camera.{error.args[0]} is missing; run calibrate camera again") from None
     except (TypeError, ValueError) as error:
-        raise VisionInputError(f"{path}: {error}; run calibrate-camera again") from None
+        raise VisionInputError(f"{path}: {error}; run calibrate camera again") from None

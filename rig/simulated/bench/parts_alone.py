@@ -5,9 +5,9 @@ them gives way what the specimen's ``motor_arm`` says of load cell and adhesive 
 as in the specimen's contact: force of the cubic times one plus D times the rate of compression, never below zero. Rotor
 and arm are stepped explicitly, the two springs in series implicitly, some ten times as fast as the arm rings.
 
-The body is held at reference angles one after the other, or swings freely. Held as in ``pianorig calibrate-encoder``;
-held up, let go, until friction holds it, as in ``calibrate-joint``: the law of the joint is the specimen's, dry
-friction with its smoothed sign. With a pad, as in ``calibrate-contact``, a pair of a contact's materials rubs on a drum
+The body is held at reference angles one after the other, or swings freely. Held as in ``pianorig calibrate encoder``;
+held up, let go, until friction holds it, as in ``calibrate joint``: the law of the joint is the specimen's, dry
+friction with its smoothed sign. With a pad, as in ``calibrate contact``, a pair of a contact's materials rubs on a drum
 about the axis, by eq. 2.10.
 """
 

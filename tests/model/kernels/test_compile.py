@@ -14,12 +14,21 @@ import model
 from model.kernels.compile import cache_key, kernel_sources, numba_config
 from model.kernels.lanes import lanes_pay
 
+PAIR = """
+from model.kernels.compile import kernel
+
+@kernel
+def callee(x):
+    return x + 1.0
+
+@kernel
+def caller(x):
+    return 2.0 * callee(x)
+"""
 CODE = """
-import numpy as np, model
-from model.integrators.stick_slip import Pairs, stopped
-change, each = np.ones(2), np.eye(2)
-stopped(Pairs(each, each, np.ones(2), np.full(2, 0.5), np.zeros(2), np.zeros(2, dtype=np.int64)), change)
-print(repr(change.tolist()), stopped.stats.cache_hits and sum(stopped.stats.cache_hits.values()))
+import model
+from model.kernels.pair import caller
+print(caller(3.0), caller.stats.cache_hits and sum(caller.stats.cache_hits.values()))
 """
 
 
@@ -36,17 +45,15 @@ def run(folder: Path, cache: Path) -> tuple[str, int]:
 def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) -> None:
     package = tmp_path / "model"
     shutil.copytree(Path(model.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    cache = tmp_path / "cache"
+    cache, pair = tmp_path / "cache", package / "kernels" / "pair.py"
+    pair.write_text(PAIR, encoding="utf-8")
     first, hits = run(tmp_path, cache)
-    assert hits == 0
+    assert first == "8.0" and hits == 0
     again, hits = run(tmp_path, cache)
     assert again == first and hits == 1  # nothing changed: loaded, not compiled
-    callee = package / "integrators" / "stick_slip.py"
-    text = callee.read_text(encoding="utf-8")
-    assert text.count("+= given[j, i] * step\n") == 1  # of `sweep_once`
-    callee.write_text(text.replace("+= given[j, i] * step\n", "-= given[j, i] * step\n"), encoding="utf-8")
+    pair.write_text(PAIR.replace("x + 1.0", "x - 1.0"), encoding="utf-8")
     edited, hits = run(tmp_path, cache)
-    assert edited != first and hits == 0
+    assert edited == "4.0" and hits == 0
 
 
 def test_every_compiled_module_of_the_step_loop_is_among_the_hashed_sources() -> None:

@@ -46,11 +46,11 @@ def test_the_hammers_joint_takes_rebound_and_the_rail_the_check() -> None:
 @pytest.mark.slow
 def test_the_command_prints_and_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "joints"
-    assert run("study", "joints", "--of", "hirschkorn2004-regulated", "--out", out) == 0
+    assert run("study", "joints", "--action", "hirschkorn2004-regulated", "--out", out) == 0
     shown = capsys.readouterr().out
     assert "hammer_pin" in shown and "guesses" in shown and "The thesis (5.2)" in shown
     assert (out / "joints.csv").is_file() and (out / "joints_stiffness.csv").is_file()
-    assert run("study", "joints", "--of", "hirschkorn2004-regulated", "--json") == 0
+    assert run("study", "joints", "--action", "hirschkorn2004-regulated", "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert [row["of"] for row in facts["effects"]][:2] == ["none", "key_pin"] and len(facts["stiffness"]) == 8
 

@@ -1,4 +1,4 @@
-"""``calibrate-contact``: a pad on a drum brakes the swings, and the action written has the specimen's friction."""
+"""``calibrate contact``: a pad on a drum brakes the swings, and the action written has the specimen's friction."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ PAD = ("--load", 0.1, "--u-load", 0.0005, "--radius", 0.012, "--u-radius", 2e-5,
 
 def test_the_action_written_has_the_friction_of_the_specimens_pair(tmp_path: Path, capsys: Any) -> None:
     out = tmp_path / "pair.toml"
-    assert run("calibrate-contact", "--contact", "contact04", *PAD, "--out", out) == 0
+    assert run("calibrate", "contact", "--contact", "contact04", *PAD, "--out", out) == 0
     assert "contact04: friction 0.36" in capsys.readouterr().out
     found = model.load_action(out).quantities["contact04.friction.A"]
     assert abs(found.value - 0.36) < 3 * found.u < 0.05 * 0.36  # bench.toml
     record = tomllib.loads((tmp_path / "pair.pad.toml").read_text("utf-8"))
     assert record["kind"] == "pad" and len(record["found"]["shares_with"]) == 2
-    assert run("calibrate-contact", "--contact", "contact04", *PAD, "--out", out) == 2
+    assert run("calibrate", "contact", "--contact", "contact04", *PAD, "--out", out) == 2
     assert "exists already" in capsys.readouterr().err
 
 
 def test_what_the_pad_cannot_tell_is_one_line(tmp_path: Path, capsys: Any) -> None:
     out = tmp_path / "pair.toml"
-    assert run("calibrate-contact", "--contact", "contact02", *PAD, "--out", out) == 2
+    assert run("calibrate", "contact", "--contact", "contact02", *PAD, "--out", out) == 2
     assert "has friction at contact01, contact04" in capsys.readouterr().err
     small = ("--load", 0.1, "--radius", 0.002, "--swings", 2)
-    assert run("calibrate-contact", "--contact", "contact04", *small, "--out", out) == 2
+    assert run("calibrate", "contact", "--contact", "contact04", *small, "--out", out) == 2
     assert "take a larger drum" in capsys.readouterr().err
     light = ("--load", 1e-4, "--radius", 0.012, "--swings", 2)
-    assert run("calibrate-contact", "--contact", "contact04", *light, "--out", out) == 2
+    assert run("calibrate", "contact", "--contact", "contact04", *light, "--out", out) == 2
     assert "put more weight on it" in capsys.readouterr().err and not out.exists()
 
 
@@ -64,7 +64,7 @@ def test_what_is_wrong_about_the_pad_is_in_the_uncertainty() -> None:
 
 def test_weights_known_to_nothing_are_refused(tmp_path: Path, refused: Callable[..., None]) -> None:
     pad = ("--load", "0.1", "--u-load", "inf", "--radius", "0.012")
-    refused("finite", "calibrate-contact", "--contact", "contact04", *pad, "--out", tmp_path / "a.toml")
+    refused("finite", "calibrate", "contact", "--contact", "contact04", *pad, "--out", tmp_path / "a.toml")
 
 
 @pytest.mark.slow

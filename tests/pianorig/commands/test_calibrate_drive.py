@@ -1,4 +1,4 @@
-"""``pianorig calibrate-drive``: a rehearsal, its log, the scene of it, and what is refused in one line."""
+"""``pianorig calibrate drive``: a rehearsal, its log, the scene of it, and what is refused in one line."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ ACTION = ("--action", "hirschkorn2004-regulated")
 @pytest.mark.slow  # compiles a scene
 def test_a_rehearsed_log_gives_the_drive_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, scene = tmp_path / "log.csv", tmp_path / "mine.toml"
-    assert run("calibrate-drive", "--rehearse", "motor-drive", *ACTION, "--out", log) == 0
+    assert run("calibrate", "drive", "--rehearse", "motor-drive", *ACTION, "--out", log) == 0
     words = capsys.readouterr().out
     assert "[0.6]" in words and "not determined" in words
-    assert run("calibrate-drive", log, "--out", scene, "--json") == 0
+    assert run("calibrate", "drive", log, "--out", scene, "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     found = facts["determined"]["torque_constant"]
     assert abs(found["value"] - 0.6) < 3.0 * found["u"]
@@ -53,6 +53,6 @@ def test_what_cannot_be_used_is_refused_in_one_line(
     monkeypatch.chdir(tmp_path)
     rows = "".join(f"{k / 5000},{k // 50},0.0,0.0\n" for k in range(300))
     (tmp_path / "log.csv").write_text("time_s,command_v,force_n,arm_rad\n" + rows, "utf-8")
-    assert run("calibrate-drive", *arguments) == 2
+    assert run("calibrate", "drive", *arguments) == 2
     said = capsys.readouterr().err.strip()
     assert words in said and "\n" not in said

@@ -1,4 +1,4 @@
-"""``pianorig calibrate-felt`` as a user meets it."""
+"""``pianorig calibrate felt`` as a user meets it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def felt(tmp_path: Path) -> Path:
 def test_curve_to_action_file(felt: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, figure = felt.with_name("mine.toml"), felt.with_name("felt.svg")
     arguments = [str(felt), "--contact", "contact02", "--speed", "0.16", "--out", str(out), "--figure", str(figure)]
-    assert run("calibrate-felt", *arguments, "--json") == 0
+    assert run("calibrate", "felt", *arguments, "--json") == 0
     facts = json.loads(capsys.readouterr().out)["felt"]
     before, after = model.load_action(), model.load_action(out)
     for k, u in zip("abc", facts["u_abc"], strict=True):
@@ -52,7 +52,7 @@ def test_two_blows_give_the_ratio_of_the_dampings(tmp_path: Path, capsys: pytest
         rows = "".join(f"{t!r},{f!r}\n" for t, f in zip(time.tolist(), force.tolist(), strict=True))
         (tmp_path / f"{name}.csv").write_text("time_s,force_n\n" + rows)
     blows = [str(tmp_path / f"{name}.csv") for name in ("thesis-forte", "piano")]
-    assert run("calibrate-felt", "--force", blows[0], "--force", blows[1]) == 0
+    assert run("calibrate", "felt", "--force", blows[0], "--force", blows[1]) == 0
     lines = capsys.readouterr().out.splitlines()
     name, forte, piano, ratio = lines[2 + 11].split()
     assert name == "contact12" and float(forte) > 1.5 * float(piano)
@@ -61,7 +61,7 @@ def test_two_blows_give_the_ratio_of_the_dampings(tmp_path: Path, capsys: pytest
     motion = tmp_path / "moved.csv"
     assert run("simulate", "--force", blows[0], "--out", str(motion)) == 0
     capsys.readouterr()
-    assert run("calibrate-felt", "--motion", str(motion), "--json") == 0
+    assert run("calibrate", "felt", "--motion", str(motion), "--json") == 0
     speeds = json.loads(capsys.readouterr().out)["blows"]["moved"]
     assert speeds["contact12"]["mean_normal_speed_m_per_s"] == pytest.approx(float(forte), rel=0.01)
 
@@ -71,7 +71,7 @@ def test_measured_numbers_go_into_the_file(tmp_path: Path, capsys: pytest.Captur
     friction = ["--friction", "0.45+-0.01", "0.33+-0.02", "--contact", "contact10"]
     pendulum = ["--pendulum", "0.01174+-1e-5", "0.1032+-2e-4", "0.7+-1e-3", "--body", "hammer"]
     rebound = ["--rebound", "2.35+-0.01", "1.85+-0.02"]
-    assert run("calibrate-felt", *friction, *pendulum, *rebound, "--out", str(out)) == 0
+    assert run("calibrate", "felt", *friction, *pendulum, *rebound, "--out", str(out)) == 0
     done = model.load_action(out)
     assert (done["contact10.friction.A"], done.quantities["contact10.friction.A"].u) == (0.33, 0.02)
     assert done["contact12.normal.D"] == pytest.approx(0.1715, abs=1e-4)
@@ -99,7 +99,7 @@ def test_measured_numbers_go_into_the_file(tmp_path: Path, capsys: pytest.Captur
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], words: str, felt: Path, refused: Callable[..., None]) -> None:
-    refused(words, "calibrate-felt", *[a.replace("{felt}", str(felt)) for a in arguments])
+    refused(words, "calibrate", "felt", *[a.replace("{felt}", str(felt)) for a in arguments])
 
 
 @pytest.mark.slow
@@ -119,21 +119,21 @@ def test_several_presses_choose_a_law(tmp_path: Path, capsys: pytest.CaptureFixt
     out, figure = tmp_path / "mine.toml", tmp_path / "laws.svg"
     named = [str(path) for path in paths]
     arguments = [*named, "--contact", "contact02", "--out", str(out), "--figure", str(figure), "--json"]
-    assert run("calibrate-felt", *arguments) == 0
+    assert run("calibrate", "felt", *arguments) == 0
     facts = json.loads(capsys.readouterr().out)["felt_laws"]
     assert facts["supported"] == ["hunt-crossley"]
     d, u = (facts["laws"]["hunt-crossley"][k]["D"] for k in ("values", "u"))
     assert abs(d - 0.7) < 5.0 * u and u < 0.03
     assert model.load_action(out)["contact02.normal.D"] == pytest.approx(d)
     assert figure.read_text().startswith("<?xml")
-    assert run("calibrate-felt", *named, "--speed", "0.1") == 2
+    assert run("calibrate", "felt", *named, "--speed", "0.1") == 2
     assert "D of one curve" in capsys.readouterr().err
-    assert run("calibrate-felt", *named[:2]) == 2
+    assert run("calibrate", "felt", *named[:2]) == 2
     assert "found 2 presses, allowed 3 or more" in capsys.readouterr().err
-    assert run("calibrate-felt", str(tmp_path / "*_0.0[28]*.csv"), "--contact", "contact02", "--json") == 0  # six
+    assert run("calibrate", "felt", str(tmp_path / "*_0.0[28]*.csv"), "--contact", "contact02", "--json") == 0  # six
     pattern = json.loads(capsys.readouterr().out)["felt_laws"]["laws"]["hunt-crossley"]["values"]["D"]
     assert pattern != d and abs(pattern - 0.7) < 0.1
-    assert run("calibrate-felt", str(tmp_path / "none*.csv"), "--contact", "contact02") == 2
+    assert run("calibrate", "felt", str(tmp_path / "none*.csv"), "--contact", "contact02") == 2
     assert "none*.csv: cannot be read" in capsys.readouterr().err
 
 

@@ -56,6 +56,6 @@ def test_a_wrong_request_is_one_line(
 
 def test_a_study_takes_a_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     trial = FORTE / "trial_0001.h5"
-    assert run("study", "hirschkorn2004", "--force", trial, "--variant", "dry: --scale damping=0.5", "--json") == 0
+    assert run("study", "variants", "--force", trial, "--variant", "dry: --scale damping=0.5", "--json") == 0
     rows = json.loads(capsys.readouterr().out)["variants"]
     assert [row["variant"] for row in rows] == ["as given", "dry"] and rows[0]["strike_s"] > 0.3

@@ -47,7 +47,7 @@ def test_derivatives_and_variants_are_of_the_scene(force: Path, capsys) -> None:
     assert run("sensitivity", str(force), *asked) == 0
     assert {row["parameter"] for row in json.loads(capsys.readouterr().out)["local"]} == {"balance_rail", "hammer.mass"}
     variant = ["--variant", "stiff: --scale balance_rail=2", "--json"]
-    assert run("study", "hirschkorn2004", "--scene", "lifting-key", "--force", str(force), *variant) == 0
+    assert run("study", "variants", "--scene", "lifting-key", "--force", str(force), *variant) == 0
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_derivatives_and_variants_are_of_the_scene(force: Path, capsys) -> None:
     [
         (["touch", "hirschkorn2004", "--scene", "strin"], "scene 'strin': not found; did you mean string?"),
         (["regulate", "hirschkorn2004", "--set", "string.modes=3"], "string.modes is set but the scene has no string"),
-        (["study", "string", "--scene", "string"], "study string: has its own scenes; leave out --scene"),
+        (["study", "joints", "--scene", "string"], "No such option: --scene"),
     ],
 )
 def test_what_has_no_meaning_is_refused_in_one_line(words: list[str], said: str, capsys) -> None:

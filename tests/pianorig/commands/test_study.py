@@ -22,7 +22,7 @@ FORTE = str(DATA / "forte_force.csv")
 def test_variants_in_one_table_and_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "study"
     variants = ["--variant", "dry: --scale damping=0.1", "--variant", "slippery check: --set contact04.friction=0"]
-    assert run("study", "hirschkorn2004", "--force", FORTE, *variants, "--out", str(out), "--json") == 0
+    assert run("study", "variants", "--force", FORTE, *variants, "--out", str(out), "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert [row["variant"] for row in facts["variants"]] == ["as given", "dry", "slippery check"]
     assert [row["held"] for row in facts["variants"]] == [True, True, False]
@@ -30,19 +30,35 @@ def test_variants_in_one_table_and_figure(tmp_path: Path, capsys: pytest.Capture
         rows = list(csv.DictReader(file))
     assert [float(row["hold_m"]) for row in rows] == [row["hold_m"] for row in facts["variants"]]
     assert sorted(p.name for p in out.iterdir()) == ["study.svg", "variants.csv"]
-    assert run("study", "hirschkorn2004", "--force", FORTE, *variants) == 0
+    assert run("study", "variants", "--force", FORTE, *variants) == 0
     text = capsys.readouterr().out
     assert text.splitlines()[3].startswith("slippery check") and " no " in text.splitlines()[3]
 
 
 def test_study_thesis(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "thesis"
-    assert run("study", "thesis", "--out", str(out)) == 0
-    text = capsys.readouterr().out
-    for figure in ("4.9", "4.10", "4.11", "4.16", "4.17", "4.18", "4.19"):
-        assert f"Fig. {figure} " in text
-    assert (out / "thesis.svg").stat().st_size > 10_000
-    assert len((out / "observations.csv").read_text().splitlines()) > 15
+    """The thesis's variants, on any action: each is what `study variants` makes of it."""
+    out, lean = tmp_path / "thesis", ["--action", "hirschkorn2004-regulated"]
+    assert run("study", "thesis", *lean, "--out", str(out), "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert [row["variant"] for row in facts["piano"]] == ["as given", "damping x 4.5"]
+    assert len(facts["forte"]) == 7 and not facts["forte"][5]["held"]
+    assert sorted(p.name for p in out.iterdir()) == ["forte.csv", "forte.svg", "piano.csv", "piano.svg"]
+    force = tmp_path / "forte.csv"
+    rows = zip(*(column.tolist() for column in model.force_table("thesis-forte")), strict=True)
+    force.write_text("time_s,force_n\n" + "".join(f"{t!r},{f!r}\n" for t, f in rows))
+    dry = ["--variant", "dry: --scale damping=0.1"]
+    assert run("study", "variants", *lean, "--force", str(force), *dry, "--json") == 0
+    alone = json.loads(capsys.readouterr().out)["variants"][1]
+    assert alone | {"variant": "damping / 10"} == facts["forte"][1]
+
+
+def test_what_was_typed_once_is_understood(capsys: pytest.CaptureFixture[str]) -> None:
+    """`study ACTION`, and `--of` for what is `--action` everywhere."""
+    assert run("study", "hirschkorn2004", "--force", FORTE, "--json") == 0
+    first = json.loads(capsys.readouterr().out)
+    assert run("study", "variants", "--of", "hirschkorn2004", "--force", FORTE, "--json") == 0
+    assert json.loads(capsys.readouterr().out) == first
+    assert run("study", "thesis", "--help") == 0 and "--of" not in capsys.readouterr().out
 
 
 def test_scale_on_simulate(tmp_path: Path) -> None:
@@ -63,21 +79,19 @@ def test_scale_on_simulate(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["thesis", "--variant", "a: --set hammer.mass=0.01"], "study thesis: has its own variants"),
-        (["hirschkorn2004"], "--force: missing"),
-        (
-            ["hirschkorn2004", "--of", "x", "--force", FORTE],
-            "goes with thesis, friction-limit, string, felt-law and joints only",
-        ),
-        (["hirschkorn2004", "--force", FORTE, "--variant", "dry"], "--variant 'dry': has no name"),
-        (["hirschkorn2004", "--force", FORTE, "--variant", "a: --st x=1"], "--variant a: found '--st'"),
-        (["hirschkorn2004", "--force", FORTE, "--variant", "a: --set hammer.mas=1"], "did you mean hammer.mass"),
-        (["hirschkorn2004", "--force", FORTE, "--variant", "a: --scale dampin=1"], "did you mean damping"),
-        (["hirschkorn2004", "--force", FORTE, "--variant", "a: --set"], "allowed path=value"),
-        (["hirschkorn2004", "--force", FORTE, "--variant", "a:"], "changes nothing"),
-        (["hirschkorn2004", "--force", FORTE, "--scale", "damping"], "allowed name=factor"),
-        (["hirschkorn2004", "--force", FORTE, "--set", "a=1", "--set", "a=2"], "given twice"),
-        (["hirschkorn2004", "--force", FORTE, "--out", "no/such/folder"], "folder cannot be made"),
+        (["thesis", "--variant", "a: --set hammer.mass=0.01"], "No such option: --variant"),
+        (["variants"], "Missing option '--force'"),
+        (["felt-low"], "No such command 'study felt-low'. Did you mean 'felt-law'?"),
+        (["string"], "python examples/thesis string"),
+        (["variants", "--force", FORTE, "--variant", "dry"], "--variant 'dry': has no name"),
+        (["variants", "--force", FORTE, "--variant", "a: --st x=1"], "--variant a: found '--st'"),
+        (["variants", "--force", FORTE, "--variant", "a: --set hammer.mas=1"], "did you mean hammer.mass"),
+        (["variants", "--force", FORTE, "--variant", "a: --scale dampin=1"], "did you mean damping"),
+        (["variants", "--force", FORTE, "--variant", "a: --set"], "allowed path=value"),
+        (["variants", "--force", FORTE, "--variant", "a:"], "changes nothing"),
+        (["variants", "--force", FORTE, "--scale", "damping"], "allowed name=factor"),
+        (["variants", "--force", FORTE, "--set", "a=1", "--set", "a=2"], "given twice"),
+        (["variants", "--force", FORTE, "--out", "no/such/folder"], "folder cannot be made"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(arguments: list[str], words: str, refused: Callable[..., None]) -> None:
@@ -96,20 +110,9 @@ def test_variant_grammar(text: str) -> None:
     assert read_variant(text) == ("a b", {"x.y": 1.0}, {"damping": 0.1})
 
 
-@pytest.mark.slow
-def test_friction_limit_in_words_and_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    force = tmp_path / "short.csv"
-    force.write_text("time_s,force_n\n" + "".join(f"{k * 5e-4!r},{min(10.0, 200 * k * 5e-4)}\n" for k in range(241)))
-    assert run("study", "friction-limit", "--force", str(force), "--out", str(tmp_path / "f"), "--json") == 0
-    facts = json.loads(capsys.readouterr().out)
-    away = [row["differs_rad"] for row in facts["friction"]]
-    assert away[0] > away[1] > away[2] > away[3] > away[4] == 0.0
-    assert {p.name for p in (tmp_path / "f").iterdir()} == {"friction_limit.svg", "friction_limit.csv"}
-
-
-@pytest.mark.parametrize("word", ["friction-limit", "string", "felt-law", "joints", "thesis"])
+@pytest.mark.parametrize("word", ["felt-law", "joints", "thesis"])
 def test_a_blow_on_the_key_does_not_drive_a_motor(word: str, tmp_path: Path, refused: Callable[..., None]) -> None:
     """Newtons of the built-in table would be taken for the newton metres of the action's scene, or the other way."""
     own = tmp_path / "own.toml"
     own.write_text(find_action("hirschkorn2004").read_text() + '\n[scene]\neffects = ["motor_arm"]\n')
-    refused("driven by torque_nm, allowed one with all bodies driven by force_n", "study", word, "--of", str(own))
+    refused("driven by torque_nm, allowed one with all bodies driven by force_n", "study", word, "--action", str(own))

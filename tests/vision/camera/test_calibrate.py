@@ -182,7 +182,7 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Ca
     film, out = tmp_path / "target.mraw", tmp_path / "camera.toml"
     source = target_film(lens, "checkerboard", 2, views=2)
     write_mraw(film, [source.read(i) for i in range(source.n_frames)], 1000.0)
-    base = ["calibrate-camera", str(film), "--pitch-mm", "5", "--out", str(out)]
+    base = ["calibrate", "camera", str(film), "--pitch-mm", "5", "--out", str(out)]
     assert run(*base, "--grid", "9x7", "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["scale_px_per_m"] == pytest.approx(4400.0, rel=2e-3) and facts["views"] == 2

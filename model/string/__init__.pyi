@@ -1,9 +1,0 @@
-from .blow import C4 as C4
-from .blow import C4_HAMMER as C4_HAMMER
-from .blow import Hammer as Hammer
-from .blow import Strike as Strike
-from .blow import String as String
-from .blow import strike as strike
-from .instead_of_the_bar import StringBlow as StringBlow
-from .instead_of_the_bar import compare_with_bar as compare_with_bar
-from .instead_of_the_bar import hammer_at_the_string as hammer_at_the_string
