@@ -11,17 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from validation.events.session_events import SessionEvents
-from validation.findings.between_trials import (
-    changed_condition,
-    force_reach,
-    mixed_strokes,
-    outlying,
-    outlying_residuals,
-    residuals_of,
-    short_records,
-    stroke_kinds,
-    strokes_of_their_own,
-)
 from validation.findings.encoders import (
     capstan_gaps,
     dead,
@@ -46,7 +35,16 @@ from validation.findings.finding import (
 )
 from validation.findings.force import force_delay, force_drift, force_lag, force_sign_and_unit
 from validation.findings.let_off_and_check import check_difference_m, let_off_and_check, let_off_way_m
+from validation.findings.outlying_trials import (
+    changed_condition,
+    find_outlying_trials,
+    force_reach,
+    outlying_residuals,
+    residuals_of,
+)
 from validation.findings.readings import encoder_readings, force_stands_still, starts_at_rest
+from validation.findings.stroke_kinds import mixed_strokes, stroke_kinds, strokes_of_their_own
+from validation.findings.trial_records import short_records
 from validation.findings.unusable import UnusableData, unusable_data, unusable_pairs
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -195,7 +193,7 @@ def _odd_trials(
         return force_reach(tested, by_number[number], events.window.start_s, until)
 
     traces = scored.traces
-    return outlying(traces.base_s, traces.encoder, predicted.trials, events.trial, explained, reach, until)
+    return find_outlying_trials(traces.base_s, traces.encoder, predicted.trials, events.trial, explained, reach, until)
 
 
 def _residuals(

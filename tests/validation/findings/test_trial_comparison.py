@@ -10,20 +10,14 @@ import numpy as np
 import pytest
 
 from validation.events.key_lift import KeyLift
-from validation.findings.between_trials import (
-    changed_condition,
-    duplicates,
-    mixed_strokes,
-    outlying_residuals,
-    residuals_of,
-    stroke_kinds,
-    strokes_of_their_own,
-)
 from validation.findings.encoders import capstan_gaps
 from validation.findings.film import camera_clock, film_wiring
 from validation.findings.find_faults import _capstan_gaps
 from validation.findings.finding import SessionFinding
 from validation.findings.let_off_and_check import check_difference_m, let_off_and_check, let_off_way_m
+from validation.findings.outlying_trials import changed_condition, outlying_residuals, residuals_of
+from validation.findings.stroke_kinds import mixed_strokes, stroke_kinds, strokes_of_their_own
+from validation.findings.trial_records import duplicates
 
 
 def scaled_force(m, by):

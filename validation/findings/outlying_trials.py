@@ -1,6 +1,6 @@
-"""Faults that show between trials: copies, mixed strokes, a change in mid-session, a trial that stands out.
+"""Trials unlike the others of their kind of stroke, by their curves or by their difference from the model.
 
-One rule a function; trials are flagged and stay in, never removed.
+Trials are flagged and stay in, never removed.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -17,110 +16,12 @@ from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
 from validation.events.session_events import SessionEvents
-from validation.findings.finding import BLOW, OF_TRIALS, PREDICTION, SessionFinding, finds
-from validation.measurement.trial import MeasuredTrial, trials_in_words
+from validation.findings.finding import BLOW, PREDICTION, SessionFinding, finds
+from validation.findings.stroke_kinds import onset_u_s, sustained_force_n
+from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
 from validation.statistics.repeatability import FEWEST_TO_STAND_OUT, STANDS_OUT, distance_ratios, on_common_base
-
-RATE_RELATIVE = 1e-4
-SHORT_S = 0.02
-SHORT_SHARE = 0.1
-
-
-@finds({"sample rate": "Record all trials at one rate."}, among=OF_TRIALS)
-def rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
-    """Trials that were sampled at another rate than most."""
-    rate = {m.number: (m.time_s.size - 1) / float(m.time_s[-1] - m.time_s[0]) for m in measured}
-    usual = float(np.median(list(rate.values())))
-    return [
-        SessionFinding(
-            "sample rate",
-            number,
-            "",
-            value,
-            usual,
-            f"trial {number}: sampled at {value:.6g} Hz, most trials at {usual:.6g} Hz; curves are put on one time "
-            f"base by straight lines (limit {RATE_RELATIVE:g} of the rate)",
-        )
-        for number, value in rate.items()
-        if abs(value / usual - 1) > RATE_RELATIVE
-    ]
-
-
-@finds({"short record": "Annotate the trial that ends early, or record it again: no score looks further."})
-def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
-    """Trials whose record ends well before the others': every curve is scored up to there only."""
-    end = {m.number: float(m.time_s[-1]) for m in measured}
-    usual = float(np.median(list(end.values())))
-    return [
-        SessionFinding(
-            "short record",
-            number,
-            "",
-            value,
-            usual,
-            f"trial {number}: its record ends at {value:.3f} s, those of like strokes at {usual:.3f} s (median; limit "
-            f"{max(SHORT_S, SHORT_SHARE * usual):.3f} s less); no score looks further than the shortest record",
-        )
-        for number, value in end.items()
-        if value < usual - max(SHORT_S, SHORT_SHARE * usual)
-    ]
-
-
-FEWEST_MOVED = 50  # samples that differ from the one before: two records of rest may well agree
-
-
-@finds({"duplicated trial": "Reject the copy (pianorig annotate)."}, spoils=BLOW, among=OF_TRIALS)
-def duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
-    """Trials that repeat an earlier one, in counts or in force."""
-    out = []
-    for first, second in combinations(trials, 2):
-        same = [
-            words
-            for words, a, b in (
-                ("counts", _counts(first), _counts(second)),
-                ("force readings", first.raw_force_n, second.raw_force_n),
-            )
-            if a.shape == b.shape and np.array_equal(a, b) and np.count_nonzero(np.diff(a, axis=0)) >= FEWEST_MOVED
-        ]
-        if not same:
-            continue
-        text = (
-            f"trial {second.number}: the same {' and '.join(same)} as in trial {first.number} at every sample: it is a "
-            "copy"
-        )
-        out.append(SessionFinding("duplicated trial", second.number, "", float(first.number), 0.0, text))
-    return out
-
-
-def _counts(m: MeasuredTrial) -> np.ndarray:
-    return np.rint((m.change_rad - m.change_rad[0]) / m.resolution_rad)
-
-
-HELD_S = 0.02
-
-
-def sustained_force_n(m: MeasuredTrial) -> float:
-    """Largest force above the preload that is reached for 20 ms in all, N."""
-    force = np.sort(m.force.force_n - m.force.preload_n)[::-1]
-    step = float(np.median(np.diff(m.force.time_s)))
-    return float(force[min(round(HELD_S / step), force.size - 1)])
-
-
-def onset_u_s(m: MeasuredTrial) -> float:
-    """Standard uncertainty of when the force began to act, s: the channel's noise over the slope of the rise."""
-    above = m.force.force_n - m.force.preload_n
-    held = sustained_force_n(m)
-    low, high = (int(np.argmax(above > share * held)) for share in (0.1, 0.5))
-    rise = float(m.force.time_s[high] - m.force.time_s[low])
-    return m.force.noise_n * rise / (0.4 * held) if held > 0 else float("inf")
-
-
-def impulse_n_s(m: MeasuredTrial) -> float:
-    """Impulse above the preload, N s."""
-    step = np.gradient(m.force.time_s)
-    return float(np.sum(step * np.maximum(m.force.force_n - m.force.preload_n, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -201,93 +102,6 @@ def force_reach(tested: ModelUnderTest, m: MeasuredTrial, start_s: float, end_s:
     return float(tested.store.value("force reach", inputs, run))
 
 
-SMOOTH_S = 0.02  # within which the spike at the key's bed scatters
-APART = 0.22  # of the force's size: a stroke that is a quarter louder
-ALIKE = 0.07  # strokes of one plan lie that close together at most
-OVER_ALIKE = 3.0
-STEP_S = 1e-3
-
-
-def stroke_kinds(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...]:
-    """The trials of each kind of stroke, first trials first; one kind where all are alike.
-
-    Conventions: distance of two strokes is the root mean square difference of their forces, since their onsets and
-    averaged over 20 ms, over the root mean square of the larger one, as far as both were recorded. Strokes are joined
-    nearest first (single linkage). The kinds are those before the first join over 0.22 that is also three times as long
-    as the one before it, or as what strokes of one plan lie apart, if that is more. Source: Gower and Ross (1969),
-    Applied Statistics 18, 54.
-    """
-    numbers = [m.number for m in trials]
-    if len(trials) < 2:
-        return (tuple(numbers),)
-    curves = [_aligned_force(m) for m in trials]
-    joins = sorted((_force_distance(curves[i], curves[j]), i, j) for i, j in combinations(range(len(trials)), 2))
-    group = list(range(len(trials)))
-    longest = ALIKE
-    for distance, i, j in joins:
-        if group[i] == group[j]:
-            continue
-        if distance > max(APART, OVER_ALIKE * longest):
-            break
-        longest = max(longest, distance)
-        group = [group[i] if g == group[j] else g for g in group]
-    return tuple(tuple(numbers[k] for k, g in enumerate(group) if g == first) for first in dict.fromkeys(group))
-
-
-def _aligned_force(m: MeasuredTrial) -> Array:
-    """Force above the preload since its onset, averaged over `SMOOTH_S`."""
-    at = np.arange(-SMOOTH_S, float(m.force.time_s[-1]) - m.quiet.onset_s, STEP_S)
-    weights = np.full(round(SMOOTH_S / STEP_S), STEP_S / SMOOTH_S)
-    return np.convolve(np.interp(at + m.quiet.onset_s, m.force.time_s, m.force.force_n - m.force.preload_n), weights)
-
-
-def _force_distance(one: Array, other: Array) -> float:
-    """Root mean square difference over the root mean square of the larger one, as far as both were recorded."""
-    n = max(min(one.size, other.size) - round(SMOOTH_S / STEP_S), 1)
-    size = max(float(np.sqrt(np.mean(curve[:n] ** 2))) for curve in (one, other))
-    return float(np.sqrt(np.mean((one[:n] - other[:n]) ** 2))) / max(size, 1e-12)
-
-
-@finds({"mixed strokes": "Validate the kinds of stroke apart (conditions of the plan, or pianorig annotate)."})
-def mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
-    """What is said of several kinds of stroke; a stroke of a kind of its own among others is `strokes_of_their_own`."""
-    named = [kind for kind in kinds if len(kind) > 1] or list(kinds)
-    if len(named) < 2:
-        return []
-    held = {m.number: sustained_force_n(m) for m in trials}
-    impulse = {m.number: impulse_n_s(m) for m in trials}
-    parts = [
-        f"{trials_in_words(kind)} ({np.median([held[n] for n in kind]):.3g} N held for 20 ms, "
-        f"{np.median([impulse[n] for n in kind]):.3g} N s)"
-        for kind in named
-    ]
-    text = (
-        f"{len(named)} kinds of stroke: {', '.join(parts)}; repeatability and odd trials are those within each kind, "
-        "and there is no band of their mean"
-    )
-    return [SessionFinding("mixed strokes", float("nan"), "force", float(len(named)), 1.0, text)]
-
-
-@finds(
-    {"stroke of its own": "Validate the stroke unlike the others apart, or reject it (pianorig annotate)."}, spoils=BLOW
-)
-def strokes_of_their_own(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
-    """Strokes that are like no other, where others are alike."""
-    if not any(len(kind) > 1 for kind in kinds):
-        return []
-    held = {m.number: sustained_force_n(m) for m in trials}
-    impulse = {m.number: impulse_n_s(m) for m in trials}
-    out = []
-    for number in (kind[0] for kind in kinds if len(kind) == 1):
-        usual_n, usual_n_s = (float(np.median([v for n, v in of.items() if n != number])) for of in (held, impulse))
-        text = (
-            f"trial {number}: its force is unlike that of every other trial: {held[number]:.3g} N held for 20 ms "
-            f"(others {usual_n:.3g} N), {impulse[number]:.3g} N s (others {usual_n_s:.3g} N s); it is pooled with none"
-        )
-        out.append(SessionFinding("stroke of its own", number, "", held[number], usual_n, text))
-    return out
-
-
 ODD = 5.0  # times the usual departure from the median
 FAR = 0.01  # of the channel's range, root mean square
 SMALL_FORCE = 0.02  # of the force held for 20 ms, below which a difference explains nothing
@@ -300,7 +114,7 @@ SCALE_EXPLAINS = 0.9  # of the squared distance
     {"outlying trial": "Look at the trial unlike the others; annotate it if it was no such blow."},
     spoils=BLOW,
 )
-def outlying(
+def find_outlying_trials(
     base: Array,
     traces: dict[int, pd.DataFrame],
     measured: Sequence[MeasuredTrial],

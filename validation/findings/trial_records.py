@@ -1,0 +1,85 @@
+"""Records that are copies of one another, end early or have another rate than most; trials stay in, never removed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from validation.findings.finding import BLOW, OF_TRIALS, SessionFinding, finds
+from validation.measurement.trial import MeasuredTrial
+
+RATE_RELATIVE = 1e-4
+SHORT_S = 0.02
+SHORT_SHARE = 0.1
+
+
+@finds({"sample rate": "Record all trials at one rate."}, among=OF_TRIALS)
+def rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+    """Trials that were sampled at another rate than most."""
+    rate = {m.number: (m.time_s.size - 1) / float(m.time_s[-1] - m.time_s[0]) for m in measured}
+    usual = float(np.median(list(rate.values())))
+    return [
+        SessionFinding(
+            "sample rate",
+            number,
+            "",
+            value,
+            usual,
+            f"trial {number}: sampled at {value:.6g} Hz, most trials at {usual:.6g} Hz; curves are put on one time "
+            f"base by straight lines (limit {RATE_RELATIVE:g} of the rate)",
+        )
+        for number, value in rate.items()
+        if abs(value / usual - 1) > RATE_RELATIVE
+    ]
+
+
+@finds({"short record": "Annotate the trial that ends early, or record it again: no score looks further."})
+def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+    """Trials whose record ends well before the others': every curve is scored up to there only."""
+    end = {m.number: float(m.time_s[-1]) for m in measured}
+    usual = float(np.median(list(end.values())))
+    return [
+        SessionFinding(
+            "short record",
+            number,
+            "",
+            value,
+            usual,
+            f"trial {number}: its record ends at {value:.3f} s, those of like strokes at {usual:.3f} s (median; limit "
+            f"{max(SHORT_S, SHORT_SHARE * usual):.3f} s less); no score looks further than the shortest record",
+        )
+        for number, value in end.items()
+        if value < usual - max(SHORT_S, SHORT_SHARE * usual)
+    ]
+
+
+FEWEST_MOVED = 50  # samples that differ from the one before: two records of rest may well agree
+
+
+@finds({"duplicated trial": "Reject the copy (pianorig annotate)."}, spoils=BLOW, among=OF_TRIALS)
+def duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+    """Trials that repeat an earlier one, in counts or in force."""
+    out = []
+    for first, second in combinations(trials, 2):
+        same = [
+            words
+            for words, a, b in (
+                ("counts", _counts(first), _counts(second)),
+                ("force readings", first.raw_force_n, second.raw_force_n),
+            )
+            if a.shape == b.shape and np.array_equal(a, b) and np.count_nonzero(np.diff(a, axis=0)) >= FEWEST_MOVED
+        ]
+        if not same:
+            continue
+        text = (
+            f"trial {second.number}: the same {' and '.join(same)} as in trial {first.number} at every sample: it is a "
+            "copy"
+        )
+        out.append(SessionFinding("duplicated trial", second.number, "", float(first.number), 0.0, text))
+    return out
+
+
+def _counts(m: MeasuredTrial) -> np.ndarray:
+    return np.rint((m.change_rad - m.change_rad[0]) / m.resolution_rad)
