@@ -2,18 +2,21 @@
 
 A *jump* is a step between two samples that lies outside the two steps before and the two after it. The steps of a
 moving body change smoothly, also at a stop or a string: outside of its neighbours a step lies by some
-`THIRD_DIFFERENCE` × (time between samples)³ at most. A *standstill* is a count that stays the same for `LEAST_S` while
-the prediction and, of key and whippen, the other one of the two move, and that begins or ends at full speed.
-Two readings are compared in each: a jump with the other encoders at that sample, a standstill as above.
+`THIRD_DIFFERENCE` × (time between samples)³ at most. A *standstill* is a count that stays the same for `LEAST_S` and
+either begins or ends with a step that no body takes from or to rest within one sample, or lasts while the prediction
+and, of key and whippen, the other one of the two move, and begins or ends at speed.
+Two readings are compared in each: a jump with the other encoders at that sample, a standstill as above. A count that
+stays the same while its body rests reads what it should: that an encoder is frozen there cannot be seen, and what it
+reads is right. Nor is seen what a frozen encoder misses below the limits: at 5 kHz 0.2 mrad from the begin of its
+standstill to the end, and 2 mrad of vibration between.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.measurement.trial import MeasuredTrial
@@ -22,10 +25,13 @@ from validation.prediction.predict_session import PredictedAngles
 THIRD_DIFFERENCE = 4e7  # rad/s³; the hammer of a loud blow with a shank of 250 Hz has 3.3e7
 FEWEST_COUNTS = 6.0  # steps are rounded to counts: each of five is off by one at most
 NOISE = 8.0  # standard deviations of the steps at rest
+FROM_REST = 3e3  # rad/s²: largest step from or to rest over (time between samples)²; a fortissimo has a sixth of it
+FEWEST_FROM_REST = 4.0  # counts; of 9,600 standstills of sound encoders none is left or entered by more than 2 at 5 kHz
 LEAST_S = 4e-3
 MOVES_RAD = 2e-3
 EDGE_S = 1e-3
 EDGE_RAD = 3e-3  # in `EDGE_S`: a back check stops the hammer within five times that
+MATCHES = 0.5  # of a leap: so nearly has its body moved, in the model, while the count stood still before it
 APART_S = 0.06  # a leap forth and one back within this belong together
 
 
@@ -45,7 +51,11 @@ class ReadingFault:
     still_s : float
         How long the count stays the same; 0 for a leap alone.
     limit_rad : float
-        Smallest leap that is found in this trial.
+        Smallest leap that is found there; of a standstill without one, the motion of its body meanwhile.
+    stop_rad : float
+        Of a standstill, the last step before it where no body stops so within one sample; 0 else.
+    is_alone : bool
+        Whether no other encoder leaps at that sample.
     """
 
     channel: str
@@ -54,9 +64,11 @@ class ReadingFault:
     leap_rad: float
     still_s: float
     limit_rad: float
+    stop_rad: float = 0.0
+    is_alone: bool = True
 
 
-def leaps(change_rad: Array, time_s: Array, resolution_rad: float, quiet_stop: int) -> tuple[Array, float]:
+def step_excess(change_rad: Array, time_s: Array, resolution_rad: float, quiet_stop: int) -> tuple[Array, float]:
     """By how much each step lies outside of its neighbours, rad, signed, (n − 1,), and the limit of what is one."""
     steps = np.diff(change_rad)
     out = np.zeros(steps.size)
@@ -66,61 +78,113 @@ def leaps(change_rad: Array, time_s: Array, resolution_rad: float, quiet_stop: i
     inner = steps[2:-2]
     out[2:-2] = np.maximum(inner - beside.max(axis=0), 0.0) - np.maximum(beside.min(axis=0) - inner, 0.0)
     dt = float(np.median(np.diff(time_s)))
+    return out, FEWEST_COUNTS * resolution_rad + _rest_noise(steps, quiet_stop) + THIRD_DIFFERENCE * dt**3
+
+
+def step_from_rest(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, float]:
+    """Each step that begins or ends a standstill, rad, 0 else, (n − 1,), and the largest that a body makes.
+
+    A motion that goes on beyond such a step, as of a key that is thrown off its rail, counts where the model moves by
+    as much during the standstill.
+    """
+    change, resolution_rad, quiet_stop = m.change_rad[:, i], float(m.resolution_rad[i]), m.quiet.stop
+    steps = np.diff(change)
+    out = np.zeros(steps.size)
+    dt = float(np.median(np.diff(m.time_s)))
+    for first, last in _standstills(change, m.time_s):
+        extent = float(np.ptp(expected[first : last + 1]))
+        for at, side in ((first - 1, -1), (last, 1)):
+            if 0 <= at < steps.size and (not _continues(steps, at, side) or extent >= abs(steps[at])):
+                out[at] = steps[at]
+    return out, FEWEST_FROM_REST * resolution_rad + _rest_noise(steps, quiet_stop) + FROM_REST * dt**2
+
+
+def _rest_noise(steps: Array, quiet_stop: int) -> float:
     at_rest = steps[: max(quiet_stop - 1, 0)]
-    noise = float(at_rest.std()) if at_rest.size > 2 else 0.0
-    return out, FEWEST_COUNTS * resolution_rad + NOISE * noise + THIRD_DIFFERENCE * dt**3
+    return NOISE * float(at_rest.std()) if at_rest.size > 2 else 0.0
+
+
+def _standstills(change: Array, time_s: Array) -> list[tuple[int, int]]:
+    """First and last sample of each stretch of `LEAST_S` or more in which the reading stays the same."""
+    edges = np.flatnonzero(np.diff(change) != 0)
+    starts, ends = np.concatenate([[0], edges + 1]), np.concatenate([edges, [change.size - 1]])
+    long = time_s[ends] - time_s[starts] >= LEAST_S
+    return [(int(first), int(last)) for first, last in zip(starts[long], ends[long], strict=True)]
 
 
 def reading_faults(m: MeasuredTrial, p: PredictedAngles) -> list[ReadingFault]:
     """Jumps and standstills of all encoders of a trial, the first of each encoder in time."""
+    leaps = [_leaps(m, p.change_rad(name), i) for i, name in enumerate(ENCODER_CHANNELS)]
     found: list[ReadingFault] = []
     for i, name in enumerate(ENCODER_CHANNELS):
-        change = m.change_rad[:, i]
-        size, limit = leaps(change, m.time_s, float(m.resolution_rad[i]), m.quiet.stop)
-        at = np.flatnonzero(np.abs(size) > limit)
-        still = _standstills(m, p, i)
-        fault = _leap(name, m.time_s, change, size, at, limit) if at.size else None
-        if still is not None and (fault is None or still.at_s <= fault.at_s):
-            fault = still if fault is None else _held(still, fault)
+        still = _find_standstill(m, p, i)
+        size, limit = leaps[i]
+        at = np.flatnonzero(size)
+        fault = _describe_leap(m, p.change_rad(name), i, size, float(limit[at[0]])) if at.size else None
+        if still is not None and (fault is None or (still.at_s <= fault.at_s and not fault.still_s)):
+            fault = still
+        elif fault is not None:
+            others = [leaps[j][0][at[0]] for j in range(len(ENCODER_CHANNELS)) if j != i]
+            fault = replace(fault, is_alone=not any(others))
         if fault is not None:
             found.append(fault)
     return found
 
 
-def simultaneous(faults: Sequence[ReadingFault], time_s: Array) -> bool:
+def are_simultaneous(faults: Sequence[ReadingFault], time_s: Array) -> bool:
     """Whether several encoders leap at one sample: then it is time that is lacking, not counts."""
     step = float(np.median(np.diff(time_s)))
     times = [fault.at_s for fault in faults if fault.leap_rad and not fault.still_s]
     return len(times) > 1 and max(times) - min(times) < 1.5 * step
 
 
-def _leap(name: str, time_s: Array, change: Array, size: Array, at: NDArray[np.intp], limit: float) -> ReadingFault:
-    first = int(at[0])
-    held = first
-    while held > 0 and change[held] == change[held - 1]:
-        held -= 1
-    still_s = float(time_s[first] - time_s[held])
-    if still_s >= LEAST_S:  # a count that stays and then leaps to where the body has got to
-        return ReadingFault(name, float(time_s[held]), float(time_s[first + 1]), float(size[first]), still_s, limit)
-    back = [k for k in at[1:] if size[k] * size[first] < 0 and time_s[k] - time_s[first] < APART_S]
-    until = float(time_s[back[0] + 1]) if back else float("nan")
-    return ReadingFault(name, float(time_s[first + 1]), until, float(size[first]), 0.0, limit)
+def _leaps(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, Array]:
+    """Sizes of the steps of an encoder that are leaps, rad, 0 else, (n − 1,), and the limit of each."""
+    excess, limit = step_excess(m.change_rad[:, i], m.time_s, float(m.resolution_rad[i]), m.quiet.stop)
+    step, limit_from_rest = step_from_rest(m, expected, i)
+    excess, step = np.where(np.abs(excess) > limit, excess, 0.0), np.where(np.abs(step) > limit_from_rest, step, 0.0)
+    return np.where(excess != 0.0, excess, step), np.where(excess != 0.0, limit, limit_from_rest)
 
 
-def _held(still: ReadingFault, leap: ReadingFault) -> ReadingFault:
-    return leap if leap.still_s else still
+def _describe_leap(m: MeasuredTrial, expected: Array, i: int, size: Array, limit: float) -> ReadingFault:
+    """The first leap of an encoder, or the standstill that it begins or ends.
 
-
-def _standstills(m: MeasuredTrial, p: PredictedAngles, i: int) -> ReadingFault | None:
-    change, time_s = m.change_rad[:, i], m.time_s
-    expected = p.change_rad(ENCODER_CHANNELS[i])
-    edges = np.flatnonzero(np.diff(change) != 0)
-    starts, ends = np.concatenate([[0], edges + 1]), np.concatenate([edges, [change.size - 1]])
-    reach = max(round(EDGE_S / float(np.median(np.diff(time_s)))), 1)
-    for first, last in zip(starts, ends, strict=True):
-        if time_s[last] - time_s[first] < LEAST_S or first < m.quiet.stop or last == change.size - 1:
+    It begins one where the encoder moves as fast before it, and ends one where the body moved by so much meanwhile.
+    """
+    name, time_s, change = ENCODER_CHANNELS[i], m.time_s, m.change_rad[:, i]
+    steps, at = np.diff(change), np.flatnonzero(size)
+    leap = int(at[0])
+    for first, last in _standstills(change, time_s):
+        if leap not in (first - 1, last):
             continue
-        part = slice(int(first), int(last) + 1)
+        until = min(last + 1, change.size - 1)
+        moved, by = float(expected[until] - expected[first]), float(change[until] - change[first])
+        stop = float(steps[leap]) if leap == first - 1 and _continues(steps, leap, -1) else 0.0
+        leaves = last < steps.size and bool(size[last])
+        caught_up = leaves and (abs(moved - by) < MATCHES * abs(by) or _continues(steps, last, 1))
+        if stop or (leap == last and caught_up):
+            still_s, ends = float(time_s[last] - time_s[first]), float(steps[last]) if leaves else 0.0
+            return ReadingFault(name, float(time_s[first]), float(time_s[until]), ends, still_s, limit, stop)
+    back = [k for k in at[1:] if size[k] * size[leap] < 0 and time_s[k] - time_s[leap] < APART_S]
+    until_s = float(time_s[back[0] + 1]) if back else float("nan")
+    return ReadingFault(name, float(time_s[leap + 1]), until_s, float(size[leap]), 0.0, limit)
+
+
+def _continues(steps: Array, at: int, side: int) -> bool:
+    """Whether a step is like its neighbour on one side: the body moves at that speed there."""
+    beside = steps[at + side] if 0 <= at + side < steps.size else 0.0
+    return bool(abs(beside - steps[at]) < MATCHES * abs(steps[at]))
+
+
+def _find_standstill(m: MeasuredTrial, p: PredictedAngles, i: int) -> ReadingFault | None:
+    """The first standstill of an encoder without leaps while its body moves, in the model and by another encoder."""
+    change, time_s = m.change_rad[:, i], m.time_s
+    name, expected = ENCODER_CHANNELS[i], p.change_rad(ENCODER_CHANNELS[i])
+    reach = max(round(EDGE_S / float(np.median(np.diff(time_s)))), 1)
+    for first, last in _standstills(change, time_s):
+        part = slice(first, last + 1)
+        if first < m.quiet.stop or last == change.size - 1:
+            continue
         if not np.isfinite(expected[part]).all() or np.ptp(expected[part]) < MOVES_RAD:
             continue
         before = abs(change[first] - change[max(first - reach, 0)])
@@ -131,7 +195,6 @@ def _standstills(m: MeasuredTrial, p: PredictedAngles, i: int) -> ReadingFault |
             abrupt = bool(np.ptp(other) >= MOVES_RAD) and max(before, after) > 0.0
         if abrupt:
             return ReadingFault(
-                ENCODER_CHANNELS[i], float(time_s[first]), float(time_s[last]), 0.0,
-                float(time_s[last] - time_s[first]), MOVES_RAD,
-            )  # fmt: skip
+                name, float(time_s[first]), float(time_s[last]), 0.0, float(time_s[last] - time_s[first]), MOVES_RAD
+            )
     return None

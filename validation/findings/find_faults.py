@@ -34,6 +34,7 @@ from validation.findings.finding import (
     sound_trials,
 )
 from validation.findings.force import force_delay, force_drift, force_lag, force_sign_and_unit
+from validation.findings.force_spikes import unanswered_spikes
 from validation.findings.let_off_and_check import check_difference_m, let_off_and_check, let_off_way_m
 from validation.findings.outlying_trials import (
     changed_condition,
@@ -126,6 +127,8 @@ def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: M
         sound = not any(f.channel in ("whippen", "") for f in encoders)
         films = film_wiring(m, p, whippen_sound=sound)
         films += camera_clock(m) if sound and not films else []
+        if not forces and not any(f.channel in ("key", "whippen", "") for f in encoders):
+            forces = unanswered_spikes(tested, m, p, until)
         if not forces and not any(f.channel in ("key", "") for f in encoders):
             lags[m.number] = force_lag(m, p)
         found += [f for check in OF_TRIAL for f in check(m)] + forces + encoders + films

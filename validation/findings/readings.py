@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from validation.events.encoder_readings import reading_faults, simultaneous
+from validation.events.encoder_readings import are_simultaneous, reading_faults
 from validation.findings.finding import BLOW, CURVES, SessionFinding, finds
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
@@ -22,7 +22,7 @@ from validation.prediction.predict_session import PredictedAngles
 def encoder_readings(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """Leaps and standstills of the encoders (`validation.events.encoder_readings`)."""
     faults = reading_faults(m, p)
-    if simultaneous(faults, m.time_s):
+    if are_simultaneous(faults, m.time_s):
         names = " and ".join(fault.channel for fault in faults)
         text = (
             f"trial {m.number}: encoders {names} leap at the same sample, {faults[0].at_s:.4f} s, by "
@@ -36,13 +36,16 @@ def encoder_readings(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFindin
         leap = f"{1e3 * fault.leap_rad:+.2f} mrad"
         if fault.still_s:
             text = f"{where} its count does not change for {1e3 * fault.still_s:.1f} ms from {fault.at_s:.4f} s"
-            text += f", then leaps by {leap} ({limit})" if fault.leap_rad else ", and it moves at once before or after"
-            text += "; its body moves in the model meanwhile"
+            text += f", after {1e3 * fault.stop_rad:+.2f} mrad in the last sample before" if fault.stop_rad else ""
+            text += f", then leaps by {leap} from one sample to the next" if fault.leap_rad else ""
+            if not (fault.leap_rad or fault.stop_rad):
+                text += ", and it moves at once before or after; its body moves in the model meanwhile"
+            text += f" ({limit})"
             out.append(SessionFinding("reading stands still", m.number, fault.channel, fault.still_s, 0.0, text))
             continue
         text = f"{where} leaps by {leap} from one sample to the next at {fault.at_s:.4f} s ({limit})"
         text += f" and back {1e3 * (fault.until_s - fault.at_s):.1f} ms later" if np.isfinite(fault.until_s) else ""
-        text += "; no other encoder leaps there"
+        text += "; no other encoder leaps there" if fault.is_alone else "; another encoder leaps there as well"
         out.append(SessionFinding("reading leaps", m.number, fault.channel, fault.leap_rad, fault.limit_rad, text))
     return out
 
