@@ -31,8 +31,8 @@ SOUND = ("clean mf", "bench mf", "effect shank", "effect balance_rail", "effect 
 SPIKES = ((6.0, 1e-3), (3.0, 1e-3), (-4.0, 1e-3), (2.0, 2e-3), (-3.0, 3e-3))
 FROZEN_S = (5e-3, 15e-3, 50e-3)
 """Spikes, N and s, and standstills of an encoder that are planted."""
-FIRST_S, LAST_S = 0.26, {"staccato": 0.3}
-"""When they begin, at least; and at most, 0.5 s where nothing is said."""
+FIRST_S, LAST_S = 0.26, {"spike": 0.5, "frozen": 0.33}
+"""When they begin, at least and at most: a spike until the release, a standstill while the bodies move."""
 
 
 def find_reading_faults(case: Case, kind: str, seed: int) -> list[SessionFinding]:
@@ -60,7 +60,7 @@ def sound(name: str, kind: str, seed: int, trials: int) -> list[str]:
 
 def planted(kind: str, seed: int, what: str, size: float, length_s: float) -> list[str]:
     """Kinds of what is found where one spike (N) or one standstill (number of the encoder) is planted."""
-    at_s = float(np.random.default_rng([seed, len(kind)]).uniform(FIRST_S, LAST_S.get(kind, 0.5)))
+    at_s = float(np.random.default_rng([seed, len(kind)]).uniform(FIRST_S, LAST_S[what]))
     change = force_spike(at_s, size, length_s) if what == "spike" else frozen(int(size), at_s, length_s)
     return [found.kind for found in find_reading_faults(Case("", misread=only([1], change), trials=1), kind, seed)]
 
