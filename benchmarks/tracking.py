@@ -371,7 +371,7 @@ PARTS = (
     (tracking, "assemble_result", "after the last frame"),
     (tracking, "track_forward", "frames"),
     (frame_fit, "walk", "  frames in one call (leaves the lock)"),
-    (frame_fit, "fit_bodies", "  rest of a doubtful frame (leaves it)"),
+    (frame_fit, "go_on", "  rest of a doubtful frame (leaves it)"),
     (frame_spline, "prefilter", "  spline filter, called by Python (leaves it)"),
     (icgn, "fit_rigid", "  fit, called by Python (leaves it)"),
 )

@@ -1,4 +1,4 @@
-"""The rules that keep numba's cache honest."""
+"""The rule that keeps numba's cache honest: a key knows all sources that compiled functions are made of."""
 
 from __future__ import annotations
 
@@ -8,59 +8,55 @@ from pathlib import Path
 import pytest
 
 import vision
-from vision.frame_fit.compiled import digest_of_sources, fit_bodies, walk
+from vision import kernel_cache
+from vision.kernel_cache import SOURCES, digest_of_sources
 
 ROOT = Path(vision.__file__).parent
-DECORATORS = ("cached_njit", "uncounted")
+DECORATORS = ("cached_njit", "inner_njit")
 
 
-def compiled_and_imported() -> tuple[dict[Path, dict[str, bool]], dict[Path, set[str]]]:
-    """Of each file its compiled functions, and whether they are cached; and the names it imports."""
-    compiled: dict[Path, dict[str, bool]] = {}
-    imported: dict[Path, set[str]] = {}
+def imported_files(tree: ast.Module) -> set[Path]:
+    """Files of the package from which functions or constants, not types, are imported."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module is not None and node.module.startswith("vision."):
+            path = ROOT.parent / Path(*node.module.split("."))
+            if any(not alias.name[0].isupper() or alias.name.isupper() for alias in node.names):
+                found.add(path.with_suffix(".py"))
+    return found - {ROOT / "kernel_cache.py"}
+
+
+def test_all_that_is_compiled_and_its_constants_are_part_of_the_key() -> None:
+    known = {path for source in SOURCES for path in (*(ROOT / source).rglob("*.py"), ROOT / source)}
+    holders = set()
     for path in ROOT.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        compiled[path] = {
-            node.name: any(ast.unparse(d).startswith("cached_njit") for d in node.decorator_list)
-            for node in ast.walk(tree)
-            if isinstance(node, ast.FunctionDef)
-            and any(ast.unparse(d).startswith(DECORATORS) for d in node.decorator_list)
-        }
-        imported[path] = {
-            alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names
-        }
-    return {path: found for path, found in compiled.items() if found}, imported
+        decorators = [d for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) for d in n.decorator_list]
+        if any(ast.unparse(one).startswith(DECORATORS) for one in decorators):
+            holders |= {path, *imported_files(tree)}
+    assert ROOT / "frame_fit" / "compiled.py" in holders and holders <= known
 
 
-def test_no_compiled_function_is_called_from_another_file_unless_the_key_knows() -> None:
-    """numba's disk cache notices only changes of the cached function's own file."""
-    compiled, imported = compiled_and_imported()
-    together = {path for path in compiled if path.parent.name == "frame_fit"}
-    assert {path.name for path in compiled.keys() - together} == {
-        *("assessment.py", "base.py", "frame_spline.py", "kernels.py", "light.py", "occlusion.py"),
-    }
-    assert {path.name for path in together} == {"compiled.py"}
-    everything = set().union(*compiled.values())
-    for path in compiled.keys() - together:
-        assert not imported[path] & everything, f"{path} imports a compiled function"
-    # what calls functions of other files is cached under their digest, or not at all
-    cached = {name for path in together for name, is_cached in compiled[path].items() if is_cached}
-    assert cached == {"fit_bodies", "walk"}
-
-
-def test_the_key_of_frames_in_one_call_knows_all_sources(monkeypatch: pytest.MonkeyPatch) -> None:
-    compiled, imported = compiled_and_imported()
-    everything = set().union(*compiled.values())
-    called = set().union(*(imported[path] & everything for path in compiled if path.parent.name == "frame_fit"))
-    plain = digest_of_sources()
-    for entry in (fit_bodies, walk):
-        assert plain in [cell.cell_contents for cell in entry.py_func.__closure__]
-    read = Path.read_bytes
-    for path, functions in compiled.items():
-        if not functions.keys() & called:
-            continue
-        changed = path
+def test_a_change_of_any_source_changes_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    digest, plain, read = digest_of_sources.__wrapped__, digest_of_sources(), Path.read_bytes
+    assert digest() == plain
+    for source in SOURCES:
+        changed = sorted((ROOT / source).rglob("*.py"))[-1] if (ROOT / source).is_dir() else ROOT / source
         monkeypatch.setattr(Path, "read_bytes", lambda p, c=changed: read(p) + (b"#" if p.samefile(c) else b""))
-        assert digest_of_sources() != plain, f"a change of {path} would go unnoticed"
-    monkeypatch.undo()
-    assert digest_of_sources() == plain
+        assert digest() != plain, f"a change of {changed} would go unnoticed"
+
+
+def test_what_was_compiled_from_other_sources_is_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
+
+    def doubled(x: float) -> float:
+        return 2.0 * x
+
+    def found_on_disk() -> int:
+        kept = kernel_cache.cached_njit()(doubled)
+        assert kept(1.5) == 3.0
+        return sum(kept.stats.cache_hits.values())
+
+    assert [found_on_disk(), found_on_disk()] == [0, 1]
+    monkeypatch.setattr(kernel_cache, "digest_of_sources", lambda: "of other sources")
+    assert [found_on_disk(), found_on_disk()] == [0, 1]

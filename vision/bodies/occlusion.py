@@ -3,8 +3,7 @@
 The outlines of the bodies in front, widened by the clearance, move with their predicted poses, so that a lever that
 sweeps over the whippen never counts as whippen. What no outline describes is left to the weights of the fit.
 
-Conventions: picture axes (y down); ``pose`` is (phi, tx, ty) as in `vision.fitting.base`. `mark_covered` is compiled
-and calls no other compiled function (see `vision.fitting.kernels`).
+Conventions: picture axes (y down); ``pose`` is (phi, tx, ty) as in `vision.fitting.base`.
 """
 
 from __future__ import annotations
@@ -25,6 +24,17 @@ FAST = {"reassoc", "contract", "arcp", "nsz"}
 
 GROUP = 64
 """Pixels that are looked at together first: where their whole neighbourhood is clear, none of them is."""
+
+
+@cached_njit(_nrt=False)
+def seen_from(
+    here: NDArray[np.float64], centre: NDArray[np.float64], there: NDArray[np.float64], other: NDArray[np.float64]
+) -> tuple[float, float, float]:
+    """Pose of a body, at pose ``here``, seen from another at pose ``there``: its turn, and the shift of its ``centre``
+    from that of the ``other`` in the axes of that."""
+    cosine, sine = math.cos(there[0]), math.sin(there[0])
+    x, y = centre[0] + here[1] - other[0] - there[1], centre[1] + here[2] - other[1] - there[2]
+    return here[0] - there[0], cosine * x + sine * y, cosine * y - sine * x
 
 
 @cached_njit(fastmath=FAST)
@@ -96,13 +106,8 @@ class Occlusion:
         """Template pixels of a body, at ``pose``, that bodies in front hide at theirs; shape (n,), 1 is hidden."""
         template = self._templates[body]
         covered = np.zeros(template.n_pixels, dtype=np.uint8)
-        centre_x, centre_y = template.centre_px
-        turn, shift_x, shift_y = pose.tolist()
         for other, there in poses.items():
-            (other_x, other_y), (turn0, x0, y0) = self._templates[other].centre_px, there.tolist()
-            cosine, sine = math.cos(turn0), math.sin(turn0)
-            x, y = centre_x + shift_x - other_x - x0, centre_y + shift_y - other_y - y0
-            seen = (turn - turn0, cosine * x + sine * y, cosine * y - sine * x)
+            seen = seen_from(pose, self._centres[body], there, self._centres[other])
             mark_covered(
                 template.offset_px, self.groups[body], seen, self.distances[other], self._centres[other], covered
             )

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.fitting.kernels import F32, F64, I32, I64, RigidFit
-from vision.fitting.template import TILE_PX
-from vision.kernel_cache import cached_njit
+from vision.fitting.template import TILE_PX, Template
+from vision.kernel_cache import cached_njit, inner_njit
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 MOST = 1e9
@@ -113,7 +113,7 @@ def inverse_and_covariance(
     return True
 
 
-@cached_njit(fastmath=FAST)
+@inner_njit(fastmath=FAST)
 def block_sums(columns: F32, work: F32, weight: F32, start: int, end: int) -> tuple[Any, Any, Any, Any, Any]:
     """Scores of pixels ``start..end-1``: sums of their weighted residuals times each column, and of these residuals."""
     # slices begin at zero, as the compiler needs to keep the sums in vector registers
@@ -228,6 +228,11 @@ def blocks_of(offset_px: NDArray[np.float32]) -> Blocks:
             groups[level], count[level] = groups[level - 1], count[level - 1]
     # where not even the smallest tell anything their ratio is zero
     return Blocks(first, groups, np.where(count < LEAST_BLOCKS, np.inf, 1.0 - N_PARAMETERS / count))
+
+
+def template_blocks(template: Template) -> Blocks:
+    """The blocks of a template's pixels."""
+    return blocks_of(template.offset_px)
 
 
 def ratios_of(

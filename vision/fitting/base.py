@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +53,7 @@ FAILED = Fit(np.full(3, np.nan), np.full((3, 3), np.nan), 0.0, 0.0, 0.0, np.nan,
 
 
 class Fitter(ABC):
-    """An engine that fits one body; one that carries nothing over from frame to frame need only fit."""
+    """Fits one body or mark."""
 
     template: Template
     has_cautious_start = False
@@ -64,15 +63,9 @@ class Fitter(ABC):
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``; ``covered`` marks template pixels to leave out."""
 
-    def reset(self, cautious: bool = False) -> None:  # noqa: B027  # nothing to forget
+    @abstractmethod
+    def reset(self, cautious: bool = False) -> None:
         """Forget the state carried over from the previous frame; ``cautious`` as for much of the body hidden."""
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """What is carried over from frame to frame, as arrays."""
-        return {}
-
-    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:  # noqa: B027  # nothing to restore
-        """Continue from what `state` gave."""
 
 
 @cached_njit(nogil=True)
@@ -103,7 +96,6 @@ def region_of(
 ) -> tuple[int, int, int, int] | None:
     """Rectangle (y0, y1, x0, x1) of the frame that holds the body at a pose, or None when too little is inside."""
     turn, x, y = pose.tolist()
-    # as Python: a call of compiled code costs more than the sums
     x, y = template.centre_px[0] + x, template.centre_px[1] + y
-    region: tuple[int, int, int, int] = region_at.py_func(turn, x, y, template.box_px, (height, width), margin_px)
+    region: tuple[int, int, int, int] = region_at(turn, x, y, template.box_px, (height, width), margin_px)
     return None if region[0] == NO_REGION else region

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from vision.film.source import FrameSource, saturated_areas, saturated_grey
 from vision.fitting.bspline import HALF_TAPS, POLE, prefilter_taps
-from vision.kernel_cache import cached_njit
+from vision.kernel_cache import cached_njit, inner_njit
 
 TAPS = tuple(np.float32(6.0 * tap) for tap in prefilter_taps()[HALF_TAPS:])
 """From the middle outwards, times the gain of the recursion; frozen into the compiled code."""
@@ -29,7 +29,7 @@ START = 16
 F32 = NDArray[np.float32]
 
 
-@cached_njit(nogil=True)
+@inner_njit()
 def filter_along(line: F32, out: F32) -> None:
     """Filter a line, of which ``out`` lacks `HALF_TAPS` values at each end."""
     t0, t1, t2, t3, t4, t5, t6, t7 = TAPS
@@ -40,14 +40,14 @@ def filter_along(line: F32, out: F32) -> None:
         out[x] = near + far + rest
 
 
-@cached_njit(nogil=True)
+@inner_njit()
 def add_times(factor: np.float32, one: F32, out: F32) -> None:
     """Add ``factor`` times a line."""
     for x in range(out.size):
         out[x] += factor * one[x]
 
 
-@cached_njit(nogil=True)
+@inner_njit()
 def less_times(factor: np.float32, one: F32, out: F32) -> None:
     """Replace a line by ``factor`` times its difference from another."""
     for x in range(out.size):
@@ -119,6 +119,10 @@ class FilteredPart:
         return saturated_areas(self.picture, top) if self.n_saturated else None
 
 
+NO_PART = FilteredPart((0, 0, 0, 0), np.zeros((0, 0), dtype=np.float32), np.zeros((0, 0), dtype=np.uint8), 0)
+"""Holds no body."""
+
+
 class FrameSpline:
     """Reads and filters parts of one film's frames; holds the newest."""
 
@@ -128,12 +132,9 @@ class FrameSpline:
         self._newest: tuple[int, FilteredPart] | None = None
         self._buffer = np.empty(0, dtype=np.float32)
 
-    def expect(self, index: int, boxes: list[Box]) -> None:
-        """Say which rectangles of frame ``index`` will be asked for."""
-        self._expected = (index, None)
-        if boxes:
-            y0, y1, x0, x1 = zip(*boxes, strict=True)
-            self._expected = (index, (min(y0), max(y1), min(x0), max(x1)))
+    def expect(self, index: int, box: Box | None) -> None:
+        """Say that rectangles inside ``box`` of frame ``index`` will be asked for."""
+        self._expected = (index, box)
 
     def take(self, index: int, box: Box, coefficient: NDArray[np.float32], n_saturated: int) -> None:
         """Take over the coefficients of a rectangle of frame ``index``, with which an array of compiled code begins."""

@@ -28,8 +28,8 @@ from vision.fitting.assessment import (
     BodyFacts,
     Ratios,
     assess,
-    blocks_of,
     ratios_of,
+    template_blocks,
 )
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, Fitter, region_of
 from vision.fitting.bspline import noise_gain
@@ -114,7 +114,7 @@ class IcgnFitter(Fitter):
         self._light = LocalLight(template)
         self._followed = self._clipped = self._coded = False
         self._settings = fit_settings()
-        self.blocks = blocks_of(template.offset_px)
+        self.blocks = template.once(template_blocks)
         self._facts = BodyFacts(
             template.columns,
             template.noise_normal,

@@ -21,7 +21,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from vision.kernel_cache import cached_njit
+from vision.kernel_cache import cached_njit, inner_njit
 
 F64 = NDArray[np.float64]
 F32 = NDArray[np.float32]
@@ -289,7 +289,7 @@ def robust_scale(residual: F32, visible: F32, top: float, bin_of: I32) -> float:
 
 
 # These store: where arrays lie decides between vector and scalar loop, which without fast arithmetic give the same bits
-@cached_njit(nogil=True)
+@inner_njit()
 def residuals(columns: F32, value: F32, q: F64, residual: F32) -> None:
     """Grey values less the linear fit ``q``."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
@@ -325,7 +325,7 @@ def weighted_sums(residual: F32, weight: F32, value: F32, visible: F32, scale: f
     return ResidualSums(scale, sum_w, sum_wr2, inlier, seen, sum_wv, sum_wvv)
 
 
-@cached_njit(nogil=True)
+@inner_njit()
 def step_in_u(matrix: F64, q: F64, sums: ResidualSums, right: F64, column: F64) -> float:
     """Largest of turn, x and y of a step, each over its standard uncertainty."""
     largest = 0.0

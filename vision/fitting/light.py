@@ -28,7 +28,7 @@ from vision.fitting.bspline import noise_gain
 from vision.fitting.kernels import F32, F64, I32, I64
 from vision.fitting.slow_changes import Changes, light_factor
 from vision.fitting.template import Template
-from vision.kernel_cache import cached_njit
+from vision.kernel_cache import cached_njit, inner_njit
 
 
 def row_median(values: F64) -> F64:
@@ -112,7 +112,7 @@ class Squares(NamedTuple):
     middle: F64
 
 
-@cached_njit(nogil=True)
+@inner_njit()
 def middle_of(values: F64, n: int) -> float:
     """Median of the first n values, which are left in another order."""
     low, high, at = 0, n - 1, n // 2
@@ -523,4 +523,4 @@ class LocalLight:
 
     def _noise(self, gain: float) -> float:
         """Standard deviation of a residual that is noise, grey."""
-        return noise_left(self._template.noise_grey, gain, self._template.n_averaged)
+        return noise_left(self._template.noise_grey, gain, float(self._template.n_averaged))

@@ -1,4 +1,4 @@
-"""The arrays of all bodies of one film, and the way between them and Python's trackers and fitters.
+"""The arrays of all bodies of one film, and Python's way to the compiled functions that work in them.
 
 Compiled code reads frames itself where they lie in memory or in a mapped file.
 """
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from vision.bodies.occlusion import Occlusion
 from vision.film.source import FrameSource, Repeats
-from vision.fitting.assessment import N_LEVELS, Assessed, Blocks, Ratios
+from vision.fitting.assessment import N_LEVELS, Assessed, Ratios, template_blocks
 from vision.fitting.base import NO_REGION, Fit
-from vision.fitting.frame_spline import FilteredPart
+from vision.fitting.frame_spline import Box, FilteredPart
 from vision.fitting.icgn import Begun, FitMemory, fit_settings
 from vision.fitting.kernels import Region, ResidualSums, RigidFit
 from vision.fitting.light import LightField, Squares
@@ -24,13 +24,14 @@ from vision.frame_fit.compiled import (
     Bodies,
     Film,
     Found,
-    History,
     Rows,
     States,
     Stop,
-    fit_bodies,
+    go_on,
     walk,
 )
+from vision.frame_fit.judgement import Standards
+from vision.frame_fit.motion import Motion, expect_bodies
 
 ALIGNED = 16
 """Pixels of a body begin at a multiple of so many."""
@@ -52,10 +53,12 @@ class FrameFit:
         count = [template.n_pixels for template in templates]
         padded = [-(-n // ALIGNED) * ALIGNED for n in count]
         self._start, n = [sum(padded[:i]) for i in range(len(count))], sum(padded)
-        self.states, self.found = _empty_states(len(count), n, occlusion.distances[0].size), _empty_found(len(count))
-        self._bodies = self._packed(occlusion, parents, n)
+        motion, standards = Motion.of(templates, parents), Standards.of(templates)
+        self.states = _empty_states(motion, standards, n, occlusion.distances[0].size)
+        self.found = _empty_found(len(count))
+        self._bodies = self._packed(occlusion, n)
 
-    def _packed(self, occlusion: Occlusion, parents: Sequence[int | None], n: int) -> Bodies:
+    def _packed(self, occlusion: Occlusion, n: int) -> Bodies:
         templates, m = self.templates, len(self.templates)
         offset, columns = np.zeros(2 * n, dtype=np.float32), np.zeros(4 * n, dtype=np.float32)
         for start, template in zip(self._start, templates, strict=True):
@@ -70,25 +73,21 @@ class FrameFit:
         for i, others in enumerate(occlusion.in_front):
             in_front[i, others] = 1
         around = [group.reshape(-1) for group in occlusion.groups]
+        blocks = [template.once(template_blocks) for template in templates]
         return Bodies(
             order=np.array(self._order, dtype=np.int64),
-            parent=np.array([-1 if parent is None else parent for parent in parents], dtype=np.int64),
             start=np.array(self._start, dtype=np.int64),
             n_pixels=np.array([template.n_pixels for template in templates], dtype=np.int64),
             offset=offset,
             columns=columns,
-            centre=np.array([template.centre_px for template in templates], dtype=float),
             radius=np.array([template.radius_px for template in templates], dtype=float),
             box=np.array([template.box_px for template in templates], dtype=float),
             noise_normal=np.stack([template.noise_normal for template in templates]),
             averaged=np.array([template.n_averaged for template in templates], dtype=float),
-            noise=np.array([template.noise_grey for template in templates], dtype=float),
-            least_zncc=np.zeros(m),
-            contrast=np.zeros(m),
-            runs=np.zeros((m, 2), dtype=np.int64),
-            first=np.zeros(0, dtype=np.int64),
-            groups=np.zeros(0, dtype=np.int32),
-            freedom=np.zeros((m, N_LEVELS)),
+            runs=_starts_and_counts([one.groups.shape[1] for one in blocks], 1),
+            first=np.concatenate([one.first for one in blocks]).astype(np.int64),
+            groups=np.concatenate([one.groups.reshape(-1) for one in blocks]),
+            freedom=np.stack([one.freedom for one in blocks]),
             squares=Squares(
                 pixel, grey, np.concatenate([s.first for s in squares]), np.concatenate([s.middle for s in squares])
             ),
@@ -99,18 +98,6 @@ class FrameFit:
             distance=occlusion.distances,
         )
 
-    def know(self, facts: Sequence[tuple[Blocks, float, float]]) -> None:
-        """Take in the blocks of each body's fitter, and its least correlation and common contrast."""
-        blocks = [one for one, _, _ in facts]
-        self._bodies = self._bodies._replace(
-            least_zncc=np.array([least for _, least, _ in facts]),
-            contrast=np.array([common for _, _, common in facts]),
-            runs=_starts_and_counts([one.groups.shape[1] for one in blocks], 1),
-            first=np.concatenate([one.first for one in blocks]).astype(np.int64),
-            groups=np.concatenate([one.groups.reshape(-1) for one in blocks]),
-            freedom=np.stack([one.freedom for one in blocks]),
-        )
-
     def memory(self, body: int) -> FitMemory:
         """The part of the arrays in which the fitter of a body works."""
         states, start, n = self.states, self._start[body], self.templates[body].n_pixels
@@ -119,17 +106,30 @@ class FrameFit:
         one = slice(body, body + 1)
         return FitMemory(states.weight[start:end], work, states.at[start:end], states.scale[one], states.apart[one])
 
-    def expect(self, poses: Sequence[NDArray[np.float64]], regions: Sequence[tuple[int, int, int, int] | None]) -> None:
-        """Take in where the bodies are expected, and the rectangles (y0, y1, x0, x1) of the frame that hold them."""
-        self.found.expected[:] = poses
-        self.found.region[:] = [(NO_REGION, 0, 0, 0) if region is None else region for region in regions]
+    def expect(self, step: int) -> Box | None:
+        """Find where all bodies are expected at a step, and return the rectangle of the frame that holds them."""
+        box = self.stop.expected
+        size: tuple[int, int] = self._bodies.distance.shape[1:]
+        found = self.found
+        is_inside = expect_bodies(self.states.motion, step, self._bodies.box, size, found.expected, found.region, box)
+        return _as_box(box) if is_inside else None
+
+    def region(self, body: int) -> Box | None:
+        """The rectangle of the frame in which a body is expected; None where too little of it is inside."""
+        region = self.found.region[body]
+        return None if region[0] == NO_REGION else _as_box(region)
+
+    def covered(self, body: int) -> NDArray[np.uint8]:
+        """Template pixels of the body at which `go_on` has stopped that those in front hide, (n,), 1 is hidden."""
+        start = self._start[body]
+        return self.states.covered[start : start + self.templates[body].n_pixels]
 
     def go_on(self, part: FilteredPart, position: int, step: int) -> tuple[int, int]:
         """Fit bodies from the ``position``-th in order on; returns where that ended and how (`compiled.go_on`)."""
         y0, _, x0, _ = part.box
         at, region = self.stop.at, Region(part.coefficient, float(x0), float(y0))
         at[0], at[1] = position, step
-        ended = fit_bodies(region, part.n_saturated, self._settings, self._bodies, self.states, self.found, at)
+        ended = go_on(region, part.n_saturated, self._settings, self._bodies, self.states, self.found, at)
         return int(at[0]), ended
 
     def walk(self, film: Film, rows: Rows) -> int:
@@ -148,7 +148,7 @@ class FrameFit:
     def fit_of(self, body: int) -> Fit:
         """The fit of a body that was found good."""
         found = self.found
-        zncc, inlier, noise, gain, seen = found.figures[body].tolist()
+        zncc, inlier, noise, gain, seen, level = found.figures[body].tolist()
         return Fit(
             pose=found.pose[body].copy(),
             covariance=found.covariance[body].copy(),
@@ -160,6 +160,7 @@ class FrameFit:
             iterations=int(found.sums[body, 0]),
             converged=True,
             coherence=Ratios(found.ratio[body].copy(), found.blocks[body].copy()),
+            level=level,
         )
 
 
@@ -169,7 +170,13 @@ def _starts_and_counts(sizes: Sequence[int], rows: int) -> NDArray[np.int64]:
     return np.column_stack([ends[:-1], np.array(sizes) // rows]).astype(np.int64)
 
 
-def _empty_states(m: int, n: int, n_frame: int) -> States:
+def _as_box(four: NDArray[np.int64]) -> Box:
+    y0, y1, x0, x1 = four.tolist()
+    return y0, y1, x0, x1
+
+
+def _empty_states(motion: Motion, standards: Standards, n: int, n_frame: int) -> States:
+    m = motion.parent.size
     return States(
         weight=np.ones(n, dtype=np.float32),
         work=np.zeros(5 * n, dtype=np.float32),
@@ -177,9 +184,8 @@ def _empty_states(m: int, n: int, n_frame: int) -> States:
         covered=np.zeros(n, dtype=np.uint8),
         scale=np.zeros(m),
         apart=np.zeros(m, dtype=np.uint8),
-        usual=np.tile([0.0, 1.0], (m, 1)),
-        absolute=History.empty(m),
-        relative=History.empty(m),
+        motion=motion,
+        standards=standards,
         coefficient=np.empty(n_frame, dtype=np.float32),
     )
 
@@ -192,7 +198,7 @@ def _empty_found(m: int) -> Found:
         covariance=np.zeros((m, 3, 3)),
         ratio=np.zeros((m, N_LEVELS, 3)),
         blocks=np.zeros((m, N_LEVELS, 3)),
-        figures=np.zeros((m, 5)),
+        figures=np.zeros((m, 6)),
         sums=np.zeros((m, 10)),
         normal=np.zeros((m, 5, 5)),
         inverse=np.zeros((m, 5, 5)),

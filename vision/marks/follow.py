@@ -175,10 +175,7 @@ def _trackers(film: FrameSource, marks: Sequence[Mark], n_still: int) -> list[Bo
     if not region.any():
         raise VisionInputError(f"{film.path}: no mark lies inside the {film.width} x {film.height} picture")
     reference, frames = average_still_frames(film, region, n_still), FrameSpline(film)
-    trackers = [BodyTracker(MarkFitter(*mark_template(mark, reference), frames)) for mark in marks]
-    for tracker in trackers:
-        tracker.start()
-    return trackers
+    return [BodyTracker.alone(MarkFitter(*mark_template(mark, reference), frames)) for mark in marks]
 
 
 def _prepared(film: FrameSource, marks: Sequence[Mark], n_still: int | None) -> tuple[list[BodyTracker], int]:
@@ -201,8 +198,8 @@ def _prepared(film: FrameSource, marks: Sequence[Mark], n_still: int | None) -> 
                 "frames; look at its place on the first frame"
             )
     for tracker in trackers:
-        tracker.absolute.clear()
-        tracker.start()
+        tracker.clear()
+        tracker.place(-1, np.zeros(3))
     return trackers, n_still
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from vision.angles import turn_matrix
 from vision.errors import BodyError
 from vision.film.source import FrameSource, saturated_grey
-from vision.fitting.assessment import blocks_of, ratios_of
+from vision.fitting.assessment import ratios_of, template_blocks
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, Fitter, region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.frame_spline import FrameSpline
@@ -99,7 +99,7 @@ class MarkFitter(Fitter):
         self._frames = frames
         self._design = np.vstack([template.columns, np.ones(template.n_pixels)]).astype(float)
         self._reduced = _expanded(motions).T @ self._design  # (k + 2, n)
-        self._blocks = blocks_of(template.offset_px)
+        self._blocks = template.once(template_blocks)
         n = template.n_pixels
         self._work, self._at = np.zeros((5, n), dtype=np.float32), np.zeros(n, dtype=np.int32)
         self._nothing = np.zeros(n, dtype=np.uint8)

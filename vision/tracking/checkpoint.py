@@ -27,7 +27,6 @@ from vision.errors import VisionInputError
 from vision.files import remove, whole_file
 from vision.film.source import FrameSource
 from vision.results.pose_table import PoseTable
-from vision.tracking.body_tracker import BodyTracker
 from vision.tracking.film_tracker import FilmTracker
 
 EVERY_ROWS = 500
@@ -58,8 +57,7 @@ class Checkpoint:
         arrays: dict[str, NDArray[Any]] = {"job": np.array(self.job), "rows": np.array(rows)}
         arrays["searches"] = np.array(tracker.searches())
         arrays |= {f"table_{field.name}": getattr(table, field.name)[:rows] for field in fields(table)[1:]}
-        for i, body in enumerate(tracker.trackers):
-            arrays |= {f"body{i}_{name}": value for name, value in _state(body).items()}
+        arrays |= {f"tracker_{name}": values for name, values in tracker.state().items()}
         with whole_file(self.path, VisionInputError, "check the disk") as temporary, temporary.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
 
@@ -74,9 +72,8 @@ class Checkpoint:
             rows, tracker.searches_before = int(arrays["rows"]), int(arrays["searches"])
             for field in fields(table)[1:]:
                 getattr(table, field.name)[:rows] = arrays[f"table_{field.name}"]
-            for i, body in enumerate(tracker.trackers):
-                start = f"body{i}_"
-                _restore(body, {n[len(start) :]: v for n, v in arrays.items() if n.startswith(start)})
+            start = "tracker_"
+            tracker.restore({n.removeprefix(start): v for n, v in arrays.items() if n.startswith(start)})
         except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
             tracker.restart()
             return 0
@@ -85,22 +82,3 @@ class Checkpoint:
     def clear(self) -> None:
         """Remove the file."""
         remove(self.path)
-
-
-def _state(body: BodyTracker) -> dict[str, NDArray[Any]]:
-    arrays: dict[str, NDArray[Any]] = {
-        "figures": body.usual,
-        "lost_in_a_row": np.array(body.lost_in_a_row),
-    }
-    for name, history in (("absolute", body.absolute), ("relative", body.relative)):
-        arrays |= {f"{name}_{part}": values for part, values in history.kept._asdict().items()}
-    return arrays | {f"fitter_{name}": value for name, value in body.fitter.state().items()}
-
-
-def _restore(body: BodyTracker, arrays: dict[str, NDArray[Any]]) -> None:
-    body.usual[:] = arrays["figures"]
-    body.lost_in_a_row = int(arrays["lost_in_a_row"])
-    for name, history in (("absolute", body.absolute), ("relative", body.relative)):
-        for part, values in history.kept._asdict().items():
-            values[:] = arrays[f"{name}_{part}"]
-    body.fitter.restore({n.removeprefix("fitter_"): v for n, v in arrays.items() if n.startswith("fitter_")})

@@ -6,7 +6,7 @@ because another body is in front.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from vision.bodies.outlines import parents_first
 from vision.film.source import FrameSource, Repeats, saturated_grey
 from vision.fitting.base import Fit, region_of
-from vision.fitting.frame_spline import FrameSpline
-from vision.fitting.icgn import Begun, IcgnFitter
+from vision.fitting.frame_spline import NO_PART, FrameSpline
+from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template
-from vision.frame_fit.compiled import DOUBTFUL, NOT_BEGUN, OUTSIDE, Film, History, Rows
+from vision.frame_fit.compiled import DOUBTFUL, OUTSIDE, Film, Rows
 from vision.frame_fit.frame_fit import FrameFit, Watch, frames_around
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
 from vision.results.pose_table import PoseTable
-from vision.tracking.body_tracker import BodyTracker, PlacementHistory
+from vision.tracking.body_tracker import BodyTracker
 
 NOISE_SHOWN_BY = 5
 """Still frames compared to see whether the film has noise."""
@@ -43,19 +43,38 @@ class FilmTracker:
     def restart(self) -> None:
         """Put every body back to its place in the reference."""
         self.searches_before = 0  # of trackers whose work this one goes on with
-        parents = self._parents
-        self._together = FrameFit(self.ready.templates, self.ready.occlusion, self.order, parents)
-        self.trackers = trackers_in(self._together, self._frames)
-        for i in self.order:
-            parent = parents[i]
-            self.trackers[i].parent = None if parent is None else self.trackers[parent]
-            self.trackers[i].start()
+        templates = self.ready.templates
+        together = self._together = FrameFit(templates, self.ready.occlusion, self.order, self._parents)
+        self.fitters = [IcgnFitter(one, self._frames, together.memory(i)) for i, one in enumerate(templates)]
+        motion, standards = together.states.motion, together.states.standards
+        self.trackers = [BodyTracker(fitter, motion, standards, i) for i, fitter in enumerate(self.fitters)]
+        self.place(-1, np.zeros((len(templates), 3)))
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that the next frame depends on."""
+        motion, usual = self._together.states.motion, self._together.states.standards.usual
+        arrays = {"usual": usual, "lost_in_a_row": np.array([body.lost_in_a_row for body in self.trackers])}
+        for name, history in (("absolute", motion.absolute), ("relative", motion.relative)):
+            arrays |= {f"{name}_{part}": values for part, values in history._asdict().items()}
+        for i, fitter in enumerate(self.fitters):
+            arrays |= {f"body{i}_{name}": values for name, values in fitter.state().items()}
+        return arrays
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from what `state` gave."""
+        motion = self._together.states.motion
+        self._together.states.standards.usual[:] = arrays["usual"]
+        for name, history in (("absolute", motion.absolute), ("relative", motion.relative)):
+            for part, values in history._asdict().items():
+                values[:] = arrays[f"{name}_{part}"]
+        for i, (body, fitter) in enumerate(zip(self.trackers, self.fitters, strict=True)):
+            body.lost_in_a_row, start = int(arrays["lost_in_a_row"][i]), f"body{i}_"
+            fitter.restore({n.removeprefix(start): v for n, v in arrays.items() if n.startswith(start)})
 
     def clear_histories(self) -> None:
         """Forget where the bodies were; they are placed anew before the next step."""
         for tracker in self.trackers:
-            tracker.absolute.clear()
-            tracker.relative.clear()
+            tracker.clear()
 
     def place(self, step: int, poses: Sequence[NDArray[np.float64]] | NDArray[np.float64]) -> None:
         """Record where all bodies are at a step."""
@@ -64,44 +83,33 @@ class FilmTracker:
 
     def step(self, index: int, step: int, search: bool = True) -> None:
         """Fit all bodies in frame ``index``, the ``step``-th tracked one, parents first."""
-        film, together = self.ready.film, self._together
-        expected = [tracker.predict(step) for tracker in self.trackers]
-        boxes = [
-            region_of(body.template, pose, film.height, film.width)
-            for body, pose in zip(self.trackers, expected, strict=True)
-        ]
-        self._frames.expect(index, [box for box in boxes if box is not None])
-        # in one compiled call while every body's fit is good
-        together.expect(expected, boxes)
-        first = boxes[self.order[0]]
+        together = self._together
+        self._frames.expect(index, together.expect(step))
+        first = together.region(self.order[0])
         if first is not None:
             self._frames.part(index, first)
-        self._finish(together, index, step, search)
+        self._finish(index, step, search)
 
-    def _finish(
-        self, together: FrameFit, index: int, step: int, search: bool, position: int = 0, ended: int | None = None
-    ) -> None:
+    def _finish(self, index: int, step: int, search: bool, position: int = 0, ended: int | None = None) -> None:
         """Fit the bodies of a frame from the ``position``-th in order on, where compiled code ``ended``."""
-        expected = list(together.found.expected)
+        together = self._together
         while position < len(self.order):
             if ended is None:
-                part, start, ended = self._frames.newest(index), position, NOT_BEGUN
-                if part is not None:
-                    position, ended = together.go_on(part, start, step)
-                self._fitted(together, self.order[start:position])
-            if ended == OUTSIDE:
-                self._frames.part(index, tuple(together.found.region[self.order[position]].tolist()))
+                start = position
+                position, ended = together.go_on(self._frames.newest(index) or NO_PART, start, step)
+                self._fitted(self.order[start:position])
+            box = together.region(self.order[position]) if ended == OUTSIDE else None
+            if box is not None:
+                self._frames.part(index, box)
             elif position < len(self.order):
-                i = self.order[position]
-                self._step_alone(i, index, step, search, expected, together.begun(i) if ended == DOUBTFUL else None)
-                together.found.pose[i] = self.trackers[i].fit.pose
+                self._step_alone(self.order[position], index, step, search, ended == DOUBTFUL)
                 position += 1
             ended = None
 
-    def _fitted(self, together: FrameFit, bodies: Sequence[int]) -> None:
+    def _fitted(self, bodies: Sequence[int]) -> None:
         """Let trackers know of fits that compiled code has accepted."""
         for i in bodies:
-            self.trackers[i].fitted(partial(together.fit_of, i), bool(together.found.flag[i]))
+            self.trackers[i].fitted(partial(self._together.fit_of, i), int(self._together.found.flag[i]))
 
     def walk(self, table: PoseTable, rows: range, first_step: int, watch: Watch, search: bool = True) -> int:
         """Track and store rows of a table in compiled code; returns how many are done.
@@ -118,51 +126,35 @@ class FilmTracker:
         columns = (getattr(table, name) for name in Rows._fields[3:])
         done = together.walk(film, Rows(index[:n], rows.start, first_step, *columns))
         if done:
-            self._fitted(together, self.order)
+            self._fitted(self.order)
         ended, position = int(stop.begun[0]), int(stop.at[0])
         if done < n and ended:
             now, box, expected = int(index[done]), tuple(stop.box.tolist()), tuple(stop.expected.tolist())
-            self._fitted(together, self.order[:position])
-            self._frames.expect(now, [expected])
+            self._fitted(self.order[:position])
+            self._frames.expect(now, expected)
             self._frames.take(now, box, together.states.coefficient, int(stop.n_saturated[0]))
-            self._finish(together, now, first_step + done, search and now >= n_still, position, ended)
+            self._finish(now, first_step + done, search and now >= n_still, position, ended)
             self.store(table, rows.start + done)
             done += 1
         return done
 
-    def _step_alone(
-        self,
-        i: int,
-        index: int,
-        step: int,
-        search: bool,
-        expected: list[NDArray[np.float64]],
-        begun: Begun | None = None,
-    ) -> None:
-        """Fit one body from its ``expected`` pose, ``begun`` or not, and expect its children anew."""
-        film, tracker, covered = self.ready.film, self.trackers[i], self._covered(i, step, expected)
-        started: Callable[[], Fit] | None = None
-        if begun is not None and isinstance(tracker.fitter, IcgnFitter):
-            started = partial(tracker.fitter.fit, film, index, expected[i], covered, begun)
-        tracker.step(film, index, step, expected[i], covered, search, started)
+    def _step_alone(self, i: int, index: int, step: int, search: bool, is_begun: bool) -> None:
+        """Fit one body at length, from where compiled code left it if that has begun; expect its children anew."""
+        film, tracker, found = self.ready.film, self.trackers[i], self._together.found
+        expected, covered = found.expected[i].copy(), self._together.covered(i)
+        begun: Callable[[], Fit] | None = None
+        if is_begun:
+            begun = partial(self.fitters[i].fit, film, index, expected, covered, self._together.begun(i))
+        found.pose[i] = tracker.step(film, index, step, expected, covered, search, begun).pose
         for child, parent in enumerate(self._parents):
             if parent == i:
                 # now through the parent's pose in this frame
-                expected[child][:] = self.trackers[child].predict(step)
+                found.expected[child] = self.trackers[child].predict(step)
 
     def skip(self, step: int, flag: FrameFlag) -> None:
         """Pass over a frame that says nothing, with a flag for all bodies."""
         for i in self.order:
             self.trackers[i].skip(step, flag)
-
-    def _covered(self, i: int, step: int, expected: list[NDArray[np.float64]]) -> NDArray[np.uint8] | None:
-        """Template pixels of a body that the bodies in front hide, at their poses where known, else as expected."""
-        in_front = self.ready.occlusion.in_front[i]
-        if not in_front:
-            return None
-        others = {j: self.trackers[j] for j in in_front}
-        poses = {j: o.fit.pose if o.absolute.newest_step() == step else expected[j] for j, o in others.items()}
-        return self.ready.occlusion.covered(i, expected[i], poses)
 
     def store(self, table: PoseTable, row: int) -> None:
         """Store the newest fits of all bodies in a row of a table."""
@@ -180,23 +172,6 @@ class FilmTracker:
             "noise_grey": self.ready.reference.noise_grey,
             "wide_searches": self.searches(),
         }
-
-
-def trackers_in(together: FrameFit, frames: FrameSpline) -> list[BodyTracker]:
-    """Trackers of all bodies, whose state is in the arrays of the compiled frame fit."""
-    trackers, facts, states = [], [], together.states
-    for i, template in enumerate(together.templates):
-        one = slice(i, i + 1)
-        absolute, relative = (
-            PlacementHistory(History(history.known[one], history.step[one], history.place[one]))
-            for history in (states.absolute, states.relative)
-        )
-        fitter = IcgnFitter(template, frames, together.memory(i))
-        tracker = BodyTracker(fitter, absolute=absolute, relative=relative, usual=states.usual[i])
-        trackers.append(tracker)
-        facts.append((fitter.blocks, tracker.least_zncc, tracker.common_contrast))
-    together.know(facts)
-    return trackers
 
 
 def repeats_around(film: FrameSource, templates: Sequence[Template], n_still: int) -> Repeats:

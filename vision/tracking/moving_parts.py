@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import turn_matrix
-from vision.fitting.assessment import blocks_of
+from vision.fitting.assessment import template_blocks
 from vision.fitting.base import Fit, region_of
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import IcgnFitter
@@ -308,7 +308,7 @@ def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bo
         rows = np.flatnonzero(covered[:, i] & ~table.failed[:, i])
         if not rows.size:
             continue
-        frames, squares = FrameSpline(ready.film), blocks_of(template.offset_px)
+        frames, squares = FrameSpline(ready.film), template.once(template_blocks)
         # each carries its weights from row to row
         fitters = (IcgnFitter(template, frames), IcgnFitter(template, frames))
         fitters[0].reset(cautious=True)

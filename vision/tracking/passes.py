@@ -190,8 +190,7 @@ def _backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> Po
         if not starts[i]:
             continue
         body = tracker.trackers[i]
-        body.absolute.clear()
-        body.relative.clear()
+        body.clear()
         body.usual[:] = table.zncc[starts[i][-1], i], table.gain[starts[i][-1], i]
     for back_step in (-3, -2, -1):
         for i in tracker.order:
@@ -310,10 +309,9 @@ def _followed(ready: PreparedFilm, table: PoseTable, i: int, reference: tuple[in
     film, occlusion = ready.film, ready.occlusion
     templates = [template if k == i else other for k, other in enumerate(ready.templates)]
     occlusion = occlusion.with_templates(templates)
-    tracker = BodyTracker(IcgnFitter(template, FrameSpline(film)))
-    tracker.start()
+    tracker = BodyTracker.alone(IcgnFitter(template, FrameSpline(film)))
     if not table.failed[row - 1, i]:
-        tracker.absolute.clear()
+        tracker.clear()
         tracker.place(-2, _seen_from(ready.templates[i], template, table.pose[row, i], table.pose[row - 1, i]))
         tracker.place(-1, np.zeros(3))
     # what is coherent in the residuals of the frame that becomes the reference moves all that are fitted to it

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.camera.model import Projection
-from vision.fitting.assessment import N_LEVELS, blocks_of, ratios_of
+from vision.fitting.assessment import N_LEVELS, ratios_of, template_blocks
 from vision.fitting.template import Template, invert_normal
 from vision.uncertainty.budget_terms import displacement
 
@@ -96,7 +96,7 @@ def expected_ratio(
         return added
     rows = known[np.unique(np.linspace(0, known.size - 1, MOST_ROWS).astype(int))]
     design = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
-    blocks = blocks_of(template.offset_px)
+    blocks = template.once(template_blocks)
     work, weight = np.ones((3, template.n_pixels), dtype=np.float32), np.ones(template.n_pixels, dtype=np.float32)
     found = np.empty((rows.size, N_LEVELS, 3))
     for k, row in enumerate(rows):

@@ -16,12 +16,15 @@ from vision.bodies.outlines import Body
 from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm, Repeats
+from vision.fitting.frame_spline import NO_PART
 from vision.frame_fit.compiled import NOT_BEGUN
 from vision.frame_fit.frame_fit import NEVER, FrameFit, frames_around, watch
+from vision.frame_fit.motion import place_body
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle
 from vision.tracking.film_tracker import FilmTracker, repeats_around
+from vision.tracking.prepare import prepare
 from vision.tracking.track_film import track_film
 
 pytestmark = pytest.mark.processor
@@ -98,7 +101,8 @@ def test_compiled_frames_have_the_bits_of_fits_in_python(
         compiled = track_film(film, known.bodies, every=every, n_still=STILL)
         monkeypatch.setattr(FilmTracker, "walk", lambda *a: 0)
         by_frame = track_film(film, known.bodies, every=every, n_still=STILL)
-        monkeypatch.setattr(FrameFit, "go_on", lambda _, part, position, step: (position, NOT_BEGUN))
+        go_on = FrameFit.go_on
+        monkeypatch.setattr(FrameFit, "go_on", lambda self, *a: self.states.apart.fill(1) or go_on(self, *a))
         in_python = track_film(film, known.bodies, every=every, n_still=STILL)
     if change is nothing:
         assert sum(walked) >= 10 / every and not compiled.failed.any()  # small bodies are looked at twice often
@@ -157,3 +161,22 @@ def test_a_body_that_was_never_placed_is_left_to_python(lever_scene: Scene) -> N
     assert done and not table.failed[:done].any() and tracker.trackers[2].fit.converged
     np.testing.assert_array_equal(tracker.trackers[2].fit.pose, table.pose[done - 1, 2])
     assert isinstance(known.bodies[0], Body)
+
+
+def test_pixels_are_covered_by_bodies_as_placed_or_else_as_expected(lever_scene: Scene) -> None:
+    known = film_of(lever_scene, lever_motion()[:16], parents={"finger": "beam"})
+    ready = prepare(known.film, known.bodies, STILL)
+    fit, rng = FrameFit(ready.templates, ready.occlusion, [0, 1, 2], [None, 0, None]), np.random.default_rng(3)
+    fit.states.apart.fill(1)  # each body is left to Python
+    for body, shift in enumerate((0.0, 16.0, -30.0)):
+        place_body(fit.states.motion, body, -1, np.array([0.02, shift, -2.0]))
+    fit.expect(0)
+    for body in range(3):
+        assert fit.go_on(NO_PART, body, 0) == (body, NOT_BEGUN)
+        # those before it have been found in this frame, not quite where they were expected
+        poses = {i: fit.found.pose[i] if i < body else fit.found.expected[i] for i in ready.occlusion.in_front[body]}
+        expected = ready.occlusion.covered(body, fit.found.expected[body], poses)
+        np.testing.assert_array_equal(fit.covered(body), expected)
+        assert np.count_nonzero(expected) > 100 or body > 0, "finger and plate lie over the beam"
+        fit.found.pose[body] = fit.found.expected[body] + rng.normal(0.0, [0.02, 3.0, 3.0])
+        place_body(fit.states.motion, body, 0, fit.found.pose[body])

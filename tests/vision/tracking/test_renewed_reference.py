@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from tests.vision.known_films import PIVOT, bar_motion, bar_scene, blurred, film_of, quietly_tracked, smooth_step, z_of
-from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template, build_template
+from vision.frame_fit.judgement import Standards
 from vision.results.flags import FrameFlag
-from vision.tracking.body_tracker import BodyTracker
 from vision.tracking.passes import _seen_from
 
 RENEWED = np.uint16(int(FrameFlag.RENEWED))
@@ -39,8 +38,7 @@ def test_noise_that_hides_the_texture_is_no_reference() -> None:
     known = film_of(bar_scene("wood"), bar_motion(40, PIVOT, 0.25), noise_grey=60.0, seed=3, cover=gone)
     result = quietly_tracked(known.film, known.bodies, n_still=14)
     assert not np.any(np.isfinite(result.angle_rad[28:]))
-    template = BodyTracker(IcgnFitter(_noise_only()))
-    assert 0.0 < template.common_contrast < 0.1
+    assert 0.0 < Standards.of([_noise_only()]).contrast[0] < 0.1
 
 
 def _noise_only() -> Template:

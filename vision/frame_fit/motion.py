@@ -1,0 +1,159 @@
+"""Where bodies have been, and where they are expected: constant acceleration, seen from the parent.
+
+A placement is a body's turn and the place (x, y) of its centre in the picture. The placement of a child is kept in the
+axes of its parent as well, so that a jack that rides on a moving whippen is predicted with the whippen's motion in the
+same frame. Steps are the running numbers of the tracked frames. All functions are compiled; Python calls them, too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vision.fitting.base import MARGIN_PX, region_at
+from vision.fitting.kernels import F64, I64
+from vision.fitting.template import Template
+from vision.kernel_cache import cached_njit, inner_njit
+
+
+class History(NamedTuple):
+    """The last three placements of each of m bodies, oldest first: ``known`` (m,) of them, ``step`` (m, 3), ``place``
+    (m, 3, 3)."""
+
+    known: I64
+    step: I64
+    place: F64
+
+    @classmethod
+    def empty(cls, m: int) -> History:
+        """Of bodies that have never been placed."""
+        return cls(np.zeros(m, dtype=np.int64), np.zeros((m, 3), dtype=np.int64), np.zeros((m, 3, 3)))
+
+
+class Motion(NamedTuple):
+    """Of m bodies: number of the ``parent`` (m,) or -1, ``centre`` (m, 2) in the reference, and placements, in the
+    picture and in the parents' axes."""
+
+    parent: I64
+    centre: F64
+    absolute: History
+    relative: History
+
+    @classmethod
+    def of(cls, templates: Sequence[Template], parents: Sequence[int | None] | None = None) -> Motion:
+        """Of bodies that have never been placed, without parents where none are given."""
+        m = len(templates)
+        numbers = [-1 if parent is None else parent for parent in parents or [None] * m]
+        centre = np.array([template.centre_px for template in templates], dtype=float)
+        return cls(np.array(numbers, dtype=np.int64), centre, History.empty(m), History.empty(m))
+
+
+@inner_njit(_nrt=False)
+def predict_place(history: History, body: int, step: int, place: F64) -> None:
+    """Placement of a body at a step: constant acceleration from three neighbours, else the newest known one."""
+    known, last = history.known[body], history.place[body]
+    for k in range(3):
+        if step != history.step[body, known - 1] + 1 or known < 2:
+            place[k] = last[known - 1, k]
+        elif known == 2:
+            place[k] = 2.0 * last[1, k] - last[0, k]
+        else:
+            place[k] = 3.0 * last[2, k] - 3.0 * last[1, k] + last[0, k]
+
+
+@inner_njit(_nrt=False)
+def add_place(history: History, body: int, step: int, turn: float, x: float, y: float) -> None:
+    """Record the placement of a body at a step; after a gap its history starts anew."""
+    known = history.known[body]
+    if known > 0 and step != history.step[body, known - 1] + 1:
+        known = 0
+    if known == 3:
+        for k in range(2):
+            history.step[body, k] = history.step[body, k + 1]
+            for j in range(3):
+                history.place[body, k, j] = history.place[body, k + 1, j]
+        known = 2
+    history.step[body, known] = step
+    history.place[body, known, 0], history.place[body, known, 1], history.place[body, known, 2] = turn, x, y
+    history.known[body] = known + 1
+
+
+@cached_njit(nogil=True, _nrt=False)
+def is_placed(motion: Motion, body: int, step: int) -> bool:
+    """Whether the placement of a body at a step is known."""
+    absolute = motion.absolute
+    return absolute.known[body] > 0 and absolute.step[body, absolute.known[body] - 1] == step
+
+
+@inner_njit(_nrt=False)
+def placed_parent(motion: Motion, body: int, step: int) -> int:
+    """Number of the parent if its placement at a step is known, else -1."""
+    parent = motion.parent[body]
+    return parent if parent >= 0 and is_placed(motion, parent, step) else -1
+
+
+@cached_njit(nogil=True, _nrt=False)
+def expect_pose(motion: Motion, body: int, step: int, is_moving: bool, pose: F64) -> None:
+    """Pose of a body at a step, through its parent's placement of the same step where that is known: predicted, or the
+    newest known one where the body ``is_moving`` no further."""
+    parent = placed_parent(motion, body, step)
+    history = motion.relative if parent >= 0 and motion.relative.known[body] > 0 else motion.absolute
+    if is_moving:
+        predict_place(history, body, step, pose)
+    else:
+        for k in range(3):
+            pose[k] = history.place[body, history.known[body] - 1, k]
+    if parent >= 0 and motion.relative.known[body] > 0:
+        there = motion.absolute.place[parent, motion.absolute.known[parent] - 1]
+        cosine, sine = math.cos(there[0]), math.sin(there[0])
+        x, y = pose[1], pose[2]
+        pose[0], pose[1], pose[2] = (
+            pose[0] + there[0],
+            there[1] + cosine * x - sine * y,
+            there[2] + sine * x + cosine * y,
+        )
+    pose[1], pose[2] = pose[1] - motion.centre[body, 0], pose[2] - motion.centre[body, 1]
+
+
+@inner_njit(_nrt=False)
+def expect_body(
+    motion: Motion, body: int, step: int, boxes: F64, size: tuple[int, int], pose: F64, region: I64
+) -> None:
+    """Fill in the ``pose`` (m, 3) expected of a body, and the ``region`` (m, 4) of a frame of ``size`` that holds it
+    there (`region_at`); ``boxes`` (m, 4) are left, right, top and bottom of the bodies."""
+    here, box, centre = pose[body], boxes[body], motion.centre[body]
+    expect_pose(motion, body, step, True, here)
+    around = (box[0], box[1], box[2], box[3])
+    x, y, margin = centre[0] + here[1], centre[1] + here[2], np.int64(MARGIN_PX)
+    y0, y1, x0, x1 = region_at(here[0], x, y, around, size, margin)
+    region[body, 0], region[body, 1], region[body, 2], region[body, 3] = y0, y1, x0, x1
+
+
+@cached_njit(nogil=True, _nrt=False)
+def expect_bodies(
+    motion: Motion, step: int, boxes: F64, size: tuple[int, int], pose: F64, region: I64, union: I64
+) -> bool:
+    """As `expect_body` of all bodies, with the rectangle (4,) that holds them all; False where there is none."""
+    union[0], union[1], union[2], union[3] = 1 << 30, 0, 1 << 30, 0
+    for body in range(motion.parent.size):
+        expect_body(motion, body, step, boxes, size, pose, region)
+        if region[body, 0] >= 0:
+            union[0], union[1] = min(union[0], region[body, 0]), max(union[1], region[body, 1])
+            union[2], union[3] = min(union[2], region[body, 2]), max(union[3], region[body, 3])
+    return union[1] > 0
+
+
+@cached_njit(nogil=True, _nrt=False)
+def place_body(motion: Motion, body: int, step: int, pose: F64) -> None:
+    """Record the pose of a body at a step; parents are placed before their children."""
+    x, y = motion.centre[body, 0] + pose[1], motion.centre[body, 1] + pose[2]
+    add_place(motion.absolute, body, step, pose[0], x, y)
+    parent = placed_parent(motion, body, step)
+    if parent >= 0:
+        there = motion.absolute.place[parent, motion.absolute.known[parent] - 1]
+        cosine, sine = math.cos(there[0]), math.sin(there[0])
+        x, y = x - there[1], y - there[2]
+        add_place(motion.relative, body, step, pose[0] - there[0], cosine * x + sine * y, cosine * y - sine * x)
