@@ -4,10 +4,6 @@ from .identify import identify_drive as identify_drive
 from .log import DriveLog as DriveLog
 from .log import DriveOptions as DriveOptions
 from .log import read_drive_log as read_drive_log
-from .log import write_drive_log as write_drive_log
 from .readings import DriveReadings as DriveReadings
 from .readings import drive_readings as drive_readings
 from .readings import static_torque_nm as static_torque_nm
-from .rehearse import SensorErrors as SensorErrors
-from .rehearse import identification_command as identification_command
-from .rehearse import simulated_log as simulated_log

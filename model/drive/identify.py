@@ -128,9 +128,12 @@ def identify_drive(log: DriveLog, options: DriveOptions | None = None) -> DriveI
     --------
     >>> import model
     >>> action = model.load_action("hirschkorn2004-regulated")
-    >>> command_v = model.drive.identification_command(action, "motor-drive")
-    >>> log = model.drive.simulated_log(action, "motor-drive", command_v, current=False)
-    >>> found = model.drive.identify_drive(log)
+    >>> time_s, command_v = (column * factor for column, factor in zip(model.force_table("forte"), (1.0, 1 / 12)))
+    >>> blow = model.simulate(
+    ...     action, time_s, command_v, scene="motor-drive", output_time_s=time_s, contact_forces=True, tolerance=1e-7)
+    >>> force_n = model.drive.drive_readings(action, blow, time_s, command_v).force_n
+    >>> arm_rad = blow.angle_rad[:, blow.bodies.index("motor")]
+    >>> found = model.drive.identify_drive(model.drive.DriveLog(time_s, command_v, force_n, arm_rad))
     >>> f"{found['torque_per_volt'].value:.2f} N m/V", found["torque_constant"].determined
     ('1.20 N m/V', False)
     """

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
 from model.errors import InputError
-from model.files.atomic_write import whole_file
 from model.files.csv_columns import read_columns
 
 Array = NDArray[np.float64]
@@ -145,30 +144,3 @@ def read_drive_log(path: str | Path) -> DriveLog:
         return DriveLog(time_s, command_v, force_n, arm_rad, current)
     except InputError as problem:
         raise InputError(f"{path}: {problem}") from None
-
-
-def write_drive_log(path: str | Path, log: DriveLog) -> None:
-    """Write a log as `read_drive_log` reads it.
-
-    Parameters
-    ----------
-    path : CSV file to write
-    log : what was recorded
-
-    Raises
-    ------
-    InputError : the file cannot be written
-
-    Examples
-    --------
-    >>> import model
-    >>> action = model.load_action("hirschkorn2004-regulated")
-    >>> command_v = model.drive.identification_command(action, "motor-drive")
-    >>> model.drive.write_drive_log("drive.csv", model.drive.simulated_log(action, "motor-drive", command_v))
-    """
-    columns = {name: getattr(log, name) for name in COLUMNS}
-    if log.current_a is not None:
-        columns["current_a"] = log.current_a
-    rows = [",".join(map(repr, row)) for row in np.stack(list(columns.values()), axis=1).tolist()]
-    with whole_file(Path(path)) as part:
-        part.write_text(",".join(columns) + "\n" + "\n".join(rows) + "\n", encoding="utf-8")

@@ -1,6 +1,4 @@
 from . import figure as figure
-from .compare import LawComparison as LawComparison
-from .compare import compare_laws as compare_laws
 from .fit import LawFit as LawFit
 from .fit import fit_law as fit_law
 from .laws_as_numbers import LAWS as LAWS

@@ -53,6 +53,7 @@ class LawFit:
     names, units, values, u : of the parameters, a, b, c as ``contact02.normal.a`` and so on take them; ``u`` is the
         jackknife over presses, NaN with fewer than three
     misfit : (m,) root mean square residual of each press as a share of its peak force
+    held_out : (m,) the same of each press by the law fitted to the others
     """
 
     kind: str
@@ -62,6 +63,12 @@ class LawFit:
     values: tuple[float, ...]
     u: tuple[float, ...]
     misfit: Array
+    held_out: Array
+
+    @property
+    def typical_held_out(self) -> float:
+        """Geometric mean of the held-out errors."""
+        return float(np.exp(np.mean(np.log(self.held_out))))
 
 
 def shares(law: FeltLaw, press: Pressing) -> Array:
@@ -167,8 +174,8 @@ def _fit(search: Search, presses: Sequence[Pressing], starts: Sequence[ArrayLike
     return np.asarray(min(found, key=lambda one: float(one.cost)).x, dtype=float)
 
 
-def fit_law(kind: str, presses: Sequence[Pressing]) -> tuple[LawFit, list[FeltLaw]]:
-    """Fit one law to presses, and once more without each of them.
+def fit_law(kind: str, presses: Sequence[Pressing]) -> LawFit:
+    """Fit one law to presses, and once more without each of them, which gives uncertainties and held-out errors.
 
     Parameters
     ----------
@@ -177,26 +184,30 @@ def fit_law(kind: str, presses: Sequence[Pressing]) -> tuple[LawFit, list[FeltLa
 
     Returns
     -------
-    tuple
-        The fit to all presses, and for each press the law fitted to the others.
+    LawFit
+        Parameters fitted to all presses.
 
     Raises
     ------
-    InputError : unknown law, or too few presses
+    InputError : unknown law, too few presses, or one given twice
 
     Examples
     --------
     >>> import model
     >>> names = [f"presses/0.5mm_{speed}mm_per_s.csv" for speed in (2, 10, 50)]
     >>> presses = [model.felt.read_pressing(name) for name in names]
-    >>> fit, without_each = model.felt.fit_law("hunt-crossley", presses)
-    >>> fit.names, len(without_each)
-    (('a', 'b', 'c', 'D'), 3)
+    >>> fit = model.felt.fit_law("hunt-crossley", presses)
+    >>> fit.names, fit.held_out.shape
+    (('a', 'b', 'c', 'D'), (3,))
     """
     if kind not in KNOWN:
         raise InputError(f"felt law: found {kind!r}, allowed {', '.join(KNOWN)}")
     if len(presses) < FEWEST_PRESSES:
         raise InputError(f"felt law {kind}: found {len(presses)} presses, allowed {FEWEST_PRESSES} or more")
+    names = [press.name for press in presses]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"felt law {kind}: {twice} is given twice; give each press once")
     search = _search(kind, presses)
     best = _fit(search, presses, search.starts)
     law = search.law(best)
@@ -212,4 +223,5 @@ def fit_law(kind: str, presses: Sequence[Pressing]) -> tuple[LawFit, list[FeltLa
     return LawFit(
         kind, law, search.names, search.units, search.values(law), tuple(u.tolist()),
         np.array([root_mean_square(shares(law, press)) for press in presses]),
-    ), without  # fmt: skip
+        np.array([root_mean_square(shares(one, press)) for one, press in zip(without, presses, strict=True)]),
+    )  # fmt: skip

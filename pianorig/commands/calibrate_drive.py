@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +10,7 @@ import typer
 import model
 from model.parameters.effects import effect_defaults
 from pianorig.console.column_file import check_writable
-from pianorig.console.options import DEFAULT_ACTION, Action, AsJson
+from pianorig.console.options import AsJson
 from pianorig.console.output import tell
 from pianorig.console.overrides import read_measured
 from pianorig.errors import CommandInputError
@@ -22,12 +21,12 @@ SUM = "resistance_and_loop_gain"
 
 def command(
     log: Annotated[
-        Path | None,
+        Path,
         typer.Argument(
             metavar="LOG",
             help="CSV with time_s,command_v,force_n,arm_rad, and current_a where it was recorded; equal intervals.",
         ),
-    ] = None,
+    ],
     mode: Annotated[
         str, typer.Option("--mode", help="What the command asks the amplifier for: torque or voltage.")
     ] = "torque",
@@ -43,18 +42,7 @@ def command(
     u_delay: Annotated[
         float, typer.Option("--u-delay", help="Standard uncertainty of the time from command to force, s.")
     ] = 1e-5,
-    rehearse: Annotated[
-        str | None,
-        typer.Option(
-            "--rehearse", help="Instead of a log: what a log of this scene's drive would tell, e.g. motor-drive."
-        ),
-    ] = None,
-    current: Annotated[bool, typer.Option(help="Whether a rehearsed log holds the current.")] = True,
-    action: Action = DEFAULT_ACTION,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", help="Scene with the drive as found, .toml; of a rehearsal the log, .csv."),
-    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Scene with the drive as found, .toml.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Identify the motor's drive from a log of the bench.
@@ -62,21 +50,15 @@ def command(
     Resistance, inductance, torque constant, gains, limits and the arm's inertia, each with its standard uncertainty;
     numbers that the log does not determine are named, with what would settle them.
 
-    Example:  pianorig calibrate drive --rehearse motor-drive
+    Example:  pianorig calibrate drive drive_log.csv --known torque_constant=0.6+-0.006 --out my_drive.toml
     """
-    if (log is None) == (rehearse is None):
-        raise CommandInputError("calibrate drive: found neither a log nor --rehearse, or both; give one of them")
-    check_writable(out, ".csv" if log is None else ".toml")
+    check_writable(out, ".toml")
     options = _options(mode, length, known or [], (u_force, u_current, u_delay))
-    if log is None:
-        assert rehearse is not None
-        found, lines = _rehearse(action, rehearse, options, current, out)
-    else:
-        found = model.drive.identify_drive(model.drive.read_drive_log(log), options)
-        lines = found.lines()
-        if out is not None:
-            write_text(out, scene_text(found, options.length_m))
-    written = [] if out is None else [f"{out}: {'the drive as found, for --scene' if log is not None else 'the log'}"]
+    found = model.drive.identify_drive(model.drive.read_drive_log(log), options)
+    lines = found.lines()
+    if out is not None:
+        write_text(out, scene_text(found, options.length_m))
+        lines.append(f"{out}: the drive as found, for --scene")
     items = (*found.drive, *found.combinations, *found.arm)
     facts = {
         "mode": found.mode,
@@ -84,7 +66,7 @@ def command(
         "not_determined": {e.name: e.why for e in items if not e.determined},
         "rms_nm": found.rms_nm,
     }
-    tell(as_json, facts, [*lines, *written])
+    tell(as_json, facts, lines)
 
 
 def _options(mode: str, length: str, known: list[str], u: tuple[float, float, float]) -> model.drive.DriveOptions:
@@ -98,25 +80,6 @@ def _options(mode: str, length: str, known: list[str], u: tuple[float, float, fl
         values[name] = (found, u_found)
     length_m, u_length = read_measured(length, "--length")
     return model.drive.DriveOptions(mode, length_m, u_length or 0.0, *u, known=values)
-
-
-def _rehearse(
-    action: str, scene: str, options: model.drive.DriveOptions, current: bool, out: Path | None
-) -> tuple[model.drive.DriveIdentified, list[str]]:
-    """What a log of a known drive tells, and the same beside the truth as lines; the log in ``out``."""
-    chosen, choice = model.load_action(action), model.load_scene(scene)
-    log = model.drive.simulated_log(chosen, choice, model.drive.identification_command(chosen, choice), current=current)
-    if out is not None:
-        model.drive.write_drive_log(out, log)
-    truth = choice.on(chosen)
-    mode = "voltage" if truth["motor_drive.voltage_gain"] != 0.0 else "torque"
-    found = model.drive.identify_drive(log, replace(options, mode=mode))
-    lines = [f"a rehearsal: the log of {scene}, simulated with noise; true values in brackets", "drive:"]
-    true = {name: truth[f"motor_drive.{name}"] for name in ("resistance", "loop_gain")}
-    true |= {e.name: truth[f"motor_drive.{e.name}"] for e in found.drive if e.name != SUM}
-    true[SUM] = true["resistance"] + true["loop_gain"]
-    lines += [f"{_line(e)}  [{true[e.name]:.4g}]" for e in found.drive]
-    return found, [*lines, *(_line(e) for e in (*found.combinations, *found.arm))]
 
 
 def scene_text(found: model.drive.DriveIdentified, length_m: float) -> str:
@@ -135,8 +98,3 @@ def scene_text(found: model.drive.DriveIdentified, length_m: float) -> str:
         drive += [f"resistance = {assumed!r}  # assumed; of both together the log says {found[SUM].value:.4g} V/A"]
         drive += [f"loop_gain = {found[SUM].value - assumed!r}"]
     return "\n".join(["# by pianorig calibrate drive", *arm, "", *drive]) + "\n"
-
-
-def _line(e: model.drive.Estimate) -> str:
-    words = f"{e.value:.4g}  u {e.u:.2g} {e.unit}" if e.determined else f"not determined: {e.why}"
-    return f"  {e.name:24s} {words}"

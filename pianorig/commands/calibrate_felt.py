@@ -25,6 +25,7 @@ from pianorig.errors import CommandInputError
 STRING = "contact12"
 THESIS_RATIO = "four to five times"
 THESIS_LAW = "hunt-crossley"
+FEWEST_PRESSES = 3
 
 
 def command(
@@ -33,7 +34,7 @@ def command(
         typer.Argument(
             metavar="CURVE...",
             help="Loading experiment: CSV with displacement_m,force_n, optionally phase (loading, unloading). "
-            "Several, with time_s,displacement_m,force_n: laws of felt compared.",
+            "Several, with time_s,displacement_m,force_n: each law of felt is fitted.",
         ),
     ] = None,
     contact: Annotated[
@@ -75,7 +76,8 @@ def command(
 
     A measured number may carry its standard uncertainty, 0.35+-0.01; with --out it must.
 
-    Several curves at several speeds and peak forces: each law of felt is fitted to them and judged by curves left out.
+    Several curves at several speeds and peak forces: each law of felt is fitted to them, with its error on curves held
+    out. Which laws they rule out: examples/felt_laws.py.
 
     Example:  pianorig calibrate felt felt.csv --contact contact02 --force force.csv --figure felt.svg --out mine.toml
     """
@@ -315,59 +317,52 @@ def _pendulum(action: model.Action, body: str | None, swing: Sequence[float], u:
 
 
 def _felt_laws(paths: Sequence[Path], contact: str | None, figure: Path | None) -> Calibrated:
-    """Every law fitted to all presses and judged by presses left out; values are those of the thesis's law."""
+    """Every law fitted to all presses, with its error on presses held out; values are those of the thesis's law."""
+    if len(paths) < FEWEST_PRESSES:
+        raise CommandInputError(
+            f"calibrate felt: found {len(paths)} presses, allowed {FEWEST_PRESSES} or more, to judge laws by presses "
+            "held out; or one curve"
+        )
     presses = [model.felt.read_pressing(path) for path in paths]
-    found = model.felt.compare_laws(presses)
+    fits = [model.felt.fit_law(kind, presses) for kind in model.felt.LAWS]
     speeds, peaks = [1e3 * p.speed_m_per_s for p in presses], [p.peak_n for p in presses]
+    noise = {press.name: press.noise_n / press.peak_n for press in presses}
     lines = [
         f"{contact or 'felt'}: {len(presses)} presses, {min(speeds):.3g} to {max(speeds):.3g} mm/s, peaks of "
         f"{min(peaks):.3g} to {max(peaks):.3g} N",
-        f"  {'law':<14} {'left out':>9} {'fitted':>9} {'p':>7}   misfit, share of the peak force, typical press",
+        f"  {'law':<14} {'held out':>9} {'fitted':>9}   error, share of the peak force, typical press",
     ]
-    for fit, left_out, p in zip(found.fits, found.overall, found.p_value, strict=True):
-        lines.append(f"  {fit.kind:<14} {left_out:>9.2%} {float(fit.misfit.mean()):>9.2%} {p:>7.2g}")
-    lines += [f"  {'noise':<14} {found.noise.mean():>9.2%}", f"  {found.verdict}"]
-    for fit in found.fits:
+    for fit in fits:
+        lines.append(f"  {fit.kind:<14} {fit.typical_held_out:>9.2%} {float(fit.misfit.mean()):>9.2%}")
+    lines.append(f"  {'noise':<14} {sum(noise.values()) / len(noise):>9.2%}")
+    for fit in fits:
         lines.append(f"  {fit.kind}: " + ", ".join(_value(fit, k) for k in range(len(fit.names))))
     if figure is not None:
-        model.felt.figure.draw(presses, found, contact or "felt", figure)
+        model.felt.figure.draw(presses, fits, contact or "felt", figure)
         lines.append(f"  {figure}")
     values: dict[str, tuple[float, float]] = {}
     if contact is not None:
-        thesis = next(fit for fit in found.fits if fit.kind == THESIS_LAW)
+        thesis = next(fit for fit in fits if fit.kind == THESIS_LAW)
         values = {
             f"{contact}.normal.{name}": (value, u)
             for name, value, u in zip(thesis.names, thesis.values, thesis.u, strict=True)
         }
-        if THESIS_LAW not in found.supported:
-            lines.append(
-                f"  {contact} gets the values of {THESIS_LAW}, the law of the model, which these presses reject"
-            )
-    return Calibrated(_facts(found, contact, figure), lines, values)
-
-
-def _value(fit: model.felt.LawFit, k: int) -> str:
-    unit = "" if fit.units[k] == "1" else f" {fit.units[k]}"
-    return f"{fit.names[k]} = {fit.values[k]:.4g} u {fit.u[k]:.2g}{unit}"
-
-
-def _facts(found: model.felt.LawComparison, contact: str | None, figure: Path | None) -> dict[str, Any]:
+        best = min(fits, key=lambda fit: fit.typical_held_out)
+        if best is not thesis:
+            lines.append(f"  {contact} gets the values of {THESIS_LAW}, the law of the model; {best.kind} is nearer")
     laws = {
         fit.kind: {
             "values": dict(zip(fit.names, fit.values, strict=True)),
             "u": dict(zip(fit.names, fit.u, strict=True)),
             "units": dict(zip(fit.names, fit.units, strict=True)),
-            "misfit_left_out": dict(zip(found.presses, found.held_out[k].tolist(), strict=True)),
-            "misfit_fitted": dict(zip(found.presses, fit.misfit.tolist(), strict=True)),
-            "p_value": float(found.p_value[k]),
+            "held_out_error": dict(zip(noise, fit.held_out.tolist(), strict=True)),
+            "misfit_fitted": dict(zip(noise, fit.misfit.tolist(), strict=True)),
         }
-        for k, fit in enumerate(found.fits)
+        for fit in fits
     }
-    return {
-        "contact": contact,
-        "laws": laws,
-        "noise": dict(zip(found.presses, found.noise.tolist(), strict=True)),
-        "supported": found.supported,
-        "verdict": found.verdict,
-        "figure": figure,
-    }
+    return Calibrated({"contact": contact, "laws": laws, "noise": noise, "figure": figure}, lines, values)
+
+
+def _value(fit: model.felt.LawFit, k: int) -> str:
+    unit = "" if fit.units[k] == "1" else f" {fit.units[k]}"
+    return f"{fit.names[k]} = {fit.values[k]:.4g} u {fit.u[k]:.2g}{unit}"

@@ -139,9 +139,6 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "model.drive.drive_readings": lambda: {
         "action": action(), "solution": blow(by_drive=True), "time_s": TIME, "command_v": np.array([0.0, 1.0]),
     },
-    "model.drive.simulated_log": lambda: {
-        "action": action(), "scene": driven(), "command_v": np.append(np.zeros(199), 1.0), "seed": 1,
-    },
     f"{TOUCH}.feel": lambda: {"action": action(), "forces_n": np.array([20.0, 50.0])},
     f"{TOUCH}.find_check_load": lambda: {"action": action(), **TABLE},
     f"{TOUCH}.hammer_speeds": lambda: {"action": action(), "forces_n": np.array([50.0])},

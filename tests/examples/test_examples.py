@@ -18,6 +18,8 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+import model
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PROMISES = {
     "simulate_blow.py": ["the hammer strikes at", "held in check at"],
@@ -77,8 +79,33 @@ def test_a_program_of_ones_own_uses_the_served_bench() -> None:
     assert said.startswith("virtual bench on localhost:")
 
 
+def test_laws_that_presses_rule_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Seven presses of a felt of the thesis's law; four rule nothing out; a cube without a loop is every law."""
+    script = runpy.run_path(str(EXAMPLES / "felt_laws.py"))
+    rng = np.random.default_rng(1)
+
+    def write(law: model.felt.FeltLaw, count: int) -> list[str]:
+        paths = []
+        for k, depth in enumerate(np.linspace(3e-4, 9e-4, count)):
+            time_s = np.linspace(0.0, 2.0 * depth / (speed := (0.005, 0.02, 0.08)[k % 3]), 101)
+            depth_m = depth - speed * np.abs(time_s - time_s[50])
+            force_n = law.response(time_s, depth_m).force_n + rng.normal(0.0, 0.02, 101)
+            rows = np.column_stack([time_s, depth_m, force_n])
+            paths.append(str(tmp_path / f"{count}_{k}.csv"))
+            np.savetxt(paths[-1], rows, delimiter=",", header="time_s,displacement_m,force_n", comments="")
+        return paths
+
+    damped = model.felt.HuntCrossley(4.41e10, -1.02e7, 1.57e4, 0.7)
+    script["main"](write(damped, 7))
+    assert "ruled out: stulov, hysteresis; nearest: hunt-crossley" in capsys.readouterr().out
+    script["main"](write(damped, 4))
+    assert "4 presses rule nothing out" in capsys.readouterr().out
+    alike = [model.felt.fit_law("hunt-crossley", [model.felt.read_pressing(path) for path in write(damped, 4)])] * 2
+    assert set(script["compare_laws"](alike).values()) == {1.0}
+
+
 def test_no_example_is_forgotten() -> None:
-    assert {p.name for p in EXAMPLES.glob("*.py")} == {*PROMISES, "serve_sim.py"}
+    assert {p.name for p in EXAMPLES.glob("*.py")} == {*PROMISES, "serve_sim.py", "felt_laws.py"}
 
 
 @pytest.mark.slow  # each starts a fresh process and compiles or records by itself

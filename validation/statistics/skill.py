@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from model.sign_flip_test import LEVEL, joint_sign_flip
 from validation.conventions import Array
 from validation.measurement.trial import trials_in_words
+from validation.statistics.sign_flip_test import LEVEL, joint_sign_flip
 
 RIVALS = ("null", "unfitted", "polynomial", "fir")
 FEWEST = 4
@@ -92,7 +92,7 @@ def nearer(errors: pd.DataFrame, without: Collection[tuple[int, str]] = ()) -> s
 
     Conventions: RMSE in rad, paired by trial; a channel is named where a rival's pooled RMSE is the smaller one, the
     best with its figures. A claim at 5 % needs the sign flips of all channels together
-    (`model.sign_flip_test.joint_sign_flip`), which six trials allow.
+    (`validation.statistics.sign_flip_test.joint_sign_flip`), which six trials allow.
     """
     counts = errors[[pair not in without for pair in zip(errors["trial"], errors["channel"], strict=True)]]
     parts = []

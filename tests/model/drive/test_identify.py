@@ -1,4 +1,4 @@
-"""Drives identified from simulated logs: circuit against the run, planted values, what a log leaves open, refusals."""
+"""Drives identified from logs of known ones: circuit, planted values, what a log leaves open, refusals."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 import model
 from model.drive.lumps import Windows, _prior, _search, motor_torque
 from model.scene.build import build_scene
+from tests.model.drive.driven_log import EXACT, command_of, driven_log
 
 ACTION = model.load_action("hirschkorn2004-regulated")
 TRUTH = {
@@ -28,8 +29,7 @@ def planted(mode: str, **more: float) -> model.Action:
 
 def log_of(mode: str, current: bool = True, push_n: float = 22.0, seed: int = 0, **more: float) -> model.drive.DriveLog:
     scene, action = replace(SCENE[mode], values=()), planted(mode, **more)
-    command = model.drive.identification_command(action, scene, seed + 1, push_n)
-    return model.drive.simulated_log(action, scene, command, seed=seed, current=current)
+    return driven_log(action, scene, command_of(action, scene, seed + 1, push_n), seed=seed, current=current)
 
 
 def test_windows_differentiate_without_differences() -> None:
@@ -50,9 +50,7 @@ def test_windows_differentiate_without_differences() -> None:
 @pytest.mark.parametrize("limits", [{}, {"current_limit": 3.0, "supply": 25.0}], ids=["free", "limited"])
 def test_torque_along_a_log_is_that_of_the_run(limits: dict[str, float]) -> None:
     action, scene = planted("torque", **limits), replace(SCENE["torque"], values=())
-    command = model.drive.identification_command(action, scene, 3, 30.0)
-    exact = model.drive.SensorErrors(0.0, 0.0, 0.0, 0.0)
-    log = model.drive.simulated_log(action, scene, command, errors=exact)
+    log = driven_log(action, scene, command_of(action, scene, 3, 30.0), EXACT)
     d = {k: action[f"motor_drive.{k}"] for k in (*TRUTH["torque"], "current_limit", "supply", "limit_gain")}
     whole, k = d["resistance"] + d["loop_gain"], d["torque_constant"]
     lumps = [k * d["current_gain"], d["inductance"] / whole, k * k / whole, k * d["current_limit"]]
@@ -166,11 +164,14 @@ def test_logs_of_something_else_are_refused() -> None:
             model.drive.identify_drive(still(**rows))
 
 
-def test_a_log_is_written_and_read_again(tmp_path) -> None:
-    log = still(current_a=np.ones(300))
-    model.drive.write_drive_log(tmp_path / "log.csv", log)
+def test_a_log_is_read_as_it_was_written(tmp_path) -> None:
+    log = still(current_a=np.arange(300.0))
+    columns = ("time_s", "command_v", "force_n", "arm_rad", "current_a")
+    rows = np.stack([getattr(log, name) for name in columns], axis=1).tolist()
+    text = "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)])
+    (tmp_path / "log.csv").write_text(text + "\n", "utf-8")
     again = model.drive.read_drive_log(tmp_path / "log.csv")
-    for name in ("time_s", "command_v", "force_n", "arm_rad", "current_a"):
+    for name in columns:
         np.testing.assert_array_equal(getattr(again, name), getattr(log, name))
     (tmp_path / "short.csv").write_text("time_s,command_v\n0,1\n", "utf-8")
     with pytest.raises(model.InputError, match="short.csv"):

@@ -103,7 +103,7 @@ def test_bad_input_is_one_line(arguments: list[str], words: str, felt: Path, ref
 
 
 @pytest.mark.slow
-def test_several_presses_choose_a_law(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_several_presses_give_each_law_its_held_out_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     action = model.load_action()
     law = model.felt.HuntCrossley(*(action[f"contact02.normal.{k}"] for k in "abc"), 0.7)
     rng = np.random.default_rng(6)
@@ -121,7 +121,8 @@ def test_several_presses_choose_a_law(tmp_path: Path, capsys: pytest.CaptureFixt
     arguments = [*named, "--contact", "contact02", "--out", str(out), "--figure", str(figure), "--json"]
     assert run("calibrate", "felt", *arguments) == 0
     facts = json.loads(capsys.readouterr().out)["felt_laws"]
-    assert facts["supported"] == ["hunt-crossley"]
+    errors = {law: np.mean(list(one["held_out_error"].values())) for law, one in facts["laws"].items()}
+    assert set(errors) == set(model.felt.LAWS) and min(errors, key=errors.__getitem__) == "hunt-crossley"
     d, u = (facts["laws"]["hunt-crossley"][k]["D"] for k in ("values", "u"))
     assert abs(d - 0.7) < 5.0 * u and u < 0.03
     assert model.load_action(out)["contact02.normal.D"] == pytest.approx(d)

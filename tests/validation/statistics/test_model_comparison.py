@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from model.sign_flip_test import joint_sign_flip, sign_flip_p
 from validation.events.session_events import Window
 from validation.statistics.model_comparison import evidence_table, paired_models
+from validation.statistics.sign_flip_test import joint_sign_flip, sign_flip_p
 
 
 def result(name, rmse_rad, *, session="forte", window=(0.0, 1.0), n=1000, tolerance_rad=1e-5, common=0.0):
