@@ -115,7 +115,8 @@ class Action:
         for path, value in overrides.items():
             for single in _expand(path, value, quantities):
                 number = check_value(single, value, where)
-                quantities[single] = replace(quantities[single], value=number, source=f"set to {number:g} by the user")
+                was = quantities[single]  # `replace` takes most of a draw's time
+                quantities[single] = Quantity(number, was.unit, was.u, was.basis, f"set to {number:g} by the user")
                 changed[single] = number
         effects = {path: quantities.pop(path) for path in self.effects}
         _check_shapes(quantities, where)

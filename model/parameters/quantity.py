@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal, get_args
 
 from model.elements.laws.known import LAWS
@@ -104,6 +105,12 @@ def allowed_range(path: str) -> tuple[float, float, bool]:
     if len(parts) > 1 and parts[-2] in LAWS and parts[-1] in LAWS[parts[-2]].numbers:
         of_law = LAWS[parts[-2]].numbers[parts[-1]]
         return of_law.low, of_law.high, False
+    return _listed_range(path)
+
+
+@lru_cache(maxsize=1024)
+def _listed_range(path: str) -> tuple[float, float, bool]:
+    parts = path.split(".")
     return RANGES.get(".".join(parts[-2:]), RANGES.get(parts[-1], (-math.inf, math.inf, False)))
 
 

@@ -63,13 +63,15 @@ def up_crossings(time_s: Array, signal: Array, level: float, hysteresis: float =
         After a crossing the signal must fall below ``level - hysteresis`` before the next one counts, so that
         noise around the level makes one crossing, not many.
     """
-    state = np.zeros(len(signal), dtype=np.int8)  # NaN stays 0: the state before goes on
-    state[signal >= level] = 1
-    state[signal < level - hysteresis] = -1
+    above = signal >= level
     if hysteresis == 0.0:
-        state[(signal < level)] = -1
-    known = np.flatnonzero(state)
-    turns = known[1:][np.diff(state[known]) == 2]
+        turns = 1 + np.flatnonzero(above[1:] & (signal[:-1] < level))
+    else:
+        state = np.zeros(len(signal), dtype=np.int8)  # NaN stays 0: the state before goes on
+        state[above] = 1
+        state[signal < level - hysteresis] = -1
+        known = np.flatnonzero(state)
+        turns = known[1:][np.diff(state[known]) == 2]
     times = []
     for i in turns:
         if not signal[i - 1] < level:  # the sample before was lost
@@ -146,6 +148,16 @@ def with_level_uncertainty(
     spread = max(abs(other - value) for other in sides if other is not None)
     spread = max([spread, *(abs(other - value) / 3 for other in wide if other is not None)])
     return value, float(np.hypot(spread, u_time_s))
+
+
+LevelReading = Callable[[Callable[[float], float | None], float, float], tuple[float | None, float]]
+
+
+def without_uncertainty(
+    find: Callable[[float], float | None], level: float, u_level: float
+) -> tuple[float | None, float]:
+    """Value of a finder at a level, with no uncertainty: in place of `with_level_uncertainty` where none is needed."""
+    return find(level), 0.0
 
 
 Stretch = Callable[[float, float], tuple[Array, Array]]
@@ -323,20 +335,28 @@ class _Path:
         return float(np.sqrt(self.covariance[i, i]))
 
 
+def _parabola(age: Array, way: Array, sigma: float, slowing: float | None = None) -> tuple[Array, Array]:
+    """Way, speed and second derivative at age 0 by weighted least squares, (3,), and their covariance, (3, 3)."""
+    design = np.stack([np.ones(age.size), age, 0.5 * age**2])
+    normal, target = design @ design.T / sigma**2, design @ way / sigma**2
+    if slowing is not None:
+        normal[2, 2] += U_DECELERATION_M_PER_S2**-2
+        target[2] += slowing * U_DECELERATION_M_PER_S2**-2
+    scale = np.sqrt(normal.diagonal())
+    covariance = np.linalg.inv(normal / np.outer(scale, scale)) / np.outer(scale, scale)
+    return covariance @ target, covariance
+
+
 def _path(age: Array, way: Array, sigma: float, slowing: float | None = None) -> _Path:
     """Parabola through samples; of a free hammer (the deceleration known beforehand), or of any."""
-    design = np.column_stack([np.ones(age.size), age, age**2 / 2]) / sigma
-    target = way / sigma
+    value, covariance = _parabola(age, way, sigma, slowing)
+    left = (way - value[0] - value[1] * age - 0.5 * value[2] * age**2) / sigma
+    chi2, count = float(left @ left), age.size
     if slowing is not None:
-        design = np.vstack([design, [0.0, 0.0, 1.0 / U_DECELERATION_M_PER_S2]])
-        target = np.append(target, slowing / U_DECELERATION_M_PER_S2)
-    scale = np.linalg.norm(design, axis=0)
-    inverse = np.linalg.pinv(design / scale)
-    value = (inverse @ target) / scale
-    freedom = max(target.size - 3, 1)
-    chi2 = float(np.sum((target - design @ value) ** 2)) / freedom
+        chi2, count = chi2 + ((slowing - value[2]) / U_DECELERATION_M_PER_S2) ** 2, count + 1
+    freedom = max(count - 3, 1)
     # three standard deviations of a reduced chi-square
-    return _Path(value, (inverse @ inverse.T) / np.outer(scale, scale), chi2 <= 1 + 3 * np.sqrt(2 / freedom))
+    return _Path(value, covariance, bool(chi2 / freedom <= 1 + 3 * math.sqrt(2 / freedom)))
 
 
 def _is_pushed(path: _Path) -> bool:
@@ -521,13 +541,13 @@ REST_LASTS_S = 0.05
 DOUBTFUL_TIME_S = 0.01
 
 
-def key_bottom(motion: Motion) -> Event:
+def key_bottom(motion: Motion, read: LevelReading = with_level_uncertainty) -> Event:
     """First time the key dip rises through the dip at which the key front touches its felt."""
 
     def find(level: float) -> float | None:
         return first_after(up_crossings(motion.time_s, motion.key_dip_m, level, DIP_HYSTERESIS_M), -np.inf)
 
-    value, u = with_level_uncertainty(find, motion.key_touch_dip_m, motion.level_u_dip_m())
+    value, u = read(find, motion.key_touch_dip_m, motion.level_u_dip_m())
     if value is not None:
         u = math.hypot(u, bend_uncertainty_s(motion.time_s, np.nan_to_num(motion.key_dip_m), value))
     else:
@@ -608,7 +628,9 @@ def _held(
     return found
 
 
-def check(motion: Motion, hold: Hold | None, *, struck: bool = True) -> tuple[Event, Event]:
+def check(
+    motion: Motion, hold: Hold | None, *, struck: bool = True, read: LevelReading = with_level_uncertainty
+) -> tuple[Event, Event]:
     """Time and height at which the hammer is caught.
 
     Parameters
@@ -618,6 +640,8 @@ def check(motion: Motion, hold: Hold | None, *, struck: bool = True) -> tuple[Ev
         None when the hammer is never held.
     struck : bool
         Without an impact there is no check.
+    read : callable
+        How a time at a level is read: with its uncertainty or without.
     """
     if hold is None:
         why = "hammer is never held" if struck else "no string impact"
@@ -631,7 +655,7 @@ def check(motion: Motion, hold: Hold | None, *, struck: bool = True) -> tuple[Ev
         return falls[-1] if falls else None
 
     # the band is around the hammer's own held height, so the zero of the height does not enter
-    value, u = with_level_uncertainty(entry, CHECK_BAND_M, math.hypot(motion.u_height_m, hold.u_own_m))
+    value, u = read(entry, CHECK_BAND_M, math.hypot(motion.u_height_m, hold.u_own_m))
     if value is not None:  # the back check brakes the hammer within a few samples
         u = float(np.hypot(u, bend_uncertainty_s(time, height, value)))
     status: Status = "ambiguous" if hold.note else "found"
@@ -642,7 +666,7 @@ def check(motion: Motion, hold: Hold | None, *, struck: bool = True) -> tuple[Ev
     return when, Event("check_height", hold.height_m, u_height, status, hold.note)
 
 
-def key_release(motion: Motion) -> Event:
+def key_release(motion: Motion, read: LevelReading = with_level_uncertainty) -> Event:
     """Last fall of the key dip through half the touching dip, when the key stays up to the end of the record."""
     time, dip = motion.time_s, motion.key_dip_m
 
@@ -651,13 +675,13 @@ def key_release(motion: Motion) -> Event:
         rises = up_crossings(time, dip, level)
         return falls[-1] if falls and (not rises or rises[-1] < falls[-1]) else None
 
-    value, u = with_level_uncertainty(find, RELEASE_SHARE * motion.key_touch_dip_m, motion.level_u_dip_m())
+    value, u = read(find, RELEASE_SHARE * motion.key_touch_dip_m, motion.level_u_dip_m())
     if value is None:
         return absent("key_release", "key never went half down, or is still down at the end of the record")
     return _timed("key_release", value, u)
 
 
-def rest(motion: Motion, quiet_stop: int) -> Event:
+def rest(motion: Motion, quiet_stop: int, read: LevelReading = with_level_uncertainty) -> Event:
     """Time from which height and dip stay within 0.1 mm of their mean over the first `quiet_stop` samples."""
     time = motion.time_s
     height = np.abs(motion.hammer_height_m - float(np.mean(motion.hammer_height_m[:quiet_stop])))
@@ -670,7 +694,7 @@ def rest(motion: Motion, quiet_stop: int) -> Event:
         when = last_fall(time, away, level)
         return when if when is not None and time[-1] - when >= REST_LASTS_S else None
 
-    value, u = with_level_uncertainty(find, 0.0, 1.0)
+    value, u = read(find, 0.0, 1.0)
     if value is None:
         far = np.fmax(height, dip)
         left = 1e3 * float(far[np.isfinite(far)][-1])
@@ -696,20 +720,20 @@ LANDED_M = 0.3e-3
 TURN_S = 0.6e-3
 
 
-def onset(motion: Motion, quiet_stop: int) -> Event:
+def onset(motion: Motion, quiet_stop: int, read: LevelReading = with_level_uncertainty) -> Event:
     """Key dip first rises through 0.1 mm above its rest."""
     dip = motion.key_dip_m - float(np.mean(motion.key_dip_m[:quiet_stop]))
 
     def find(level: float) -> float | None:
         return first_after(up_crossings(motion.time_s, dip, level), -np.inf)
 
-    value, u = with_level_uncertainty(find, ONSET_M, motion.own_u_dip_m())
+    value, u = read(find, ONSET_M, motion.own_u_dip_m())
     if value is None:
         return absent("onset", f"key never dips by {1e3 * ONSET_M:g} mm")
     return _at("onset", value, u, motion.time_s, dip)
 
 
-def let_off(motion: Motion, strike: Strike | None) -> Event:
+def let_off(motion: Motion, strike: Strike | None, read: LevelReading = with_level_uncertainty) -> Event:
     """Last time before the impact at which the hammer is 0.1 mm off the path of its free flight."""
     if strike is None or not math.isfinite(strike.arrival.speed):
         return absent("let_off", "no string impact")
@@ -731,10 +755,10 @@ def let_off(motion: Motion, strike: Strike | None) -> Event:
     swing = float(np.nanmax(np.where(age < SWINGS_S, distance_from_path(speed), np.nan), initial=0.0))
     vibrates = swing > OFF_PATH_M
     level = OFF_PATH_M + (SWINGS_BY * swing if vibrates else 0.0)
-    value, u = with_level_uncertainty(lambda level: last_fall(motion.time_s, off, level), level, motion.u_height_m)
+    value, u = read(lambda level: last_fall(motion.time_s, off, level), level, motion.u_height_m)
     if value is None:
         return absent("let_off", "hammer is in free flight for longer than 50 ms, or never")
-    _, u_tilt = with_level_uncertainty(lambda v: last_fall(motion.time_s, off_path(v), level), speed, u_speed)
+    _, u_tilt = read(lambda v: last_fall(motion.time_s, off_path(v), level), speed, u_speed)
     event = _at("let_off", value, math.hypot(u, u_tilt), motion.time_s, off)
     if not vibrates:
         return event
@@ -770,7 +794,13 @@ def _turns(height: Array, least: float) -> int:
     return count
 
 
-def drop(motion: Motion, hold: Hold | None, check_s: float, release_s: float) -> Event:
+def drop(
+    motion: Motion,
+    hold: Hold | None,
+    check_s: float,
+    release_s: float,
+    read: LevelReading = with_level_uncertainty,
+) -> Event:
     """Hammer first is 0.5 mm further from the string than the height it was held at, after the key was let go."""
     if hold is None or not math.isfinite(check_s):
         return absent("drop", "hammer is never held")
@@ -779,7 +809,7 @@ def drop(motion: Motion, hold: Hold | None, check_s: float, release_s: float) ->
     def find(level: float) -> float | None:
         return first_after(up_crossings(motion.time_s, height, level), check_s)
 
-    value, u = with_level_uncertainty(find, hold.height_m + DROP_M, math.hypot(motion.u_height_m, hold.u_own_m))
+    value, u = read(find, hold.height_m + DROP_M, math.hypot(motion.u_height_m, hold.u_own_m))
     if value is None:
         return absent("drop", "hammer stays where it was held")
     note = hold.note
@@ -817,19 +847,19 @@ def _vertex(time: Array, height: Array, turn: int, reach: int, sigma: float) -> 
     """Time of the vertex of a parabola through the samples about a turning point, and its standard uncertainty."""
     part = slice(turn - reach, turn + reach + 1)
     t = time[part] - time[turn]
-    (a, b, c), covariance = np.polyfit(t, height[part], 2, cov="unscaled")
-    if a >= 0:
+    (level, slope, bend), covariance = _parabola(t, height[part], 1.0)
+    if bend >= 0:
         return float("nan"), float("nan")
-    residual = height[part] - np.polyval((a, b, c), t)
+    residual = height[part] - level - slope * t - 0.5 * bend * t**2
     noise = max(sigma, float(np.sqrt(residual @ residual / (t.size - 3))))
-    return float(time[turn] - b / (2 * a)), noise * float(np.sqrt(covariance[1, 1])) / abs(2 * a)
+    return float(time[turn] - slope / bend), noise * math.sqrt(covariance[1, 1]) / abs(bend)
 
 
 def _at(name: str, value: float, u: float, time: Array, signal: Array) -> Event:
     return crossing(name, value, math.hypot(u, bend_uncertainty_s(time, np.nan_to_num(signal), value)))
 
 
-def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
+def find_events(motion: Motion, quiet_stop: int, read: LevelReading = with_level_uncertainty) -> dict[str, Event]:
     """Find every event of `validation.events.definitions.EVENTS` in one keystroke.
 
     Parameters
@@ -838,6 +868,8 @@ def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
         Measured or predicted.
     quiet_stop : int
         Number of samples before the blow during which the action is at rest.
+    read : callable
+        How a time at a level is read; `without_uncertainty` gives the same values in half the time.
 
     Returns
     -------
@@ -862,13 +894,13 @@ def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
     first = strikes[0] if strikes else None
     second = strikes[1] if len(strikes) > 1 else None
     hold = find_hold(motion, first.time_s, second.time_s if second else float("inf")) if first else None
-    check_time, check_height = check(motion, hold, struck=first is not None)
-    release = key_release(motion)
-    falls = drop(motion, hold, check_time.value, release.value)
+    check_time, check_height = check(motion, hold, struck=first is not None, read=read)
+    release = key_release(motion, read)
+    falls = drop(motion, hold, check_time.value, release.value, read)
     found = [
-        onset(motion, quiet_stop),
-        let_off(motion, first),
-        key_bottom(motion),
+        onset(motion, quiet_stop, read),
+        let_off(motion, first, read),
+        key_bottom(motion, read),
         _impact("string_impact", first, "hammer never reaches the string"),
         _speed("hammer_speed", motion, first, first.arrival if first else None),
         _speed("rebound_speed", motion, first, first.rebound if first else None),
@@ -879,7 +911,7 @@ def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
         falls,
         landing(motion, hold, falls.value),
         _impact("second_strike", second, "one string impact only" if first else "no string impact"),
-        rest(motion, quiet_stop),
+        rest(motion, quiet_stop, read),
     ]
     return {event.name: event for event in found}
 

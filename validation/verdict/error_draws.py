@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from validation.cache.content_hash import sha256_of
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
-from validation.events.detect import find_events
+from validation.events.detect import find_events, without_uncertainty
 from validation.events.session_events import SessionEvents
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
@@ -177,9 +177,8 @@ def session_errors(
         most = max(found[m.number].known for m in group)
         whole = [m for m in group if found[m.number].known == most]
         m = representative([m for m in whole if m.film is not None] or whole)
-        of_group.append(
-            (m, _load_or_run_draws(tested, m, found[m.number], draws, own_draws(seed, OWN_DRAWS), u_rest_level_m))
-        )
+        drawing = _TrialDrawing(tested, m, found[m.number].masks, draws, own_draws(seed, OWN_DRAWS), u_rest_level_m)
+        of_group.append((m, drawing.load_or_run()))
     ran = np.all([np.isfinite(one.common).any(axis=1) for _, one in of_group], axis=0)
     mean, count, residuals = _means([np.array([found[m.number].errors for m in group]) for group in groups])
     branch, observed = np.zeros(len(draws), dtype=np.int64), 0
@@ -263,79 +262,83 @@ class _TrialDraws:
     curves: NDArray[np.float32]
 
 
-def _load_or_run_draws(
-    tested: ModelUnderTest,
-    m: MeasuredTrial,
-    found: TrialErrors,
-    draws: Sequence[JointDraw],
-    own: Sequence[JointDraw],
-    u_rest_level_m: float,
-) -> _TrialDraws:
-    """Run the draws of one trial, or read them when nothing they depend on has changed."""
-    sensors = (m.u_rad, m.resolution_rad, m.scale_relative_u, m.time_s, m.quiet.stop, u_rest_level_m)
-    known = tested.identity, sha256_of((draws, own)), m.number, m.force, m.film, sensors, found.masks
-    stored = tested.store.value("error draws", known, lambda: _run_draws(tested, m, found, draws, own, u_rest_level_m))
-    n, n_samples = len(draws), m.time_s[_sparse(m.time_s.size)].size
-    values = np.frombuffer(base64.b64decode(stored["values"])).reshape(n + len(own) - 1, len(QUANTITIES))
-    curves = np.full((n, n_samples, len(CHANNELS)), np.nan, dtype=np.float32)
-    for name, text in stored["curves"].items():
-        curves[..., CHANNELS.index(name)] = np.frombuffer(base64.b64decode(text), np.float32).reshape(n, n_samples)
-    return _TrialDraws(values[:n], values[n:], np.array(stored["branch"], dtype=np.int64), curves)
+@dataclass(frozen=True)
+class _TrialDrawing:
+    """What the draws of one trial are made from: of what is common to all trials, and of what it has for itself."""
 
+    tested: ModelUnderTest
+    m: MeasuredTrial
+    masks: Mapping[str, NDArray[np.bool_]]
+    common: Sequence[JointDraw]
+    own: Sequence[JointDraw]
+    u_rest_level_m: float
 
-def _run_draws(
-    tested: ModelUnderTest,
-    m: MeasuredTrial,
-    found: TrialErrors,
-    draws: Sequence[JointDraw],
-    own: Sequence[JointDraw],
-    u_rest_level_m: float,
-) -> dict[str, Any]:
-    masks = [(k, CHANNELS.index(q.channel), found.masks[q.name]) for k, q in enumerate(ANGLES) if q.name in found.masks]
+    def load_or_run(self) -> _TrialDraws:
+        """Run the draws, or read them when nothing they depend on has changed."""
+        m, n = self.m, len(self.common)
+        sensors = (m.u_rad, m.resolution_rad, m.scale_relative_u, m.time_s, m.quiet.stop, self.u_rest_level_m)
+        draws = sha256_of((self.common, self.own))
+        known = self.tested.identity, draws, m.number, m.force, m.film, sensors, self.masks
+        stored = self.tested.store.value("error draws", known, self._run)
+        n_samples = m.time_s[_sparse(m.time_s.size)].size
+        values = np.frombuffer(base64.b64decode(stored["values"])).reshape(n + len(self.own) - 1, len(QUANTITIES))
+        curves = np.full((n, n_samples, len(CHANNELS)), np.nan, dtype=np.float32)
+        for name, text in stored["curves"].items():
+            curves[..., CHANNELS.index(name)] = np.frombuffer(base64.b64decode(text), np.float32).reshape(n, n_samples)
+        return _TrialDraws(values[:n], values[n:], np.array(stored["branch"], dtype=np.int64), curves)
 
-    def values_of(draw: JointDraw, read: Array) -> tuple[Array, int]:
-        """Values of all quantities in one reading of the trial, and its branch; angles are left out."""
+    def _run(self) -> dict[str, Any]:
+        tested, m = self.tested, self.m
+        every = [*(replace(d, has_own_errors=False) for d in self.common), *self.own[1:]]
+        n, sparse = len(self.common), _sparse(m.time_s.size)
+        values = np.full((len(every), len(QUANTITIES)), np.nan)
+        branch = np.full(n, -1, dtype=np.int64)
+        curves = np.full((n, m.time_s[sparse].size, len(CHANNELS)), np.nan, dtype=np.float32)
+        (right,) = each_draw(tested, [(m, m.time_s)], self.own[:1], lambda _, read: read)[0]
+        if right is not None:
+            at_right = self._read_events(self.own[0], right)[0]
+            (runs,) = each_draw(tested, [(m, m.time_s)], every, lambda _, read: read)
+            for k, read in enumerate(runs):
+                if read is None:
+                    continue
+                apart = right - read
+                values[k, : len(ANGLES)] = self._angle_means(apart)
+                at_draw, its_branch = self._read_events(every[k], read)
+                values[k, len(ANGLES) :] = at_right - at_draw
+                if k < n:
+                    branch[k], curves[k] = its_branch, apart[sparse]
+        measured = [name for i, name in enumerate(CHANNELS) if np.isfinite(curves[..., i]).any()]
+        return {
+            "values": base64.b64encode(values.tobytes()).decode("ascii"),
+            "branch": branch.tolist(),
+            "curves": {
+                name: base64.b64encode(curves[..., CHANNELS.index(name)].tobytes()).decode("ascii") for name in measured
+            },
+        }
+
+    def _angle_means(self, apart: Array) -> Array:
+        """Mean difference of each of `ANGLES` in its samples, rad."""
+        out = np.full(len(ANGLES), np.nan)
+        for k, q in enumerate(ANGLES):
+            if q.name in self.masks:
+                part = apart[self.masks[q.name], CHANNELS.index(q.channel)]
+                part = part[np.isfinite(part)]
+                out[k] = part.mean() if part.size else np.nan
+        return out
+
+    def _read_events(self, draw: JointDraw, read: Array) -> tuple[Array, int]:
+        """Values of the events in one reading of the trial, and its branch."""
+        m = self.m
         motion = m.read_motion(m.time_s, read[:, : len(ENCODER_CHANNELS)])
-        hammer, key = (u_rest_level_m * z for z in draw.z_levels)
+        hammer, key = (self.u_rest_level_m * z for z in draw.z_levels)
         motion = replace(
             motion,
             hammer_height_m=motion.hammer_height_m + hammer,
             hammer_way_m=motion.hammer_way_m + hammer,
             key_dip_m=motion.key_dip_m + key,
         )
-        events = find_events(motion, m.quiet.stop)
+        events = find_events(motion, m.quiet.stop, without_uncertainty)
         return event_values(motion, events), branch_of(events)
-
-    (right,) = each_draw(tested, [(m, m.time_s)], own[:1], lambda _, read: read)[0]
-    every = [*(replace(d, has_own_errors=False) for d in draws), *own[1:]]
-    nothing = np.full(len(QUANTITIES), np.nan), -1, np.full((0, len(CHANNELS)), np.nan)
-    if right is None:
-        found_all = [nothing] * len(every)
-    else:
-        at_right, sparse = values_of(own[0], right)[0], _sparse(m.time_s.size)
-
-        def error_of(k: int, read: Array) -> tuple[Array, int, Array]:
-            apart = right - read
-            angles = np.full(len(ANGLES), np.nan)
-            for i, channel, mask in masks:
-                part = apart[mask, channel]
-                angles[i] = float(np.nanmean(part)) if np.isfinite(part).any() else np.nan
-            values, branch = values_of(every[k], read)
-            return np.concatenate([angles, at_right - values]), branch, apart[sparse]
-
-        runs = each_draw(tested, [(m, m.time_s)], every, lambda i, read: read)
-        found_all = [nothing if read is None else error_of(k, read) for k, read in enumerate(runs[0])]
-    n, n_samples = len(draws), m.time_s[_sparse(m.time_s.size)].size
-    lost = np.full((n_samples, len(CHANNELS)), np.nan)
-    curves = np.array([one[2] if len(one[2]) else lost for one in found_all[:n]], dtype=np.float32)
-    measured = [name for i, name in enumerate(CHANNELS) if np.isfinite(curves[..., i]).any()]
-    return {
-        "values": base64.b64encode(np.array([one[0] for one in found_all]).tobytes()).decode("ascii"),
-        "branch": [one[1] for one in found_all[:n]],
-        "curves": {
-            name: base64.b64encode(curves[..., CHANNELS.index(name)].tobytes()).decode("ascii") for name in measured
-        },
-    }
 
 
 def _sparse(n: int) -> slice:

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from validation.events.definitions import EVENTS
-from validation.events.detect import check, find_events, find_hold, key_bottom, key_release, rest
+from validation.events.detect import (
+    check,
+    find_events,
+    find_hold,
+    key_bottom,
+    key_release,
+    rest,
+    without_uncertainty,
+)
 from validation.measurement.geometry import Motion
 
 RATE_HZ = 5000.0
@@ -205,3 +213,19 @@ def test_a_second_strike_is_found_in_a_double_blow(reference_action):
     assert found["second_strike"].status == "found"
     assert 0.17 < found["second_strike"].value - found["string_impact"].value < 0.25
     assert found["key_release"].value > found["second_strike"].value
+
+
+def test_events_have_the_same_values_where_no_uncertainty_is_asked_for(reference_action, make):
+    from validation.measurement.geometry import geometry_of, motion_of
+
+    model, action = reference_action
+    time = np.arange(0, 0.8, 1 / RATE_HZ)
+    solution = model.simulate(action, time, make.force(time, onset_s=0.05))
+    change = (solution.angle_rad - solution.angle_rad[0])[:, [0, 1, 4]]
+    moving = motion_of(geometry_of(action, solution.angle_rad[0]), time, change, np.full(3, 1e-6))
+    found, plain = find_events(moving, 200), find_events(moving, 200, without_uncertainty)
+    happened = [name for name, event in found.items() if event.status != "absent"]
+    assert len(happened) > 9
+    assert [name for name, event in plain.items() if event.status != "absent"] == happened
+    assert [plain[name].value for name in happened] == [found[name].value for name in happened]
+    assert found["key_bottom"].u > plain["key_bottom"].u
