@@ -143,3 +143,16 @@ def test_a_back_check_wire_1_mm_off_is_never_said_to_agree(recorded) -> None:  #
     assert height.resolved or height.alone
     assert height.high < -1e-3
     assert result.verdict_lines[0].endswith(result.sentence)
+
+
+def test_a_session_that_ends_before_let_off_has_not_tested_it_and_says_so(make, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    said = "Let-off is not tested: no trial reaches it."
+    for strength, is_reached in ((0.05, False), (0.11, True)):
+        strokes = (strength, 1.02 * strength)
+        session, truth = make.session(tmp_path / f"press {strength}", n_trials=2, filmed=(), strength=strokes)
+        result = validation.compare(session, truth.action, keep_predictions=False, rivals=(), suspect=False)
+        let_off = result.quantities.set_index("quantity").loc["let_off_distance"]
+        assert np.isfinite(let_off.difference) == is_reached
+        assert (said in result.verdict_lines[0]) == (not is_reached)
+        assert result.quantities["primary"].sum() > 6
+        assert let_off.state == ("" if is_reached else "not in the trials")
