@@ -4,7 +4,10 @@ In: an `ErrorSample`, quantities by draws. Out: `Estimates`. Source: ASME V&V 20
 (model − trial) is the model error δ and an error e of inputs and measurement. A draw is what E would be with δ = 0, so
 that E and N draws are exchangeable if the model is right: whatever the form of their distribution, the interval
 E − e₍ₖ₎ holds δ at its level, and a statistic of rank k is exceeded at its level (Monte Carlo test, Besag and Clifford
-1989). Scales are half the central 68 %, each side by itself: a few draws far away do not widen them.
+1989). A standard uncertainty is half the central 68 %: a few draws far away do not widen it. The simultaneous test
+measures each quantity in the distance from its median to the end of its central 95 %, each side by itself, so that a
+quantity whose draws have a long tail (let-off: some 3 % lie beyond six standard uncertainties) does not decide alone
+how far all others must lie.
 What differs between trials is one variance component, scaled inverse χ²: the declared one counts as `PRIOR_FREEDOM`
 degrees of freedom, the trials add n − 1 (Gelman et al., Bayesian Data Analysis, 3rd ed., Section 3.2).
 """
@@ -28,6 +31,7 @@ FEWEST_FOR_INTERVAL = 39  # 95 % of ranks
 FEWEST_FOR_BRANCH = 20  # of a branch's scales
 RARE_BRANCH = LEVEL / 2  # of the level of the simultaneous test, what branches of the motion may take
 SIGMA = 0.158655  # of a normal distribution below −σ
+TAIL = 0.5 * (1.0 - INTERVAL)
 WINSOR = 4.0  # scales beyond which a draw counts as that far when variances are divided among inputs
 SEED = 20
 
@@ -84,7 +88,7 @@ class Estimates:
     u_repeat : that from what differs between trials
     u_inputs : (q, V) from each input
     u_other : from inputs that ``inputs`` do not list
-    ratio : |E| in units of the scale of its side
+    ratio : |E − median of the draws| over the distance of the end of their central 95 % on its side
     ratio_limit : ratio that the largest one exceeds in 5 % of right models' sessions
     resolved : whether the simultaneous test resolves this quantity
     detectable : error that is resolved in 80 % of sessions
@@ -141,9 +145,10 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
     inside = drawn[here]
     n = len(inside)
     middle, lower, upper = pooled_scale(inside, sample.found, sample.floor)
-    reached = side_ratio(sample.found, middle, lower, upper)
+    _, below, above = pooled_scale(inside, sample.found, sample.floor, TAIL)
+    reached = side_ratio(sample.found, middle, below, above)
     rare, p_branch = rare_branches(sample.branch, sample.branch_found)
-    largest = _largest(side_ratio(inside, middle, lower, upper)[:, sample.primary])
+    largest = _largest(side_ratio(inside, middle, below, above)[:, sample.primary])
     ranked = np.concatenate([largest, np.full(int(rare.sum()), np.inf)])
     limit = quantile_by_rank(ranked, 1.0 - LEVEL) if n >= FEWEST_FOR_BRANCH else np.nan
     found_largest = float(_largest(reached[None, sample.primary])[0])
@@ -167,7 +172,7 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
         ratio=reached,
         ratio_limit=float(limit),
         resolved=resolved,
-        detectable=detectable_error(inside, middle, lower, upper, float(limit)),
+        detectable=detectable_error(inside, middle, below, above, float(limit)),
         p=float(p),
         n_draws=n,
         share=n / n_all if n_all else float("nan"),
@@ -205,8 +210,8 @@ def draw_trial_scatter(
     return combined * student / np.sqrt(freedom) / count, np.sqrt(variance) / count
 
 
-def pooled_scale(drawn: Array, found: Array, floor: Array) -> tuple[Array, Array, Array]:
-    """Median and scales below and above it of draws and of what was found together, (V,) each.
+def pooled_scale(drawn: Array, found: Array, floor: Array, tail: float = SIGMA) -> tuple[Array, Array, Array]:
+    """Median of draws and of what was found, and how far below and above it a share ``tail`` of them begins, (V,) each.
 
     What was found is one of N + 1 exchangeable values: a scale of the draws alone would favour it.
     """
@@ -215,7 +220,7 @@ def pooled_scale(drawn: Array, found: Array, floor: Array) -> tuple[Array, Array
     low, middle, high = np.full((3, len(found)), np.nan)
     if enough.any():
         low[enough], middle[enough], high[enough] = np.nanquantile(
-            every[:, enough], [SIGMA, 0.5, 1.0 - SIGMA], axis=0, method="linear"
+            every[:, enough], [tail, 0.5, 1.0 - tail], axis=0, method="linear"
         )
     return middle, np.fmax(middle - low, floor), np.fmax(high - middle, floor)
 

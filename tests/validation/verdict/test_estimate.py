@@ -66,6 +66,22 @@ def test_the_detectable_error_is_resolved_in_four_sessions_of_five() -> None:
     assert 0.74 < hits / SESSIONS < 0.88
 
 
+def test_a_quantity_with_a_long_tail_does_not_hide_the_errors_of_the_others() -> None:
+    rng = np.random.default_rng(9)
+    ratios, hits = [], 0
+    for _ in range(60):
+        plain = session(rng)
+        far = rng.uniform(size=N + 1) < 0.04  # as of let-off, when the hammer leaves the jack early
+        common, found = plain.common.copy(), plain.found.copy()
+        common[far[:-1], 0] += 12.0
+        found[0] += 12.0 * far[-1]
+        tailed = estimate_errors(replace(plain, common=common, found=found))
+        ratios.append(tailed.detectable[1:] / estimate_errors(plain).detectable[1:])
+        hits += bool(tailed.resolved.any())
+    assert 0.95 < float(np.mean(ratios)) < 1.1
+    assert hits <= 9  # of 60 at 5 %: more in 0.1 % of runs
+
+
 def test_scatter_beyond_what_is_declared_widens_the_interval_and_two_trials_are_wide() -> None:
     rng = np.random.default_rng(4)
     own = 0.1 * rng.standard_normal((K, 1))

@@ -133,16 +133,20 @@ def test_branches_are_told_in_words_and_by_usable_encoders_only() -> None:
     assert caught & branch_mask(["key", "whippen"]) == branch_of(events(key_bottom=0.09))
 
 
-def test_a_back_check_wire_1_mm_off_is_never_said_to_agree(recorded) -> None:  # type: ignore[no-untyped-def]
+def test_a_back_check_wire_1_mm_off_differs(recorded) -> None:  # type: ignore[no-untyped-def]
     session, truth = recorded[0], recorded[1].action
     path = "contact04.second.x"
     wrong = truth.with_values({path: truth[path] + 1e-3})
-    result = validation.compare(session, wrong, keep_predictions=False, rivals=(), suspect=False)
-    assert result.outcome != AGREES
+    options: dict[str, Any] = {"keep_predictions": False, "rivals": (), "suspect": False}
+    result = validation.compare(session, wrong, **options)
+    assert result.outcome == DIFFERS
     height = result.quantities.set_index("quantity").loc["check_height"]
-    assert height.resolved or height.alone
-    assert height.high < -1e-3
+    assert height.resolved
+    assert height.high < -2e-3
+    assert "check height −" in result.sentence
     assert result.verdict_lines[0].endswith(result.sentence)
+    lenient = validation.compare(session, wrong, relevant={"check_height": 0.02, "travel": 0.5}, **options)
+    assert lenient.outcome == DIFFERS_LITTLE
 
 
 def test_a_session_that_ends_before_let_off_has_not_tested_it_and_says_so(make, tmp_path) -> None:  # type: ignore[no-untyped-def]
