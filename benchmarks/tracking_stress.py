@@ -459,6 +459,11 @@ def interlaced(shot: Shot) -> None:
     shot.is_woven, shot.facts["is_interlaced"], shot.options["deinterlace"] = True, True, True
 
 
+def interlaced_unsaid(shot: Shot) -> None:
+    """As `interlaced`, in a file that says nothing of it."""
+    shot.is_woven = True
+
+
 def dark_start(shot: Shot) -> None:
     """The first one to three frames are dark or flashed."""
     shot.gain = np.ones(N)
@@ -480,7 +485,7 @@ FURTHER = (
 )  # fmt: skip
 CANNOT_BE = (
     recursive_filter, frame_blend, pixel_aspect, calibrated_stretch, interlaced, dark_start, turning_still,
-    *((h264_duplicates, h264_stated) if av is not None else ()),
+    *((h264_duplicates, h264_stated) if av is not None else ()), interlaced_unsaid,
 )  # fmt: skip
 KINDS: dict[str, Callable[[Shot], None]] = {kind.__name__: kind for kind in (*FIRST, *FURTHER, *CANNOT_BE)}
 NUMBER = {name: number for number, name in enumerate([*sorted(list(KINDS)[: len(FIRST)]), *list(KINDS)[len(FIRST) :]])}
@@ -492,6 +497,7 @@ SAID = {
     "frame_blend": "correlated in time",
     "pixel_aspect": "width over height",
     "dark_start": "dark|flashed",
+    "interlaced_unsaid": "frames are interlaced",
     "turning_still": "given as still",
     "h264_duplicates": "repeat the one before",
 }

@@ -67,7 +67,7 @@ def command(
         typer.Option("--pixel-aspect", help="Width of a pixel over its height; default: the film's, else 1."),
     ] = None,
     deinterlace: Annotated[
-        bool, typer.Option("--deinterlace", help="Of interlaced frames, track the first field only.")
+        bool, typer.Option("--deinterlace", help="Of interlaced frames, track the field exposed first.")
     ] = False,
     allow_truncated: Annotated[
         bool, typer.Option("--allow-truncated", help="Read a film that was cut short to its last whole frame.")

@@ -267,6 +267,8 @@ def _attributes(result: vision.TrackResult, every: int) -> dict[str, Any]:
     attributes: dict[str, Any] = {"every": every, "n_still": result.n_still}
     attributes |= {f"{b}_u_common_rad": float(u) for b, u in zip(result.bodies, result.u_common_rad, strict=True)}
     attributes |= {"camera": result.budget.camera, "shutter": result.budget.shutter}
+    if (field := result.info.get("first_field", "none")) != "none":
+        attributes["first_field"] = field
     for body, (offset, u) in result.info.get("clock_offset", {}).items():
         attributes |= {f"{body}_clock_offset_s": offset, f"{body}_u_clock_offset_s": u}
     for relative, tail in ((False, ""), (True, "_relative")):
@@ -378,6 +380,8 @@ def retrack(
             in_film = film.first_frame + np.arange(source.n_frames)
             times = make_interp_spline(table["frame"], table["time_s"], k=1)(in_film)
         options["u_time_s"] = u_time
+        if options.get("deinterlace"):
+            options["first_field"] = _tracked_field(film, source, attributes)
         if options.get("n_still") is None:
             options["n_still"] = attributes.get("n_still")
         result = vision.retrack_frames(
@@ -405,6 +409,16 @@ def retrack(
         every = ", ".join(map(str, sorted({*before, *frames})))
         film.store_angles(table, {**attributes, "retracked_frames": every})
     return new
+
+
+def _tracked_field(film: SessionFilm, source: vision.Film, attributes: dict[str, Any]) -> str:
+    """Rows of interlaced frames that the table is of, which single frames do not show."""
+    known = attributes.get("first_field", source.first_field)
+    if known is None:
+        raise CommandInputError(
+            f"{film.path}: its file does not say which rows of its interlaced frames were tracked; track all of it again"
+        )
+    return str(known)
 
 
 def _number_or_none(value: Any) -> int | None:

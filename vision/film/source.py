@@ -175,6 +175,8 @@ class FrameSource(Protocol):
         Width of a pixel over its height, as the file states it; None when it does not.
     is_interlaced : bool
         True when the file says of any frame that its even and odd rows were exposed at different times.
+    first_field : {"even", "odd"} or None
+        Rows of interlaced frames that were exposed first, counted from 0 at the top; None when the file does not say.
     has_camera_times : bool
         True when ``frame_time_s`` was written by the camera; the times of a video may be those of play-back.
     """
@@ -190,6 +192,7 @@ class FrameSource(Protocol):
     white_grey: int | None
     pixel_aspect: float | None
     is_interlaced: bool
+    first_field: str | None
     has_camera_times: bool
 
     @property
@@ -242,6 +245,7 @@ class Film:
     white_grey: int | None = None
     pixel_aspect: float | None = None
     is_interlaced: bool = False
+    first_field: str | None = None
     has_camera_times: bool = False
     camera_time_s: NDArray[np.float64] | None = None
     first_frame: int = 0
@@ -299,7 +303,7 @@ class Corrected(Film):
         self.film = film
         for name in ("path", "n_frames", "height", "width", "bit_depth", "frame_rate_hz", "exposure_s", "compression"):
             setattr(self, name, getattr(film, name))
-        for name in ("white_grey", "pixel_aspect", "is_interlaced", "has_camera_times", "first_frame"):
+        for name in ("white_grey", "pixel_aspect", "is_interlaced", "first_field", "has_camera_times", "first_frame"):
             # a source of the user's own may be of before these were asked for
             setattr(self, name, getattr(film, name, getattr(Film, name)))
         self.in_order = getattr(film, "in_order", True)

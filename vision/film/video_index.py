@@ -11,6 +11,7 @@ A film that announces more frames than it holds is refused: it was cut short.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +26,8 @@ from vision.film.time_scale import Spacing, spacing_of
 if TYPE_CHECKING:
     import av
 
+FIELD_ORDERS = {2: "even", 3: "odd"}
+"""FFmpeg's codes of field orders that all containers mean alike."""
 LIMITED_RANGE = 1
 """FFmpeg's code of luma between 16 and 235."""
 STANDALONE = frozenset(["ffv1", "png"])
@@ -83,6 +86,7 @@ class VideoIndex:
     tick_s: float
     rate_hz: float | None
     is_interlaced: bool
+    first_field: str | None
     is_limited: bool
     pixel_format: str
     pixel_aspect: float | None
@@ -202,7 +206,7 @@ def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIn
         rate = 0.0 if average is None else float(average)
         states_rate = is_avi or "matroska" in container.format.name
     is_counted = is_standalone or facts["is_lossless"]
-    first, pts, is_interlaced, undecoded = _decode(path, is_counted, packets.first)
+    (first, first_field), pts, is_interlaced, undecoded = _decode(path, is_counted, packets.first)
     damage = damage or undecoded
     if is_counted:
         order = _shown_order(packets, is_avi)
@@ -243,9 +247,43 @@ def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIn
         spacing=spacing,
         rate_hz=1.0 / spacing.interval_s if spacing is not None else (rate if 0.0 < rate < 1e9 else None),
         is_interlaced=is_interlaced or context_is_interlaced(context),
+        first_field=first_field or FIELD_ORDERS.get(int(getattr(context, "field_order", 0) or 0)),
         remarks=tuple(remarks),
         damage=damage,
     )
+
+
+def first_field_of(frame: Any) -> str | None:
+    """Rows of an interlaced frame that were exposed first, as the decoder says: those that FFmpeg's filter
+    ``separatefields`` gives first; None where both fields show the same."""
+    # start-up: as above
+    import av
+
+    graph = av.filter.Graph()
+    try:
+        source = graph.add_buffer(
+            width=frame.width,
+            height=frame.height,
+            format=frame.format.name,
+            time_base=frame.time_base or Fraction(1, 1000),
+        )
+        fields, sink = graph.add("separatefields"), graph.add("buffersink")
+        source.link_to(fields)
+        fields.link_to(sink)
+        graph.configure()
+        graph.push(frame)
+        field = graph.pull()
+    except (av.error.FFmpegError, ValueError):
+        return None
+    first, whole = (_bytes_of_rows(one) for one in (field, frame))
+    is_first = [np.array_equal(first[: len(whole[k::2])], whole[k::2]) for k in (0, 1)]
+    return None if is_first[0] == is_first[1] else "even" if is_first[0] else "odd"
+
+
+def _bytes_of_rows(frame: Any) -> NDArray[np.uint8]:
+    """Bytes of the first plane, as many of each row as every format has."""
+    plane = frame.planes[0]
+    return np.frombuffer(plane, np.uint8).reshape(-1, abs(plane.line_size))[: frame.height, : frame.width]
 
 
 def context_is_interlaced(context: Any) -> bool:
@@ -310,13 +348,14 @@ def _what_is_missing(container: Any, stream: Any, packets: _Packets) -> str:
     return ""
 
 
-def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[Any, list[int | None], bool, str]:
-    """The first frame; of a predicting codec the stamps of all, whether any is interlaced, and where decoding ends."""
+def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[tuple[Any, str | None], list[int | None], bool, str]:
+    """The first frame and the first field of interlaced ones; of a predicting codec the stamps of all, whether any is
+    interlaced, and where decoding ends."""
     # start-up: as above
     import av
 
     pts: list[int | None] = []
-    first, is_interlaced, damage = None, False, ""
+    first, first_field, is_interlaced, damage = None, None, False, ""
     with open_container(path) as container:
         stream = choose_video(container)
         context = stream.codec_context
@@ -330,7 +369,8 @@ def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[Any, list[int | 
                 if frame.is_corrupt and not is_counted:
                     raise av.error.InvalidDataError(0, "a frame is damaged")
                 first = frame if first is None else first
-                is_interlaced |= bool(frame.interlaced_frame)
+                if frame.interlaced_frame and not is_interlaced:
+                    is_interlaced, first_field = True, first_field_of(frame)
                 pts.append(frame.pts)
                 if is_counted:
                     break
@@ -338,7 +378,7 @@ def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[Any, list[int | 
             damage = f"frame {len(pts)} cannot be decoded ({_said(error)}); the film is damaged, copy it again"
     if first is None:
         raise FilmError(f"{path}: {damage or 'frame 0 cannot be decoded; the film is damaged'}")
-    return first, pts, is_interlaced, damage
+    return (first, first_field), pts, is_interlaced, damage
 
 
 def _shown_order(packets: _Packets, is_avi: bool) -> list[int]:

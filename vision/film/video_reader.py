@@ -65,6 +65,7 @@ class VideoFilm(Film):
         self.n_frames, self.codec, self.spacing = index.n_frames, index.codec, index.spacing
         self.in_order = not index.is_standalone
         self.frame_rate_hz, self.is_interlaced = index.rate_hz, index.is_interlaced
+        self.first_field = index.first_field if index.is_interlaced else None
         if self.n_frames < 1:
             raise FilmError(f"{path}: holds no frame; the film is cut short or no video")
         self.bit_depth = _bits(path, index.pixel_format)
@@ -139,6 +140,10 @@ class VideoFilm(Film):
         words, is_transposed, self._turned = turned
         if self._turned is None:
             return
+        if self.is_interlaced and (is_transposed or words == "mirrored top to bottom" or "180" in words):
+            raise FilmError(
+                f"{self.path}: its frames are interlaced, and its file wants them {words}; export it as taken"
+            )
         if is_transposed:
             self.width, self.height = self.height, self.width
             self.pixel_aspect = 1.0 / self.pixel_aspect if self.pixel_aspect else None

@@ -31,6 +31,8 @@ class PreparedFilm:
         Smallest difference of two grey values around the bodies.
     delay_frames : float
         Delay of steady motion by the camera's filtering in time, frames.
+    u_field_frames : float
+        Standard uncertainty of when the tracked rows of interlaced frames were exposed, frames.
     """
 
     film: FrameSource
@@ -41,6 +43,7 @@ class PreparedFilm:
     skips_blocks: bool = False
     grey_step: float = 1.0
     delay_frames: float = 0.0
+    u_field_frames: float = 0.0
 
     @property
     def rectified_film(self) -> RectifiedFilm | None:

@@ -2,8 +2,8 @@
 
 A rigid fit needs a picture in which a turning body keeps its shape. Where pixels are not square, or a calibrated camera
 shows the plane stretched, every frame is resampled by the cubic B-spline that the fit itself uses, so that nothing is
-left to correct to first order afterwards. Of interlaced frames only the field that is exposed first is kept; its rows
-are half as dense and the rows between are interpolated.
+left to correct to first order afterwards. Of interlaced frames only one field, every second row, is kept; the rows
+between are interpolated.
 
 Resampling makes more pixels than there is information. The variance of a pose grows by the ratio of the two densities
 (`RectifiedFilm.oversampling`): a pose is a weighted sum of grey values with weights that are smooth over a pixel, so
@@ -46,8 +46,8 @@ class RectifiedFilm(Corrected):
         Width of a pixel over its height.
     projection : Projection or None
         Of a calibrated camera, for a film of ``pixel_aspect`` 1.
-    is_field : bool
-        Keep the even rows only, those of the first field.
+    field : {0, 1} or None
+        Keep the even (0) or the odd rows (1) only.
     """
 
     def __init__(
@@ -55,14 +55,14 @@ class RectifiedFilm(Corrected):
         film: FrameSource,
         pixel_aspect: float = 1.0,
         projection: Projection | None = None,
-        is_field: bool = False,
+        field: int | None = None,
     ) -> None:
         super().__init__(film)
         if not ASPECTS[0] <= pixel_aspect <= ASPECTS[1]:
             raise VisionInputError(
                 f"{film.path}: pixel aspect {pixel_aspect:g}; allowed {ASPECTS[0]:g} to {ASPECTS[1]:g} (--pixel-aspect)"
             )
-        self.aspect, self.projection, self.is_field = pixel_aspect, projection, is_field
+        self.aspect, self.projection, self.field = pixel_aspect, projection, field
         self.pixel_aspect, self.is_interlaced = 1.0, False
         # never fewer pixels than the film has
         self.stretch = (max(pixel_aspect, 1.0), max(1.0 / pixel_aspect, 1.0))
@@ -70,7 +70,7 @@ class RectifiedFilm(Corrected):
             round(size * factor) for size, factor in zip((film.width, film.height), self.stretch, strict=True)
         )
         self._top = np.float32(saturated_grey(film))
-        self.oversampling = self.stretch[0] * self.stretch[1] * (2.0 if is_field else 1.0)
+        self.oversampling = self.stretch[0] * self.stretch[1] * (1.0 if field is None else 2.0)
 
     def to_film(self, rectified_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points of the film, shape (..., 2)."""
@@ -89,8 +89,7 @@ class RectifiedFilm(Corrected):
         return [replace(body, polygon_px=self.to_rectified(body.polygon_px)) for body in bodies]
 
     def field_difference(self, index: int) -> NDArray[np.float32]:
-        """What a frame's rows interpolated between those of the first field differ by from the second field, (height,
-        width); 0 in the rows of the first."""
+        """What rows interpolated between those of the field differ by from the other field, (height, width)."""
         both = RectifiedFilm(self.film, self.aspect, self.projection)
         whole = (0, self.height, 0, self.width)
         return np.asarray(self.read_region(index, *whole) - both.read_region(index, *whole))
@@ -100,12 +99,13 @@ class RectifiedFilm(Corrected):
         self._check_region(y0, y1, x0, x1)
         x, y = np.meshgrid(np.arange(x0, x1, dtype=float), np.arange(y0, y1, dtype=float))
         at = self.to_film(np.stack([x, y], axis=-1))
-        step = 2 if self.is_field else 1
-        at_x, at_y = at[..., 0], at[..., 1] / step
-        height, width = -(-self.film.height // step), self.film.width
+        step, start = (1, 0) if self.field is None else (2, self.field)
+        at_x, at_y = at[..., 0], (at[..., 1] - start) / step
+        height, width = -(-(self.film.height - start) // step), self.film.width
         left, right = _range(at_x, width)
         top, bottom = _range(at_y, height)
-        grey = self.film.read_region(index, top * step, min((bottom - 1) * step + 1, self.film.height), left, right)
+        first = top * step + start
+        grey = self.film.read_region(index, first, first + (bottom - top - 1) * step + 1, left, right)
         grey = np.ascontiguousarray(grey[::step], dtype=np.float32)
         out = np.empty(at_x.shape, dtype=np.float32)
         sample_spline(coefficients(grey), grey, (at_x - left), (at_y - top), self._top, out)

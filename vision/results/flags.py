@@ -48,8 +48,8 @@ class FrameFlag(IntFlag):
     quarter of rows, and above 12.5 mdeg, up to 25: usable with that uncertainty, which covers what disturbs the row;
     not a failure."""
     TIME_FILTERED = 8192
-    """The camera averages frames in time, and motion may be shown late by more than the angle's other uncertainty; the
-    lag is in the total standard uncertainty; not a failure."""
+    """The camera averages frames in time, or whole interlaced frames are tracked, and motion may be shown late by more
+    than the angle's other uncertainty; that is in the total standard uncertainty; not a failure."""
 
 
 FAILURE = (

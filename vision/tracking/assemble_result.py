@@ -159,8 +159,9 @@ def assemble_result(
     budget = budget_of(ready, settings.camera_model, tracked, settings.u_time_s, settings.rows_per_s, each)
     u_angle = np.hypot(tracked.u_noise_rad, u_common)
     flag = table.flag.copy()
-    if ready.delay_frames:
-        late = budget.absolute["lag"] > u_angle
+    is_woven = ready.u_field_frames > 0.0 and (ready.rectified_film is None or ready.rectified_film.field is None)
+    if ready.delay_frames or is_woven:
+        late = np.maximum(budget.absolute["lag"], is_woven * budget.absolute["interlace"]) > u_angle
         flag |= np.where(late, np.uint16(int(FrameFlag.TIME_FILTERED)), np.uint16(0))
     flag |= _width_flags(ready, predicted, u_angle)
     place = np.array([template.centre_px for template in ready.templates]) + table.pose[..., 1:]

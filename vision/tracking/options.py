@@ -16,6 +16,8 @@ from vision.uncertainty.budget import ErrorBudget
 
 CONFIRM = ("doubtful", "all", "none")
 MOST_THREADS = 64
+FIRST_FIELDS = ("even", "odd", "none")
+"""Rows that interlaced frames begin with; none where all rows of a frame are of one time."""
 MAX_PIXELS = 12_000
 """Pixels fitted per body; beyond this the ones that tell least about the angle are left out."""
 
@@ -30,6 +32,7 @@ class FitOptions(TypedDict, total=False):
     rows_per_s: float | None
     pixel_aspect: float | None
     deinterlace: bool
+    first_field: str | None
 
 
 class TrackOptions(FitOptions, total=False):
@@ -60,6 +63,7 @@ class FitSettings:
     rows_per_s: float | None = None
     pixel_aspect: float | None = None
     deinterlace: bool = False
+    first_field: str | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.u_time_s < np.inf:
@@ -71,6 +75,8 @@ class FitSettings:
                 f"rows_per_s = {self.rows_per_s!r}; needs the rows that a rolling shutter reads per second, above 0, "
                 "or infinity for a global shutter"
             )
+        if self.first_field not in (None, *FIRST_FIELDS):
+            raise VisionInputError(f"first_field {self.first_field!r} is not known; choose {' or '.join(FIRST_FIELDS)}")
         if self.pixel_aspect is not None:
             if self.is_calibrated:
                 raise VisionInputError(

@@ -231,4 +231,6 @@ def _fit_strain(
         rest = target - expected - amplitude @ design
         spread = 1.4826 * float(np.median(np.abs(rest[kept])))
         kept = (seen[0] < top) & (np.abs(rest) <= OUTLYING * spread)
-    return np.asarray(amplitude, dtype=np.float64), np.asarray(inverse * max(spread, 1e-3) ** 2, dtype=np.float64)
+    # values interpolated between fewer are not independent
+    variance = max(spread, 1e-3) ** 2 * (1.0 if ready.rectified_film is None else ready.rectified_film.oversampling)
+    return np.asarray(amplitude, dtype=np.float64), np.asarray(inverse * variance, dtype=np.float64)

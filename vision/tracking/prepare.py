@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Sequence
@@ -40,6 +41,8 @@ from vision.tracking.options import MAX_PIXELS
 from vision.tracking.sensor_pattern import WithoutPattern
 
 WANTED_STILL = 10
+U_FIELD_ORDER = 0.5 / math.sqrt(2.0)
+"""Frames: the even rows of interlaced frames are exposed at their time or half a frame later."""
 FIRST_AVERAGED = 4
 """Frames averaged for the first templates, with which the still frames are counted."""
 
@@ -74,6 +77,9 @@ def prepare(
         )
         occlusion = Occlusion(bodies, templates, distances)
         found = PreparedFilm(film, bodies, reference, templates, occlusion)
+        field = found.rectified_film
+        if field is not None and field.field is not None and field.first_field is None:
+            found = replace(found, u_field_frames=U_FIELD_ORDER)
         box = _around(region)
         skips = skips_blocks(film, box, reference.noise_grey)
         return replace(found, skips_blocks=skips, grey_step=grey_step(film, box))

@@ -52,7 +52,7 @@ def retrack_frames(
     places : sequence of dict
         Per frame: body name to (angle rad, x px, y px) from which the fit starts; every body must be named. The row
         of a good neighbour, or an estimate by eye, is near enough: 4 degrees and 4 px, backed by a wide search.
-    n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace
+    n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace, first_field
         As for `track`, and with the same values; the zero is found anew from the still frames.
 
     Returns
@@ -121,7 +121,7 @@ def preview(
         As for `track`.
     count : int
         Frames, spread over the film up to its last.
-    n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace
+    n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace, first_field
         As for `track`.
 
     Returns

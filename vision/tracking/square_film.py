@@ -1,7 +1,7 @@
 """What is done to a film before it is tracked, so that a rigid body keeps its shape in it.
 
-Interlaced frames show two times and are refused, or their first field is tracked. Pixels that are not square, by the
-file or the user, and a calibrated view that changes the shape of a body by more than `LINEAR_PX`, are resampled
+Interlaced frames show two times and are refused, or the field exposed first is tracked. Pixels that are not square, by
+the file or the user, and a calibrated view that changes the shape of a body by more than `LINEAR_PX`, are resampled
 (`vision.reference.rectified_film`); a smaller change is corrected to first order after the fit.
 """
 
@@ -42,7 +42,9 @@ def square_film(film: FrameSource, bodies: Sequence[Body], settings: FitSettings
     VisionInputError
         Interlaced frames that are not to be deinterlaced.
     """
-    if not settings.deinterlace:
+    # "none": frames whose rows were found to be of one time
+    is_field = settings.deinterlace and settings.first_field != "none"
+    if not (is_field or settings.first_field == "none"):
         refuse_interlaced(film)
     projection, aspect = None, settings.pixel_aspect or getattr(film, "pixel_aspect", None) or 1.0
     if settings.is_calibrated:
@@ -50,12 +52,14 @@ def square_film(film: FrameSource, bodies: Sequence[Body], settings: FitSettings
         projection, aspect = settings.camera_model.nominal(film.width, film.height), 1.0
         if projection is not None and not _changes_shape(projection, bodies):
             projection = None
-    if projection is None and aspect == 1.0 and not settings.deinterlace:
+    if projection is None and aspect == 1.0 and not is_field:
         return film, bodies
     cleaned = without_defects(film)
-    if not settings.deinterlace:
+    if not is_field:
         cleaned = without_row_flicker(cleaned, _box(film, bodies))
-    rectified = RectifiedFilm(cleaned, aspect, projection, settings.deinterlace)
+    first = settings.first_field or getattr(film, "first_field", None) or "even"
+    rectified = RectifiedFilm(cleaned, aspect, projection, int(first == "odd") if is_field else None)
+    rectified.first_field = settings.first_field or rectified.first_field
     return rectified, rectified.rectified_bodies(bodies)
 
 

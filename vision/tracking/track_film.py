@@ -29,6 +29,7 @@ from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
 from vision.tracking.assemble_result import Zero, assemble_result, zero_of_rows, zero_of_still_frames
 from vision.tracking.checkpoint import Checkpoint, job_hash
+from vision.tracking.field_lag import UNKNOWN_LAG, FieldLag, measure_field_lag
 from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.moving_parts import confirm_hidden, moving_parts
 from vision.tracking.options import TrackOptions, TrackSettings
@@ -87,7 +88,9 @@ def track(
     pixel_aspect : float or None
         Width of a pixel over its height; None (default) takes what the film states, else 1.
     deinterlace : bool
-        Track the even rows of interlaced frames, which are refused otherwise.
+        Track one field of interlaced frames, which are refused otherwise.
+    first_field : {"even", "odd", "none"}, optional
+        Rows of interlaced frames that were exposed first, and are tracked; by the file and the motion when None.
     threads : int or None
         Threads that track parts of the film at the same time; None takes what the computer has, at most 8. The result
         is the same to the bit.
@@ -129,6 +132,7 @@ track_film = track
 def _track(
     film: FrameSource, bodies: Sequence[Body], frame_time_s: ArrayLike | None, settings: TrackSettings
 ) -> TrackResult:
+    given = film, bodies, frame_time_s
     time_s, camera = frame_times(film, frame_time_s), settings.camera_model
     u_stretch = stretch_before(film, settings)
     film, bodies = square_film(film, bodies, settings)
@@ -148,6 +152,9 @@ def _track(
     done = _both_passes(ready, frame, settings, checkpoint)
     ready, done, pattern_grey = _without_pattern(ready, done, settings)
     table = done.table
+    ready, lag, first_field = _settle_fields(ready, table, settings)
+    if first_field is not None:
+        return _track(*given, replace(settings, first_field=first_field, expected=None))
     reject_repeated(ready, table)
     doubted = residual_variance(ready, table) > PATTERN_EXCESS
     confirmed = confirm_hidden(ready, table, doubted)
@@ -195,6 +202,8 @@ def _track(
         "defect_pixels": ready_defects(ready),
         "skips_blocks": ready.skips_blocks,
         "delay_frames": ready.delay_frames,
+        "first_field": tracked_field(ready),
+        "field_lag_frames": lag.frames,
         "pixel_aspect": 1.0 if ready.rectified_film is None else ready.rectified_film.aspect,
         "moving_parts": {name: asdict(parts) for name, parts in apart.items()},
     }
@@ -204,6 +213,51 @@ def _track(
     if checkpoint is not None:
         checkpoint.clear()
     return result
+
+
+def tracked_field(ready: PreparedFilm) -> str:
+    """Rows of interlaced frames that are tracked; ``none`` where whole frames are."""
+    rectified = ready.rectified_film
+    return "none" if rectified is None or rectified.field is None else ("even", "odd")[rectified.field]
+
+
+def _settle_fields(
+    ready: PreparedFilm, table: PoseTable, settings: TrackSettings
+) -> tuple[PreparedFilm, FieldLag, str | None]:
+    """The film with the standard uncertainty of when its rows were exposed, their lag by the bodies' motion, and the
+    field to track instead, or ``none`` for whole frames, where the motion says so."""
+    film, tracked = ready.film, tracked_field(ready)
+    if getattr(film, "has_camera_times", False):
+        return ready, UNKNOWN_LAG, None  # cameras that write their own times read whole frames
+    lag = measure_field_lag(ready, table)
+    found = lag.first_field
+    if found is None:
+        return ready, lag, None
+    if found == tracked:
+        return replace(ready, u_field_frames=0.0), lag, None
+    stated = getattr(film, "first_field", None)
+    first, later = ("odd", "even") if found == "odd" else ("even", "odd")
+    told = (
+        f"frames are interlaced: {later} rows were exposed {abs(lag.frames):.2f} frames after the {first} ones (u "
+        f"{lag.u:.2f}), as bodies that move show"
+        if found != "none"
+        else f"all rows of its frames are of one time (they lag by {lag.frames:.2f} frames, u {lag.u:.2f})"
+    )
+    if tracked == "none":
+        words = f"{told}, and its file says nothing of it: angles are about {abs(lag.frames) / 2.0:.2f} frames late, "
+        words += "which is in u (term interlace): track one field (--deinterlace)"
+        ready, found = replace(ready, u_field_frames=abs(lag.frames) / 2.0), None
+    elif settings.first_field is not None:
+        words = f"{told}, {settings.first_field} rows are given as first; what that may cost is in u (term interlace)"
+        ready, found = replace(ready, u_field_frames=0.5), None
+    elif found == "none":
+        words = f"{told}: whole frames are tracked"
+    elif stated is not None:
+        words = f"{told}; its file says {stated} rows first, {first} ones are tracked"
+    else:
+        return ready, lag, found
+    warnings.warn(f"{film.path}: {words}", VisionWarning, stacklevel=4)
+    return ready, lag, found
 
 
 def ready_defects(ready: PreparedFilm) -> int:
@@ -249,7 +303,7 @@ def _stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSettings, u_b
 def _warn_of_delay(result: TrackResult, ready: PreparedFilm) -> None:
     """Say how late motion may be shown where rows are flagged for it."""
     late = np.any(result.flag & np.uint16(int(FrameFlag.TIME_FILTERED)), axis=1)
-    if not late.any():
+    if not late.any() or not ready.delay_frames:
         return
     most = np.degrees(np.nanmax(result.budget.absolute["lag"]))
     warnings.warn(

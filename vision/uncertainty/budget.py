@@ -6,8 +6,8 @@ shows the mean over the exposure), ``tilt`` and ``distortion`` (see `vision.came
 ``synchronisation`` (speed times the standard uncertainty of the frame times), ``rows`` (a rolling shutter shows each
 row of a frame at another time; 0 where it is global or not declared), ``lag`` (filtering in time by the camera, see
 `vision.reference.temporal_noise`), ``aspect`` (pixels that are not square, see `vision.tracking.picture_stretch`),
-``interlace`` (rows that are interpolated, and the unknown order of the fields). Independent terms add in squares (GUM
-5.1.2). A term is NaN where the body is lost.
+``interlace`` (rows that are interpolated, and when they were exposed, where that is not known). Independent terms add
+in squares (GUM 5.1.2). A term is NaN where the body is lost.
 """
 
 from __future__ import annotations

@@ -253,7 +253,7 @@ def expected_budget(
         "synchronisation": np.full(m, u_time_s * motion.speed_rad_per_s),
         "shutter": np.full(m, motion.acceleration_rad_per_s2 * _shutter_factor(ready.film, frame_s)),
         "lag": np.full(m, motion.speed_rad_per_s * ready.delay_frames * frame_s),
-        "interlace": np.hypot(_row_interpolation(ready), motion.speed_rad_per_s * _field_order_s(ready, frame_s)),
+        "interlace": np.hypot(_row_interpolation(ready), motion.speed_rad_per_s * ready.u_field_frames * frame_s),
     }
     own = {name: np.tile(values, (2, 1)) for name, values in single.items()}
     speed = np.zeros_like(pose)
@@ -288,7 +288,7 @@ def budget_of(
         turning, acceleration = _speed_and_acceleration(tracked.time_s, angle, u)
         terms["synchronisation"] = u_time_s * turning
         terms["lag"] = _newest_speed(turning, tracked, ready.delay_frames) * ready.delay_frames * tracked.frame_s
-        terms["interlace"] = turning * _field_order_s(ready, tracked.frame_s)
+        terms["interlace"] = turning * ready.u_field_frames * tracked.frame_s
         terms["shutter"] = acceleration * _shutter_factor(ready.film, apart_s)
     rows = _row_interpolation(ready)
     if rows.any():
@@ -331,26 +331,17 @@ def _stretch_terms(
     return np.abs(off), np.abs(_paired(off, ready.parents, np.subtract))
 
 
-FIELDS_APART = 0.5
-"""Of a frame's time, between its two fields."""
-
-
-def _field_order_s(ready: PreparedFilm, frame_s: float) -> float:
-    """Standard uncertainty of the time of an interlaced frame's even rows, s: they are exposed first or second, which
-    the file does not tell."""
-    is_field = ready.rectified_film is not None and ready.rectified_film.is_field
-    return FIELDS_APART * frame_s / math.sqrt(2.0) if is_field else 0.0
-
-
 def _row_interpolation(ready: PreparedFilm) -> NDArray[np.float64]:
-    """Standard uncertainty of each body's turn from the rows that are interpolated between those of a field, rad, (m,).
+    """Standard uncertainty of each body's turn from the rows of the reference that are interpolated between those of a
+    field, rad, (m,).
 
-    At rest both fields show the same, so that their difference is that of the interpolation, and noise. Frame and
-    reference are interpolated alike at rest and independently once the body has moved.
+    At rest both fields show the same, so that their difference is that of the interpolation, and noise. Once a body has
+    moved, its frames are interpolated otherwise than the reference; their part is seen in the residuals and widens the
+    noise term.
     """
     film = ready.rectified_film
     found = np.zeros(len(ready.templates))
-    if film is None or not film.is_field:
+    if film is None or film.field is None:
         return found
     n = ready.reference.n_averaged
     off = np.mean([film.field_difference(k) for k in range(n)], axis=0)
@@ -361,7 +352,7 @@ def _row_interpolation(ready: PreparedFilm) -> NDArray[np.float64]:
         # blocks of one row distance are independent errors
         block = (y // FIELD_BLOCK_PX) * (film.width // FIELD_BLOCK_PX + 1) + x // FIELD_BLOCK_PX
         part = np.bincount(block, influence * off[y, x])
-        found[i] = math.sqrt(2.0 * float(np.sum(part**2)))
+        found[i] = math.sqrt(float(np.sum(part**2)))
     return found
 
 

@@ -275,3 +275,28 @@ def test_containers_of_camcorders_and_the_web_are_read(tmp_path: Path, ending: s
         for k in (0, 19, 11):
             shown = [np.corrcoef(film.read(k).ravel(), other.ravel())[0, 1] for other in frames]
             assert int(np.argmax(shown)) == k
+
+
+@pytest.mark.parametrize("order", ["tff", "bff"])
+@pytest.mark.parametrize(("ending", "codec"), [("mkv", "libx264"), ("mp4", "libx264"), ("mpg", "mpeg2video")])
+def test_the_first_field_is_that_of_the_decoded_frames(tmp_path: Path, order: str, ending: str, codec: str) -> None:
+    """Matroska stores another code for the same order."""
+    graph = av.filter.Graph()
+    frames, path = film_at(ALL)[:8], tmp_path / f"f.{ending}"
+    height, width = frames[0].shape
+    marked = graph.add("setfield", order)
+    graph.add_buffer(width=width, height=height, format="yuv420p", time_base=Fraction(1, 25)).link_to(marked)
+    marked.link_to(graph.add("buffersink"))
+    graph.configure()
+    with av.open(str(path), "w") as file:
+        stream = add_video(file, codec, frames, "yuv420p", 25)
+        stream.options = {"flags": "+ilme+ildct", "x264-params": f"{order}=1"}
+        for k, grey in enumerate(frames):
+            frame = av.VideoFrame.from_ndarray(grey, format="gray").reformat(format="yuv420p")
+            frame.pts, frame.time_base = k, Fraction(1, 25)
+            graph.push(frame)
+            file.mux(stream.encode(graph.pull()))
+        file.mux(stream.encode())
+    film, _ = read(path)
+    with film:
+        assert film.is_interlaced and film.first_field == {"tff": "even", "bff": "odd"}[order]

@@ -23,9 +23,9 @@ def _film() -> ArrayFilm:
 
 
 @pytest.mark.parametrize("aspect", [9.0 / 8.0, 0.75, 2.0])
-@pytest.mark.parametrize("is_field", [False, True])
-def test_every_pixel_is_the_films_value_at_its_place(aspect: float, is_field: bool) -> None:
-    film = RectifiedFilm(_film(), aspect, is_field=is_field)
+@pytest.mark.parametrize("field", [None, 0, 1])
+def test_every_pixel_is_the_films_value_at_its_place(aspect: float, field: int | None) -> None:
+    film = RectifiedFilm(_film(), aspect, field=field)
     whole = film.read(0)
     assert whole.shape == (film.height, film.width)
     # a pixel of the film that is wider than high covers more than one square one
@@ -34,7 +34,7 @@ def test_every_pixel_is_the_films_value_at_its_place(aspect: float, is_field: bo
     at = film.to_film(np.stack([x, y], axis=-1))
     inside = (slice(12, -12), slice(12, -12))
     expected = 200.0 * _grey(at[..., 0], at[..., 1])
-    assert np.abs(whole - expected)[inside].max() < (150.0 if is_field else 4.0)
+    assert np.abs(whole - expected)[inside].max() < (4.0 if field is None else 150.0)
     np.testing.assert_allclose(film.to_rectified(at[5, 7]), [7.0, 5.0])
     part = film.read_region(0, 20, 41, 15, 50)
     np.testing.assert_allclose(part[8:-8, 8:-8], whole[28:33, 23:42], rtol=1e-4)
