@@ -416,7 +416,7 @@ def _tracked_field(film: SessionFilm, source: vision.Film, attributes: dict[str,
     known = attributes.get("first_field", source.first_field)
     if known is None:
         raise CommandInputError(
-            f"{film.path}: its file does not say which rows of its interlaced frames were tracked; track all of it again"
+            f"{film.path}: its file does not say which rows of its interlaced frames were tracked; track it whole again"
         )
     return str(known)
 
