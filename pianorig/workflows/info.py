@@ -38,6 +38,8 @@ def session_facts(path: Path) -> dict[str, Any]:
             }
         )
     info = session.info
+    there = {trial.number for trial in session.trials} | set(session.journals)
+    absent = sorted(set(range(1, max(there, default=0))) - there)
     return {
         "session": session.path,
         "operator": info.operator,
@@ -46,6 +48,7 @@ def session_facts(path: Path) -> dict[str, Any]:
         "action": info.action.name,
         "profile": info.profile.name,
         "trials": rows,
+        **({"absent_trials": ", ".join(map(str, absent))} if absent else {}),
     }
 
 

@@ -27,7 +27,14 @@ from rig.errors import RigInputError
 from rig.session import annotation_file
 from rig.session.info import SessionInfo
 from rig.session.seal import CONTENT, content_sha256, open_sealed, write_sealed
-from rig.session.sealed_trial import read_status, read_trial, trial_problem, write_trial, write_trial_parts
+from rig.session.sealed_trial import (
+    copied_trial,
+    read_status,
+    read_trial,
+    trial_problem,
+    write_trial,
+    write_trial_parts,
+)
 from rig.session.trial_data import TrialData
 
 if TYPE_CHECKING:
@@ -132,7 +139,10 @@ class Trial:
     @property
     def problem(self) -> str:
         """Why the trial cannot be read, in one line; empty where it can."""
-        return trial_problem(self.path)
+        problem = trial_problem(self.path)
+        if not problem and (original := copied_trial(self.path, self.number)):
+            return f"{self.path}: is a copy of {original}; restore trial {self.number}, or remove the copy"
+        return problem
 
     def warn_if_unreadable(self) -> bool:
         """Whether the trial cannot be read; a warning then says that it is left out, and why."""

@@ -5,7 +5,8 @@ on damaged metadata, so the seal is checked before the library sees the file. Th
 
 A program that opens the file for writing and closes it unchanged cuts the seal off (the library truncates the file to
 its own length). Such a file is read as long as its content still has the SHA-256 that its root states; that is found
-out in a process of its own, which a damaged file may crash. `seal_again` restores the seal.
+out in a process of its own, which a damaged file may crash. One that is killed while it has the file open leaves a mark
+in the header, that the file is in use: such a file is read as well. `seal_again` restores seal and header.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
@@ -155,23 +156,54 @@ def _check_seal(path: Path) -> bool:
             if not tail.startswith(MARK) or len(tail) != _TAIL:
                 _check_content(path)
                 return False
-            digest = hashlib.sha256()
-            stream.seek(0)
-            left = size - _TAIL
-            while left > 0 and (chunk := stream.read(min(left, _CHUNK))):
-                digest.update(chunk)
-                left -= len(chunk)
+            stated, found = tail[len(MARK) : -1].decode("ascii", "replace"), _hash_sealed(stream, size)
+            is_marked = stated != found and _hash_sealed(stream, size, is_unmarked=True) == stated
     except OSError as error:
         if platform_calls.is_locked(error):
             raise RigInputError(f"{path}: {OPEN_ELSEWHERE}") from error
         raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    if tail[len(MARK) : -1] != digest.hexdigest().encode():
+    if stated != found:
         if platform_calls.is_held(path):
             raise RigInputError(f"{path}: {OPEN_ELSEWHERE}")
-        raise RigInputError(f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy")
+        if not is_marked:
+            raise RigInputError(f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy")
+        _warn(path, "another program was ended while it had it open for writing; but for that mark in its header")
     return True
 
 
+_IN_USE = slice(20, 24)
+"""Bytes of a header of version 0 or 1 in which the HDF5 library marks a file that is open for writing."""
+
+
+def _hash_sealed(stream: BinaryIO, size: int, is_unmarked: bool = False) -> str:
+    """Return the SHA-256 of what the seal of a file of ``size`` bytes covers, with or without a mark of its use."""
+    digest = hashlib.sha256()
+    stream.seek(0)
+    left = size - _TAIL
+    while left > 0 and (chunk := stream.read(min(left, _CHUNK))):
+        is_first = left == size - _TAIL
+        digest.update(_remove_mark(chunk) if is_first and is_unmarked else chunk)
+        left -= len(chunk)
+    return digest.hexdigest()
+
+
+def _remove_mark(begin: bytes) -> bytes:
+    is_known = begin.startswith(SIGNATURE) and begin[len(SIGNATURE) : len(SIGNATURE) + 1] in (b"\0", b"\1")
+    return begin[: _IN_USE.start] + bytes(4) + begin[_IN_USE.stop :] if is_known else begin
+
+
+def _warn(path: Path, reason: str) -> None:
+    """Warn, once a process, of a file that is read although its seal is not right."""
+    if (state := file_state(path)) not in _warned:
+        _warned.add(state)
+        warnings.warn(
+            f"{path}: {reason} its content is as it was sealed (SHA-256), so it is read; to seal it again:  "
+            f"pianorig recover {path.parent}",
+            stacklevel=3,
+        )
+
+
+_warned: set[tuple[str, int, int, int]] = set()
 _content_problem: dict[tuple[str, int, int, int], str] = {}
 """What is wrong with the content of files without a seal, by path and state; empty: nothing."""
 _ROOT = str(Path(__file__).resolve().parents[2])
@@ -184,11 +216,7 @@ def _check_content(path: Path, warn: bool = True) -> None:
     if state not in _content_problem:
         _content_problem[state] = _compare_content(path)
         if warn and not _content_problem[state]:
-            warnings.warn(
-                f"{path}: another program opened it for writing, which took its seal off; its content is as it was "
-                f"sealed (SHA-256), so it is read; to seal it again:  pianorig recover {path.parent}",
-                stacklevel=2,
-            )
+            _warn(path, "another program opened it for writing, which took its seal off;")
     if problem := _content_problem[state]:
         raise RigInputError(f"{path}: {problem}")
 
@@ -253,10 +281,15 @@ def array_sha256(values: NDArray[Any]) -> str:
 
 
 def has_seal(path: Path) -> bool:
-    """Whether a file ends with the line of a seal, right or wrong."""
+    """Whether a file ends with the line of a seal, and its header is not the one thing that contradicts it."""
     with refused(path, "read"), path.open("rb") as stream:
-        stream.seek(max(stream.seek(0, 2) - _TAIL, 0))
-        return stream.read().startswith(MARK)
+        size = stream.seek(0, 2)
+        stream.seek(max(size - _TAIL, 0))
+        tail = stream.read()
+        stated = tail[len(MARK) : -1].decode("ascii", "replace")
+        if not tail.startswith(MARK):
+            return False
+        return _hash_sealed(stream, size) == stated or _hash_sealed(stream, size, is_unmarked=True) != stated
 
 
 def seal_again(path: Path) -> None:
@@ -272,7 +305,7 @@ def seal_again(path: Path) -> None:
     with refused(path, "read"):
         whole = path.read_bytes()
     rest_of_seal = whole.rfind(MARK, max(len(whole) - _TAIL, 0))
-    whole = whole[:rest_of_seal] if rest_of_seal >= 0 else whole
+    whole = _remove_mark(whole[:rest_of_seal] if rest_of_seal >= 0 else whole)
     with replace_when_complete(path) as temporary:
         temporary.write_bytes(whole + MARK + hashlib.sha256(whole).hexdigest().encode() + b"\n")
         if file_state(path) != before:

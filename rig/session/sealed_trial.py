@@ -181,18 +181,28 @@ def trial_problem(path: Path) -> str:
     """Return why `read_trial` refuses a file, in one line; empty where it reads it."""
     try:
         state = file_state(path)
-        if state in _readable:
+        if state in _stated_number:
             return ""
-        read_trial(path)
+        number = read_trial(path).number
     except RigInputError as error:
         return str(error)
     except OSError as error:
         return f"{path}: cannot be read ({error.strerror or error})"
-    _readable.add(state)
+    _stated_number[state] = number
     return ""
 
 
-_readable: set[tuple[str, int, int, int]] = set()
+_stated_number: dict[tuple[str, int, int, int], int] = {}
+"""Number that a trial which can be read states itself, by path and state of its file."""
+
+
+def copied_trial(path: Path, number: int) -> str:
+    """Return the name of the trial beside a readable one that it is a copy of; empty for a trial of its own."""
+    stated = _stated_number.get(file_state(path), number)
+    original = path.with_name(f"trial_{stated:04d}.h5")
+    if stated == number or not original.is_file() or trial_problem(original):
+        return ""
+    return original.name if read_status(original) == read_status(path) else ""
 
 
 def read_status(path: Path) -> tuple[str, str]:

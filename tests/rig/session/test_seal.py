@@ -6,6 +6,7 @@ So is one that a program holds open. What is not as it was sealed is refused, wh
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -23,7 +24,7 @@ import pytest
 from rig import platform_calls
 from rig.errors import InputError
 from rig.session import TrialData
-from rig.session.folder import read_table, write_table
+from rig.session.folder import Trial, read_table, write_table
 from rig.session.seal import MARK, content_sha256, has_seal, seal_again
 from rig.session.sealed_trial import read_status, read_trial, trial_problem, write_trial
 from tests.rig.session.test_sealed_trial import assert_same, trial
@@ -163,6 +164,42 @@ def test_a_lock_is_named_where_the_trial_cannot_be_read_beside_it(sealed: Any, h
         assert "another program has it open" in trial_problem(path)
     seal_again(path)
     assert_same(read_trial(path), data)
+
+
+def test_a_trial_is_read_that_was_open_in_a_program_which_was_killed(sealed: Any) -> None:
+    path, data = sealed
+    whole = path.read_bytes()
+    path.chmod(0o644)
+    command = [sys.executable, "-c", HOLD, str(path), "r+"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None and other.stdout.readline() == "open\n"
+        other.kill()
+    marked = path.read_bytes()
+    assert [k for k in range(len(whole)) if marked[k] != whole[k]] == [20] and not has_seal(path)
+    with pytest.warns(UserWarning, match="was ended while it had it open") as seen:
+        assert_same(read_trial(path), data)
+        assert_same(read_trial(path), data)
+    assert len(seen) == 1
+    path.write_bytes(marked[:-200] + bytes([marked[-200] ^ 1]) + marked[-199:])
+    for use in (read_trial, seal_again):
+        with pytest.raises(InputError, match="altered|not what was sealed"):
+            use(path)
+    path.write_bytes(marked)
+    seal_again(path)
+    assert path.read_bytes() == whole and has_seal(path)
+
+
+def test_a_copy_of_a_trial_under_the_name_of_another_is_not_counted_twice(tmp_path: Path) -> None:
+    for number in (1, 2):
+        write_trial(tmp_path / f"trial_{number:04d}.h5", trial(40 + number, number=number))
+    trials = [Trial(tmp_path / f"trial_{number:04d}.h5", number, None) for number in (1, 2)]
+    assert [one.problem for one in trials] == ["", ""]
+    shutil.copy(tmp_path / "trial_0001.h5", tmp_path / "copy.h5")
+    os.replace(tmp_path / "copy.h5", tmp_path / "trial_0002.h5")
+    assert trials[0].problem == "" and trials[1].status == "unreadable"
+    assert "trial_0002.h5: is a copy of trial_0001.h5; restore trial 2" in trials[1].problem
+    os.replace(tmp_path / "trial_0001.h5", tmp_path / "trial_0003.h5")  # another number is no other trial
+    assert trials[1].problem == ""
 
 
 def test_a_derived_table_closed_unchanged_is_read_too(tmp_path: Path) -> None:
