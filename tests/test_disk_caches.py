@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import inspect
 import os
 import shutil
 import warnings
@@ -26,6 +27,15 @@ from vision import kernel_cache
 
 CACHES = pytest.mark.parametrize("cache", [disk_cache, kernel_cache], ids=["model", "vision"])
 Damage = Callable[[Path], None]
+
+
+def test_both_packages_keep_entries_by_the_same_lines() -> None:
+    def shared(cache: ModuleType) -> str:
+        source = inspect.getsource(cache)
+        begin = source.index("def read_entry")
+        return source[begin : source.index("class _VerifiedCache")]
+
+    assert shared(disk_cache) == shared(kernel_cache) and shared(disk_cache).count("\n") > 70
 
 
 def cut(path: Path, size: int) -> None:

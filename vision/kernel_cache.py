@@ -9,7 +9,9 @@ Numba's data file also states the key it was compiled for, since numba writes th
 
 A compiled function may call those of other files, or hold their constants: numba notices changes of the function's own
 file only, so that the digest of all files of `SOURCES` is part of the key.
-`model.kernels.disk_cache` does the same, because neither package imports the other.
+
+From ``read_entry`` to ``_VerifiedCache`` the lines are those of `model.kernels.disk_cache`: neither package may import
+the other, nor a third of ours. ``tests/test_disk_caches.py`` holds them equal.
 """
 
 from __future__ import annotations
@@ -52,11 +54,11 @@ def read_entry(path: Path) -> bytes | None:
     except FileNotFoundError:
         return None
     except OSError as error:
-        _warn_once("read", path, f"cannot be read ({error.strerror or error}); the function is compiled again")
+        _warn_once("read", path, f"cannot be read ({error.strerror or error}); the code is compiled again")
         return None
     content = data[:-DIGEST_BYTES]
     if data[-DIGEST_BYTES:] != _digest(path, content):
-        _warn_once("read", path, "is damaged; the function is compiled again")
+        _warn_once("read", path, "is damaged; the code is compiled again")
         return None
     return content
 
@@ -76,7 +78,7 @@ def write_entry(path: Path, content: bytes) -> None:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         reason = error.strerror or error
-        _warn_once("write", path, f"cannot be written ({reason}); the function is compiled at every start")
+        _warn_once("write", path, f"cannot be written ({reason}); the code is compiled at every start")
 
 
 def _digest(path: Path, content: bytes) -> bytes:
@@ -88,7 +90,7 @@ def _digest(path: Path, content: bytes) -> bytes:
 def _warn_once(kind: str, path: Path, reason: str) -> None:
     if kind not in _warned:
         _warned.add(kind)
-        warnings.warn(f"cache of compiled functions: {path}: {reason}", stacklevel=3)
+        warnings.warn(f"cache of compiled code: {path}: {reason}", stacklevel=3)
 
 
 class _VerifiedFile(IndexDataCacheFile):  # type: ignore[misc]

@@ -6,8 +6,10 @@ content. It is written under a temporary name, synchronised and renamed. An entr
 name or unreadable counts as absent: the kernel is compiled again and the entry replaced, with one warning a process.
 
 `verify_cache` has numba keep the entries of a compiled function in this way. Numba's data file also states the key it
-was compiled for, since numba writes the index, which names it, first. `vision.kernel_cache` does the same, because
-neither package imports the other.
+was compiled for, since numba writes the index, which names it, first.
+
+From ``read_entry`` to ``_VerifiedCache`` the lines are those of `vision.kernel_cache`: neither package may import the
+other, nor a third of ours. ``tests/test_disk_caches.py`` holds them equal.
 """
 
 from __future__ import annotations
@@ -35,11 +37,11 @@ def read_entry(path: Path) -> bytes | None:
     except FileNotFoundError:
         return None
     except OSError as error:
-        _warn_once("read", path, f"cannot be read ({error.strerror or error}); the kernel is compiled again")
+        _warn_once("read", path, f"cannot be read ({error.strerror or error}); the code is compiled again")
         return None
     content = data[:-DIGEST_BYTES]
     if data[-DIGEST_BYTES:] != _digest(path, content):
-        _warn_once("read", path, "is damaged; the kernel is compiled again")
+        _warn_once("read", path, "is damaged; the code is compiled again")
         return None
     return content
 
@@ -59,7 +61,7 @@ def write_entry(path: Path, content: bytes) -> None:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         reason = error.strerror or error
-        _warn_once("write", path, f"cannot be written ({reason}); the kernel is compiled at every start")
+        _warn_once("write", path, f"cannot be written ({reason}); the code is compiled at every start")
 
 
 def _digest(path: Path, content: bytes) -> bytes:
@@ -71,7 +73,7 @@ def _digest(path: Path, content: bytes) -> bytes:
 def _warn_once(kind: str, path: Path, reason: str) -> None:
     if kind not in _warned:
         _warned.add(kind)
-        warnings.warn(f"cache of compiled kernels: {path}: {reason}", stacklevel=3)
+        warnings.warn(f"cache of compiled code: {path}: {reason}", stacklevel=3)
 
 
 class _VerifiedFile(IndexDataCacheFile):  # type: ignore[misc]
