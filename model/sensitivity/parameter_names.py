@@ -16,10 +16,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from model.elements.laws.known import LAWS
 from model.errors import InputError
 from model.kernels import layout as L
-from model.parameters.action import CONTACTS, Action
+from model.parameters.action import Action
 from model.parameters.scaling import named_paths
 from model.scene.build import Scene, build_scene
 from model.scene.key_motion import KeyMotion
@@ -221,12 +220,6 @@ def directions(
     """
     choice.check(action)
     scene = build_scene(action, choice, key_motion)
-    for contact in scene.contacts:
-        if contact in CONTACTS and (law := LAWS[action.law(contact)]).jump:
-            raise InputError(
-                f"{contact}.law {law.name}: {law.jump}; derivatives would be wrong there: write a memory whose rate is "
-                "continuous, or take differences of runs"
-            )
     build = partial(build_scene, choice=choice, key_motion=key_motion)
     slope = np.zeros((len(parameters), len(scene.vector)))
     switching = {

@@ -61,6 +61,13 @@ def law_force_n(scene: Scene, c: int, contact: Array, memory: Array) -> float:
     return found
 
 
+def describe_jumps(scene: Scene) -> str:
+    """Return a clause that names the laws of a scene that jump with their usual numbers; empty where there is none."""
+    s = Structure(scene.tables)
+    jumps = [f"{scene.contacts[c]}.law {law.name}: {law.jump}" for c in range(len(s.contact)) if (law := s.law(c)).jump]
+    return f"; no step may get across a jump: {'; '.join(jumps)}" if jumps else ""
+
+
 def describe_pull(scene: Scene, time_s: float, state: tuple[Array, Array, Array], u: float) -> str:
     """The sentence where a run stopped at a state because felt would pull next; empty where that was not why.
 

@@ -27,7 +27,7 @@ from model.kernels import workspace as W
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
 from model.scene.build import Scene
 from model.scene.key_motion import with_moved
-from model.simulation.felt_that_pulls import describe_pull
+from model.simulation.felt_that_pulls import describe_jumps, describe_pull
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import with_pins
 from model.simulation.string_motion import lost_meanwhile, straight, swung_on
@@ -309,7 +309,10 @@ class Simulation:
             if pulls:
                 raise InputError(pulls)
         if status in _ADVICE:
-            raise IntegrationError(f"simulation stopped at t = {time:.6g} s{self._extremes()}: {_ADVICE[status]}")
+            jumps = describe_jumps(self.scene) if status == STEP_TOO_SMALL else ""
+            raise IntegrationError(
+                f"simulation stopped at t = {time:.6g} s{self._extremes()}: {_ADVICE[status]}{jumps}"
+            )
         if not (np.all(np.isfinite(out_q)) and np.all(np.isfinite(out_v))):
             row = int(np.argmin(np.all(np.isfinite(out_q) & np.isfinite(out_v), axis=1)))
             raise IntegrationError(f"simulation: no finite state at t = {outputs[row]:.6g} s; {_ADVICE[NOT_FINITE]}")

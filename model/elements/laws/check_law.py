@@ -123,6 +123,11 @@ def check_members(law: Law) -> None:
     if not isinstance(law.numbers, Mapping):
         raise InputError(f"{locate(law)}: numbers: found {_show(law.numbers)}, allowed a dict of Number by name")
     for name, n in law.numbers.items():
+        if not (isinstance(name, str) and name.isidentifier() and name.isascii()):
+            raise InputError(
+                f"{locate(law)}: numbers: found {name!r}, allowed a name of letters, digits and _, for paths such as "
+                f"contact02.{law.name}.k"
+            )
         if not isinstance(n, Number) or not all(map(_is_finite, (n.value, n.u))):
             raise InputError(
                 f"{locate(law)}: {name}: found {n}, allowed a Number with low <= value <= high, u from 0: "
@@ -153,7 +158,7 @@ def trace_law(law: Law) -> Traced:
     given = call_method(law, "packed", "contact01", usual, TRIED_ON)
     try:
         count, packed = int(given[0]), tuple(float(x) for x in given[1])
-    except (TypeError, ValueError, IndexError):
+    except (TypeError, ValueError, LookupError):
         raise InputError(
             f"{locate(law)}: packed: found {_show(given)}, allowed the number of memories and a row of numbers"
         ) from None

@@ -61,7 +61,7 @@ def add_law(law: Law) -> None:
 
     Warns
     -----
-    UserWarning : force or rate of a memory jump along these presses; derivatives of runs are refused then
+    UserWarning : force or rate of a memory jump along these presses; derivatives of runs that cross it are refused
 
     Examples
     --------
@@ -96,8 +96,8 @@ def add_law(law: Law) -> None:
     LAWS[found] = _numbered[law.number] = law
     if law.jump:
         warnings.warn(
-            f"{locate(law)}: {law.jump}; runs go on, derivatives of runs are refused: write a memory whose rate is "
-            "continuous where felt begins to press, as stulov's is",
+            f"{locate(law)}: {law.jump}; runs go on, derivatives of those that cross it are refused: write a "
+            "memory whose rate is continuous where felt begins to press, as stulov's is",
             stacklevel=2,
         )
 

@@ -17,6 +17,7 @@ from model.elements.laws.curve import loading, steepness, stored
 from model.elements.laws.felt_law import Felt, Law, Number
 from model.elements.laws.known import LAWS
 from model.elements.laws.stulov import surface_energy
+from model.simulation.felt_that_pulls import describe_jumps
 
 
 @pytest.fixture(autouse=True)
@@ -208,12 +209,13 @@ class Zener(Law):
 
 
 def test_a_rate_that_jumps_is_told_when_added_and_derivatives_are_refused() -> None:
-    with pytest.warns(UserWarning, match=r"felt law zener: the rate of memory 1 jumps by .* derivatives of runs are"):
+    with pytest.warns(UserWarning, match=r"felt law zener: the rate of memory 1 jumps by .* derivatives of those that"):
         model.add_law(Zener())
     action = model.load_action().with_laws({"contact12": "zener"})
-    with pytest.raises(model.InputError, match=r"contact12.law zener: the rate of memory 1 jumps") as caught:
-        model.sensitivities(action, model.force_table("forte"), ["hammer.mass"])
-    assert "take differences of runs" in str(caught.value)
+    time_s, force_n = model.force_table("forte")
+    # the steps of the derivatives' own run, which are finer, may not get across
+    with pytest.raises((model.InputError, model.IntegrationError), match=r"contact12.law zener: the rate of .* jumps"):
+        model.sensitivities(action, (time_s[:650], force_n[:650]), ["hammer.mass"])
 
 
 @pytest.mark.parametrize("built_in", ["hunt-crossley", "stulov", "hysteresis"])
@@ -229,6 +231,28 @@ def test_a_force_that_jumps_inside_is_told() -> None:
     law = forced(lambda felt: (slow(felt) > 0.0, where(felt.depth > 3e-4, 1.2 * slow(felt), slow(felt))))
     with pytest.warns(UserWarning, match=r"its force jumps by .* at depth 0.3 mm"):
         model.add_law(law)
+
+
+def test_a_run_that_stops_at_a_jump_names_the_law() -> None:
+    law = forced(lambda felt: (slow(felt) > 0.0, where(felt.depth > 3e-4, 1.2 * slow(felt), slow(felt))))
+    with pytest.warns(UserWarning, match="its force jumps"):
+        model.add_law(law)
+    action = model.load_action()
+    scene = model.build_scene(action.with_laws({"contact12": law.name}), model.choice_of(action))
+    assert f"contact12.law {law.name}: its force jumps by" in describe_jumps(scene)
+    assert describe_jumps(model.build_scene(action, model.choice_of(action))) == ""
+
+
+def test_a_row_of_numbers_and_names_that_no_path_can_have_are_refused() -> None:
+    class Named(Plain):
+        name = "named"
+        numbers = {"d.0": Number(1.0, "1", 0.1, 0.0, 10.0, "a guess")}
+
+    with pytest.raises(model.InputError, match="felt law named: numbers: found 'd.0', allowed a name of letters"):
+        model.add_law(Named())
+    packs = type("Packs", (Plain,), {"name": "packs", "packed": lambda self, contact, values, curve: dict(values)})
+    with pytest.raises(model.InputError, match="felt law packs: packed: found .* allowed the number of memories"):
+        model.add_law(packs())
 
 
 def test_numbers_of_numpy_and_whole_powers_calculate_as_plain_ones() -> None:
