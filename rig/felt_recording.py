@@ -39,6 +39,7 @@ from rig.configuration.rig_file import FeltConfig, Rig, RigConfig, load_rig, par
 from rig.configuration.toml_file import dump_toml
 from rig.errors import RigInputError
 from rig.guided_calibration import changed
+from rig.mains_hum import fit_mains_hum
 from rig.recording.options import RecordingKeywords, RecordingOptions
 from rig.recording.trial_plan import Entry
 from rig.recording.trial_run import new_session, record_entries
@@ -54,7 +55,6 @@ FEWEST_SAMPLES = 3
 """Of a point."""
 LOWEST, HIGHEST = 0.07, 0.92
 """Part of the way that counts: between where the speed is reached and where it is left."""
-HARMONICS = 3
 HUM_HZ = 0.15
 """How far the mains may be from its nominal frequency."""
 LEAST_COUNTS = 20
@@ -146,18 +146,10 @@ def _pressed(trial: TrialData, quiet: int) -> tuple[Array, float]:
     calm[-int(0.15 * trial.sample_rate_hz) :] = True
     late = np.arange(n) > n // 2
     nominal = trial.force_info.mains_frequency_hz
-    best: tuple[float, Array, Array] | None = None
-    for mains in nominal + np.linspace(-HUM_HZ, HUM_HZ, 31):
-        waves = [f(2 * np.pi * k * mains * t) for k in range(1, HARMONICS + 1) for f in (np.sin, np.cos)]
-        terms = np.column_stack([~late, late, *waves])  # a felt that has not come back rests at another force
-        found, *_ = np.linalg.lstsq(terms[calm], trial.force_n[calm], rcond=None)
-        left = trial.force_n[calm] - terms[calm] @ found
-        if best is None or float(left @ left) < best[0]:
-            best = float(left @ left), terms, found
-    assert best is not None
-    _, terms, found = best
-    hum = terms[:, 2:] @ found[2:]
-    return trial.force_n - hum - found[0] + trial.force_info.preload_n, float(np.sqrt(best[0] / calm.sum()))
+    rest = np.column_stack([~late, late]).astype(float)  # a felt that has not come back rests at another force
+    fit = fit_mains_hum(t, trial.force_n, calm, nominal + np.linspace(-HUM_HZ, HUM_HZ, 31), rest)
+    scatter = float(np.sqrt(np.mean(fit.residual**2)))
+    return trial.force_n - fit.hum - fit.rest[0] + trial.force_info.preload_n, scatter
 
 
 def _between(moved: Array, start: int, top: int, low: float) -> tuple[int, int]:

@@ -31,6 +31,7 @@ from rig.configuration import toml_file
 from rig.configuration.profile import Profile, motor_command, parse_profile
 from rig.configuration.rig_file import RigConfig
 from rig.errors import RigInputError, refuse
+from rig.mains_hum import fit_mains_hum
 from rig.session.trial_data import TrialData
 
 LEAD_S = 0.05
@@ -242,7 +243,6 @@ def _cut(name: str, force: NDArray[np.float64], rest_n: float, onset: int, botto
 
 CUTOFF_HZ = 150.0
 FADE_S = 0.01
-HARMONICS = (1, 2, 3)
 LATE_S = 0.0015
 GUARD_S = 0.001
 """Learning ends this long before key bottom: a zero-phase filter spreads the spike backwards."""
@@ -272,12 +272,9 @@ def measured_force(data: TrialData, target: TargetForce, start_s: float) -> Meas
 
 def _resting(data: TrialData) -> NDArray[np.float64]:
     """Mean and mains hum of the force before the blow, continued over the whole trial, (n,)."""
-    mains = 2 * np.pi * data.force_info.mains_frequency_hz
-    waves = [wave(k * mains * data.time_s) for k in HARMONICS for wave in (np.cos, np.sin)]
-    basis = np.column_stack([np.ones_like(data.time_s), *waves])
-    before = data.time_s < data.blow_start_s
-    fit, *_ = np.linalg.lstsq(basis[before], data.force_n[before], rcond=None)
-    return np.asarray(basis @ fit)
+    mains_hz = np.array([data.force_info.mains_frequency_hz])
+    fit = fit_mains_hum(data.time_s, data.force_n, data.time_s < data.blow_start_s, mains_hz)
+    return fit.rest + fit.hum
 
 
 def window(target: TargetForce, measured: Measured) -> NDArray[np.bool_]:

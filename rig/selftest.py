@@ -33,6 +33,7 @@ from rig.backend import Backend, Block, Capabilities, Expiry, Timing
 from rig.configuration import toml_file
 from rig.configuration.rig_file import BODIES, Number, Rig, RigConfig, SelftestConfig, Table, Text
 from rig.errors import HardwareFault, NotPermitted, RigInputError
+from rig.mains_hum import fit_mains_hum
 
 SCHEMA: Literal["piano-action-rig selftest 1"] = "piano-action-rig selftest 1"
 
@@ -219,7 +220,6 @@ FITTED_S = 0.012
 EARLIEST_S, LATEST_S = -2e-3, 15e-3
 """Where the edge is looked for, beside the time at which it should be."""
 RINGING_HZ = (80.0, 2400.0)
-HARMONICS = 3
 SHAPE_SAMPLES = 0.1
 """Standard uncertainty for a bench that does not ring like the fitted curve, samples."""
 Array = NDArray[np.float64]
@@ -243,10 +243,8 @@ def without_hum(force_n: Array, rate_hz: float, mains_hz: float, delay: int) -> 
         end = lead + (k + 1) * (push + pause) + delay
         quiet[end - pause // 2 : end] = True
     t = np.arange(force_n.size) / rate_hz
-    waves = [f(2 * np.pi * order * mains_hz * t) for order in range(1, HARMONICS + 1) for f in (np.sin, np.cos)]
-    terms = np.column_stack([np.ones(t.size), t, *waves])
-    found, *_ = np.linalg.lstsq(terms[quiet], force_n[quiet], rcond=None)
-    return force_n - terms @ found
+    fit = fit_mains_hum(t, force_n, quiet, np.array([mains_hz]), np.column_stack([np.ones(t.size), t]))
+    return force_n - fit.rest - fit.hum
 
 
 def fit_edge(response_n: Array, rate_hz: float, at_sample: float) -> Edge | None:

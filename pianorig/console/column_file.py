@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import model
-from model.files.atomic_write import whole_file
 from model.parameters.action import LAW
 from pianorig.errors import CommandInputError
+from rig.atomic_write import replace_when_complete
 
 if TYPE_CHECKING:  # start-up: NumPy and pandas would be loaded by every --help
     import numpy as np
@@ -128,7 +128,7 @@ def write_columns(
     CommandInputError : unknown ending, or the file cannot be written
     """
     check_writable(path, ".csv", ".h5")
-    with whole_file(path, ADVICE) as part:
+    with replace_when_complete(path) as part:
         if path.suffix == ".csv":
             _write_csv(part, columns)
         else:
@@ -138,7 +138,7 @@ def write_columns(
 def write_table(path: Path, table: pd.DataFrame) -> None:
     """Write a pandas table as CSV, whole or not at all."""
     check_writable(path)
-    with whole_file(path, ADVICE) as part:
+    with replace_when_complete(path) as part:
         table.to_csv(part, index=False)
 
 

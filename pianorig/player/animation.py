@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
-from model.files.atomic_write import whole_file
 from model.inside.labels import contact_label, input_label
 from model.inside.seen_motion import SeenMotion
 from pianorig.player.moving_action import moving_action, pack, unpack
+from rig.atomic_write import replace_when_complete
 from validation.curves.display_signs import TITLE, degrees
 from vision.output.colours import colour_of
 
@@ -189,5 +189,5 @@ def write_blow_animation(
     times = pack(seen.time_s[rows])
     curves = [{**curve, "time_s": times} for curve in curves]
     text = animation_html(Animation(f"{action.name}: a blow", [("Model", drawing)], curves, []))
-    with whole_file(path) as part:
+    with replace_when_complete(path) as part:
         part.write_text(text, encoding="utf-8")

@@ -15,7 +15,7 @@ import numpy as np
 
 from pianorig.errors import CommandInputError
 from rig.atomic_write import write_text
-from rig.configuration.toml_file import dump_toml
+from rig.configuration.toml_file import dump_toml, toml_value
 from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable, known
 from rig.foreign.csv_file import parse_csv, read_text
@@ -178,7 +178,8 @@ def _proposal(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> 
     body = ["", "[time]", *_time_lines(table, time), "", "[force]", *_force_lines(table, force)]
     for name, (channel, unit) in encoders.items():
         body += [
-            "", "[[encoders]]", f"name = {_text(name)}", f"channel = {_text(channel)}", f"unit = {_text(unit)}",
+            "", "[[encoders]]",
+            *(f"{key} = {toml_value(text)}" for key, text in (("name", name), ("channel", channel), ("unit", unit))),
             *(f"counter_bits = {bits}" for bits in COUNTER_BITS if _wraps(table, channel, unit, bits)),
             f"counts_per_revolution = {COUNTS_PER_REVOLUTION[name]}{CHECK}of your encoder, quadrature included"
             if unit == "counts"
@@ -191,11 +192,6 @@ def _proposal(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> 
         problem = _problem(tables, "\n".join([*head, *body]))
     text = "\n".join([*head, *body]) + "\n"
     return {"mapping": text} | ({"does_not_import_yet": problem} if problem else {})
-
-
-def _text(value: str) -> str:
-    """Return a text as TOML writes it."""
-    return dump_toml({"x": value}).strip().removeprefix("x = ")
 
 
 def _encoders(table: ChannelTable, taken: list[str], group: str) -> dict[str, tuple[str, str]]:
@@ -220,7 +216,7 @@ def _wraps(table: ChannelTable, channel: str, unit: str, bits: int) -> bool:
 def _time_lines(table: ChannelTable, time: str | None) -> list[str]:
     """Return the lines of ``[time]``."""
     if time is not None:
-        return [f"channel = {_text(time)}", f"unit = {_text(known(table.units.get(time, '')) or 's')}"]
+        return [f"channel = {toml_value(time)}", f"unit = {toml_value(known(table.units.get(time, '')) or 's')}"]
     clock = next(iter(table.clocks.values()), None)
     if clock is None:
         return [f"sample_rate_hz = 1000.0{CHECK}the file states no times; with which rate was it recorded?"]
@@ -235,7 +231,7 @@ def _force_lines(table: ChannelTable, force: str) -> list[str]:
     """Return the lines of ``[force]``."""
     unit = known(table.units.get(force, ""))
     said = "" if unit else f"{CHECK}the file states no unit of the force"
-    lines = [f"channel = {_text(force)}", f"unit = {_text(unit or 'N')}{said}"]
+    lines = [f"channel = {toml_value(force)}", f"unit = {toml_value(unit or 'N')}{said}"]
     if unit is not None and unit not in NEWTONS:
         lines.append(f"newtons_per_unit = 1.0{CHECK}newtons per {unit}, by the calibration of the load cell")
     return lines

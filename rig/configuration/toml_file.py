@@ -6,7 +6,6 @@ key must not pass unnoticed), and NaN and infinity as a setting.
 
 from __future__ import annotations
 
-import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
+import tomli_w
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
@@ -126,47 +126,24 @@ def _shown(value: object) -> str:
 
 
 def dump_toml(table: Mapping[str, Any]) -> str:
-    """Write nested mappings, lists and scalars as TOML text that :mod:`tomllib` reads back to the same
-    values.
+    """Write nested mappings, lists and scalars as TOML text that :mod:`tomllib` reads back to the same values.
 
     ``None`` values are left out (TOML has no null).
     """
-    lines: list[str] = []
-    _dump_table(table, (), lines)
-    return "\n".join(lines).lstrip("\n") + "\n"
-
-
-def _dump_table(table: Mapping[str, Any], path: tuple[str, ...], lines: list[str]) -> None:
-    nested = {key: value for key, value in table.items() if isinstance(value, Mapping)}
-    scalars = {key: value for key, value in table.items() if key not in nested and value is not None}
-    if path and (scalars or not nested):
-        lines.append("\n[" + ".".join(_bare(part) for part in path) + "]")
-    lines += [f"{_bare(key)} = {toml_value(value)}" for key, value in scalars.items()]
-    for key, value in nested.items():
-        _dump_table(value, (*path, key), lines)
-
-
-def _bare(key: str) -> str:
-    return key if key and all(c.isascii() and (c.isalnum() or c in "_-") for c in key) else _string(key)
-
-
-def _string(text: str) -> str:
-    text = text.encode("utf-8", "replace").decode("utf-8")  # a lone surrogate has no TOML form
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return tomli_w.dumps(_writable(table))
 
 
 def toml_value(value: object) -> str:
-    """Return the text of one value."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        return repr(float(value))  # a float64 of numpy is one, and says so of itself
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, str):
-        return _string(value)
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_bare(k)} = {toml_value(v)}" for k, v in value.items() if v is not None) + "}"
-    if isinstance(value, Sequence):
+    """Return the text of one value, on one line."""
+    if isinstance(value, Sequence) and not isinstance(value, str):
         return "[" + ", ".join(toml_value(item) for item in value) + "]"
-    raise TypeError(f"no TOML form for {type(value).__name__}")
+    return dump_toml({"x": value}).strip().removeprefix("x = ")
+
+
+def _writable(value: Any) -> Any:
+    """The value without ``None`` in tables, and with a sign for every lone surrogate, which has no TOML form."""
+    if isinstance(value, str):
+        return value.encode("utf-8", "replace").decode("utf-8")
+    if isinstance(value, Mapping):
+        return {_writable(key): _writable(item) for key, item in value.items() if item is not None}
+    return [_writable(item) for item in value] if isinstance(value, Sequence) else value

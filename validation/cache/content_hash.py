@@ -16,6 +16,8 @@ from importlib.util import find_spec
 from numbers import Integral, Real
 from pathlib import Path
 
+from rig.atomic_write import sha256_of_file
+
 LIBRARIES = ("numpy", "scipy", "pandas", "matplotlib", "numba", "h5py", "jinja2")
 SOURCES = {".py", ".toml", ".json", ".j2", ".css", ".js"}
 
@@ -92,16 +94,13 @@ def _array_parts(value: object) -> Iterator[bytes]:
         raise TypeError(f"{value!r} is a {type(value).__name__}: its content cannot be hashed")
 
 
-def file_sha256(file: Path) -> str:
-    """Hash of a file's bytes."""
-    return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
 @cache
 def code_sha256(package: str, without: str = "") -> str:
     """Hash of a package's source, except one of its folders, and of the versions of the libraries that compute."""
     files = [
-        (name, file_sha256(file)) for name, file in sources(package) if not (without and name.startswith(f"{without}/"))
+        (name, sha256_of_file(file))
+        for name, file in sources(package)
+        if not (without and name.startswith(f"{without}/"))
     ]
     return sha256_of((files, list(library_versions())))
 

@@ -12,9 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rig.atomic_write import write_text
+from rig.atomic_write import sha256_of_file, write_text
 from rig.errors import RigInputError
-from validation.cache.content_hash import code_sha256, file_sha256, result_key
+from validation.cache.content_hash import code_sha256, result_key
 from validation.errors import ValidationInputError
 
 NAME = "report.inputs.json"
@@ -60,14 +60,14 @@ def inputs_sha256(sessions: Sequence[Path], actions: Sequence[str], options: Map
         All other options of the report; plain values.
     """
     recorded = [(session.name, _session_files(session)) for session in sessions]
-    models = [(action, file_sha256(Path(action)) if Path(action).is_file() else "") for action in actions]
+    models = [(action, sha256_of_file(Path(action)) if Path(action).is_file() else "") for action in actions]
     text = json.dumps(dict(options), sort_keys=True, default=str)
     return result_key("report", tuple(map(code_sha256, PACKAGES)), (recorded, models, text))
 
 
 def _session_files(session: Path) -> list[tuple[str, str]]:
     files = [file for pattern in SESSION_FILES for file in sorted(session.glob(pattern))]
-    return [(file.relative_to(session).as_posix(), file_sha256(file)) for file in files]
+    return [(file.relative_to(session).as_posix(), sha256_of_file(file)) for file in files]
 
 
 def stored_report(folder: Path, inputs: str) -> StoredReport | None:
@@ -77,7 +77,7 @@ def stored_report(folder: Path, inputs: str) -> StoredReport | None:
         if content["schema"] != SCHEMA or content["inputs_sha256"] != inputs:
             return None
         files = {str(name): folder / str(name) for name in content["files_sha256"]}
-        if any(file_sha256(files[name]) != sha for name, sha in content["files_sha256"].items()):
+        if any(sha256_of_file(files[name]) != sha for name, sha in content["files_sha256"].items()):
             return None
         return StoredReport([str(line) for line in content["verdict_lines"]], files, str(content["made_utc"]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
@@ -92,7 +92,7 @@ def store_report(
         "schema": SCHEMA,
         "made_utc": made_utc,
         "inputs_sha256": inputs,
-        "files_sha256": {name: file_sha256(path) for name, path in files.items()},
+        "files_sha256": {name: sha256_of_file(path) for name, path in files.items()},
         "verdict_lines": list(verdict_lines),
     }
     try:

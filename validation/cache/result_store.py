@@ -8,7 +8,6 @@ cannot differ. What is missing, altered or unreadable counts as not computed; wh
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -21,7 +20,7 @@ from typing import Any
 
 import pandas as pd
 
-from rig.atomic_write import write_text
+from rig.atomic_write import sha256_of_bytes, write_text
 from rig.errors import RigInputError
 from rig.session import Session
 from validation.cache.content_hash import code_sha256, result_key
@@ -183,7 +182,7 @@ def _newest(lines: dict[str, str]) -> Iterator[str]:
 
 
 def _head(body: str) -> str:
-    return f"{SCHEMA} {hashlib.sha256(body.encode()).hexdigest()}\n"
+    return f"{SCHEMA} {sha256_of_bytes(body.encode())}\n"
 
 
 def _read(file: Path) -> dict[str, str]:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import model
-from model.files.atomic_write import whole_file
 from model.parameters.write_toml import action_text
+from rig.atomic_write import write_text
 from validation.identification.estimates import IDENTIFIED
 from validation.identification.further import Prospect
 from validation.identification.page import render_identification
@@ -39,8 +39,7 @@ def write_identified(found: Identification, path: str | Path) -> None:
     >>> validation.write_identified(found, "identified.toml")
     """
     target = check_target(path)
-    with whole_file(target) as part:
-        part.write_text(identified_text(found), encoding="utf-8", newline="\n")
+    write_text(target, identified_text(found))
 
 
 def identified_text(found: Identification) -> str:

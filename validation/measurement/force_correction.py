@@ -2,8 +2,8 @@
 
 Conventions: force positive downwards; sample i of the force was taken at ``time_s[i] - group_delay_s``, so the delay
 moves the force's time axis and never its values; nothing is ever smoothed or resampled. Source:
-docs/explanation/uncertainty.md and acquisition.md. Mains hum is fitted by two rules: on a force where it helps
-(`fit_hum`), on a position whose mains are declared whatever it gains (`hum_at`).
+docs/explanation/uncertainty.md and acquisition.md. Mains hum of a force is subtracted where it helps
+(`fit_hum`); of a position whose mains are declared whatever it gains (`rig.mains_hum`).
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from scipy.special import fdtri
 
 from model.arrays import as_numbers
 from model.files.time_table import two_columns
+from rig.mains_hum import HARMONICS, hum_terms
 from validation.conventions import Array
 from validation.errors import TrialError
 
-HARMONICS = 3
 SEARCH_HZ = 0.2
 SEARCH_BASELINE_S = 0.2
 MAINS_HZ = (50.0, 60.0)
@@ -79,13 +79,7 @@ class HumFit:
 
 
 def _design(time: Array, frequency_hz: float) -> Array:
-    turn = 2 * np.pi * frequency_hz * time
-    first = np.cos(turn) + 1j * np.sin(turn)
-    columns, harmonic = [np.ones(time.shape)], first
-    for k in range(1, HARMONICS + 1):  # by products: sines cost most of a trial's correction
-        columns += [harmonic.real, harmonic.imag]
-        harmonic = harmonic * first if k < HARMONICS else harmonic
-    return np.column_stack(columns)
+    return np.column_stack([np.ones(time.shape), hum_terms(time, frequency_hz)])
 
 
 def _solve(time: Array, force: Array, frequency_hz: float) -> tuple[Array, float]:
@@ -94,31 +88,6 @@ def _solve(time: Array, force: Array, frequency_hz: float) -> tuple[Array, float
     # seven nearly orthogonal columns: the normal equations are well conditioned and cheap
     coefficient = np.linalg.solve(design.T @ design, design.T @ force)
     return np.asarray(coefficient, dtype=float), float(np.sum((force - design @ coefficient) ** 2))
-
-
-def hum_at(time_s: Array, reading: Array, quiet: int, mains_hz: float) -> tuple[Array, Array]:
-    """Hum of a reading of known mains, whatever it gains: what positions need, whose ruler is steep.
-
-    Parameters
-    ----------
-    time_s, reading : (n,) arrays
-    quiet : int
-        First samples, at rest, that it is fitted to.
-    mains_hz : float
-
-    Returns
-    -------
-    hum, u : (n,) arrays
-        The sinusoids, and the standard uncertainty of hum and level together, in the unit of the reading.
-    """
-    turns = [2.0 * np.pi * mains_hz * k * time_s for k in range(1, HARMONICS + 1)]
-    design = np.column_stack([np.ones(time_s.size), *(wave(turn) for turn in turns for wave in (np.sin, np.cos))])
-    still = design[:quiet]
-    fitted = np.linalg.lstsq(still, reading[:quiet], rcond=None)[0]
-    left = reading[:quiet] - still @ fitted
-    variance = float(left @ left) / max(quiet - fitted.size, 1)
-    u = np.sqrt(variance * np.einsum("ij,jk,ik->i", design, np.linalg.pinv(still.T @ still), design))
-    return design[:, 1:] @ fitted[1:], u
 
 
 def _search(time: Array, force: Array, centre_hz: float) -> float:

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rig.mains_hum import fit_mains_hum
 from rig.session import Session, TrialData
 from rig.session.info import ChannelInfo
 from rig.session.ruler import Position, ruler_curve
 from validation.conventions import Array
 from validation.errors import TrialError, ValidationInputError
-from validation.measurement.force_correction import hum_at
 from validation.measurement.measure_session import usable_trials
 from validation.measurement.sample_fingerprints import sample_fingerprints
 
@@ -144,7 +144,8 @@ def _measure(data: TrialData, name: str, body: str) -> Measured:
             f"stroke; needed {1e3 * max(needed, FEWEST) / data.sample_rate_hz:.0f}, for in less than a period hum has "
             "a level of its own; the stroke is left out"
         )
-    hum, u_reading = hum_at(data.time_s, reading[:, k], quiet, mains_hz)
+    at_rest = np.arange(data.time_s.size) < quiet
+    _, hum, _, _, u_reading = fit_mains_hum(data.time_s, reading[:, k], at_rest, np.array([mains_hz]))
     lacking = max(1.0 - quiet / (QUIET_S * data.sample_rate_hz), 0.0)
     zero = float(np.median((reading[:, k] - hum)[:quiet])) - float(info.ruler.reading[0])
     values = reading.copy()

@@ -5,7 +5,6 @@ Conventions: each trial's own corrected force drives the model from rest under t
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,6 +12,7 @@ from functools import cached_property
 import model
 from model.errors import ModelError
 from model.force_driven import simulate as own_simulate
+from rig.atomic_write import sha256_of_bytes
 from validation.cache.content_hash import code_sha256
 from validation.cache.result_store import ResultStore
 from validation.conventions import Array
@@ -150,4 +150,4 @@ def model_version(predict: Callable[..., model.Solution]) -> str:
 def action_sha256(action: model.Action) -> str:
     """Hash of all parameter values and of which bodies and shapes they belong to."""
     structure = "\n".join(f"{path}={text}" for path, text in sorted(action.structure.items()))
-    return hashlib.sha256(f"{action.content()}\n{structure}".encode()).hexdigest()
+    return sha256_of_bytes(f"{action.content()}\n{structure}".encode())

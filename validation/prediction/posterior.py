@@ -8,7 +8,6 @@ holds them in its table ``[identification.posterior]`` (docs/explanation/identif
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
+from rig.atomic_write import sha256_of_bytes
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.measurement.sample_fingerprints import are_same_samples
@@ -195,8 +195,8 @@ def digests(action: model.Action, provenance: Mapping[str, Any], posterior: Mapp
     origin = json.dumps([provenance.get(TRIALS), provenance.get(EARLIER, []), posterior], sort_keys=True)
     structure = sorted((path, text) for path, text in action.structure.items() if path != "name")
     return {
-        VALUES_SHA256: _sha256(f"{action.content()}\n{structure}"),
-        ORIGIN_SHA256: _sha256(origin),
+        VALUES_SHA256: sha256_of_bytes(f"{action.content()}\n{structure}".encode()),
+        ORIGIN_SHA256: sha256_of_bytes(origin.encode()),
     }
 
 
@@ -217,10 +217,6 @@ def altered(action: model.Action) -> list[str]:
     elif table[VALUES_SHA256] != now[VALUES_SHA256]:
         said.append(f"values in {action.origin} were edited after it was written")
     return said
-
-
-def _sha256(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
 def _by_hand(action: model.Action) -> str:

@@ -10,6 +10,8 @@ import contextlib
 import os
 from pathlib import Path
 
+from rig.atomic_write import replace_when_complete
+from rig.errors import RigInputError
 from validation.errors import InputError, ValidationInputError
 
 
@@ -54,27 +56,22 @@ def write_files(folder: Path, texts: dict[str, str | bytes]) -> dict[str, Path]:
         Relative name → path.
     """
     made: list[Path] = []
-    parts: list[tuple[Path, Path]] = []
     try:
-        for name, text in texts.items():
-            path = folder / name
-            _make(path.parent, made)
-            part = path.with_name(f".{path.name}.{os.getpid()}.part")
-            parts.append((part, path))
-            part.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8"))
-        for _, path in parts:
-            if path.is_dir():
-                raise IsADirectoryError(21, "is a folder", str(path))
-        for part, path in parts:
-            os.replace(part, path)
-    except OSError as error:
-        for part, _ in parts:
-            with contextlib.suppress(OSError):
-                part.unlink()
+        with contextlib.ExitStack() as whole:
+            for name, text in texts.items():
+                path = folder / name
+                _make(path.parent, made)
+                if path.is_dir():
+                    raise IsADirectoryError(21, "is a folder", str(path))
+                part = whole.enter_context(replace_when_complete(path))
+                part.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8"))
+    except (OSError, RigInputError) as problem:
+        error = problem.__cause__ if isinstance(problem.__cause__, OSError) else problem
         for made_folder in reversed(made):
             with contextlib.suppress(OSError):
                 made_folder.rmdir()
-        raise InputError(f"{folder}: cannot be written ({error.strerror or error}); choose another folder") from error
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{folder}: cannot be written ({reason}); choose another folder") from problem
     return {name: folder / name for name in texts}
 
 
