@@ -16,11 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.configuration.profile import Profile, parse_profile
-from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
+from rig import Profile, Rig, RigConfig, Session, load_rig, parse_profile, parse_rig, record_session
 from rig.daq import nidaqmx_backend
-from rig.recording.recorder import record_session
-from rig.session import Session
 from rig.session.journal import END, JournalWriter, encode, records
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
 from rig.simulated.bench.plant_protocol import PlantBlock

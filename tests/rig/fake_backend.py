@@ -5,14 +5,14 @@ For tests of the recorder, of passive recording, recovery and plans. What DAQmx 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rig.backend import Backend, Block, Capabilities, Timing
-from rig.configuration.rig_file import RigConfig
+from rig import Backend, Block, Capabilities, RigConfig, Timing
 
 RATE_HZ = 5000.0
 FORCE_PER_VOLT_N = 12.0
@@ -51,12 +51,21 @@ class FakeBackend(Backend):
         Standard deviation of the force, the same for the same seed and trial.
     hardware : bool
         Whether the bench says that something moves.
+    speed : float
+        Samples come no faster than so many times their own rate.
     """
 
     def __init__(
-        self, samples: Samples | None = None, *, noise_n: float = 0.0, seed: int = 7, hardware: bool = False
+        self,
+        samples: Samples | None = None,
+        *,
+        noise_n: float = 0.0,
+        seed: int = 7,
+        hardware: bool = False,
+        speed: float = np.inf,
     ) -> None:
         self._samples, self._noise_n, self._seed, self._hardware = samples, noise_n, seed, hardware
+        self._sample_s = 1.0 / (RATE_HZ * speed)
         self._planned: list[PlannedFault] = []
         self._config: RigConfig | None = None
         self.calls: list[str] = []
@@ -110,6 +119,7 @@ class FakeBackend(Backend):
         self._take_step("read", (self.next_sample + n_samples) / RATE_HZ)
         first = self.next_sample
         self.next_sample += n_samples
+        time.sleep(n_samples * self._sample_s)
         block = self._follow_command(first, n_samples) if self._samples is None else self._samples(first, n_samples)
         return self.change_block(block)
 

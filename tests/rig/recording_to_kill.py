@@ -10,19 +10,13 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import time
 from pathlib import Path
 from typing import NoReturn
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fake_backend import RATE_HZ, FakeBackend
+from fake_backend import FakeBackend
 
-from rig import platform_calls
-from rig.backend import Block
-from rig.configuration.profile import load_profile
-from rig.configuration.rig_file import load_rig
-from rig.recording.options import Progress
-from rig.recording.recorder import record_session
+from rig import Progress, load_profile, load_rig, platform_calls, record_session
 from rig.session.journal import JournalWriter
 from rig.session.sealed_trial import Content
 
@@ -56,25 +50,12 @@ def acknowledge(progress: Progress) -> None:
     say(f"block {progress.trial} {round(progress.time_s * 5000)} {round(progress.committed_s * 5000)}")
 
 
-class PacedBackend(FakeBackend):
-    """A bench whose samples come at :data:`SPEED` times their own rate."""
-
-    def start(self) -> None:
-        super().start()
-        self.began_s = time.monotonic()
-
-    def read_block(self, n_samples: int, timeout_s: float) -> Block:
-        block = super().read_block(n_samples, timeout_s)
-        time.sleep(max(self.next_sample / (RATE_HZ * SPEED) - (time.monotonic() - self.began_s), 0.0))
-        return block
-
-
 def record(folder: str) -> None:
     record_session(
         folder,
         profile=load_profile(Path(__file__).with_name("step.toml")),
         rig_config=load_rig("virtual"),
-        backend=PacedBackend(noise_n=0.02),
+        backend=FakeBackend(noise_n=0.02, speed=SPEED),
         trials=TRIALS,
         progress=acknowledge,
     )

@@ -8,11 +8,8 @@ from importlib.metadata import EntryPoint
 import pytest
 
 import rig.backend
-from rig.backend import Backend, Capabilities, check_contract, open_backend
-from rig.configuration.profile import load_profile
-from rig.errors import InputError, RigInputError
-from rig.recording.recorder import record
-from rig.recording.recover import resume
+from rig import Backend, Capabilities, InputError, RigInputError, load_profile, open_backend, record, resume
+from rig.backend import check_contract
 from rig.selftest import SelftestBackend
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 import rig
-from rig.recording.options import RecordingKeywords, RecordingOptions
+from rig import RecordingOptions
+from rig.recording.options import RecordingKeywords
 
 
 def modules_after(program: str) -> set[str]:

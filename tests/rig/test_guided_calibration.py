@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 
 import rig
-from rig.configuration.rig_file import load_rig, parse_rig
-from rig.errors import InputError
+from rig import InputError, load_rig, parse_rig
 from rig.guided_calibration import (
     STANDARD_GRAVITY,
     Arc,

@@ -13,9 +13,8 @@ import pytest
 
 from pianorig.cli import main
 from pianorig.workflows.selftest import check_bench
-from rig.configuration.rig_file import load_rig
-from rig.errors import InputError, NotPermitted
-from rig.selftest import fit_edge, push_response, push_train, read_record, run_selftest, without_hum
+from rig import InputError, NotPermitted, load_rig, run_selftest
+from rig.selftest import fit_edge, push_response, push_train, read_record, without_hum
 
 RATE = 5000.0
 AT = 10.03
@@ -117,29 +116,25 @@ def test_a_sound_bench_passes_every_check_and_is_left_safe(run, assert_safe) -> 
             {"motor and force", "output to force delay", "watchdog cuts the force"},
             "line6 does not enable the drive",
         ),
-        pytest.param(
+        (
             (("Mod2/ao0", "Mod2/ao3"),),
             {"motor and force", "output to force delay", "watchdog cuts the force"},
             "Mod2/ao3 is not the motor",
-            marks=pytest.mark.slow,
         ),
-        pytest.param(
-            (("force_per_volt_n = 12.0", "force_per_volt_n = 24.0"),),
-            {"motor and force"}, "force_per_volt_n", marks=pytest.mark.slow),
+        ((("force_per_volt_n = 12.0", "force_per_volt_n = 24.0"),), {"motor and force"}, "force_per_volt_n"),
         (
             (("physical_n = [0.0, 111.2]", "physical_n = [0.0, -111.2]"),),
             {"load cell by hand", "motor and force", "output to force delay", "watchdog cuts the force"},
             "reads a push as a pull",
         ),
-        pytest.param(
-            (("counts_per_revolution = 163840", "counts_per_revolution = 40960"),), {"hammer encoder"},
-            "all four edges", marks=pytest.mark.slow),
+        ((("counts_per_revolution = 163840", "counts_per_revolution = 40960"),), {"hammer encoder"}, "all four edges"),
         ((("u_group_delay_s = 2.0e-5", "u_group_delay_s = 2.0e-5\ngroup_delay_s = 0.0"),), {"output to force delay"},
          "group_delay_s"),
         ((('mode = "pulses"', 'mode = "counted"'), ("Mod4/PFI4", "Mod4/PFI5")), {"camera count"}, "Mod4/PFI5"),
-        pytest.param(
-            (("bridge_resistance_ohm = 350.0", "bridge_resistance_ohm = 1000.0"),), {"bridge shunt"},
-            "bridge_resistance", marks=pytest.mark.slow),
+        (
+            (("bridge_resistance_ohm = 350.0", "bridge_resistance_ohm = 1000.0"),),
+            {"bridge shunt"}, "bridge_resistance",
+        ),
     ],
 )  # fmt: skip
 def test_each_wiring_fault_is_found_and_named(edits, checks, said, run, assert_safe) -> None:

@@ -14,12 +14,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from rig import platform_calls
+from rig import InputError, Session, platform_calls, read_channels, recover_session
 from rig.atomic_write import replace_when_complete, sha256_of_file, write_text
-from rig.errors import InputError
-from rig.foreign import read_channels
-from rig.recording.recover import recover_session
-from rig.session import Session
 from rig.session.journal import JournalWriter
 
 

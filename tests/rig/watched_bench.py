@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import rig
+from rig import open_backend
 from rig.safety.interrupts import termination_as_interrupt
-from rig.simulated import open_backend
 
 SERVE_SIM = Path(__file__).parents[2] / "examples" / "serve_sim.py"
 CHECK_EVERY_S = 0.01

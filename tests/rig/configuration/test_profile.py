@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
-from rig.configuration.profile import built_in_profiles, load_profile, parse_profile
+from rig import InputError, load_profile, parse_profile
+from rig.configuration.profile import built_in_profiles
 from rig.configuration.toml_file import dump_toml
-from rig.errors import InputError
 
 LIMITS = (120.0, 2000.0)
 

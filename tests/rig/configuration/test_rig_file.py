@@ -13,10 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.configuration.rig_file import FOLDER, RigConfig, load_rig, parse_rig
+from rig import InputError, RigConfig, RoomInfo, load_rig, parse_rig
+from rig.configuration.rig_file import FOLDER
 from rig.configuration.toml_file import built_in, check, dump_toml
-from rig.errors import InputError
-from rig.session.info import RoomInfo
 
 
 def test_built_in_rig_files_load_and_declare_the_encoders_of_the_thesis() -> None:

@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from rig.configuration.rig_file import load_rig, parse_rig
+from rig import HardwareFault, InputError, load_rig, open_backend, parse_rig
 from rig.daq.address import discover
 from rig.daq.discovery import FoundDevice, propose_rig
-from rig.errors import HardwareFault, InputError
-from rig.simulated.backend import open_backend
 from tests.command_line import run
 
 CHASSIS = FoundDevice(

@@ -8,11 +8,19 @@ import grpc
 import numpy as np
 import pytest
 
-from rig.configuration.rig_file import load_rig
-from rig.daq import NidaqmxBackend, open_backend
-from rig.daq.address import _server
+from rig import (
+    DeviceNotFound,
+    HardwareFault,
+    InputError,
+    NotSupported,
+    ReadTimeout,
+    SamplesLost,
+    load_rig,
+    open_backend,
+    reset_server,
+)
+from rig.daq import NidaqmxBackend
 from rig.daq.nidaqmx_backend import CallDelay, calm_block_s
-from rig.errors import DeviceNotFound, HardwareFault, InputError, NotSupported, ReadTimeout, SamplesLost
 from rig.simulated.signals import pulse_train
 from rig.simulated.status import NotAnswered
 from rig.simulated.timing import advance
@@ -272,9 +280,8 @@ def test_bad_addresses_are_refused(url, config) -> None:
 
 
 def test_an_address_of_ipv6_keeps_its_brackets() -> None:
-    channel, target = _server("ni-grpc://[::1]:31764")
-    channel.close()
-    assert target == "[::1]:31764"
+    with pytest.raises(HardwareFault, match=r"server \[::1\]:1\b"):
+        reset_server("ni-grpc://[::1]:1")
 
 
 def test_the_channel_is_closed_with_the_backend() -> None:

@@ -55,20 +55,9 @@ def planted(folder: Path, contact: str, stiffness: float, off: float, seed: int,
     return Bench(address, rig.parse_rig(rig_text), np.array([opened[f"{contact}.normal.{k}"] for k in "abcD"]))
 
 
-@pytest.mark.parametrize(
-    ("contact", "stiffness", "off", "speed"),
-    [
-        pytest.param(*("contact02", 2.0e5, 1.0, 0.012), marks=pytest.mark.slow),
-        pytest.param(*("contact03", 0.8e5, -1.2, 0.015), marks=pytest.mark.slow),
-        pytest.param(*("contact05", 3.0e5, 0.5, 0.012), marks=pytest.mark.slow),
-        ("contact07", 1.5e5, -0.7, 0.006),
-        pytest.param(*("contact12", 4.0e5, 1.5, 0.006), marks=pytest.mark.slow),
-    ],
-)
-def test_the_felt_is_recovered_within_its_uncertainty(
-    tmp_path: Path, contact: str, stiffness: float, off: float, speed: float
-) -> None:
-    bench = planted(tmp_path, contact, stiffness, off, seed=len(contact) + int(100 * off) % 7)
+def test_the_felt_is_recovered_within_its_uncertainty(tmp_path: Path) -> None:
+    contact, speed = "contact07", 0.006
+    bench = planted(tmp_path, contact, 1.5e5, -0.7, seed=9)
     order = rig.FeltOrder(contact, (speed,), (20.0,), rest_s=0.0)
     done = rig.record_felt(tmp_path / "s", order, rig_config=bench.rig, backend=bench.address)
     assert [trial.status for trial in done.session.trials] == ["complete", "complete"]

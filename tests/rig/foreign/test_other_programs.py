@@ -15,12 +15,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rig.errors import RigInputError
+from rig import RigInputError, Session, TrialData, import_session, read_recording
 from rig.foreign.mapping import parse_mapping
 from rig.foreign.reading import read_force, read_segments
-from rig.foreign.session_import import import_session, read_recording
-from rig.session import Session
-from rig.session.trial_data import TrialData
 
 N, RATE_HZ = 600, 5000
 TIME_S = np.arange(N) / RATE_HZ

@@ -8,12 +8,11 @@ import gzip
 import numpy as np
 import pytest
 
+from rig import ChannelInfo, InputError, RigInputError, Session, import_session, load_mapping
 from rig.configuration.rig_file import ChannelConfig
-from rig.errors import InputError, RigInputError
-from rig.foreign.mapping import load_mapping, parse_mapping
-from rig.foreign.session_import import cut_strokes, import_session
-from rig.session import Session
-from rig.session.info import ChannelInfo, RulerInfo
+from rig.foreign.mapping import parse_mapping
+from rig.foreign.session_import import cut_strokes
+from rig.session.info import RulerInfo
 from rig.session.ruler import ABOVE, BELOW, position_of, ruler_curve
 from rig.session.trial_export import columns
 from tests.command_line import run

@@ -11,9 +11,8 @@ import h5py
 import numpy as np
 import pytest
 
-from rig.errors import InputError
-from rig.foreign import read_channels
-from rig.foreign.channel_table import ChannelTable, number
+from rig import ChannelTable, InputError, read_channels
+from rig.foreign.channel_table import number
 from rig.foreign.csv_file import parse_csv
 from rig.foreign.lvm_file import parse_lvm
 from rig.foreign.reading import joined

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig.errors import InputError
+from rig import InputError, Session, import_session
 from rig.foreign.mapping import parse_mapping
-from rig.foreign.session_import import import_session
-from rig.session import Session
 from tests.command_line import run
 from validation.errors import TrialError
 from validation.measurement.trial import measure

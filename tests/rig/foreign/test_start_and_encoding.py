@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.errors import InputError, RigInputError
+from rig import InputError, RigInputError, Session, import_session
 from rig.foreign.csv_file import decode_text, parse_csv
 from rig.foreign.mapping import parse_mapping
 from rig.foreign.reading import read_segments
-from rig.foreign.session_import import import_session
-from rig.session import Session
 from tests.rig.foreign.test_session_import import FORCE_V, HAMMER_RAD, KEY, MAPPING, TIME, WHIPPEN_DEG
 
 TEXT = "t;Größe (°C)\n0;1,5\n1;-2,25\n"

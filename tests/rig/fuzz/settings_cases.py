@@ -9,13 +9,10 @@ from typing import Any
 import numpy as np
 
 import vision
-from rig.configuration.profile import load_profile, parse_profile
-from rig.configuration.rig_file import load_rig, parse_rig
+from rig import InputError, SelftestRecord, load_profile, load_rig, parse_profile, parse_rig
 from rig.configuration.toml_file import check, dump_toml, parse_toml
-from rig.errors import InputError
 from rig.foreign.mapping import parse_mapping
 from rig.recording.trial_plan import parse_plan
-from rig.selftest import SelftestRecord
 from rig.session.film_record import FilmRecord
 from tests.rig.foreign.test_session_import import MAPPING
 from tests.rig.fuzz.damage import Case, same_values, text

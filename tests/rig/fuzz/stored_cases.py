@@ -16,12 +16,8 @@ import h5py
 import numpy as np
 import pytest
 
-from rig.backend import Block, Timing
-from rig.configuration.profile import MotorCommand
-from rig.configuration.rig_file import load_rig
-from rig.foreign.reading import read_channels, read_segments
-from rig.session import Session
-from rig.session.info import ChannelInfo
+from rig import Block, ChannelInfo, MotorCommand, Session, Timing, load_rig, read_channels
+from rig.foreign.reading import read_segments
 from rig.session.journal import BLOCK, COMMAND, HEAD, Journal, TrialHead, block_payload, blocks_of, encode, scan
 from tests.rig.foreign import tdms_bytes
 from tests.rig.fuzz.damage import Case, same_values

@@ -7,12 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig.backend import Timing
-from rig.configuration.profile import Profile, motor_command, parse_profile
-from rig.errors import InputError
-from rig.learning import key_bottom, key_points, learn, make_target, profile_of, within_limits
+from rig import InputError, Profile, Timing, TrialData, learn, make_target, motor_command, parse_profile
+from rig.learning import key_bottom, key_points, profile_of, within_limits
 from rig.session.journal import TrialHead
-from rig.session.trial_data import TrialData
 
 RATE = 5000.0
 BOTTOM_S = 0.12

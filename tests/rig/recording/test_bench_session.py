@@ -21,14 +21,20 @@ from nidaqmx.errors import DaqError
 
 import rig
 from pianorig.workflows.recording import rehearse
-from rig.backend import open_backend
-from rig.configuration.profile import load_profile
-from rig.configuration.rig_file import load_rig, parse_rig
+from rig import (
+    HardwareFault,
+    InputError,
+    RecordingFault,
+    RigError,
+    Session,
+    load_profile,
+    load_rig,
+    open_backend,
+    parse_rig,
+    record_session,
+    recover_session,
+)
 from rig.daq.task_plan import recording_plan
-from rig.errors import HardwareFault, InputError, RecordingFault, RigError
-from rig.recording.recorder import record_session
-from rig.recording.recover import recover_session
-from rig.session import Session
 from rig.session.journal import FrameClock, JournalWriter, SessionFollower, block_payload
 from rig.session.sealed_trial import read_trial, write_trial
 from rig.simulated.backend import CAMERA_CLOCK_ERROR, DEFAULT_BENCH

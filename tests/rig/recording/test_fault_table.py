@@ -26,11 +26,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.configuration.profile import Profile, parse_profile
-from rig.errors import HardwareFault, RecordingFault
-from rig.recording.recorder import record_session
-from rig.recording.recover import recover_session
-from rig.session import Session
+from rig import HardwareFault, Profile, RecordingFault, Session, parse_profile, record_session, recover_session
 from rig.session.journal import JournalWriter
 from rig.simulated.backend import SimulatedBackend
 from rig.simulated.device.state import FaultPlan, parse_faults
@@ -143,11 +139,7 @@ def blocks(tmp_path_factory) -> list[int]:
 
 @pytest.mark.parametrize(
     ("fault", "planted"),
-    [
-        *((fault, "by time") for fault in ROWS),
-        # by call, one for each call that is counted; all of them: python -m pytest -m slow tests/rig/recording
-        *(pytest.param(fault, "by call", marks=() if fault in COUNTED_CALLS else pytest.mark.slow) for fault in ROWS),
-    ],
+    [*((fault, "by time") for fault in ROWS), *((fault, "by call") for fault in COUNTED_CALLS)],
 )
 def test_the_bench_is_safe_in_time_and_nothing_committed_is_lost(
     fault, planted, watched, blocks, stated_s, died_then, recover
@@ -376,16 +368,15 @@ def run_into(faults: FaultsByCount, backend: Any, rig: Any, profile: Any, folder
 
 @pytest.mark.usefixtures("keyboard")
 @pytest.mark.skipif(os.name == "nt", reason="signal.raise_signal(SIGINT) ends the test run on Windows")
-@pytest.mark.parametrize("times", [6, pytest.param(400, marks=pytest.mark.slow)])
 @pytest.mark.filterwarnings("ignore:Task of name:Warning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_at_whatever_call_faults_strike_the_bench_ends_safe_and_nothing_is_hidden(
-    times, make_backend, rig, step_profile, tmp_path
+    make_backend, rig, step_profile, tmp_path
 ) -> None:
     clean = FaultsByCount({})
     run_into(clean, make_backend(rig.config, noise_n=0.02), rig, step_profile, tmp_path / "clean")
-    chance = random.Random(times)
-    for turn in range(times):
+    chance = random.Random(6)
+    for turn in range(6):
         faults = FaultsByCount(planted(chance, clean.calls))
         try:
             run_into(faults, make_backend(rig.config, noise_n=0.02), rig, step_profile, tmp_path / str(turn))

@@ -16,18 +16,24 @@ import numpy as np
 import pytest
 
 from pianorig.workflows.live_view import watch
-from rig.backend import Block, Timing
-from rig.configuration.rig_file import RigConfig, load_rig
-from rig.errors import HardwareFault, InputError
-from rig.recording.passive import Stroke, StrokeDetector, StrokeSettings, record_passive
-from rig.recording.recover import recover_session
-from rig.session import Session
+from rig import (
+    Block,
+    HardwareFault,
+    InputError,
+    RigConfig,
+    Session,
+    Timing,
+    load_rig,
+    open_backend,
+    record_passive,
+    recover_session,
+)
+from rig.recording.passive import Stroke, StrokeDetector, StrokeSettings
 from rig.session.journal import SessionFollower
-from rig.simulated.backend import open_backend
 from tests.command_line import run
 from tests.rig.fake_backend import RATE_HZ as RATE
 from tests.rig.fake_backend import FakeBackend
-from tests.rig.recording.memory_growth import EachMinute, Growth
+from tests.rig.recording.memory_growth import Growth
 
 EVERY_S = 4.0
 
@@ -69,7 +75,6 @@ def test_each_stroke_becomes_a_trial_with_the_streams_own_samples(tmp_path) -> N
     np.testing.assert_allclose(started, started[0], atol=2e-3)  # by the device's clock, to the millisecond of the text
 
 
-@pytest.mark.slow
 def test_neither_memory_nor_disk_grow_while_somebody_plays_or_nobody_does(tmp_path) -> None:
     sizes: list[int] = []
 
@@ -79,18 +84,10 @@ def test_neither_memory_nor_disk_grow_while_somebody_plays_or_nobody_does(tmp_pa
             sizes.append(sum(f.stat().st_size for f in (tmp_path / "quiet").glob("*.journal")))
 
     player = Player(played(EVERY_S, []))
-    with Growth(after_s=20.0) as growth:
-        session = record_passive(tmp_path / "quiet", backend=player, duration_s=120.0, progress=progress)
-    assert growth.mb < 1.5 < 120 * RATE * 5 * 8 / 1e6 / 10
+    with Growth(after_s=15.0) as growth:
+        session = record_passive(tmp_path / "quiet", backend=player, duration_s=60.0, progress=progress)
+    assert growth.mb < 1.5 < 45 * RATE * 5 * 8 / 1e6 / 5
     assert max(sizes) - min(sizes) < 2e6 and not session.path.exists()  # nobody played: nothing is left
-
-
-@pytest.mark.slow
-def test_an_hour_of_playing_stays_flat(tmp_path) -> None:
-    session = record_passive(tmp_path / "s", backend=Player(), duration_s=3600.0, progress=(peaks := EachMinute()))
-    print(f"{len(session.trials)} strokes in an hour; peak memory {peaks[0]:.1f} to {peaks[-1]:.1f} MB")
-    assert len(session.trials) == 900 and {t.status for t in session.trials} == {"complete"}
-    assert peaks[-1] - peaks[0] < 10.0
 
 
 def test_a_program_that_is_killed_within_a_stroke_leaves_it_to_be_recovered(tmp_path) -> None:

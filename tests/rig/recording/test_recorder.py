@@ -12,11 +12,17 @@ import shutil
 import numpy as np
 import pytest
 
-from rig.backend import Block
-from rig.configuration.profile import parse_profile
-from rig.errors import HardwareFault, InputError, LimitExceeded, RecordingFault, SamplesLost
-from rig.recording.options import BlockFeed
-from rig.session import Session
+from rig import (
+    Block,
+    BlockFeed,
+    HardwareFault,
+    InputError,
+    LimitExceeded,
+    RecordingFault,
+    SamplesLost,
+    Session,
+    parse_profile,
+)
 from tests.rig.fake_backend import MV_PER_V_PER_N, RAD_PER_VOLT, RATE_HZ, FakeBackend
 
 

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from pianorig.cli import main
-from rig.errors import InputError
-from rig.recording.recover import recover_session, resume_session
+from rig import InputError, Session, recover_session, resume_session
 from rig.recording.trial_plan import parse_plan
-from rig.session import Session
 from tests.command_line import run
 from tests.rig.fake_backend import FakeBackend
 

@@ -7,12 +7,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from rig import ActionInfo, InputError, NotPermitted, Session, resume_session
 from rig.configuration.toml_file import dump_toml
-from rig.errors import InputError, NotPermitted
-from rig.recording.recover import due_entries, resume_session
+from rig.recording.recover import due_entries
 from rig.recording.trial_plan import WARM_UP_REASON, parse_plan
-from rig.session import Session
-from rig.session.info import ActionInfo
 from tests.rig.fake_backend import FakeBackend
 from tests.rig.recording.test_recorder import stop_at
 

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from pianorig.workflows.predict_blow import predictor
-from rig.configuration.profile import load_profile, parse_profile
-from rig.configuration.rig_file import load_rig
-from rig.errors import InputError
-from rig.recording.recorder import record_session
-from rig.safety.dry_run import PredictedBlow, dry_run, free_arm
+from rig import InputError, PredictedBlow, dry_run, load_profile, load_rig, parse_profile, record_session
+from rig.safety.dry_run import free_arm
 
 RATE = 5000.0
 

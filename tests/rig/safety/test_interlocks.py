@@ -10,13 +10,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.backend import Block, Timing, open_backend
-from rig.configuration.rig_file import load_rig
-from rig.errors import InputError, LimitExceeded, RecordingFault, ResourceBusy
-from rig.recording.recorder import record_session
-from rig.recording.recover import recover_session
+from rig import (
+    Block,
+    InputError,
+    LimitExceeded,
+    RecordingFault,
+    ResourceBusy,
+    Session,
+    Timing,
+    TrialData,
+    load_rig,
+    open_backend,
+    record_session,
+    recover_session,
+)
 from rig.safety.interlocks import Interlocks
-from rig.session import Session, TrialData
 from rig.session.journal import scan_journal, stored_blocks
 from rig.simulated.device.state import FaultPlan, parse_faults
 

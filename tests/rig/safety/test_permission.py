@@ -9,12 +9,20 @@ import numpy as np
 import pytest
 
 from pianorig.console import terminal as asking
-from rig.backend import Capabilities
-from rig.errors import InputError, LimitExceeded, NotPermitted
-from rig.safety.dry_run import PredictedBlow
-from rig.safety.permission import Permission, confirm, permit, require_permission
-from rig.selftest import SelftestFinding, SelftestRecord, read_record, valid_record
-from rig.session import Session
+from rig import (
+    Capabilities,
+    InputError,
+    LimitExceeded,
+    NotPermitted,
+    Permission,
+    PredictedBlow,
+    SelftestFinding,
+    SelftestRecord,
+    Session,
+    permit,
+)
+from rig.safety.permission import confirm, require_permission
+from rig.selftest import read_record, valid_record
 
 NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
 CARD = Capabilities("a chassis", False, {"product": "cDAQ-9189", "serial_number": "01AB"}, hardware=True)

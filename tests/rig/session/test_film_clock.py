@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.errors import InputError
+from rig import CameraInfo, InputError
 from rig.session.film_record import FilmRecord, clock_steps, frame_times, write_record
-from rig.session.trial_data import CameraInfo
 
 CLOCK = CameraInfo(2000.0, 0.0123, 1e-4, 500, 2e-6)
 

@@ -13,9 +13,8 @@ import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rig.errors import InputError
-from rig.session import Session, SessionInfo
-from rig.session.info import FileInfo, RoomInfo
+from rig import InputError, RoomInfo, Session, SessionInfo
+from rig.session.info import FileInfo
 from tests.rig.session.test_sealed_trial import trial
 
 INFO = SessionInfo(simulated=True, rig=FileInfo(name="virtual"), profile=FileInfo(name="forte"))

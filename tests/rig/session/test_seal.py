@@ -21,10 +21,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rig import platform_calls
-from rig.errors import InputError
-from rig.session import TrialData
-from rig.session.folder import Trial, read_table, write_table
+from rig import InputError, Trial, TrialData, platform_calls
+from rig.session.folder import read_table, write_table
 from rig.session.seal import MARK, content_sha256, has_seal, seal_again
 from rig.session.sealed_trial import read_status, read_trial, trial_problem, write_trial
 from tests.rig.session.test_sealed_trial import assert_same, trial

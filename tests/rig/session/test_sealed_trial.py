@@ -22,9 +22,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from rig.configuration.rig_file import load_rig, parse_rig
-from rig.errors import InputError
-from rig.session import CameraInfo, EncoderInfo, ForceInfo, TrialData
+from rig import CameraInfo, EncoderInfo, ForceInfo, InputError, TrialData, load_rig, parse_rig
 from rig.session.seal import MARK
 from rig.session.sealed_trial import NO_CODE, force_codes, read_status, read_trial, write_trial
 from tests.rig.lab_channels import READBACK

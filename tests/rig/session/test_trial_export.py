@@ -10,10 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.errors import InputError
-from rig.foreign.reading import read_channels
-from rig.session.info import ChannelInfo
-from rig.session.trial_data import TrialData
+from rig import ChannelInfo, InputError, TrialData, read_channels
 from rig.session.trial_export import columns, export_trial
 from tests.rig.session.test_sealed_trial import trial
 

@@ -12,8 +12,8 @@ import pytest
 from nidaqmx import constants as ni
 from nidaqmx.errors import DaqError
 
-from rig.configuration.rig_file import load_rig
-from rig.selftest import SelftestFinding, SelftestRecord
+from rig import SelftestFinding, SelftestRecord, load_rig
+from rig.simulated.rpc.service import in_process_channel
 from rig.simulated.timing import advance
 from tests.rig.program import Program
 
@@ -28,13 +28,22 @@ class Bench:
     """Real tasks on a virtual device, all cleared at the end."""
 
     def __init__(self, backend: Any) -> None:
-        self.device, self.service, self._tasks = backend.device, backend.service, []
-        self._channel = backend._channel
+        self.device, self.service, self.tasks = backend.device, backend.service, []
+        self._channel = in_process_channel(backend.service)
+
+    def options(self, name: str = "", **more: Any) -> nidaqmx.GrpcSessionOptions:
+        """Options of a session of this bench."""
+        return nidaqmx.GrpcSessionOptions(self._channel, name, **more)
 
     def task(self, name: str = "") -> nidaqmx.Task:
-        task = nidaqmx.Task(name, grpc_options=nidaqmx.GrpcSessionOptions(self._channel, name))
-        self._tasks.append(task)
+        task = nidaqmx.Task(name, grpc_options=self.options(name))
+        self.tasks.append(task)
         return task
+
+    def forget(self, task: nidaqmx.Task) -> None:
+        """Leave a task that the device has ended: nothing is left to clear."""
+        self.tasks.remove(task)
+        task._handle = None
 
     def inputs(
         self, channels: str, samples: int | None = None, rate_hz: float = 1000.0, name: str = ""
@@ -57,7 +66,7 @@ class Bench:
         advance(self.device, edges)
 
     def close(self) -> None:
-        for task in self._tasks:
+        for task in self.tasks:
             task.close()
 
 

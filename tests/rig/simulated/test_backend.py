@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from rig.backend import open_backend
-from rig.errors import InputError
+from rig import InputError, open_backend
 from rig.simulated.bench.bench_time import VirtualClock
 from rig.simulated.bench.plant import ActionPlant
 

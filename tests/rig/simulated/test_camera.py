@@ -34,13 +34,11 @@ def blow(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-@pytest.fixture(scope="module", params=["wood", pytest.param("speckle", marks=pytest.mark.slow)])
-def filmed(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[Path, FilmTruth]]:
-    """A short film of each texture and its truth."""
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, FilmTruth]]:
+    """A short film and its truth."""
     path = tmp_path_factory.mktemp("film") / "trial_0001.mraw"
-    settings = CameraSettings(texture=request.param)
+    settings = CameraSettings(texture="wood")
     time_s = 62.5e-6 + np.arange(N) / settings.frame_rate_hz
     truth = film_trial(path, time_s, blow, settings=settings, seed=4)
     yield path, truth

@@ -371,7 +371,7 @@ def test_a_second_client_attaches_and_a_cleared_task_is_gone(cdaq, refused) -> N
     behaviors = nidaqmx.SessionInitializationBehavior
 
     def session(name: str, behavior: nidaqmx.SessionInitializationBehavior) -> nidaqmx.Task:
-        options = nidaqmx.GrpcSessionOptions(cdaq._channel, name, initialization_behavior=behavior)
+        options = cdaq.options(name, initialization_behavior=behavior)
         return nidaqmx.Task(name, grpc_options=options)
 
     for behavior in (behaviors.AUTO, behaviors.ATTACH_TO_SERVER_SESSION):
@@ -391,5 +391,4 @@ def test_a_second_client_attaches_and_a_cleared_task_is_gone(cdaq, refused) -> N
     clear_task(cdaq.device, "a")
     with refused(-200088):
         task.start()
-    cdaq._tasks.remove(task)
-    task._handle = None  # its task on the device is gone; nothing is left to clear
+    cdaq.forget(task)

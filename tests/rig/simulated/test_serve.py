@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 
 from pianorig.workflows.predict_blow import predictor
-from rig.configuration.profile import load_profile
-from rig.configuration.rig_file import load_rig
-from rig.errors import NotPermitted
-from rig.recording.recorder import record_session
-from rig.safety.permission import Permission
+from rig import NotPermitted, Permission, load_profile, load_rig, record_session
 from rig.selftest import read_record
 from rig.simulated.bench.plant import TOLERANCE
 

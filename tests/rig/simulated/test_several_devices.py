@@ -10,15 +10,12 @@ from typing import Any
 import nidaqmx
 import numpy as np
 import pytest
-from nidaqmx import GrpcSessionOptions
 from nidaqmx import constants as ni
 from nidaqmx.errors import DaqError, DaqResourceWarning
 from nidaqmx.system import Device, System
 from nidaqmx.system.watchdog import WatchdogTask
 
-from rig.backend import open_backend
-from rig.configuration.rig_file import load_rig
-from rig.daq.tasks import session_options
+from rig import load_rig, open_backend
 from rig.simulated.backend import CLOCK_ERRORS
 from tests.rig.simulated.conftest import Bench
 
@@ -28,14 +25,10 @@ RATE_HZ = 5000.0
 class Devices(Bench):
     """Tasks on a rig's devices; what a test closed or a reset ended is left."""
 
-    def __init__(self, backend: Any) -> None:
-        super().__init__(backend)
-        self.options = session_options(backend._channel)
-
     def close(self) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DaqResourceWarning)
-            for task in self._tasks:
+            for task in self.tasks:
                 with contextlib.suppress(DaqError):
                     task.close()
 
@@ -143,21 +136,21 @@ def test_a_reset_touches_its_own_device_only(thesis) -> None:
     held.write(2.5, auto_start=True)
     counter = thesis.pulses(1000.0, "Dev2/ctr1")
     counter.start()
-    Device("Dev2", grpc_options=thesis.options).reset_device()
+    Device("Dev2", grpc_options=thesis.options()).reset_device()
     assert thesis.device.output_v["Dev3/ao1"] == 2.5 and list(thesis.device.tasks) == ["held"]
-    Device("Dev3", grpc_options=thesis.options).reset_device()
+    Device("Dev3", grpc_options=thesis.options()).reset_device()
     assert thesis.device.output_v["Dev3/ao1"] == 0.0
 
 
 def test_every_device_answers_for_itself(thesis) -> None:
-    names = System.remote(thesis.options).devices.device_names
+    names = System.remote(thesis.options()).devices.device_names
     assert list(names) == ["Dev1", "SC1Mod1", "Dev2", "Dev3"]
-    of = {name: Device(name, grpc_options=thesis.options) for name in names}
+    of = {name: Device(name, grpc_options=thesis.options()) for name in names}
     assert [of[name].product_type for name in names] == ["PCI-6034E", "SCXI-1520", "PCI-6602", "PCI-6733"]
     assert len(of["Dev2"].ci_physical_chans) == 8 and len(of["Dev3"].ao_physical_chans) == 8
     assert all(channel.name.startswith("Dev2/") for channel in of["Dev2"].ci_physical_chans)
     with pytest.raises(DaqError):
-        Device("Dev4", grpc_options=thesis.options).product_type  # noqa: B018
+        Device("Dev4", grpc_options=thesis.options()).product_type  # noqa: B018
 
 
 @pytest.mark.parametrize(
@@ -177,4 +170,4 @@ def test_what_a_card_does_not_have_is_refused_by_the_drivers_code(thesis, make: 
 def test_cards_without_a_watchdog_refuse_one(thesis) -> None:
     for name in ("Dev1", "Dev2", "Dev3"):
         with pytest.raises(DaqError):
-            WatchdogTask(name, f"dog_{name}", timeout=0.5, grpc_options=GrpcSessionOptions(thesis._channel, ""))
+            WatchdogTask(name, f"dog_{name}", timeout=0.5, grpc_options=thesis.options())

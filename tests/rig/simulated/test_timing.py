@@ -11,7 +11,7 @@ import pytest
 from nidaqmx import constants as ni
 from nidaqmx.errors import DaqError
 
-from rig.configuration.rig_file import load_rig
+from rig import load_rig
 from rig.simulated.bench.bench_time import PacedClock
 from rig.simulated.device.state import FaultPlan, parse_faults
 

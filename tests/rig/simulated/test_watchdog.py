@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from nidaqmx import GrpcSessionOptions
 from nidaqmx.constants import AcquisitionType, Level, TaskMode, WatchdogAOExpirState
 from nidaqmx.system import Device
 from nidaqmx.system.watchdog import AOExpirationState, DOExpirationState, WatchdogTask
@@ -14,8 +13,8 @@ from rig.simulated import daqmx
 
 
 def watchdog_task(bench: Any, device: str, timeout_s: float = 0.5, name: str = "dog") -> Any:
-    task = WatchdogTask(device, name, timeout_s, grpc_options=GrpcSessionOptions(bench._channel, name))
-    bench._tasks.append(task)
+    task = WatchdogTask(device, name, timeout_s, grpc_options=bench.options(name))
+    bench.tasks.append(task)
     return task
 
 
@@ -75,8 +74,8 @@ def test_after_an_expiration_a_network_chassis_does_nothing_until_it_is_reset(cd
     dog.close()
     with refused(-201478):  # clearing the task does not help either
         line.write(True, auto_start=True)
-    Device("cDAQ1", grpc_options=GrpcSessionOptions(cdaq._channel, "")).reset_device()
-    cdaq._tasks.clear()  # the reset has ended them all
+    Device("cDAQ1", grpc_options=cdaq.options()).reset_device()
+    cdaq.tasks.clear()  # the reset has ended them all
     fresh = cdaq.task("fresh")
     fresh.do_channels.add_do_chan("cDAQ1Mod4/port0/line0")
     fresh.write(True, auto_start=True)

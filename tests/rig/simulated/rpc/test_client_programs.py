@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import nidaqmx
 import numpy as np
 import pytest
 from nidaqmx import constants as ni
@@ -18,7 +17,7 @@ FINITE, CONTINUOUS = ni.AcquisitionType.FINITE, ni.AcquisitionType.CONTINUOUS
 def system(request) -> System:
     """The system of the bench that a test uses."""
     bench = request.getfixturevalue("card" if "card" in request.fixturenames else "cdaq")
-    return System.remote(nidaqmx.GrpcSessionOptions(bench._channel, ""))
+    return System.remote(bench.options())
 
 
 def test_a_continuous_output_repeats_its_buffer(card) -> None:
@@ -146,11 +145,10 @@ def test_a_reset_clears_what_a_dead_client_left(card) -> None:
     task = card.task("left")
     task.ao_channels.add_ao_voltage_chan("Dev1/ao0")
     task.write(3.0, auto_start=True)
-    device = Device("Dev1", grpc_options=nidaqmx.GrpcSessionOptions(card._channel, ""))
+    device = Device("Dev1", grpc_options=card.options())
     device.reset_device()
     assert card.device.output_v["Dev1/ao0"] == 0.0 and card.device.tasks == {}
-    card._tasks.remove(task)
-    task._handle = None
+    card.forget(task)
 
 
 def test_a_task_on_demand_is_done(card) -> None:

@@ -16,9 +16,8 @@ import pytest
 from google.protobuf.descriptor import FieldDescriptor
 from nidaqmx._stubs import nidaqmx_pb2
 
-from rig.configuration.rig_file import RigConfig, load_rig
+from rig import HardwareFault, RigConfig, load_rig
 from rig.daq.address import discover
-from rig.errors import HardwareFault
 from rig.simulated.rpc.calls import DEVICE_CALLS, PROPERTIES, TASK_CALLS
 from rig.simulated.rpc.messages import CALLS, REFUSALS, enum, property_name, request_class, rpc_status
 from rig.simulated.status import DaqStatusError

@@ -17,12 +17,9 @@ import pytest
 from nidaqmx._stubs import nidaqmx_pb2 as messages
 from nidaqmx._stubs import nidaqmx_pb2_grpc as stubs
 
-from rig.backend import open_backend
-from rig.configuration.rig_file import load_rig
+from rig import InputError, ResourceBusy, load_rig, open_backend, reset_server
 from rig.daq import tasks
-from rig.daq.address import reset_server
 from rig.daq.safe_bench import leave_running
-from rig.errors import InputError, ResourceBusy
 from rig.simulated.bench.bench_time import PacedClock
 from rig.simulated.status import SessionRefused
 from tests.command_line import run
