@@ -284,10 +284,6 @@ class DeviceState:
         """Full name of the analog output the motor is wired to."""
         return self.inventory.full_name(self.wiring.motor)
 
-    def devices_of(self, task: SimulatedTask) -> list[str]:
-        """Names of the devices whose channels a task has, in their order."""
-        return list(dict.fromkeys(self.inventory.of(channel.physical.name).name for channel in task.channels))
-
     def drive_enabled(self) -> bool:
         """Whether the motor drive follows the analog output."""
         line = self.wiring.drive_enable

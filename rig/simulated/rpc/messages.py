@@ -23,7 +23,6 @@ from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.status import Code, DaqStatusError, NotAnswered, ServerGone, SessionRefused, Unsupported, one_of
 
-SERVICE = "nidaqmx_grpc.NiDAQmx"
 _METHODS = nidaqmx_pb2.DESCRIPTOR.services_by_name["NiDAQmx"].methods_by_name
 CALLS: frozenset[str] = frozenset(_METHODS)
 """Names of all calls of the service."""

@@ -153,6 +153,14 @@ def test_every_device_answers_for_itself(thesis) -> None:
         Device("Dev4", grpc_options=thesis.options()).product_type  # noqa: B018
 
 
+def test_an_output_card_makes_a_million_samples_a_second_and_no_more(thesis, refused) -> None:
+    task = thesis.task("fast")
+    task.ao_channels.add_ao_voltage_chan("Dev3/ao0")
+    task.timing.cfg_samp_clk_timing(1e6)
+    with refused(-200332):
+        task.timing.cfg_samp_clk_timing(1.01e6)
+
+
 @pytest.mark.parametrize(
     ("make", "code"),
     [
