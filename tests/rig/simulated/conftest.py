@@ -173,19 +173,8 @@ def serve(tmp_path) -> Iterator[Callable[[str], tuple[Program, str]]]:
 @pytest.fixture
 def permitted(tmp_path) -> list[str]:
     """Options of ``record`` that let the motor of a virtual bench behind TCP move."""
-    return _permitted(tmp_path, load_rig("virtual").text)
-
-
-@pytest.fixture
-def permitted_on_a_slow_link(tmp_path) -> list[str]:
-    """The same in blocks that a link as slow as a busy machine makes it is fast enough for."""
-    text = load_rig("virtual").text.replace("block_s = 0.02", "block_s = 0.2")
-    return _permitted(tmp_path, text.replace("timeout_s = 0.5", "timeout_s = 2.0"))
-
-
-def _permitted(tmp_path: Path, text: str) -> list[str]:
     rig_file = tmp_path / "rig.toml"
-    rig_file.write_text(text.replace("allow_yes = false", "allow_yes = true"))
+    rig_file.write_text(load_rig("virtual").text.replace("allow_yes = false", "allow_yes = true"))
     rig = load_rig(rig_file)
     record = SelftestRecord(
         created_utc=datetime.now(UTC), rig="virtual", rig_sha256=rig.sha256, product="cDAQ-9189", device="cDAQ1",
