@@ -82,6 +82,15 @@ def test_a_hand_presses_the_same_on_every_motor(tmp_path: Path, config, begin) -
     np.testing.assert_allclose(pressed[1][13_600:], pressed[0][13_600:], atol=1e-3)
 
 
+def test_a_drive_of_the_bench_file_takes_the_place_of_a_torque_per_volt(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(ActionPlant, "start_trial", lambda self, trial: None)  # compiles the scene
+    bench = tmp_path / "bench.toml"
+    text = "".join(re.split(r"(?m)^\[motor\]\n.*\n", DEFAULT_BENCH.read_text("utf-8")))
+    bench.write_text(text + "\n[motor_drive]\n", "utf-8")
+    plant = load_plant(bench, seed=1, sample_rate_hz=5000.0)
+    assert plant.torque_per_volt_nm == pytest.approx(1.2) and "motor_drive" in plant.choice.effects
+
+
 BENCH = Path(__file__).parents[3] / "rig" / "simulated" / "bench.toml"
 RATE = 5000.0
 QUIET = 250
