@@ -11,6 +11,7 @@ The specimen with a key that lifts and a shank that bends: what sensors see, and
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
