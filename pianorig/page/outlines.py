@@ -289,6 +289,8 @@ def worst_frames(subject: FilmSubject) -> list[dict[str, Any]]:
     if found is None:
         return []
     table = found[0]
+    if "frame" in table:
+        table = table[table["frame"] >= 0]  # others are missing in the film
     names = [column.removesuffix("_flag") for column in table.columns if column.endswith("_flag")]
     names = [name for name in names if f"{name}_quality" in table]
     if not names or "frame" not in table or not len(table):

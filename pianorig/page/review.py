@@ -147,6 +147,8 @@ def _outlines(
     """Outline of each tracked body about its centre, its pose in every tracked frame, and what to doubt."""
     if not file.is_file():
         return [], f"{file.name} is missing; the tracked outlines cannot be drawn"
+    if "frame" in table:
+        table = table[table["frame"] >= 0]  # others are missing in the film
     try:
         bodies = vision.load_bodies(file)
         masks = vision.build_masks(bodies, source.height, source.width)

@@ -370,6 +370,8 @@ def retrack(
         )
     rows = []
     for frame in frames:
+        if frame < 0:
+            raise CommandInputError(f"--retrack {frame}: allowed numbers of frames from 0 on")
         found = np.flatnonzero(table["frame"].to_numpy() == frame)
         if found.size != 1:
             raise CommandInputError(f"--retrack {frame}: no such frame in {table_file}")
@@ -378,7 +380,8 @@ def retrack(
         times, u_time = film.frame_times(source)
         if film.owner is None and len(table) > 1:  # times of a film on its own are those it was tracked with
             in_film = film.first_frame + np.arange(source.n_frames)
-            times = make_interp_spline(table["frame"], table["time_s"], k=1)(in_film)
+            there = table[table["frame"] >= 0]  # others are missing in the film
+            times = make_interp_spline(there["frame"], there["time_s"], k=1)(in_film)
         options["u_time_s"] = u_time
         if options.get("deinterlace"):
             options["first_field"] = _tracked_field(film, source, attributes)

@@ -264,6 +264,16 @@ def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -
     )
 
 
+def missing_after(time_s: F64) -> dict[int, int]:
+    """Number of frames that are missing after a frame, by its number; none where more are missing than there are."""
+    if time_s.size < 3:
+        return {}
+    missing = spacing_of(time_s, 0.0).missing
+    if missing.sum() > time_s.size:
+        return {}
+    return {int(at): int(missing[at]) for at in np.flatnonzero(missing)}
+
+
 def warn_of_uneven_times(film: FrameSource, time_s: F64) -> None:
     """Say that frames are missing, or the pace changes, where the times to be used show it (`VisionWarning`)."""
     if time_s.size < 3:
@@ -271,7 +281,7 @@ def warn_of_uneven_times(film: FrameSource, time_s: F64) -> None:
     spacing = spacing_of(time_s, 0.0)
     if spacing.missing.any():
         words = describe_spacing(spacing, getattr(film, "first_frame", 0))
-        words += ", as their times say; nothing is known of the motion there"
+        words += ", as their times say; nothing is known of the motion there (in tables: rows of frame -1, flag 16384)"
     elif spacing.kind == "ramp":
         words = "frames follow at a pace that changes; where it is that of play-back, give the true times"
     elif (longest := float(np.diff(time_s).max())) > LONG * spacing.interval_s:

@@ -50,6 +50,8 @@ class FrameFlag(IntFlag):
     TIME_FILTERED = 8192
     """The camera averages frames in time, or whole interlaced frames are tracked, and motion may be shown late by more
     than the angle's other uncertainty; that is in the total standard uncertainty; not a failure."""
+    MISSING = 16384
+    """The film has no frame at this time, as its own times say; only in tables, whose row then has frame -1."""
 
 
 FAILURE = (
@@ -61,6 +63,7 @@ FAILURE = (
     | FrameFlag.ODD_GAIN
     | FrameFlag.UNCONFIRMED
     | FrameFlag.REPEATED
+    | FrameFlag.MISSING
 )
 
 

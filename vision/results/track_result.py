@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vision.angles import relative_angle
 from vision.arrays import ArrayRecord
 from vision.errors import VisionInputError
-from vision.results.flags import is_failed
+from vision.results.flags import FrameFlag, is_failed
 from vision.uncertainty.budget import ErrorBudget
 
 if TYPE_CHECKING:
@@ -161,7 +161,8 @@ class TrackResult(ArrayRecord):
         return str(pd.DataFrame(rows).to_html(index=False, float_format="{:.2f}".format))
 
     def to_table(self) -> pd.DataFrame:
-        """One row per frame: time_s, frame, then per body ``<body>_rad``, ``_u_rad`` (noise and reference),
+        """One row per frame, and per frame that is missing in the film (`info` ``missing_after``: frame -1, flag
+        `FrameFlag.MISSING`, else NaN): time_s, frame, then per body ``<body>_rad``, ``_u_rad`` (noise and reference),
         ``_u_total_rad`` (with camera, shutter and codec), the same with ``_relative`` (of a body with a parent),
         ``_x_px``, ``_y_px``, ``_u_x_px``, ``_u_y_px``, ``_quality`` (correlation), ``_inlier`` and ``_flag``.
         """
@@ -187,4 +188,21 @@ class TrackResult(ArrayRecord):
             columns[f"{body}_quality"] = self.zncc[:, i]
             columns[f"{body}_inlier"] = self.inlier[:, i]
             columns[f"{body}_flag"] = self.flag[:, i]
-        return pd.DataFrame(columns)
+        table = pd.DataFrame(columns)
+        missing = self._missing_times()
+        if not missing.size:
+            return table
+        rows: dict[str, Any] = {"time_s": missing, "frame": -1}
+        rows |= {f"{body}_flag": np.uint16(int(FrameFlag.MISSING)) for body in self.bodies}
+        lacking = pd.DataFrame(rows, columns=table.columns).astype(table.dtypes)
+        return pd.concat([table, lacking]).sort_values("time_s", ignore_index=True)
+
+    def _missing_times(self) -> NDArray[np.float64]:
+        """Times of the frames that the film lacks, evenly between those around them, s."""
+        return np.concatenate(
+            [np.empty(0)]
+            + [
+                np.linspace(self.time_s[row], self.time_s[row + 1], count + 2)[1:-1]
+                for row, count in self.info.get("missing_after", {}).items()
+            ]
+        )

@@ -67,11 +67,12 @@ class FieldLag:
 UNKNOWN_LAG = FieldLag(0.0, math.inf)
 
 
-def measure_field_lag(ready: PreparedFilm, table: PoseTable) -> FieldLag:
-    """Measure the lag of a film's odd rows from the poses found in it."""
+def measure_field_lag(ready: PreparedFilm, table: PoseTable, time_s: NDArray[np.float64]) -> FieldLag:
+    """Measure the lag of a film's odd rows from the poses found in it; ``time_s`` of all its frames."""
+    at = time_s[table.frame] / (float(np.median(np.diff(time_s))) if time_s.size > 1 else 1.0)
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for i, template in enumerate(ready.templates):
-        found = _differences(ready, table, i, thinned(template, PIXELS))
+        found = _differences(ready, table, i, thinned(template, PIXELS), at)
         if found is None:
             continue
         motion, difference, weight = found
@@ -86,16 +87,18 @@ def measure_field_lag(ready: PreparedFilm, table: PoseTable) -> FieldLag:
 
 
 def _differences(
-    ready: PreparedFilm, table: PoseTable, body: int, template: Template
+    ready: PreparedFilm, table: PoseTable, body: int, template: Template, at: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
     """Motion per frame (k, 3), difference of the fields' steps (k, 3) and the inverse of its covariance (k, 3, 3) of a
-    body in some rows."""
+    body in some rows; ``at`` (n,) are the times of all rows in frames."""
     pose, frame, known = table.pose[:, body], table.frame, ~table.failed[:, body]
-    apart = frame[2:] - frame[:-2]
-    motion = np.zeros_like(pose)
-    motion[1:-1] = (pose[2:] - pose[:-2]) / np.maximum(apart, 1)[:, None]
+    if frame.size < LEAST_ROWS:
+        return None
+    apart, motion = at[2:] - at[:-2], np.zeros_like(pose)
+    motion[1:-1] = (pose[2:] - pose[:-2]) / apart[:, None]
     inner = np.zeros(frame.size, dtype=bool)
-    inner[1:-1] = known[1:-1] & known[2:] & known[:-2]
+    # beside a gap the motion in between is not known
+    inner[1:-1] = known[1:-1] & known[2:] & known[:-2] & (apart < 1.5 * np.median(apart))
     size = np.hypot(motion[:, 0] * template.radius_px, np.hypot(motion[:, 1], motion[:, 2]))
     size = np.where(inner & (frame >= ready.reference.n_averaged), np.nan_to_num(size), 0.0)
     moving = np.argsort(-size, kind="stable")[:MOST_MOVING]

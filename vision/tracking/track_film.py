@@ -21,6 +21,7 @@ from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.open import film_of
 from vision.film.source import Corrected, FrameSource
+from vision.film.time_scale import missing_after
 from vision.fitting.pose_covariance import PATTERN_EXCESS, predicted_u_angle
 from vision.reference.camera_faults import WithoutDefects
 from vision.reference.prepared_film import PreparedFilm
@@ -152,7 +153,7 @@ def _track(
     done = _both_passes(ready, frame, settings, checkpoint)
     ready, done, pattern_grey = _without_pattern(ready, done, settings)
     table = done.table
-    ready, lag, first_field = _settle_fields(ready, table, settings)
+    ready, lag, first_field = _settle_fields(ready, table, time_s, settings)
     if first_field is not None:
         return _track(*given, replace(settings, first_field=first_field, expected=None))
     reject_repeated(ready, table)
@@ -204,6 +205,7 @@ def _track(
         "delay_frames": ready.delay_frames,
         "first_field": tracked_field(ready),
         "field_lag_frames": lag.frames,
+        "missing_after": missing_after(time_s) if settings.every == 1 else {},
         "pixel_aspect": 1.0 if ready.rectified_film is None else ready.rectified_film.aspect,
         "moving_parts": {name: asdict(parts) for name, parts in apart.items()},
     }
@@ -222,14 +224,14 @@ def tracked_field(ready: PreparedFilm) -> str:
 
 
 def _settle_fields(
-    ready: PreparedFilm, table: PoseTable, settings: TrackSettings
+    ready: PreparedFilm, table: PoseTable, time_s: NDArray[np.float64], settings: TrackSettings
 ) -> tuple[PreparedFilm, FieldLag, str | None]:
     """The film with the standard uncertainty of when its rows were exposed, their lag by the bodies' motion, and the
     field to track instead, or ``none`` for whole frames, where the motion says so."""
     film, tracked = ready.film, tracked_field(ready)
     if getattr(film, "has_camera_times", False):
         return ready, UNKNOWN_LAG, None  # cameras that write their own times read whole frames
-    lag = measure_field_lag(ready, table)
+    lag = measure_field_lag(ready, table, time_s)
     found = lag.first_field
     if found is None:
         return ready, lag, None

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from tests.command_line import run
-from tests.vision.turning_bar import OUTLINES, smooth_turn, turning_bar
+from tests.vision.turning_bar import OUTLINES, smooth_turn, turning_bar, write_video
 from vision.film.mraw import write_mraw
 
 
@@ -46,3 +46,27 @@ def test_frames_that_are_not_there_are_refused(
 ) -> None:
     assert run("track", str(film), "--bodies", str(film.with_name("b.toml")), *chosen) == 2
     assert "the film has 0 to 65; choose others with --from and --to" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("default::vision.errors.VisionWarning")
+def test_frames_that_the_film_lacks_are_rows_of_nan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    places = np.r_[0:30, 40:70]
+    film = write_video(tmp_path / "f.mov", turning_bar(smooth_turn(places, 70)), "png", pixels="rgb24", stamps=places)
+    (tmp_path / "b.toml").write_text(OUTLINES)
+    out = tmp_path / "o.csv"
+    common = ["track", str(film), "--bodies", str(tmp_path / "b.toml"), "--out", str(out), "--frame-rate", "2000"]
+    assert run(*common, "--contact-sheet", str(tmp_path / "s.png")) == 0
+    assert "10 frames missing in 1 gap, after frame 29" in " ".join(capsys.readouterr().err.split())
+    table = pd.read_csv(out)
+    np.testing.assert_allclose(table["time_s"], np.arange(70) / 2000.0, atol=1e-7)
+    missing = table["frame"] == -1
+    np.testing.assert_array_equal(np.flatnonzero(missing), np.arange(30, 40))
+    np.testing.assert_array_equal(table.loc[~missing, "frame"], np.arange(60))
+    assert table.loc[missing].drop(columns=["time_s", "frame", "bar_flag"]).isna().all(axis=None)
+    assert (table.loc[missing, "bar_flag"] == 16384).all() and not table.loc[~missing, "bar_rad"].isna().any()
+    assert np.abs(table["bar_rad"] - smooth_turn(np.arange(70), 70)).max() < np.radians(0.05)
+    assert run(*common[:-2], "--retrack", "31") == 0
+    again = pd.read_csv(out)
+    assert again.loc[41, "bar_rad"] == pytest.approx(table.loc[41, "bar_rad"], abs=1e-4)
+    pd.testing.assert_frame_equal(again.drop(index=41), table.drop(index=41))
+    assert run(*common[:-2], "--retrack", "-1") == 2
