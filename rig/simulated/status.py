@@ -93,7 +93,7 @@ def refuse_any(*checks: tuple[object, int, str]) -> None:
             raise DaqStatusError(code, detail)
 
 
-def one_of(value: int | float, allowed: tuple[int | float, ...], what: str) -> None:
+def require_one_of(value: int | float, allowed: tuple[int | float, ...], what: str) -> None:
     """Refuse a value that a setting does not have."""
     if value not in allowed:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"{what}: {value}, allowed {', '.join(map(str, allowed))}")

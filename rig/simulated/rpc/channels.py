@@ -16,7 +16,7 @@ from rig.simulated.driver import add_channels, add_lines
 from rig.simulated.product import Kind
 from rig.simulated.rpc.messages import enum, refuse_falling_edge
 from rig.simulated.signals import NEWTON_IN
-from rig.simulated.status import Code, DaqStatusError, NotAnswered, one_of
+from rig.simulated.status import Code, DaqStatusError, NotAnswered, require_one_of
 
 COUNT_UP, COUNT_DOWN = 10128, 10124
 Z_PHASES = (10040, 10041, 10042, 10043)
@@ -36,7 +36,7 @@ def _refuse_custom_scale(request: Any) -> None:
         raise NotAnswered(f"custom scale {request.custom_scale_name!r}")
 
 
-def _increasing(request: Any) -> None:
+def _refuse_limits(request: Any) -> None:
     if request.min_val >= request.max_val:
         raise DaqStatusError(Code.MIN_NOT_LESS_THAN_MAX, f"{request.min_val:g} to {request.max_val:g}")
 
@@ -61,9 +61,9 @@ def _set_terminal(
 def add_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CI on a quadrature encoder of an angle. Nothing is wired to the Z index, so that it never comes."""
     decoding = enum(request, "decoding_type")
-    one_of(decoding, (daqmx.X1, daqmx.X2, daqmx.X4), "Decoding type")
-    one_of(enum(request, "units"), (daqmx.DEGREES, daqmx.RADIANS, daqmx.TICKS), "Units")
-    one_of(enum(request, "zidx_phase") or Z_PHASES[0], Z_PHASES, "Z index phase")
+    require_one_of(decoding, (daqmx.X1, daqmx.X2, daqmx.X4), "Decoding type")
+    require_one_of(enum(request, "units"), (daqmx.DEGREES, daqmx.RADIANS, daqmx.TICKS), "Units")
+    require_one_of(enum(request, "zidx_phase") or Z_PHASES[0], Z_PHASES, "Z index phase")
     _refuse_custom_scale(request)
     if request.pulses_per_rev <= 0:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"pulses_per_rev: {request.pulses_per_rev:g}")
@@ -77,7 +77,7 @@ def add_edge_count(device: DeviceState, task: SimulatedTask, request: Any) -> No
     """CI counting rising edges on a terminal, up or down."""
     direction = enum(request, "count_direction")
     refuse_falling_edge(request, "edge")
-    one_of(direction, (COUNT_UP, COUNT_DOWN), "Count direction")
+    require_one_of(direction, (COUNT_UP, COUNT_DOWN), "Count direction")
     step = 1 if direction == COUNT_UP else -1
     _add(device, task, request, "CI", initial_count=int(request.initial_count), step=step)
     _set_terminal(device, task, daqmx.CI_COUNT_EDGES_TERM, "source")
@@ -85,8 +85,8 @@ def add_edge_count(device: DeviceState, task: SimulatedTask, request: Any) -> No
 
 def add_pulse_train(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CO pulse train by its frequency and duty cycle."""
-    one_of(enum(request, "units"), (daqmx.HERTZ,), "Units")
-    one_of(enum(request, "idle_state"), (daqmx.LOW, daqmx.HIGH), "Idle state")
+    require_one_of(enum(request, "units"), (daqmx.HERTZ,), "Units")
+    require_one_of(enum(request, "idle_state"), (daqmx.LOW, daqmx.HIGH), "Idle state")
     if enum(request, "idle_state") == daqmx.HIGH:
         raise NotAnswered("pulses from a high idle state")
     timebase = device.inventory.of(request.counter).product.counter_timebase_hz
@@ -107,14 +107,14 @@ def add_force_bridge(device: DeviceState, task: SimulatedTask, request: Any) -> 
     """AI force, bridge, straight line through two points."""
     units, physical = enum(request, "units"), enum(request, "physical_units")
     electrical = enum(request, "electrical_units")
-    one_of(units, tuple(NEWTON_IN), "Units")
-    one_of(physical, tuple(NEWTON_IN), "Physical units")
-    one_of(electrical, (daqmx.VOLTS_PER_VOLT, daqmx.MILLIVOLTS_PER_VOLT), "Electrical units")
-    one_of(enum(request, "bridge_config"), BRIDGE_CONFIGURATIONS, "Bridge configuration")
+    require_one_of(units, tuple(NEWTON_IN), "Units")
+    require_one_of(physical, tuple(NEWTON_IN), "Physical units")
+    require_one_of(electrical, (daqmx.VOLTS_PER_VOLT, daqmx.MILLIVOLTS_PER_VOLT), "Electrical units")
+    require_one_of(enum(request, "bridge_config"), BRIDGE_CONFIGURATIONS, "Bridge configuration")
     _refuse_custom_scale(request)
     product = device.inventory.of(request.physical_channel).product
     if enum(request, "voltage_excit_source") == INTERNAL_EXCITATION and product.bridge_excitation_v:
-        one_of(request.voltage_excit_val, product.bridge_excitation_v, "Excitation voltage")
+        require_one_of(request.voltage_excit_val, product.bridge_excitation_v, "Excitation voltage")
     e0, e1 = request.first_electrical_val, request.second_electrical_val
     p0, p1 = request.first_physical_val, request.second_physical_val
     if e0 == e1 or p0 == p1:
@@ -125,7 +125,7 @@ def add_force_bridge(device: DeviceState, task: SimulatedTask, request: Any) -> 
         reading = (e0 + (limit * scale - p0) * (e1 - e0) / (p1 - p0)) / per_mv
         if product.bridge_range_mv_per_v and abs(reading) > product.bridge_range_mv_per_v * (1 + 1e-9):
             raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Limit {limit:g} needs {reading:.4g} mV/V of the input")
-    _increasing(request)
+    _refuse_limits(request)
     in_units = {"units": units, "physical_units": physical, "electrical_units": electrical}
     points = {name: getattr(request, name) for name in BRIDGE_VALUES}
     _add(device, task, request, "AI", kind="bridge", **in_units, **points)
@@ -133,8 +133,8 @@ def add_force_bridge(device: DeviceState, task: SimulatedTask, request: Any) -> 
 
 def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AI voltage within one of the device's ranges."""
-    _increasing(request)
-    one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
+    _refuse_limits(request)
+    require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)
     owner = device.inventory.of(request.physical_channel)
     if owner.product.ai_ranges_v:
@@ -142,7 +142,7 @@ def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) ->
     before = len(task.channels)
     _add(device, task, request, "AI", min_val=request.min_val, max_val=request.max_val)
     wanted = enum(request, "terminal_config") or DEFAULT
-    one_of(wanted, (DEFAULT, RSE, NRSE, DIFFERENTIAL), "Terminal configuration")
+    require_one_of(wanted, (DEFAULT, RSE, NRSE, DIFFERENTIAL), "Terminal configuration")
     for channel in task.channels[before:]:
         paired = int(channel.physical.resource.removeprefix("ai")) in owner.product.differential
         if wanted == DIFFERENTIAL and not paired:
@@ -151,8 +151,8 @@ def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) ->
 
 def add_voltage_output(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AO voltage within the device's range."""
-    _increasing(request)
-    one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
+    _refuse_limits(request)
+    require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)
     low_v, high_v = request.min_val, request.max_val
     reach = device.inventory.of(request.physical_channel).product.ao_range_v

@@ -29,7 +29,7 @@ def _refuse_other_type(task: SimulatedTask, type_: str) -> None:
         raise DaqStatusError(code, f"Task: {task.name} is {task.type}")
 
 
-def reader_of(type_: str) -> TaskHandler:
+def make_reader(type_: str) -> TaskHandler:
     """Return the reader of an input task of this type."""
 
     def read(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:

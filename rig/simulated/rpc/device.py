@@ -29,7 +29,7 @@ Answer = Callable[[Inventory, str], Any]
 """From the device that was asked, with its modules, and its name or that of a module."""
 
 
-def of_device(answer: Answer) -> Property:
+def device_property(answer: Answer) -> Property:
     """Return a property of the card, the chassis or a module; other devices are refused."""
 
     def get(device: DeviceState, request: Any) -> Any:
@@ -43,7 +43,7 @@ def of_device(answer: Answer) -> Property:
     return Property(get)
 
 
-def channels_of(*kinds: Kind) -> Answer:
+def list_channels(*kinds: Kind) -> Answer:
     """Names of a device's channels of these kinds."""
 
     def get(device: Inventory, name: str) -> str:
@@ -55,9 +55,9 @@ def channels_of(*kinds: Kind) -> Answer:
     return get
 
 
-def ports(device: Inventory, name: str) -> str:
+def list_ports(device: Inventory, name: str) -> str:
     """Names of a device's digital ports."""
-    lines = filter(None, channels_of("line", "static_line")(device, name).split(", "))
+    lines = filter(None, list_channels("line", "static_line")(device, name).split(", "))
     return ", ".join(dict.fromkeys(line.rsplit("/line", 1)[0] for line in lines))
 
 
@@ -82,7 +82,7 @@ def slot_number(device: Inventory, name: str) -> int | None:
     return _modules(device).index(name) + 1 if name in _modules(device) else None
 
 
-def samples_simultaneously(device: Inventory, name: str) -> bool | None:
+def has_simultaneous_sampling(device: Inventory, name: str) -> bool | None:
     """Whether a card has a converter for each input; on a chassis that belongs to the modules."""
     has_inputs = any(kind == "voltage_in" for _, kind, _ in device.product.channels)
     return False if has_inputs and not device.product.chassis else None
@@ -92,7 +92,7 @@ VERSION = {"NIDAQ_MAJOR_VERSION": 26, "NIDAQ_MINOR_VERSION": 0, "NIDAQ_UPDATE_VE
 """Version of NI-DAQmx that the virtual device behaves like."""
 
 
-def version_part(number: int) -> Property:
+def version_property(number: int) -> Property:
     """Return a property of the system that is this number."""
     return Property(lambda device, request: number)
 
@@ -109,7 +109,7 @@ def open_watchdog(device: DeviceState, request: Any) -> Fields:
     return open_session(device, request, lambda: create_watchdog_task(device, name, timeout_s, request.device_name))
 
 
-def reset(device: DeviceState, request: Any) -> None:
+def reset_named_device(device: DeviceState, request: Any) -> None:
     """Put a device where it is after power-up."""
     _refuse_other_device(device, request.device_name)
     reset_device(device, device.inventory.of(request.device_name))
@@ -121,7 +121,7 @@ def _refuse_other_device(device: DeviceState, name: str) -> None:
         raise DaqStatusError(Code.INVALID_DEVICE_ID, f"Device: {name}")
 
 
-def _states(request: Any, *arrays: Any) -> Any:
+def _pair_states(request: Any, *arrays: Any) -> Any:
     names = channel_names(request.channel_names)
     if any(len(array) != len(names) for array in arrays):
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Expiration states for {len(names)} channels")
@@ -131,14 +131,14 @@ def _states(request: Any, *arrays: Any) -> Any:
 def set_analog_states(device: DeviceState, request: Any) -> None:
     """Set what analog outputs are at after an expiration."""
     timer = watchdog_timer(device, request.task.name)
-    for channel, volts, kind in _states(request, request.expir_state_array, request.output_type_array):
+    for channel, volts, kind in _pair_states(request, request.expir_state_array, request.output_type_array):
         set_expiration_volts(device, timer, channel, volts, kind)
 
 
 def set_line_states(device: DeviceState, request: Any) -> None:
     """Set what digital lines are at after an expiration."""
     timer = watchdog_timer(device, request.task.name)
-    for line, level in _states(request, request.expir_state_array):
+    for line, level in _pair_states(request, request.expir_state_array):
         set_expiration_level(device, timer, line, level)
 
 

@@ -21,7 +21,15 @@ from nidaqmx._stubs import nidaqmx_pb2
 from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.status import Code, DaqStatusError, NotAnswered, ServerGone, SessionRefused, Unsupported, one_of
+from rig.simulated.status import (
+    Code,
+    DaqStatusError,
+    NotAnswered,
+    ServerGone,
+    SessionRefused,
+    Unsupported,
+    require_one_of,
+)
 
 _METHODS = nidaqmx_pb2.DESCRIPTOR.services_by_name["NiDAQmx"].methods_by_name
 CALLS: frozenset[str] = frozenset(_METHODS)
@@ -86,7 +94,7 @@ def enum(request: Any, field: str) -> int:
 def refuse_falling_edge(request: Any, field: str) -> None:
     """Refuse an edge that is none, and a falling one, by which nothing on the virtual bench is clocked or counted."""
     edge = enum(request, field)
-    one_of(edge, (daqmx.RISING, daqmx.FALLING), "Edge")
+    require_one_of(edge, (daqmx.RISING, daqmx.FALLING), "Edge")
     if edge == daqmx.FALLING:
         raise NotAnswered(f"falling edge as {field}")
 

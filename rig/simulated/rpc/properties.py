@@ -15,7 +15,7 @@ from rig.simulated.device.task import Channel, SimulatedTask
 from rig.simulated.driver import find_task
 from rig.simulated.product import channel_names
 from rig.simulated.rpc.messages import Property, enum
-from rig.simulated.status import Code, DaqStatusError, NotAnswered, Unsupported, one_of
+from rig.simulated.status import Code, DaqStatusError, NotAnswered, Unsupported, require_one_of
 from rig.simulated.timing import await_something
 
 CHANNEL_TYPE = {"AI": 10100, "AO": 10102, "DO": 10153, "CI": 10131, "CO": 10132}
@@ -23,12 +23,12 @@ FORCE_BRIDGE, ANGULAR_ENCODER, COUNT_EDGES = 15899, 10360, 10125
 DO_NOT_OVERWRITE = 10159
 
 
-def of_task(get: Callable[[DeviceState, SimulatedTask], Any]) -> Property:
+def task_property(get: Callable[[DeviceState, SimulatedTask], Any]) -> Property:
     """Return a property that a client gets of a task."""
     return Property(lambda device, request: get(device, find_task(device, request.task.name)))
 
 
-def of_channel(type_: str, get: Callable[[DeviceState, SimulatedTask, Channel], Any]) -> Property:
+def channel_property(type_: str, get: Callable[[DeviceState, SimulatedTask, Channel], Any]) -> Property:
     """Return a property that a client gets of a channel of this type of task; "" is every type."""
 
     def answer(device: DeviceState, request: Any) -> Any:
@@ -55,12 +55,12 @@ def sample_rate(device: DeviceState, task: SimulatedTask) -> float:
     return task.clock.rate_hz
 
 
-def joined_names(device: DeviceState, task: SimulatedTask) -> str:
+def list_channel_names(device: DeviceState, task: SimulatedTask) -> str:
     """Names of the channels of a task."""
     return ", ".join(channel.name for channel in task.channels)
 
 
-def samples(field: str) -> Property:
+def sample_count(field: str) -> Property:
     """Samples per channel of the input buffer; a look takes its time when there are none to read."""
 
     def get(device: DeviceState, task: SimulatedTask) -> int:
@@ -68,10 +68,10 @@ def samples(field: str) -> Property:
             await_something(device, task)
         return getattr(task.buffer, field) if task.buffer is not None else 0
 
-    return of_task(get)
+    return task_property(get)
 
 
-def samples_to_read(device: DeviceState, task: SimulatedTask) -> int:
+def default_sample_count(device: DeviceState, task: SimulatedTask) -> int:
     """Samples that the client reads when it is asked for all there are."""
     if task.clock is not None and task.is_finite:
         return task.clock.samples
@@ -92,7 +92,7 @@ Check = Callable[[DeviceState, Channel, Any], None]
 """Refuses a value of a setting of a channel."""
 
 
-def setting_of_task(category: str, kind: type, check: Callable[[DeviceState, Any], None]) -> Property:
+def task_setting(category: str, kind: type, check: Callable[[DeviceState, Any], None]) -> Property:
     """Return a property that a client sets of a task, after ``check`` of its value, and gets as it was set."""
 
     def get(device: DeviceState, request: Any) -> Any:
@@ -109,8 +109,8 @@ def setting_of_task(category: str, kind: type, check: Callable[[DeviceState, Any
     return Property(get, put)
 
 
-def setting_of_channel(type_: str, kind: type, check: Check) -> Property:
-    """Return a property that a client sets of channels of this type of task, as :func:`setting_of_task`."""
+def channel_setting(type_: str, kind: type, check: Check) -> Property:
+    """Return a property that a client sets of channels of this type of task, as :func:`task_setting`."""
 
     def get(device: DeviceState, request: Any) -> Any:
         task = find_task(device, request.task.name)
@@ -151,13 +151,13 @@ def check_bridge(device: DeviceState, channel: Channel, value: object) -> None:
         raise Unsupported(f"shunt calibration of {channel.name}")
 
 
-def accept(*anything: object) -> None:
+def accept_any(*anything: object) -> None:
     """Accept every value: a filter of an encoder's inputs passes what the virtual encoder gives."""
 
 
 def check_arm_type(device: DeviceState, value: int) -> None:
     """Refuse an arm start trigger that is no digital edge."""
-    one_of(value, (daqmx.DIGITAL_EDGE, daqmx.NO_TRIGGER), "Arm start trigger type")
+    require_one_of(value, (daqmx.DIGITAL_EDGE, daqmx.NO_TRIGGER), "Arm start trigger type")
 
 
 def check_arm_source(device: DeviceState, value: str) -> None:
