@@ -12,17 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from vision.angles import ccw_to_picture
-from vision.bodies.masks import build_masks
-from vision.bodies.outlines import Body
-from vision.errors import VisionWarning
-from vision.film.source import ArrayFilm
-from vision.fitting.pose_covariance import cramer_rao_bound
+from vision import ArrayFilm, Body, TrackResult, VisionWarning, build_masks, ccw_to_picture, cramer_rao_bound, track
 from vision.fitting.template import Template, build_template
 from vision.reference.still_average import average_still_frames
-from vision.results.track_result import TrackResult
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, total_noise, wood_grain
-from vision.tracking.track_film import track_film
 
 HEIGHT, WIDTH = 150, 210
 PIVOT = (92.0, 96.0)
@@ -50,6 +43,11 @@ class KnownFilm:
     pose: NDArray[np.float64]  # (n_frames, n_bodies, 3): angle ccw, x, y of the origin
     light: NDArray[np.float32]
     noise_grey: float
+
+    @property
+    def frames(self) -> NDArray[np.uint8]:
+        """All pictures, (n, height, width)."""
+        return np.stack([self.film.read(i) for i in range(self.film.n_frames)])
 
     @property
     def mask(self) -> NDArray[np.bool_]:
@@ -124,7 +122,7 @@ def z_of(result: TrackResult, pose: NDArray[np.float64]) -> NDArray[np.float64]:
 def quietly_tracked(film: ArrayFilm, bodies: list[Body], **options: Any) -> TrackResult:
     """Tracked without warnings."""
     with warnings.catch_warnings(action="ignore", category=VisionWarning):
-        return track_film(film, bodies, **options)
+        return track(film, bodies, **options)
 
 
 def still_bar(texture: str) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

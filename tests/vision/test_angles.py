@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.angles import ccw_to_picture, ground_to_picture, picture_to_ccw, relative_angle
+from vision import ccw_to_picture, ground_to_picture, picture_to_ccw
+from vision.angles import relative_angle
 
 
 def test_signs_of_angles_and_axes() -> None:

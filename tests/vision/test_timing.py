@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tests.vision.known_films import smooth_step
-from vision.errors import InputError
-from vision.timing import estimate_offset, times_of_counts, times_of_edges
+from vision import InputError, estimate_offset, times_of_counts, times_of_edges
 
 
 def blow(t: np.ndarray) -> np.ndarray:

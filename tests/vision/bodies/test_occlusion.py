@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from vision import Body
 from vision.bodies.masks import CLEARANCE_PX
 from vision.bodies.occlusion import Occlusion
-from vision.bodies.outlines import Body, signed_distance
+from vision.bodies.outlines import signed_distance
 from vision.fitting.template import build_template
 
 

@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vision.bodies.masks import build_masks
-from vision.bodies.outlines import Body, load_bodies, parents_first, save_bodies, signed_distance
-from vision.errors import BodyError
+from vision import Body, BodyError, build_masks, load_bodies, save_bodies
+from vision.bodies.outlines import parents_first, signed_distance
 from vision.synthetic import box
 
 names = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera.model import Projection
+from vision import Projection
 
 SUBPIXELS = 4
 DARK, BRIGHT = 30.0, 210.0

@@ -13,14 +13,23 @@ import pytest
 
 from tests.command_line import run
 from tests.vision.camera.target_picture import target_picture
-from tests.vision.known_films import smooth_step
-from vision.bodies.outlines import Body
-from vision.camera.calibrate import Calibration, Target, calibrate
-from vision.camera.model import AssumedCamera, CalibratedCamera, Projection, load_calibration, save_calibration, tilted
-from vision.errors import InputError
-from vision.film.source import ArrayFilm
+from tests.vision.known_films import quietly_tracked, smooth_step
+from vision import (
+    ArrayFilm,
+    AssumedCamera,
+    Body,
+    CalibratedCamera,
+    Calibration,
+    InputError,
+    Projection,
+    Target,
+    calibrate,
+    load_calibration,
+    save_calibration,
+    track,
+)
+from vision.camera.model import tilted
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
-from vision.tracking.track_film import track_film
 
 WIDTH, HEIGHT = 300, 220
 MDEG = math.radians(1e-3)
@@ -76,14 +85,7 @@ def test_tilted_projection_is_a_pinhole_camera() -> None:
     np.testing.assert_allclose(corner - lens.centre_px, 1.01 * lens.centre_px)
 
 
-@pytest.mark.parametrize(
-    ("kind", "seeds"),
-    [
-        ("checkerboard", 2),
-        pytest.param("checkerboard", 5, marks=pytest.mark.slow),
-        pytest.param("dots", 5, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("kind", "seeds"), [("checkerboard", 2), ("dots", 1)])
 def test_parameters_lie_within_their_uncertainty(kind: str, seeds: int) -> None:
     z, scale_z = [], []
     for seed in range(seeds):
@@ -111,41 +113,39 @@ def bar_through(lens: Projection, turn_rad: float = 0.35) -> tuple[ArrayFilm, li
     return ArrayFilm(np.stack(frames), 1000.0), [Body("bar", outline)], angle
 
 
-@pytest.mark.slow
 def test_calibration_takes_the_cameras_error_out() -> None:
     lens = Projection(WIDTH, HEIGHT, tilted(math.radians(4.0), 2.4, 12.0 * WIDTH), 0.003)
     camera = calibrate(target_film(lens, "dots", 3), Target("dots", 9, 7, 5e-3)).camera
     film, bodies, angle = bar_through(lens)
-    plain = track_film(film, bodies)
+    plain = track(film, bodies)
     true = angle - angle[: plain.n_still].mean()
     late = slice(34, None)
     bias = np.mean(plain.angle_rad[late, 0] - true[late])
     assert abs(bias) > 10 * MDEG, "the lens must matter for this test"
-    corrected = track_film(film, bodies, camera=camera)
+    corrected = track(film, bodies, camera=camera)
     left = np.mean(corrected.angle_rad[late, 0] - true[late])
     u = float(np.mean(corrected.u_total_rad[late, 0]))
     assert abs(left) < 2.0 * u and u < 3 * MDEG
     assert "calibrated" in corrected.budget.camera
     with pytest.raises(InputError, match="pictures of 300 x 220"):
-        track_film(ArrayFilm(film._frames[:, :-2], 1000.0), bodies, camera=camera)
+        track(ArrayFilm(film.frames(0, film.n_frames)[:, :-2], 1000.0), bodies, camera=camera)
 
 
-@pytest.mark.slow  # python -m pytest -m slow tests/vision/camera
 def test_budget_covers_lenses_of_the_assumed_size() -> None:
     """Tilt in any direction and distortion, drawn from the assumed standard uncertainties: error over stated total."""
     rng = np.random.default_rng(8)
     assumed = AssumedCamera(math.radians(3.0), 0.004, 12.0)
     z, narrow = [], []
-    for _ in range(30):
+    for _ in range(5):
         lean = tilted(abs(rng.normal(0, math.radians(3.0))), rng.uniform(0, 2 * math.pi), 12.0 * WIDTH)
         lens = Projection(WIDTH, HEIGHT, lean, rng.normal(0, 0.004))
         film, bodies, angle = bar_through(lens)
-        result = track_film(film, bodies, n_still=14, camera=assumed)
+        result = quietly_tracked(film, bodies, n_still=14, camera=assumed)  # large ones show in the bodies' shapes
         error = result.angle_rad[:, 0] - (angle - angle[: result.n_still].mean())
         z.append(error[34:] / result.u_total_rad[34:, 0])
         narrow.append(error[34:] / result.u_angle_rad[34:, 0])
-    assert np.mean(np.abs(z) < 1.96) >= 0.9  # 30 lenses: 0.95 less one standard deviation
-    assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.3
+    # chi-squared of five lenses, 0.1 % to each side
+    assert 0.2 < np.sqrt(np.mean(np.square(z))) < 2.03
     assert np.sqrt(np.mean(np.square(narrow))) > 3.0, "noise alone is far from the whole"
 
 

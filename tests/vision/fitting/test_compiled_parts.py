@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.film.source import ArrayFilm, saturated_areas
+from vision import ArrayFilm
+from vision.film.source import saturated_areas
 from vision.fitting.assessment import inverse_and_covariance
 from vision.fitting.bspline import coefficients
 from vision.fitting.frame_spline import FrameSpline, prefilter, saturated_inside

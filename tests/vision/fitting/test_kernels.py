@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from tests.vision.known_films import PIVOT, bar_scene, still_bar
-from vision.film.source import ArrayFilm
+from vision import ArrayFilm
 from vision.fitting.assessment import Blocks, block_ratios, blocks_of
 from vision.fitting.bspline import coefficients, noise_gain
 from vision.fitting.icgn import IcgnFitter

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.vision.known_films import PIVOT, bar_scene
-from vision.film.source import ArrayFilm
+from vision import ArrayFilm
 from vision.fitting.base import Fit
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import build_template

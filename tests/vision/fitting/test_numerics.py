@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from vision.errors import BodyError
+from vision import BodyError, cramer_rao_bound
 from vision.fitting import bspline
-from vision.fitting.pose_covariance import TUKEY, TUKEY_FACTOR, cramer_rao_bound, predicted_u_angle
+from vision.fitting.pose_covariance import TUKEY, TUKEY_FACTOR, predicted_u_angle
 from vision.fitting.template import build_template
 
 RNG = np.random.default_rng(11)

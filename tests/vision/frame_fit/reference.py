@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.results.flags import FrameFlag
+from vision import FrameFlag
 
 F64 = NDArray[np.float64]
 

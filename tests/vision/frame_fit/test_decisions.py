@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.vision.frame_fit.reference import PlainBody, PlainStandards, plain_flags
+from vision import FrameFlag
 from vision.fitting.template import Template, build_template
 from vision.frame_fit.judgement import Figures, Standards, judge, learn_usual
 from vision.frame_fit.motion import Motion, expect_bodies, expect_pose, place_body
-from vision.results.flags import FrameFlag
 
 pytestmark = pytest.mark.processor
 

@@ -12,20 +12,16 @@ from numpy.typing import NDArray
 
 import vision.tracking.track_film
 from tests.vision.known_films import film_of, smooth_step
-from vision.bodies.outlines import Body
-from vision.film.mraw import write_mraw
-from vision.film.open import open_film
-from vision.film.source import ArrayFilm, Repeats
+from vision import ArrayFilm, Body, FrameFlag, open_film, track, write_mraw
+from vision.film.source import Repeats
 from vision.fitting.frame_spline import NO_PART
 from vision.frame_fit.compiled import NOT_BEGUN
 from vision.frame_fit.frame_fit import NEVER, FrameFit, frames_around, watch
 from vision.frame_fit.motion import place_body
-from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle
 from vision.tracking.film_tracker import FilmTracker, repeats_around
 from vision.tracking.prepare import prepare
-from vision.tracking.track_film import track_film
 
 pytestmark = pytest.mark.processor
 
@@ -93,17 +89,17 @@ def test_compiled_frames_have_the_bits_of_fits_in_python(
     every: int,
 ) -> None:
     known = film_of(lever_scene, lever_motion(), parents={"finger": "beam"})
-    film = ArrayFilm(change(np.stack([known.film.read(i) for i in range(N)])), frame_rate_hz=2000.0)
+    film = ArrayFilm(change(known.frames), frame_rate_hz=2000.0)
     walked = []
     walk = FrameFit.walk
     monkeypatch.setattr(FrameFit, "walk", lambda *a: walked.append(walk(*a)) or walked[-1])
     with warnings.catch_warnings(action="ignore"):
-        compiled = track_film(film, known.bodies, every=every, n_still=STILL)
+        compiled = track(film, known.bodies, every=every, n_still=STILL)
         monkeypatch.setattr(FilmTracker, "walk", lambda *a: 0)
-        by_frame = track_film(film, known.bodies, every=every, n_still=STILL)
+        by_frame = track(film, known.bodies, every=every, n_still=STILL)
         go_on = FrameFit.go_on
         monkeypatch.setattr(FrameFit, "go_on", lambda self, *a: self.states.apart.fill(1) or go_on(self, *a))
-        in_python = track_film(film, known.bodies, every=every, n_still=STILL)
+        in_python = track(film, known.bodies, every=every, n_still=STILL)
     if change is nothing:
         assert sum(walked) >= 10 / every and not compiled.failed.any()  # small bodies are looked at twice often
     else:

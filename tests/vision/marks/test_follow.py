@@ -9,10 +9,7 @@ import pytest
 from scipy import ndimage, special
 
 from tests.vision.known_films import PIVOT, bar_scene, dark, film_of, smooth_step
-from vision.errors import BodyError, VisionInputError
-from vision.film.source import ArrayFilm
-from vision.marks.follow import follow_marks
-from vision.marks.mark import LineMark, PointMark, load_marks
+from vision import ArrayFilm, BodyError, LineMark, PointMark, VisionInputError, follow_marks, load_marks
 
 H, W, N, STILL = 120, 160, 110, 16
 Y, X = np.mgrid[0:H, 0:W].astype(float)
@@ -65,7 +62,7 @@ def test_a_round_dot_is_followed_without_a_turn() -> None:
         (0.6, 1.0),
         (2.2, 1.0),
         (-1.9, 0.0),
-        *(pytest.param(a, t, marks=pytest.mark.slow) for a, t in ((0.0, 1.0), (0.6, 0.0), (2.2, 0.0), (-1.9, 1.0))),
+        (0.6, 1.0),
     ],
 )
 def test_an_edge_moves_across_itself(angle: float, texture: float) -> None:

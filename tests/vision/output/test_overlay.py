@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 
 from tests.vision.known_films import PIVOT, bar_scene, film_of
-from vision.bodies.outlines import Body
-from vision.errors import InputError
-from vision.film.open import open_film
-from vision.film.source import ArrayFilm
+from vision import ArrayFilm, Body, InputError, open_film, track, write_contact_sheet, write_overlay
 from vision.output.colours import LOST, bgr, colour_of
-from vision.output.overlay import OutlineDrawer, words_of, worst_of, write_contact_sheet, write_overlay
+from vision.output.overlay import OutlineDrawer, words_of, worst_of
 from vision.synthetic import box
-from vision.tracking.track_film import track_film
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +26,7 @@ def tracked() -> tuple[object, object]:
             light[:] = 15.0
 
     known = film_of(bar_scene("speckle"), pose, cover=hide)
-    return known, track_film(known.film, known.bodies)
+    return known, track(known.film, known.bodies)
 
 
 def test_outline_is_drawn_on_the_body(tmp_path: Path, tracked: tuple) -> None:
@@ -82,7 +78,7 @@ def test_refusals(tmp_path: Path, tracked: tuple) -> None:
     with pytest.raises(InputError, match="outlines of other"):
         write_contact_sheet(tmp_path / "a.png", known.film, [Body("other", known.bodies[0].polygon_px)], result)
     with pytest.raises(InputError, match="has 5 frames"):
-        write_overlay(tmp_path / "a.avi", ArrayFilm(known.film._frames[:5]), known.bodies, result)
+        write_overlay(tmp_path / "a.avi", ArrayFilm(known.frames[:5]), known.bodies, result)
     with pytest.raises(InputError, match="cannot be written"):
         write_contact_sheet(tmp_path / "absent" / "a.png", known.film, known.bodies, result)
     assert list(tmp_path.iterdir()) == []

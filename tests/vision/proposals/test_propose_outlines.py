@@ -14,15 +14,10 @@ import vision.proposals.point_tracks
 from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, film_trial
 from tests.command_line import run
 from tests.vision.known_films import smooth_step
-from vision.bodies.outlines import Body, load_bodies, signed_distance
-from vision.errors import TrackingError
-from vision.film.mraw import write_mraw
-from vision.film.open import open_film
-from vision.film.source import ArrayFilm
+from vision import ArrayFilm, Body, TrackingError, load_bodies, open_film, propose_bodies, track, write_mraw
+from vision.bodies.outlines import signed_distance
 from vision.proposals.point_tracks import frames_by_activity
-from vision.proposals.propose_outlines import propose_bodies
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
-from vision.tracking.track_film import track_film
 
 BENCH_FRAMES = 76
 
@@ -86,7 +81,7 @@ def test_each_moving_body_gets_its_outline(
     for mask in true:
         covered, right = best_shares(bodies, mask)
         assert covered > 0.6 and right > 0.85
-    result = track_film(film, bodies)
+    result = track(film, bodies)
     end = sorted(np.nanmax(result.angle_rad, axis=0))
     np.testing.assert_allclose(end, angle[-1], atol=2e-3)
     refused(str(out), "track", film, "--propose-bodies", out)  # corrected outlines are never overwritten
@@ -116,7 +111,7 @@ def test_the_bodies_of_the_bench_can_be_tracked_as_proposed(bench_film: tuple[Pa
     assert [body.parent for body in bodies] == [None, "body1", "body1"]  # whippen, jack, repetition lever
     assert max(len(body.polygon_px) for body in bodies) <= 20
     assert bodies[1].layer >= bodies[0].layer <= bodies[2].layer
-    result = track_film(path, bodies, truth.frame_time_s, confirm="none")
+    result = track(path, bodies, truth.frame_time_s, confirm="none")
     assert not result.failed.any()
     still = result.n_still
     error = result.angle_rad - (truth.mean_angle_rad - truth.mean_angle_rad[:still].mean(axis=0))
@@ -127,7 +122,6 @@ def test_the_bodies_of_the_bench_can_be_tracked_as_proposed(bench_film: tuple[Pa
     assert np.abs(error / u).max() < 5.0
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("few_frames")
 def test_bodies_before_a_black_background() -> None:
     frames, outlines, _ = film_of_two()
@@ -154,7 +148,6 @@ def test_a_real_ball_that_never_rests() -> None:
     assert ball.parent is None and len(ball.polygon_px) <= 20
 
 
-@pytest.mark.slow
 def test_bodies_that_turn_so_fast_that_points_are_lost() -> None:
     """Their beginning tells them apart."""
     frames, outlines, _ = film_of_two(beam_rad=0.3, finger_rad=2.6, moving=24)
@@ -165,7 +158,6 @@ def test_bodies_that_turn_so_fast_that_points_are_lost() -> None:
     assert overlapping(bodies, 170, 230) == 0
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("few_frames")
 def test_a_motion_of_half_a_pixel() -> None:
     frames, outlines, _ = film_of_two(beam_rad=0.0, finger_rad=0.008)

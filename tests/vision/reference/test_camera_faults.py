@@ -8,11 +8,8 @@ import pytest
 from scipy import ndimage
 
 from tests.vision.known_films import smooth_step
-from vision.bodies.outlines import Body
-from vision.errors import VisionWarning
-from vision.film.source import ArrayFilm
+from vision import ArrayFilm, Body, VisionWarning, track
 from vision.reference.camera_faults import WithoutDefects, skips_blocks, without_defects
-from vision.tracking.track_film import track_film
 
 N, HEIGHT, WIDTH, STILL = 30, 128, 160, 12
 RNG = np.random.default_rng(7)
@@ -46,7 +43,7 @@ def test_defect_pixels_are_replaced_and_the_angle_is_right() -> None:
     np.testing.assert_array_equal(part[~found[10:90, 5:130]], frames[20, 10:90, 5:130][~found[10:90, 5:130]])
     assert np.abs(part.astype(float) - ndimage.median_filter(part, 3)).max() < 100.0
     body = Body("plate", np.array([[40.0, 30.0], [120.0, 30.0], [120.0, 100.0], [40.0, 100.0]]))
-    result = track_film(ArrayFilm(frames, 2000.0), [body], n_still=STILL)
+    result = track(ArrayFilm(frames, 2000.0), [body], n_still=STILL)
     assert result.info["defect_pixels"] == film.rows.size
     z_x = (result.x_px[:, 0] - result.x_px[0, 0] - way)[STILL:] / result.u_position_px[STILL:, 0, 0]
     z = result.angle_rad[STILL:, 0] / result.u_angle_rad[STILL:, 0]
@@ -98,10 +95,10 @@ def test_squares_left_out_are_noticed() -> None:
 def test_a_film_with_squares_left_out_is_less_sure() -> None:
     frames, _ = shifted(4)
     body = Body("plate", np.array([[40.0, 30.0], [120.0, 30.0], [120.0, 100.0], [40.0, 100.0]]))
-    plain = track_film(ArrayFilm(frames, 2000.0), [body], n_still=STILL)
+    plain = track(ArrayFilm(frames, 2000.0), [body], n_still=STILL)
     for k in range(1, N):
         frames[k, 48:64, 48:96] = frames[k - 1, 48:64, 48:96] if k % 8 else frames[k, 48:64, 48:96]
     with pytest.warns(VisionWarning, match="repeat byte for byte"):
-        result = track_film(ArrayFilm(frames, 2000.0), [body], n_still=STILL)
+        result = track(ArrayFilm(frames, 2000.0), [body], n_still=STILL)
     assert result.info["skips_blocks"] and not plain.info["skips_blocks"]
     assert np.median(result.u_angle_rad[:5]) > 5.0 * np.median(plain.u_angle_rad[:5])

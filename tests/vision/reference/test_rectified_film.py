@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.camera.model import Projection
-from vision.errors import VisionInputError
-from vision.film.source import ArrayFilm
+from vision import ArrayFilm, Projection, VisionInputError
 from vision.reference.rectified_film import RectifiedFilm
 
 HEIGHT, WIDTH = 72, 100

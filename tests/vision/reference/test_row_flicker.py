@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from vision.film.source import ArrayFilm, FrameSource
+from vision import ArrayFilm, FrameSource
 from vision.fitting.template import build_template
 from vision.reference.camera_faults import (
     WithoutRowFlicker,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.film.source import ArrayFilm
+from vision import ArrayFilm
 from vision.reference.still_average import average_still_frames, still_count
 
 

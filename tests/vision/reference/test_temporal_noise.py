@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.film.source import ArrayFilm
+from vision import ArrayFilm
 from vision.reference.temporal_noise import delay_in_frames
 
 HEIGHT, WIDTH, N = 100, 150, 16

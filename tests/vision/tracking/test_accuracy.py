@@ -8,15 +8,9 @@ import numpy as np
 import pytest
 
 from tests.vision.known_films import PIVOT, bar_motion, bar_scene, error_of, film_of, smooth_step
-from vision.bodies.outlines import Body
-from vision.errors import InputError, TrackingError
-from vision.film.source import ArrayFilm
+from vision import ArrayFilm, Body, FrameFlag, InputError, TrackingError, predict_uncertainty, preview, track
 from vision.fitting.icgn import IcgnFitter
-from vision.results.flags import FrameFlag
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle
-from vision.tracking.prepare import predict_uncertainty
-from vision.tracking.retrack import preview
-from vision.tracking.track_film import track_film
 
 MDEG = np.radians(1e-3)
 
@@ -57,7 +51,7 @@ def test_error_and_stated_uncertainty_over_random_poses(texture: str) -> None:
 def test_film_of_a_turning_bar(texture: str) -> None:
     pose = bar_motion(160, PIVOT, 0.3)
     known = film_of(bar_scene(texture), pose, gain=1 + 0.08 * np.cos(0.37 * np.arange(160)))
-    result = track_film(known.film, known.bodies)
+    result = track(known.film, known.bodies)
     assert not result.failed.any()
     assert 10 <= result.n_still <= 22
     error = error_of(result, pose)
@@ -85,11 +79,11 @@ def test_sign_datum_and_axes() -> None:
     frames = np.stack([np.clip(np.rint(scene.light(p[None])), 0, 255).astype(np.uint8) for p in pose])
     before, after = (np.unravel_index(np.argmax(scene.light(p[None])), (150, 210)) for p in (pose[0], pose[-1]))
     assert after[0] < before[0] - 5, "the film itself must turn counter-clockwise"
-    result = track_film(ArrayFilm(frames, 1000.0), [Body("bar", body.outline(*pose[0, 0]))])
+    result = track(ArrayFilm(frames, 1000.0), [Body("bar", body.outline(*pose[0, 0]))])
     assert result.angle_rad[0, 0] == pytest.approx(0.0, abs=1e-5)
     assert result.angle_rad[-1, 0] == pytest.approx(0.2, abs=2e-5)
     assert result.x_px[-1, 0] > result.x_px[0, 0] + 4.0
-    mirrored = track_film(ArrayFilm(np.ascontiguousarray(frames[:, :, ::-1]), 1000.0), [
+    mirrored = track(ArrayFilm(np.ascontiguousarray(frames[:, :, ::-1]), 1000.0), [
         Body("bar", np.column_stack([209.0 - body.outline(*pose[0, 0])[:, 0], body.outline(*pose[0, 0])[:, 1]]))
     ])  # fmt: skip
     assert mirrored.angle_rad[-1, 0] == pytest.approx(-0.2, abs=2e-5)
@@ -114,7 +108,7 @@ def two_body_film(n: int = 120) -> object:
 
 def test_relative_angle_and_moving_cover() -> None:
     known = two_body_film()
-    result = track_film(known.film, known.bodies)
+    result = track(known.film, known.bodies)
     assert not result.failed.any()
     angle, u, flag = result.relative("finger")
     pose = known.pose
@@ -134,7 +128,7 @@ def test_table_every_and_times() -> None:
     known = two_body_film(70)
     time_s = 0.5 + np.arange(70) / 1000.0
     seen: list[tuple[int, int]] = []
-    result = track_film(
+    result = track(
         known.film,
         known.bodies,
         time_s,
@@ -164,7 +158,7 @@ def test_positions_have_their_uncertainty(texture: str) -> None:
     pose = np.tile([0.0, *PIVOT], (n, 1))[:, None, :]
     pose[still:, 0, 1:] += np.cumsum(rng.uniform(-0.4, 0.4, (n - still, 2)), axis=0)
     known = film_of(bar_scene(texture), pose, seed=9)
-    result = track_film(known.film, known.bodies, n_still=still)
+    result = track(known.film, known.bodies, n_still=still)
     moved = np.stack([result.x_px[:, 0], result.y_px[:, 0]], axis=1)[still:]
     error = moved - moved[0] - (pose[still:, 0, 1:] - pose[still, 0, 1:])
     z = (error - error.mean(axis=0)) / result.u_position_px[still:, 0]
@@ -178,7 +172,7 @@ def test_position_uncertainty_of_a_turned_body_is_along_the_picture() -> None:
     n, still = 180, 14
     turn = np.radians(40.0) * smooth_step((np.arange(n) - still) / 60)
     pose = np.column_stack([turn, np.full(n, 100.0), np.full(n, 80.0)])[:, None, :]
-    result = track_film((known := film_of(bar_scene("wood"), pose)).film, known.bodies)
+    result = track((known := film_of(bar_scene("wood"), pose)).film, known.bodies)
     late = slice(still + 60, n)
     found = np.cov(result.x_px[late, 0], result.y_px[late, 0])
     stated = result.covariance[late, 0, 1:, 1:].mean(axis=0)
@@ -190,7 +184,7 @@ def test_position_uncertainty_of_a_turned_body_is_along_the_picture() -> None:
 def test_a_preview_is_what_the_whole_film_gives() -> None:
     known = two_body_film(90)
     clock = {"frame_time_s": np.arange(90) / 2000.0, "u_time_s": 2e-4}
-    few, whole = preview(known.film, known.bodies, 4, **clock), track_film(known.film, known.bodies, **clock)
+    few, whole = preview(known.film, known.bodies, 4, **clock), track(known.film, known.bodies, **clock)
     assert few.frame.tolist() == [22, 44, 67, 89] and not few.failed.any()
     apart = np.abs(few.angle_rad - whole.angle_rad[few.frame])
     assert np.all(apart < 0.5 * whole.u_angle_rad[few.frame])
@@ -205,14 +199,14 @@ def test_what_cannot_be_tracked() -> None:
     known = film_of(bar_scene("speckle"), bar_motion(40, PIVOT, 0.2))
     film, bodies = known.film, known.bodies
     with pytest.raises(InputError, match="every"):
-        track_film(film, bodies, every=0)
+        track(film, bodies, every=0)
     with pytest.raises(InputError, match="39 frame times"):
-        track_film(film, bodies, np.arange(39.0))
+        track(film, bodies, np.arange(39.0))
     with pytest.raises(InputError, match="increase"):
-        track_film(film, bodies, np.zeros(40))
+        track(film, bodies, np.zeros(40))
     with pytest.raises(InputError, match="no frame rate"):
-        track_film(ArrayFilm(film._frames), bodies)
+        track(ArrayFilm(known.frames), bodies)
     with pytest.raises(TrackingError, match="1 frame"):
-        track_film(ArrayFilm(film._frames[:1], 1000.0), bodies)
+        track(ArrayFilm(known.frames[:1], 1000.0), bodies)
     with pytest.raises(TrackingError, match="41 still"):
-        track_film(film, bodies, n_still=41)
+        track(film, bodies, n_still=41)

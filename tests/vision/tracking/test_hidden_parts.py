@@ -8,10 +8,7 @@ from types import ModuleType
 
 import numpy as np
 
-from vision.bodies.outlines import Body
-from vision.errors import VisionWarning
-from vision.film.source import ArrayFilm
-from vision.results.flags import FrameFlag
+from vision import ArrayFilm, Body, FrameFlag, VisionWarning
 from vision.results.pose_table import PoseTable
 from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.moving_parts import confirm_hidden

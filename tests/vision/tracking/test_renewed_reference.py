@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from tests.vision.known_films import PIVOT, bar_motion, bar_scene, blurred, film_of, quietly_tracked, smooth_step, z_of
+from vision import FrameFlag
 from vision.fitting.template import Template, build_template
 from vision.frame_fit.judgement import Standards
-from vision.results.flags import FrameFlag
-from vision.tracking.passes import _seen_from
 
 RENEWED = np.uint16(int(FrameFlag.RENEWED))
 
 
-@pytest.mark.slow
 def test_a_body_that_leaves_the_plane_of_focus() -> None:
     n = 52
     pose, width = bar_motion(n, PIVOT, 0.25), 6.0 * smooth_step((np.arange(n) - 16) / 26)
@@ -47,18 +44,3 @@ def _noise_only() -> Template:
     mask = np.zeros(picture.shape, dtype=bool)
     mask[8:-8, 8:-8] = True
     return build_template("bar", picture, mask, 1, None, 12.0)
-
-
-def test_poses_of_two_templates_of_one_body() -> None:
-    """From the still frames' template to a later one's and back."""
-
-    class Centred:
-        def __init__(self, x: float, y: float) -> None:
-            self.centre_px = (x, y)
-
-    own, later = Centred(80.0, 60.0), Centred(97.0, 41.0)
-    at, pose = np.array([0.3, 12.0, -17.0]), np.array([0.52, 20.0, -9.0])
-    there = _seen_from(own, later, at, pose)  # type: ignore[arg-type]
-    assert there[0] == pytest.approx(0.22)
-    np.testing.assert_allclose(_seen_from(own, later, at, at), 0.0, atol=1e-12)  # type: ignore[arg-type]
-    np.testing.assert_allclose(_seen_from(later, own, None, there, at), pose, atol=1e-12)  # type: ignore[arg-type]

@@ -9,10 +9,7 @@ import pytest
 
 import vision.tracking.passes
 from tests.vision.known_films import PIVOT, bar_motion, bar_scene, dark, error_of, film_of, same_bits
-from vision.errors import InputError
-from vision.results.flags import FrameFlag
-from vision.tracking.retrack import retrack_frames
-from vision.tracking.track_film import track_film
+from vision import FrameFlag, InputError, retrack_frames, track
 
 MDEG = np.radians(1e-3)
 
@@ -24,7 +21,7 @@ class StoppedError(Exception):
 def test_resumed_run_gives_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(vision.tracking.passes, "EVERY_ROWS", 16)
     known = film_of(bar_scene("wood"), bar_motion(70, PIVOT, 0.3))
-    whole = track_film(known.film, known.bodies)
+    whole = track(known.film, known.bodies)
     checkpoint = tmp_path / "unfinished.npz"
 
     def stop(done: int, total: int) -> None:
@@ -32,30 +29,30 @@ def test_resumed_run_gives_the_same_numbers(tmp_path: Path, monkeypatch: pytest.
             raise StoppedError
 
     with pytest.raises(StoppedError):
-        track_film(known.film, known.bodies, checkpoint=checkpoint, progress=stop)
+        track(known.film, known.bodies, checkpoint=checkpoint, progress=stop)
     assert checkpoint.exists()
     stored = checkpoint.read_bytes()
-    resumed = track_film(known.film, known.bodies, checkpoint=checkpoint)
+    resumed = track(known.film, known.bodies, checkpoint=checkpoint)
     assert 16 <= resumed.info["rows_resumed"] <= 37 and not checkpoint.exists()
     same_bits(resumed, whole)
     # nothing is resumed from another job or a damaged file
     checkpoint.write_bytes(stored)
-    other = track_film(known.film, known.bodies, every=2, checkpoint=checkpoint)
+    other = track(known.film, known.bodies, every=2, checkpoint=checkpoint)
     assert other.info["rows_resumed"] == 0
     damages = (b"", b"no archive", stored[:1000], stored[: len(stored) // 2] + b"\0" * 99)
     for damaged in damages:
         checkpoint.write_bytes(damaged)
-        again = track_film(known.film, known.bodies, checkpoint=checkpoint)
+        again = track(known.film, known.bodies, checkpoint=checkpoint)
         assert again.info["rows_resumed"] == 0
         same_bits(again, whole)
     with pytest.raises(InputError, match="cannot be written"):
-        track_film(known.film, known.bodies, checkpoint=tmp_path / "absent" / "unfinished.npz")
+        track(known.film, known.bodies, checkpoint=tmp_path / "absent" / "unfinished.npz")
 
 
 def test_a_frame_alone_gives_what_the_film_gave() -> None:
     pose = bar_motion(70, PIVOT, 0.3)
     known = film_of(bar_scene("speckle"), pose)
-    result = track_film(known.film, known.bodies)
+    result = track(known.film, known.bodies)
     near = {"bar": (result.angle_rad[50, 0] + 0.03, result.x_px[50, 0] - 2.0, result.y_px[50, 0] + 1.5)}
     alone = retrack_frames(known.film, known.bodies, [50], [near])
     assert alone.frame.tolist() == [50] and alone.time_s[0] == result.time_s[50]
@@ -75,14 +72,14 @@ def test_a_frame_alone_gives_what_the_film_gave() -> None:
         retrack_frames(known.film, known.bodies, [50], [{"bar": near["bar"][1:]}])
     for none in (0, -3, 2.5):
         with pytest.raises(InputError, match="max_pixels"):
-            track_film(known.film, known.bodies, max_pixels=none)
+            track(known.film, known.bodies, max_pixels=none)
 
 
 def test_frames_alone_know_their_motion() -> None:
     """Terms of the budget that need neighbours are the film's, whichever frames are asked for, at its end too."""
     known = film_of(bar_scene("speckle"), bar_motion(70, PIVOT, 0.3))
     options = {"rows_per_s": 2e5, "u_time_s": 1e-4}
-    result = track_film(known.film, known.bodies, **options)
+    result = track(known.film, known.bodies, **options)
     frames = [69, 20, 50, 51]
     near = [{"bar": (result.angle_rad[k, 0], result.x_px[k, 0], result.y_px[k, 0])} for k in frames]
     alone = retrack_frames(known.film, known.bodies, frames, near, **options)
@@ -110,7 +107,7 @@ def test_backward_pass_takes_back_a_wrong_stretch(monkeypatch: pytest.MonkeyPatc
         return done
 
     monkeypatch.setattr("vision.tracking.track_film.track_forward", spoil)
-    result = track_film(known.film, known.bodies, confirm="all")
+    result = track(known.film, known.bodies, confirm="all")
     assert np.flatnonzero(result.failed[:, 0]).tolist() == [40, 41, 42]
     assert 55 * MDEG < result.u_angle_rad[50, 0] < 70 * MDEG > 10 * result.u_angle_rad[49, 0]
     assert np.all(result.flag[40:43, 0] & int(FrameFlag.UNCONFIRMED))
@@ -118,14 +115,14 @@ def test_backward_pass_takes_back_a_wrong_stretch(monkeypatch: pytest.MonkeyPatc
     assert result.flag[30, 0] == int(FrameFlag.REACQUIRED), "found by the backward pass only"
     assert np.nanmax(np.abs(error_of(result, known.pose))) < 5 * np.nanmax(result.u_angle_rad)
     with pytest.raises(InputError, match="confirm"):
-        track_film(known.film, known.bodies, confirm="maybe")
+        track(known.film, known.bodies, confirm="maybe")
 
 
 def test_only_doubtful_rows_are_seen_twice() -> None:
     pose = bar_motion(90, PIVOT, 0.3)
     clean = film_of(bar_scene("speckle"), pose)
-    assert track_film(clean.film, clean.bodies).info["rows_confirmed"] == 0
+    assert track(clean.film, clean.bodies).info["rows_confirmed"] == 0
     known = film_of(bar_scene("speckle"), pose, cover=dark(range(50, 55)))
-    result = track_film(known.film, known.bodies)
+    result = track(known.film, known.bodies)
     assert result.info["rows_confirmed"] == 12 + 5 + 1 + 4
     assert np.flatnonzero(result.failed[:, 0]).tolist() == [50, 51, 52, 53, 54]

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from tests.vision.known_films import PIVOT, bar_scene, film_of
-from vision.bodies.outlines import Body
-from vision.film.source import ArrayFilm
+from vision import ArrayFilm, Body
 from vision.reference.camera_faults import WithoutDefects
 from vision.tracking.prepare import prepare
 from vision.tracking.workers import workers

@@ -9,15 +9,9 @@ import numpy as np
 import pytest
 
 from tests.vision.known_films import PIVOT, bar_scene, film_of
-from vision.bodies.outlines import Body
-from vision.camera.model import AssumedCamera
-from vision.errors import InputError, VisionWarning
-from vision.film.avi_writer import write_avi
-from vision.film.open import open_film
-from vision.film.source import ArrayFilm
+from vision import ArrayFilm, AssumedCamera, Body, InputError, VisionWarning, open_film, track, write_avi
 from vision.synthetic import Sensor
 from vision.tracking.prepare import prepare
-from vision.tracking.track_film import track_film
 from vision.uncertainty.budget import TERMS
 from vision.uncertainty.budget_terms import ExpectedMotion, expected_budget
 
@@ -45,8 +39,8 @@ def test_terms_that_follow_the_motion() -> None:
     i = np.arange(n)
     angle = 0.5 * acceleration * (np.maximum(i - 20, 0) / rate) ** 2
     known = film_of(bar_scene("speckle"), poses(n, angle))
-    film = ArrayFilm(known.film._frames, rate, exposure)
-    result = track_film(film, known.bodies, n_still=16, camera=SQUARE, u_time_s=2e-5)
+    film = ArrayFilm(known.frames, rate, exposure)
+    result = track(film, known.bodies, n_still=16, camera=SQUARE, u_time_s=2e-5)
     terms = result.budget.absolute
     assert set(terms) == set(TERMS)
     speed = acceleration * (i[26:36] - 20) / rate
@@ -55,7 +49,7 @@ def test_terms_that_follow_the_motion() -> None:
     assert np.median(terms["shutter"][26:36, 0]) == pytest.approx(expected, rel=0.25)
     assert terms["shutter"][:15].max() < 0.35 * expected  # noise alone
     # of rows three frames apart: a step may lie anywhere between them
-    few = track_film(film, known.bodies, n_still=16, camera=SQUARE, every=3).budget.absolute["shutter"]
+    few = track(film, known.bodies, n_still=16, camera=SQUARE, every=3).budget.absolute["shutter"]
     assert np.median(few[9:12, 0]) == pytest.approx(expected * np.sqrt(3.0), rel=0.25)
     np.testing.assert_allclose(np.hypot(terms["noise"], terms["reference"]), result.u_angle_rad)
     assert max(terms["tilt"].max(), terms["distortion"].max(), terms["codec"].max()) < 1e-12
@@ -64,7 +58,7 @@ def test_terms_that_follow_the_motion() -> None:
     without = result.budget.total(without=("synchronisation",))
     np.testing.assert_allclose(result.u_total_rad, without)
     with pytest.raises(InputError, match="u_time_s"):
-        track_film(film, known.bodies, u_time_s=-1.0)
+        track(film, known.bodies, u_time_s=-1.0)
 
 
 def test_relative_terms_share_the_camera() -> None:
@@ -77,7 +71,7 @@ def test_relative_terms_share_the_camera() -> None:
     middle = whole[:, 0].mean()
     left[:, 0], right[:, 0] = np.minimum(left[:, 0], middle), np.maximum(right[:, 0], middle)
     bodies = [Body("left", left), Body("right", right, parent="left")]
-    result = track_film(known.film, bodies, n_still=16, camera=AssumedCamera(np.radians(3.0), 0.0))
+    result = track(known.film, bodies, n_still=16, camera=AssumedCamera(np.radians(3.0), 0.0))
     absolute, relative = result.budget.absolute, result.budget.relative
     assert np.all(np.isnan(relative["tilt"][:, 0]))
     np.testing.assert_allclose(relative["noise"][:, 1], np.hypot(*absolute["noise"].T))
@@ -93,7 +87,7 @@ def test_expected_budget_is_what_comes_out() -> None:
     known = film_of(bar_scene("wood"), poses(n, np.radians(15.0) * x * x * (3 - 2 * x)))
     seen = []
     camera = AssumedCamera(np.radians(2.0), 0.003)
-    result = track_film(known.film, known.bodies, camera=camera, u_time_s=1e-5, expected=seen.append)
+    result = track(known.film, known.bodies, camera=camera, u_time_s=1e-5, expected=seen.append)
     before = seen[0].typical()["bar"]
     after = {name: values[-1, 0] for name, values in result.budget.absolute.items()}
     assert before["noise"] == pytest.approx(after["noise"], rel=0.12)
@@ -121,7 +115,7 @@ def test_codec_term_covers_jpeg(tmp_path: Path, quality: int) -> None:
         assert film.compression.steps[0, 0] == (2 if quality == 95 else 8)  # T.81 table K.1 scaled by libjpeg
         assert film.compression.steps[0, 1] == (1 if quality == 95 else 6)
         assert film.compression.steps[1, 0] == (1 if quality == 95 else 6)
-        result = track_film(film, known.bodies, n_still=still, camera=SQUARE)
+        result = track(film, known.bodies, n_still=still, camera=SQUARE)
     error = result.angle_rad[still:, 0] - (pose[still:, 0, 0] - pose[:still, 0, 0].mean())
     z = np.sqrt(np.nanmean((error / result.u_total_rad[still:, 0]) ** 2))
     assert 0.7 < z < 1.25
@@ -130,14 +124,10 @@ def test_codec_term_covers_jpeg(tmp_path: Path, quality: int) -> None:
     assert codec < 0.5 * noise if quality == 95 else codec > 0.6 * noise
 
 
-@pytest.mark.parametrize(
-    ("turning", "sliding"),
-    [(-25.0, 900.0), *(pytest.param(*s, marks=pytest.mark.slow) for s in ((30.0, 0.0), (0.0, 1500.0)))],
-)
-def test_rolling_shutter_term_is_the_error_it_makes(turning: float, sliding: float) -> None:
+def test_rolling_shutter_term_is_the_error_it_makes() -> None:
     """A film whose rows are drawn at their own times, of a bar at constant speed (rad/s, px/s), against its angle when
     the first row is read; and against the closed form of a body with the same texture everywhere."""
-    n, rate, rows_per_s, still = 34, 2000.0, 2e5, 14
+    n, rate, rows_per_s, still, turning, sliding = 34, 2000.0, 2e5, 14, -25.0, 900.0
     scene, sensor = bar_scene("speckle"), Sensor(0.3, 8, 2)
     height = scene.background.shape[0]
 
@@ -153,7 +143,7 @@ def test_rolling_shutter_term_is_the_error_it_makes(turning: float, sliding: flo
         frames.append(sensor.expose(light))
     film = ArrayFilm(np.stack(frames), rate)
     body = Body("bar", scene.bodies[0].outline(*at(0.0)))
-    result = track_film(film, [body], n_still=still - 2, camera=SQUARE, rows_per_s=rows_per_s)
+    result = track(film, [body], n_still=still - 2, camera=SQUARE, rows_per_s=rows_per_s)
     late = slice(still + 4, n - 1)
     true = np.array([at(i / rate)[0] for i in range(n)])
     error, term = (result.angle_rad[:, 0] - true)[late], result.budget.absolute["rows"][late, 0]
@@ -175,8 +165,8 @@ def test_rolling_shutter_term_is_the_error_it_makes(turning: float, sliding: flo
 def test_a_shutter_that_is_not_declared_is_said_so() -> None:
     known = film_of(bar_scene("speckle"), poses(30, np.maximum(np.arange(30) - 14, 0) * 0.01))
     for declared, said in ((None, "not declared"), (np.inf, "global shutter"), (1e6, "rolling shutter, 1e+06 rows/s")):
-        result = track_film(known.film, known.bodies, n_still=12, rows_per_s=declared)
+        result = track(known.film, known.bodies, n_still=12, rows_per_s=declared)
         assert said in result.budget.shutter
         assert (np.nanmax(result.budget.absolute["rows"]) > 0.0) == (declared == 1e6)
     with pytest.raises(InputError, match="rows_per_s"):
-        track_film(known.film, known.bodies, rows_per_s=0.0)
+        track(known.film, known.bodies, rows_per_s=0.0)
