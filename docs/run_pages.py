@@ -54,6 +54,8 @@ def outputs(text: str) -> list[str]:
 
 def main() -> None:
     """Run the pages named on the command line, or all; write their outputs, or check them."""
+    if {"-h", "--help"} & set(sys.argv):
+        raise SystemExit(__doc__)
     home, names = Path.cwd(), [name for name in sys.argv[1:] if name != "--check"]
     for page in [Path(name).resolve() for name in names] or pages():
         with tempfile.TemporaryDirectory() as folder:

@@ -50,7 +50,7 @@ def _implausibility(data: rig.TrialData) -> str:
 
 def command(
     files: Annotated[
-        list[Path], typer.Argument(help="Recordings (TDMS, LVM, CSV, HDF5): trial 1, 2, … in this order.")
+        list[Path], typer.Argument(help="Recordings (text, LVM, TDMS, HDF5, MATLAB): trial 1, 2, … in this order.")
     ],
     mapping: Annotated[Path, typer.Option("--mapping", help="TOML file: which channel is what.")],
     out: Annotated[Path, typer.Option("--out", help="Session folder to create.")],

@@ -40,7 +40,7 @@ def command(
 ) -> None:
     """Show a session, a recording, a backend, or the versions.
 
-    Of a recording (TDMS, LVM, CSV, HDF5) it lists the channels and proposes a mapping for its import.
+    Of a recording (text, LVM, TDMS, HDF5, MATLAB) it lists the channels and proposes a mapping for its import.
 
     Example:  pianorig info sessions/try
     Example:  pianorig info lab.csv

@@ -79,8 +79,8 @@ def recording_facts(path: Path, out: Path | None = None) -> dict[str, Any]:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a path is a file that an import could read, by the ending of its name."""
-    return path.is_file() and path.name.lower().endswith(SUFFIXES)
+    """Whether a path is a file, also one that is missing or of another kind, and no folder of a session."""
+    return path.is_file() or (not path.exists() and path.name.lower().endswith(SUFFIXES))
 
 
 def _read(path: Path) -> tuple[tuple[ChannelTable, ...], dict[str, Any]]:

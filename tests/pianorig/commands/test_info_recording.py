@@ -115,3 +115,14 @@ def test_the_channels_of_one_group_are_proposed_together(tmp_path: Path, capsys)
     assert run("import", recording, "--mapping", mapping, "--out", tmp_path / "s") == 0
     data = Session.open(tmp_path / "s").trial(1).read()
     assert data.sample_rate_hz == pytest.approx(2000.0) and data.force_n.max() == pytest.approx(18.0)
+
+
+def test_a_file_that_is_no_recording_is_not_called_a_session(tmp_path: Path, capsys) -> None:
+    film = tmp_path / "film.mraw"
+    film.write_bytes(b"1")
+    for path, words in ((film, "ending '.mraw', allowed .csv, "), (tmp_path / "a.csv", "a.csv: cannot be read")):
+        assert run("info", path) == 2
+        said = capsys.readouterr().err
+        assert words in said and "session" not in said
+    assert run("info", tmp_path / "lab") == 2
+    assert "no such session folder" in capsys.readouterr().err
