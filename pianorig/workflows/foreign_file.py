@@ -179,7 +179,9 @@ def _proposal(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> 
     for name, (channel, unit) in encoders.items():
         body += [
             "", "[[encoders]]",
-            *(f"{key} = {toml_value(text)}" for key, text in (("name", name), ("channel", channel), ("unit", unit))),
+            *(f"{key} = {toml_value(text)}" for key, text in (("name", name), ("channel", channel))),
+            f"unit = {toml_value(unit)}"
+            + ("" if known(table.units.get(channel, "")) else f"{CHECK}the file states none"),
             *(f"counter_bits = {bits}" for bits in COUNTER_BITS if _wraps(table, channel, unit, bits)),
             f"counts_per_revolution = {COUNTS_PER_REVOLUTION[name]}{CHECK}of your encoder, quadrature included"
             if unit == "counts"

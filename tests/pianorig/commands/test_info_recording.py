@@ -73,7 +73,7 @@ def test_what_is_not_stated_is_marked_and_what_is_unusual_is_proposed(tmp_path: 
     lines = mapping.read_text(encoding="utf-8").splitlines()
     for start in ("sample_rate_hz = 1000", "newtons_per_unit = 1.0", "counts_per_revolution", "sign = 1"):
         assert any(line.startswith(start) and "# CHECK: " in line for line in lines), start
-    assert "counter_bits = 16" in lines
+    assert "counter_bits = 16" in lines and 'unit = "counts"  # CHECK: the file states none' in lines
     right = (
         mapping.read_text("utf-8")
         .replace("1000.0", "4000.0")
