@@ -32,7 +32,7 @@ from rig.daq import NidaqmxBackend
 from rig.daq.nidaqmx_backend import calls_per_block
 from rig.errors import RigError
 from rig.recording.options import Progress
-from rig.recording.recorder import record_session
+from rig.recording.recorder import record as record_session
 from rig.session import Session, Trial
 from rig.session.journal import JournalWriter
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device

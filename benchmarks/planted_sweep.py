@@ -28,7 +28,7 @@ from benchmarks.runner import Run, Table, may_be
 from rig.session import CameraInfo, Session, SessionInfo, TrialData
 from rig.session.info import FileInfo
 from rig.simulated.bench.plant import load_plant
-from validation import compare_session
+from validation import compare as compare_session
 
 SCALE_RADIUS_M = 0.02608
 CHANNELS = ("key", "whippen", "hammer")

@@ -23,7 +23,7 @@ from benchmarks.batches import TOLERANCE, trials
 from benchmarks.runner import Run, Table
 from benchmarks.sensitivities import sixty
 from rig.simulated import CameraSettings, film_bodies, film_trial
-from vision.tracking.track_film import track_film
+from vision.tracking.track_film import track as track_film
 
 
 def _filmed(n: int) -> Callable[[], object]:

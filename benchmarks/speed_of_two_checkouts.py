@@ -42,11 +42,11 @@ TRACK = """
 import sys, time, vision
 source = vision.open_film(sys.argv[1])
 bodies = vision.load_bodies(sys.argv[2])
-vision.track_film(sys.argv[1], bodies)
+vision.track(sys.argv[1], bodies)
 best = []
 for _ in range(3):
     start = time.process_time()
-    result = vision.track_film(sys.argv[1], bodies)
+    result = vision.track(sys.argv[1], bodies)
     best.append(time.process_time() - start)
 print(min(best), repr(float(result.angle_rad[150].sum())))
 """

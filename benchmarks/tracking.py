@@ -47,7 +47,7 @@ from vision.film.source import ArrayFilm, Film
 from vision.fitting.template import Template, design_columns
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, total_noise, wood_grain
 from vision.tracking.prepare import prepare
-from vision.tracking.track_film import track_film
+from vision.tracking.track_film import track as track_film
 
 HEIGHT, WIDTH, BAR_STILL, NOISE = 220, 260, 40, 2.0
 PIVOT = (105.0, 110.0)

@@ -25,7 +25,7 @@ from benchmarks.planted_sweep import CHANNELS, FILMED, Change, delayed, film, lo
 from benchmarks.runner import Run
 from rig.session import Session, SessionInfo, TrialData
 from rig.session.info import FileInfo
-from validation import compare_session
+from validation import compare as compare_session
 
 CAUSES = (
     "not regulated", "let-off button", "drop screw", "its scale is wrong", "scale of one of them", "lifts off",

@@ -23,7 +23,7 @@ BLUE, ORANGE = "#0072B2", "#D55E00"  # measured and predicted, as in a report
 
 def main(folder: str) -> None:
     """Draw docs/images/demo.png from the session in ``folder``."""
-    result = validation.compare_session(folder)
+    result = validation.compare(folder)
     trace, film = result.traces[1], result.film_traces[1]
     session = Path(folder)
     figure, axes = plt.subplots(1, 3, figsize=(11, 3.4), width_ratios=[1.1, 1, 1], layout="constrained")

@@ -13,8 +13,8 @@ import validation
 folder = Path(tempfile.mkdtemp()) / "session"
 session = rig.record(folder, profile="forte", trials=3, backend="sim://", operator="example")
 
-printed = validation.compare_session(session, "hirschkorn2004")
-stiffer = validation.compare_session(session, model.load_action(overrides={"contact04.friction": 0}))
+printed = validation.compare(session, "hirschkorn2004")
+stiffer = validation.compare(session, model.load_action(overrides={"contact04.friction": 0}))
 columns = ["channel", "rmse_rad", "s_r_rad"]
 print("as printed\n", printed.channels[columns].to_string(index=False))
 print("without friction at the back check\n", stiffer.channels[columns].to_string(index=False))

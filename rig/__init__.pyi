@@ -49,12 +49,9 @@ from .recording.options import Progress as Progress
 from .recording.options import RecordingOptions as RecordingOptions
 from .recording.passive import record_passive as record_passive
 from .recording.recorder import record as record
-from .recording.recorder import record_session as record_session
 from .recording.recover import Recovered as Recovered
 from .recording.recover import recover as recover
-from .recording.recover import recover_session as recover_session
 from .recording.recover import resume as resume
-from .recording.recover import resume_session as resume_session
 from .recording.recover import session_rig as session_rig
 from .recording.trial_plan import Plan as Plan
 from .recording.trial_plan import load_plan as load_plan

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import importlib
+import inspect
 import os
 import re
 import subprocess
@@ -100,3 +102,15 @@ def test_no_public_name_is_any(environment: Path) -> None:
 def test_a_misspelt_keyword_is_an_error(environment: Path) -> None:
     lines = [line for line in check(environment, MISSPELT) if "error: Unexpected keyword argument" in line]
     assert [int(line.split(":")[1]) for line in lines] == [5, 6, 7, 8], lines
+
+
+@pytest.mark.parametrize("face", ["model", "vision", "rig", "validation"])
+def test_every_public_name_exists_once(face: str) -> None:
+    """No function or class has two names; an error of bad input is ``InputError`` of its package as well."""
+    package = importlib.import_module(face)
+    names: dict[int, list[str]] = {}
+    for name in dir(package):
+        found = getattr(package, name)
+        if (inspect.isfunction(found) or inspect.isclass(found)) and name != "InputError":
+            names.setdefault(id(found), []).append(name)
+    assert [twice for twice in names.values() if len(twice) > 1] == []

@@ -20,9 +20,7 @@ from .measurement.kind import has_positions_only as has_positions_only
 from .options import CompareOptions as CompareOptions
 from .pipeline.compare_positions import PositionComparison as PositionComparison
 from .pipeline.compare_session import compare as compare
-from .pipeline.compare_session import compare_session as compare_session
 from .pipeline.compare_sessions import compare_many as compare_many
-from .pipeline.compare_sessions import compare_sessions as compare_sessions
 from .pipeline.compare_sessions import validate_session as validate_session
 from .pipeline.compare_sessions import validate_sessions as validate_sessions
 from .pipeline.validate_positions import validate_positions as validate_positions

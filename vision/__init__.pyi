@@ -53,5 +53,4 @@ from .tracking.prepare import predict_uncertainty as predict_uncertainty
 from .tracking.retrack import preview as preview
 from .tracking.retrack import retrack_frames as retrack_frames
 from .tracking.track_film import track as track
-from .tracking.track_film import track_film as track_film
 from .uncertainty.budget import ErrorBudget as ErrorBudget

@@ -1,10 +1,8 @@
 from . import figure as figure
 from .figure import draw_sheet as draw_sheet
 from .observe_motion import Inside as Inside
-from .observe_motion import Lift as Lift
 from .observe_motion import RailLift as RailLift
 from .observe_motion import RailTension as RailTension
-from .observe_motion import Tension as Tension
 from .observe_motion import lifts as lifts
 from .observe_motion import observe as observe
 from .observe_motion import tensions as tensions

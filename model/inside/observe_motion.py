@@ -20,7 +20,7 @@ from model.inside.state_observer import ObservedStates, Observer
 from model.parameters.effects import RAIL
 from model.scene.build import Scene
 from model.simulation.felt_that_pulls import check_pushes
-from model.simulation.loads_and_losses import Inside, Lift, RailLift, RailTension, Tension, lifts, tensions  # noqa: F401  public
+from model.simulation.loads_and_losses import Inside, RailLift, RailTension, lifts, tensions  # noqa: F401  public
 
 Array = NDArray[np.float64]
 

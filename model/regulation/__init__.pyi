@@ -1,7 +1,5 @@
 from .measures import TARGETS as TARGETS
-from .measures import Measurement as Measurement
 from .measures import RegulationTarget as RegulationTarget
-from .measures import Target as Target
 from .measures import TargetValues as TargetValues
 from .measures import measure as measure
 from .measures import other_lengths as other_lengths

@@ -132,10 +132,6 @@ class TargetValues:
     remarks: dict[str, str] = field(default_factory=dict)
 
 
-Target = RegulationTarget  # former names
-Measurement = TargetValues
-
-
 class Gap(NamedTuple):
     """Penetration (m, negative where open), normal from second to first surface, centre of the first circle (m)."""
 

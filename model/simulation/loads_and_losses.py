@@ -140,10 +140,6 @@ def lifts(time_s: ArrayLike, depth_m: ArrayLike) -> list[RailLift]:
     return [RailLift(*interval[:4]) for interval in _negative_intervals(time_s, depth_m)]
 
 
-Tension = RailTension  # former names
-Lift = RailLift
-
-
 @dataclass(frozen=True)
 class Inside(ArrayRecord):
     """Loads, losses and motion of contacts (c) and of bodies with their joints (n) at (m,) times.

@@ -99,8 +99,10 @@ def command(
         refuse_beside(ctx, "--passive", "plays no profile", "passive", "duration", "yes", "selftest", *RECORDED)
         target, count = out or workflows.new_session_folder("passive"), ""
         title = f"waiting for strokes on {backend}, into {target}; Ctrl-C ends"
+        from rig import record_passive  # start-up: 0.5 s of h5py and pandas, which --help does not need
+
         with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
-            session = workflows.record_passive(
+            session = record_passive(
                 target,
                 rig_config=rig,
                 backend=backend,

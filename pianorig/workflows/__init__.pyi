@@ -35,7 +35,6 @@ from .record_felt import press_felt as press_felt
 from .recording import BenchAccess as BenchAccess
 from .recording import interrupts_told as interrupts_told
 from .recording import record as record
-from .recording import record_passive as record_passive
 from .recording import rehearsal_lines as rehearsal_lines
 from .recording import rehearse as rehearse
 from .recording import resume as resume

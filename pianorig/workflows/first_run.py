@@ -29,7 +29,7 @@ def call_once() -> None:
     with tempfile.TemporaryDirectory() as folder:
         film, bodies = Path(folder) / "film.mraw", Path(folder) / "bodies.toml"
         write_blow_film(film, bodies, blow, FRAMES)
-        vision.track_film(film, vision.load_bodies(bodies))
+        vision.track(film, vision.load_bodies(bodies))
     model.null_model.simulate(action, times[begins], force[begins])
     hammer = np.ascontiguousarray(blow.angle_rad[:, -1])
     iso_score(hammer, 1.01 * hammer, float(times[1] - times[0]))

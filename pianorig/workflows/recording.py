@@ -38,11 +38,10 @@ from rig import (
     open_backend,
     permit,
     plain_plan,
-    resume_session,
     session_rig,
 )
 from rig import record as record_session
-from rig import record_passive as record_passive
+from rig import resume as resume_session
 from rig.configuration.toml_file import check
 from rig.daq.task_plan import recording_plan
 from rig.recording.options import RecordingKeywords, RecordingOptions

@@ -112,6 +112,3 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
         )
         record_entries(session, backend, config, plan.entries, given)
     return session
-
-
-record_session = record

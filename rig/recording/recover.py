@@ -98,9 +98,6 @@ def recover(path: str | Path, out: str | Path | None = None) -> list[Recovered]:
     return _recover_all(session, journals, keep=False)
 
 
-recover_session = recover
-
-
 def _recover_all(session: Session, journals: Mapping[int, Path], *, keep: bool) -> list[Recovered]:
     """Recover journals into a session; each stays where it is when it is to be kept."""
     sealed_again = {one.trial: one for one in _seal_again(session)}
@@ -410,6 +407,3 @@ def resume(
     backend.continue_after(last)
     record_entries(session, backend, config, due, options, first_number=last + 1)
     return session
-
-
-resume_session = resume

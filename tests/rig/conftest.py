@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig import Profile, Rig, RigConfig, Session, load_rig, parse_profile, parse_rig, record_session
+from rig import Profile, Rig, RigConfig, Session, load_rig, parse_profile, parse_rig
+from rig import record as record_session
 from rig.daq import nidaqmx_backend
 from rig.session.journal import END, JournalWriter, encode, records
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device

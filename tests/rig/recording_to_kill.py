@@ -16,7 +16,8 @@ from typing import NoReturn
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_backend import FakeBackend
 
-from rig import Progress, load_profile, load_rig, platform_calls, record_session
+from rig import Progress, load_profile, load_rig, platform_calls
+from rig import record as record_session
 from rig.session.journal import JournalWriter
 from rig.session.sealed_trial import Content
 

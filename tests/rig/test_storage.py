@@ -14,7 +14,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from rig import InputError, Session, platform_calls, read_channels, recover_session
+from rig import InputError, Session, platform_calls, read_channels
+from rig import recover as recover_session
 from rig.atomic_write import replace_when_complete, sha256_of_file, write_text
 from rig.session.journal import JournalWriter
 

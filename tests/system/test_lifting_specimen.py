@@ -10,7 +10,7 @@ import pytest
 import validation
 from rig.backend import open_backend
 from rig.configuration.rig_file import load_rig
-from rig.recording.recorder import record_session
+from rig.recording.recorder import record as record_session
 from rig.session import Session
 from rig.simulated.bench.plant import PlantTruth
 
@@ -30,7 +30,7 @@ def test_marked_intervals_are_the_true_lifts(tmp_path: Path) -> None:
     )
     session = Session.open(tmp_path / "session")
     assert session.info.simulated
-    marked = validation.compare_session(session, "hirschkorn2004", keep_predictions=False).marked
+    marked = validation.compare(session, "hirschkorn2004", keep_predictions=False).marked
     for number, what in truth.items():
         lift, time = what.column("key_lift"), what.time_s
         rows = marked[marked["trial"] == number]

@@ -165,7 +165,7 @@ def recorded(shared):
 @pytest.fixture(scope="session")
 def compared(recorded, shared):
     """The comparison of the recorded session; predictions are not kept on disk."""
-    from validation import compare_session
+    from validation import compare as compare_session
 
     return shared(lambda folder: compare_session(recorded[0], recorded[1].action, keep_predictions=False, further=True))
 
@@ -173,7 +173,7 @@ def compared(recorded, shared):
 @pytest.fixture(scope="session")
 def planted(shared):
     """The comparison of the shipped session with planted faults."""
-    from validation import compare_session
+    from validation import compare as compare_session
 
     shipped = Path(__file__).parents[2] / "sessions" / "planted_faults"
     options = {"keep_predictions": False, "rivals": (), "budget": False}

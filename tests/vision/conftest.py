@@ -17,7 +17,7 @@ from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.source import ArrayFilm
 from vision.results.track_result import TrackResult
-from vision.tracking.track_film import track_film
+from vision.tracking.track_film import track as track_film
 
 
 @cache

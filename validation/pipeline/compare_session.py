@@ -167,9 +167,6 @@ def compare(
     return compare_by(open_session(session), load_model(action), chosen)
 
 
-compare_session = compare
-
-
 def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions) -> ValidationResult:
     """Compare a session with a model: one stage after the other."""
     tested = model_under_test(session, action, chosen)

@@ -160,9 +160,6 @@ def compare_many(
     return SideBySide(tuple(results), tuple(lines), paired_models(results), tuple(same_recordings(results)))
 
 
-compare_sessions = compare_many
-
-
 def open_all(sessions: Sequence[Session | str | Path]) -> tuple[list[Session], list[tuple[str, Exception]]]:
     """Sessions that can be opened, and of each other one a line with its error."""
     places = Counter(Path(s.path if isinstance(s, Session) else s).resolve() for s in sessions)

@@ -126,10 +126,6 @@ def track(
         return _track(film, bodies, frame_time_s, settings)
 
 
-track_film = track
-"""Older name of `track`."""
-
-
 def _track(
     film: FrameSource, bodies: Sequence[Body], frame_time_s: ArrayLike | None, settings: TrackSettings
 ) -> TrackResult:

@@ -20,7 +20,7 @@ def done(action: model.Action) -> Regulation:
     return regulate(action)
 
 
-def distances_mm(measurement: model.regulation.Measurement) -> list[float]:
+def distances_mm(measurement: model.regulation.TargetValues) -> list[float]:
     return [1e3 * abs(measurement.value_m[t.name] - t.wanted_m) for t in TARGETS]
 
 

@@ -29,7 +29,7 @@ def test_the_motion_is_that_of_the_comparison(tmp_path: Path, monkeypatch: pytes
     rows = np.loadtxt(out, delimiter=",", skiprows=1)
     assert np.abs(drawn[0].angle_rad[0] - rows[0, 1:6]).max() < 1e-9  # drawn from where the output starts: preloaded
     quick = {"by_motion": False, "rivals": (), "budget": False, "suspect": False}
-    trace = validation.compare_session(rig.Session.open(session), "hirschkorn2004", **quick).traces[1]
+    trace = validation.compare(rig.Session.open(session), "hirschkorn2004", **quick).traces[1]
     known = trace.dropna(subset=["hammer_predicted_rad"])
     np.testing.assert_array_equal(rows[:, 0], trace["force_time_s"].to_numpy()[: len(rows)])
     for column, body in ((1, "key"), (2, "whippen"), (5, "hammer")):

@@ -15,7 +15,7 @@ from pianorig.workflows.session_film import SessionFilm
 from pianorig.workflows.session_paths import session_folder
 from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import load_rig
-from rig.recording.recorder import record_session
+from rig.recording.recorder import record as record_session
 from rig.session import Session, Trial
 from rig.session.film_record import read_record
 from tests.command_line import run

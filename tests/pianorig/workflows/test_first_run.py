@@ -17,7 +17,7 @@ def test_kernels_of_null_model_tracking_and_scores_are_compiled_and_no_file_is_l
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     folders: list[Path] = []
-    track = first_run.vision.track_film
+    track = first_run.vision.track
 
     def tracked(film: Path, bodies: Any) -> Any:
         folders.append(film.parent)
@@ -25,7 +25,7 @@ def test_kernels_of_null_model_tracking_and_scores_are_compiled_and_no_file_is_l
         assert len(result.frame) == first_run.FRAMES
         return result
 
-    monkeypatch.setattr(first_run.vision, "track_film", tracked)
+    monkeypatch.setattr(first_run.vision, "track", tracked)
     first_run.call_once()
     assert len(folders) == 1 and not folders[0].exists()
     for kernel in (time_stepping.integrate, compiled.go_on, iso18571._best_shift, iso18571._warp):

@@ -26,7 +26,9 @@ from rig import (
     WatchdogTripped,
     load_rig,
     open_backend,
-    record_session,
+)
+from rig import (
+    record as record_session,
 )
 from rig.daq.safe_bench import leave_running
 from rig.simulated.device.watchdog import check_watchdogs

@@ -31,8 +31,12 @@ from rig import (
     load_rig,
     open_backend,
     parse_rig,
-    record_session,
-    recover_session,
+)
+from rig import (
+    record as record_session,
+)
+from rig import (
+    recover as recover_session,
 )
 from rig.daq.task_plan import recording_plan
 from rig.session.journal import FrameClock, JournalWriter, SessionFollower, block_payload

@@ -26,7 +26,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig import HardwareFault, Profile, RecordingFault, Session, parse_profile, record_session, recover_session
+from rig import HardwareFault, Profile, RecordingFault, Session, parse_profile
+from rig import record as record_session
+from rig import recover as recover_session
 from rig.session.journal import JournalWriter
 from rig.simulated.backend import SimulatedBackend
 from rig.simulated.device.state import FaultPlan, parse_faults

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig import Session, load_profile, recover_session
+from rig import Session, load_profile
+from rig import recover as recover_session
 from tests.rig.program import DEADLINE_S, Program
 
 HERE = Path(__file__).parents[1]

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig import Block, Progress, Rig, Session, load_rig, parse_profile, parse_rig, record_session
+from rig import Block, Progress, Rig, Session, load_rig, parse_profile, parse_rig
+from rig import record as record_session
 from rig.recording.trial_run import RestDetector
 from rig.session.journal import SessionFollower
 from rig.session.sealed_trial import read_trial, write_trial, write_trial_parts

@@ -26,7 +26,9 @@ from rig import (
     load_rig,
     open_backend,
     record_passive,
-    recover_session,
+)
+from rig import (
+    recover as recover_session,
 )
 from rig.recording.passive import Stroke, StrokeDetector, StrokeSettings
 from rig.session.journal import SessionFollower

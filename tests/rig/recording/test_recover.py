@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from pianorig.cli import main
-from rig import InputError, Session, recover_session, resume_session
+from rig import InputError, Session
+from rig import recover as recover_session
+from rig import resume as resume_session
 from rig.recording.trial_plan import parse_plan
 from tests.command_line import run
 from tests.rig.fake_backend import FakeBackend

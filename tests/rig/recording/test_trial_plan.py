@@ -7,7 +7,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from rig import ActionInfo, InputError, NotPermitted, Session, resume_session
+from rig import ActionInfo, InputError, NotPermitted, Session
+from rig import resume as resume_session
 from rig.configuration.toml_file import dump_toml
 from rig.recording.recover import due_entries
 from rig.recording.trial_plan import WARM_UP_REASON, parse_plan

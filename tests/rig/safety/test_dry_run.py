@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pianorig.workflows.predict_blow import predictor
-from rig import InputError, PredictedBlow, dry_run, load_profile, load_rig, parse_profile, record_session
+from rig import InputError, PredictedBlow, dry_run, load_profile, load_rig, parse_profile
+from rig import record as record_session
 from rig.safety.dry_run import free_arm
 
 RATE = 5000.0

@@ -21,8 +21,12 @@ from rig import (
     TrialData,
     load_rig,
     open_backend,
-    record_session,
-    recover_session,
+)
+from rig import (
+    record as record_session,
+)
+from rig import (
+    recover as recover_session,
 )
 from rig.safety.interlocks import Interlocks
 from rig.session.journal import scan_journal, stored_blocks

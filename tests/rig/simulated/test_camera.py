@@ -16,7 +16,7 @@ from vision.bodies.masks import build_masks
 from vision.errors import InputError
 from vision.film.mraw import MrawFilm
 from vision.film.open import open_film
-from vision.tracking.track_film import track_film
+from vision.tracking.track_film import track as track_film
 
 REST = np.array([0.0251, 0.3198, 0.3523])
 N = 215

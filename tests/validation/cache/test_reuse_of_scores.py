@@ -12,7 +12,7 @@ import pytest
 import model
 from rig.session import Session
 from tests.validation.prediction.test_trial_prediction import SIMPLE, Counting
-from validation import compare_session
+from validation import compare as compare_session
 from validation.cache import result_store
 
 

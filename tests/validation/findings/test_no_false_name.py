@@ -10,7 +10,8 @@ import pytest
 
 from benchmarks.planted_sweep import Fault, louder, swapped
 from rig.session import Session
-from validation import compare_session, write_report
+from validation import compare as compare_session
+from validation import write_report
 from validation.findings.finding import KINDS
 
 ALL_TRIALS = [

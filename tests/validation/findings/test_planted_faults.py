@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sessions.make_planted import CAMERA_LATE_S, HUM_N, LIFT_AT_S, LIFT_S, PLANTED, make_session
-from validation import compare_session
+from validation import compare as compare_session
 from validation.findings.film import clock_offset
 
 SHIPPED = Path(__file__).parents[3] / "sessions" / "planted_faults"

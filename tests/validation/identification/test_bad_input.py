@@ -24,7 +24,7 @@ from validation.identification.observations import observe, observe_driven
 from validation.identification.problem import Columns, Problem
 from validation.identification.sources import IdentifyOptions, _names, _refuse_other_actions, collect
 from validation.identification.unknowns import expand, unknowns
-from validation.pipeline.compare_session import compare_session
+from validation.pipeline.compare_session import compare as compare_session
 from validation.prediction.positions import of_null
 from validation.report.files import check_target
 

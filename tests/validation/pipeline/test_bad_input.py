@@ -9,7 +9,7 @@ import pytest
 from rig.session import Session
 from rig.session.sealed_trial import Content
 from tests.validation.prediction.test_trial_prediction import SIMPLE
-from validation import compare_session
+from validation import compare as compare_session
 from validation.errors import InputError
 
 QUICK = {"keep_predictions": False, **SIMPLE}

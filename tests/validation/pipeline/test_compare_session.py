@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation import InputError, compare_session
+from validation import InputError
+from validation import compare as compare_session
 from validation.events.definitions import EVENTS
 from validation.events.detect import find_events
 from validation.measurement.geometry import geometry_of, motion_of

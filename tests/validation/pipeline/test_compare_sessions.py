@@ -12,7 +12,8 @@ import pytest
 
 from rig.session import Session
 from tests.validation.prediction.test_trial_prediction import SIMPLE
-from validation import InputError, compare_sessions, validate_sessions
+from validation import InputError, validate_sessions
+from validation import compare_many as compare_sessions
 from validation.pipeline.compare_sessions import distinct, distinct_models, same_recordings
 from validation.report.tables.formatting import degrees
 from validation.report.view import compared_anchor, condition_of, measured_anchor

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from validation import compare_session
+from validation import compare as compare_session
 from validation.prediction.motion_driven import _around, motion_row
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from validation import PredictionError, compare_session
+from validation import PredictionError
+from validation import compare as compare_session
 from validation.cache.result_store import MOST_VERSIONS, ResultStore
 from validation.prediction.model_under_test import action_sha256
 from validation.prediction.predict_session import PredictedAngles

@@ -14,7 +14,8 @@ import pandas as pd
 import pytest
 from matplotlib import rc_context
 
-from validation import InputError, compare_session, validate_session, write_report
+from validation import InputError, validate_session, write_report
+from validation import compare as compare_session
 from validation.curves.display_signs import degrees, rotation_label
 from validation.curves.style import decimate
 from validation.events.definitions import EVENTS

@@ -232,7 +232,8 @@ def test_a_printed_page_is_white_and_cuts_nothing_off(opened_side):
 @pytest.mark.slow
 @pytest.mark.parametrize("n_trials", [1, 2])
 def test_a_session_of_few_trials_zooms_without_an_error(browser, make, tmp_path, n_trials):
-    from validation import compare_session, write_report
+    from validation import compare as compare_session
+    from validation import write_report
 
     session, truth = make.session(tmp_path / "few", n_trials=n_trials, filmed=())
     result = compare_session(session, truth.action, keep_predictions=False, rivals=(), budget=False, suspect=False)
@@ -354,7 +355,8 @@ def test_values_of_the_film_are_read_under_the_pointer_and_follow_the_zoom(opene
 
 @pytest.mark.slow
 def test_values_of_control_charts_and_of_the_force_from_motion(browser, make, tmp_path):
-    from validation import compare_session, write_report
+    from validation import compare as compare_session
+    from validation import write_report
 
     session, truth = make.session(tmp_path / "six", n_trials=6, filmed=())
     options = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False, "by_motion": True}

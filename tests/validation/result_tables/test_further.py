@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import model
-from validation import compare_session
+from validation import compare as compare_session
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.result_tables import further
 from validation.result_tables.further import DRAWS, FURTHER, inside_table

@@ -21,7 +21,7 @@ from vision.film.source import ArrayFilm, Compression
 from vision.results.flags import FrameFlag
 from vision.results.track_result import TrackResult
 from vision.tracking.retrack import retrack_frames
-from vision.tracking.track_film import track_film
+from vision.tracking.track_film import track as track_film
 
 STILL = 14
 
