@@ -26,13 +26,9 @@ ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE = ROOT / "benchmarks" / "results.jsonl", ROOT / "docs" / "figures.md"
 HEAD = """# Figures
 
-Made by `python -m benchmarks figures` from `benchmarks/results.jsonl`: do not edit. The command in each row reproduces
-its figure. Machine: 2 cores at 2.5 GHz unless said; busy: it did other work as well. **stale**: measured before the
-last change of what it measures, by the commit named. Up to 2026-11-26 a row's commit is the one that wrote it down.
-
-![Time of a blow, a batch, derivatives, a fit, a film and a report beside peers and floors](images/diagrams.svg)
-
-`python -m benchmarks diagrams --out docs/images/diagrams.svg` draws it, `scaling` says how time and memory grow.
+Measured figures that the pages cite, each with the command that prints it. Made by `python -m benchmarks figures` from
+`benchmarks/results.jsonl`: do not edit. Two cores, with other work beside it unless said; times are of the processor.
+**stale**: measured before the last change of what it measures, by the commit named.
 """
 MARK = re.compile(r"; \*\*stale\*\*: \w+")
 USUAL = "2 cores at 2.5 GHz, "
