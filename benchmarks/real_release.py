@@ -287,7 +287,7 @@ def refit(record: Identified, strokes: Sequence[Stroke]) -> None:
     """Print how far the predictions of a whole fit move when the integrator's tolerance changes by its last digit."""
     session, asked = Session.open(SHIPPED), predicting.TOLERANCE_RAD
     predicting.TOLERANCE_RAD = SHARES[0] * asked
-    again = identify_session(session, [stroke.number for stroke in strokes], record.action)
+    again = identify_session(session, [stroke.number for stroke in strokes], record.action, start=record)
     predicting.TOLERANCE_RAD = asked
     predict = predicting.of_model(model.load_action(record.action))
     print(

@@ -278,19 +278,10 @@ def read_identified(path: Path) -> Identified:
     return found
 
 
-START = {
-    "key_scale": -0.4, "key_zero": 1.1, "key_shape": 0.6, "hammer_scale": 0.6, "hammer_zero": 0.5,
-    "hammer_curve_04": 1.2, "hammer_curve_10": 1.6, "hammer_curve_20": 1.1, "hammer_curve_40": 0.5,
-    "hammer_curve_70": -0.5, "let_off": -0.5, "drop": -0.4, "check": -0.1, "jack_pad": -0.3, "repetition_pad": -0.2,
-    "capstan": 1.1, "string": 0.8, "stop_felt": 0.4, "stop_damping": 1.2, "key_felt": -1.4, "spring": -0.3,
-    "spring_torque": 0.2, "hammer_mass": 0.9, "hammer_friction": -1.6, "lever_friction": 0.4, "knuckle_friction": 0.5,
-    "check_friction": 0.2, "rest_damping": -0.9, "knuckle_damping": -0.1,
-}  # fmt: skip
-"""Where a search begins, in standard deviations of the priors: found on the training strokes of the Kawai, rounded."""
 DRAWS, SEED, SPREAD = 24, 5, 0.15
-"""Seeded draws about `START` that are tried beside nominal."""
+"""Seeded draws that are tried beside nominal: from the priors, or about a set that is given, so far from it."""
 STARTS, COARSE, FINE = 3, 4, 6
-"""A search begins at `START` and the best of those; most evaluations of a first fit, and of one that is carried on."""
+"""At how many places a search begins; most evaluations of a first fit, and of one that is carried on."""
 VALLEYS, AS_GOOD = 2, 1.5
 """So many first fits are carried on at most, those within this factor of the best misfit."""
 INDEPENDENT_PHASES = 4
@@ -308,7 +299,11 @@ GROUPS = {
 
 
 def identify_session(
-    session: Session, trials: Sequence[int], action_name: str, say: Callable[[str], None] = lambda text: None
+    session: Session,
+    trials: Sequence[int],
+    action_name: str,
+    say: Callable[[str], None] = lambda text: None,
+    start: Identified | None = None,
 ) -> Identified:
     """Identify a set on some strokes of a session.
 
@@ -321,6 +316,9 @@ def identify_session(
         Built-in action or file whose parameters are changed.
     say : callable
         Told of the progress.
+    start : Identified, optional
+        A set that searches are carried on from, of these or of other strokes; the misfit has many valleys, and from the
+        priors alone a search may end in a worse one.
 
     Raises
     ------
@@ -338,14 +336,15 @@ def identify_session(
     action = model.load_action(action_name)
     full, null = of_model(action), of_null(action)
     say("identified set: all strokes")
-    best, mixture = search(strokes, full, len(FREE), say)
-    null_best, _ = search(strokes, null, len(SENSORS), say)
+    begin = None if start is None else np.array(start.z)
+    best, mixture = search(strokes, full, len(FREE), say, begin=begin)
+    null_best, _ = search(strokes, null, len(SENSORS), say, begin=begin)
     left_out: dict[str, dict[str, Mixture]] = {"null": {}, "identified": {}}
     for kind in dict.fromkeys(map(kind_of, strokes)):
         say(f"without {kind}")
         others = [one for one in strokes if kind_of(one) != kind]
-        null_left = search(others, null, len(SENSORS), say, starts=2)[1]
-        left = search(others, full, len(FREE), say, starts=1)[1]
+        null_left = search(others, null, len(SENSORS), say, starts=2, begin=begin)[1]
+        left = search(others, full, len(FREE), say, starts=1, begin=begin)[1]
         for stroke in strokes:
             if kind_of(stroke) == kind:
                 left_out["null"][str(stroke.number)], left_out["identified"][str(stroke.number)] = null_left, left
@@ -411,11 +410,18 @@ def kind_of(stroke: Stroke) -> str:
 
 
 def search(
-    strokes: Sequence[Stroke], predict: Predict, size: int, say: Callable[[str], None], starts: int = STARTS
+    strokes: Sequence[Stroke],
+    predict: Predict,
+    size: int,
+    say: Callable[[str], None],
+    *,
+    starts: int = STARTS,
+    begin: Array | None = None,
 ) -> tuple[Fit, Mixture]:
     """Find the valleys of a misfit that has many.
 
-    Fits begin at several places; the best of them are carried on, and are the mixture. With one start it is `START`.
+    Fits begin at several places; the best of them are carried on, and are the mixture. With one start it is the set
+    that is given, or nominal.
     A valley weighs as the likelihood of a scatter that is not known, misfit to the power −n/2, with
     `INDEPENDENT_PHASES` values a stroke.
 
@@ -429,6 +435,8 @@ def search(
         Told of the progress.
     starts : int
         At how many places fits begin.
+    begin : ndarray, optional
+        The set that is given, (p,) or longer.
 
     Returns
     -------
@@ -436,9 +444,12 @@ def search(
         The best, and all.
     """
     random = np.random.default_rng(SEED)
-    begun = [np.array([START.get(name, 0.0) for name in NAMES])[:size]]
+    begun = [np.zeros(size) if begin is None else begin[:size]]
     if starts > 1:
-        draws = [np.zeros(size), *(begun[0] + SPREAD * random.standard_normal(size) for _ in range(DRAWS))]
+        spread = 1.0 if begin is None else SPREAD
+        draws = [begun[0] + spread * random.standard_normal(size) for _ in range(DRAWS)]
+        draws += [] if begin is None else [np.zeros(size)]
+        draws = [np.clip(z, -LIMIT, LIMIT) for z in draws]
         draws = sorted(draws, key=lambda z: _cost(z, strokes, predict))[: starts - 1]
         coarse = [fit(strokes, predict, z, runs=COARSE, say=say) for z in (*begun, *draws)]
         least = min(one.cost for one in coarse)

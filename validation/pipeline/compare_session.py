@@ -114,9 +114,9 @@ def compare(
     **options
         tolerance : float, default 1e-5
             Requested largest error of any predicted angle, rad.
-        rivals : tuple of str, default ("null", "raw_force", "unfitted", "polynomial", "fir")
+        rivals : tuple of str, default ("null", "raw_force", "unfitted", "polynomial", "fir", "fir_lags")
             What is scored beside the model: the null model, the model under the recorded force, the values before an
-            identification, and two black boxes (`validation.statistics.rivals`).
+            identification, and three black boxes (`validation.statistics.rivals`).
         budget : bool, default True
             Draw the uncertain inputs, some 220 runs of one trial; without them there is no verdict.
         suspect : bool or "parts", default True

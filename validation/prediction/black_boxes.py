@@ -1,9 +1,10 @@
 """Black boxes: what measured input and answers alone say of the answer to a further stroke, with no mechanics in it.
 
-Two kinds, each a linear least squares problem with a slight ridge: a *polynomial* of the input of the same instant, and
-a nonlinear *FIR* filter, a polynomial of means of the input over adjoining stretches of the past, each twice as long as
-the one before. Its degree and memory are those with the least error on strokes left out of the fit. Answers are held
-within the range of those it was fitted to. What they are for and what they cannot say: docs/explanation/null_model.md.
+Three kinds, each a linear least squares problem with a slight ridge: a *polynomial* of the input of the same instant; a
+nonlinear *FIR* filter, a polynomial of means of the input over adjoining stretches of the past, each twice as long as
+the one before; and a plain one, a polynomial of the input six *lags* ago. Degree and memory are those with the least
+error on strokes left out of the fit. Answers are held within the range of those it was fitted to. What they are for and
+what they cannot say: docs/explanation/null_model.md.
 Source: Wiener's nonlinear filters as in Ljung (1999), *System Identification*, Section 5.2; no code of others.
 """
 
@@ -22,15 +23,18 @@ from scipy.linalg import cho_factor, cho_solve
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 
-POLYNOMIAL, FIR = "polynomial", "fir"
-KINDS = (POLYNOMIAL, FIR)
+POLYNOMIAL, FIR, FIR_LAGS = "polynomial", "fir", "fir_lags"
+KINDS = (POLYNOMIAL, FIR, FIR_LAGS)
 EVERY_S = 0.002
 """Between the instants that are fitted and predicted; in between straight lines."""
 EDGES_S = (0.0, *(0.001 * 2.0**k for k in range(10)))
 """Ends of the stretches of the past over which the input is averaged: ten, the last to 0.5 s ago."""
+LAGS_S = tuple(0.002 * 2.0**k for k in range(6))
+"""How long ago the plain filter takes its input: six lags, the last 64 ms."""
 ORDERS = {POLYNOMIAL: tuple((0, degree) for degree in range(1, 10)),
-          FIR: ((10, 1), (5, 2), (6, 2), (8, 2), (10, 2), (4, 3), (5, 3), (6, 3))}  # fmt: skip
-"""Stretches of the past (none: the instant itself) and degrees that are tried."""
+          FIR: ((10, 1), (5, 2), (6, 2), (8, 2), (10, 2), (4, 3), (5, 3), (6, 3)),
+          FIR_LAGS: ((len(LAGS_S), 1), (len(LAGS_S), 2))}  # fmt: skip
+"""Stretches of the past, or lags (none: the instant itself), and degrees that are tried."""
 RIDGES = (1e-6, 1e-4, 1e-2)
 """Of the mean square of the terms: what keeps alike terms of a few strokes apart."""
 FOLDS = 8
@@ -53,8 +57,8 @@ class BlackBox:
 
     Attributes
     ----------
-    kind : `POLYNOMIAL` or `FIR`
-    order : stretches of the past, degree
+    kind : one of `KINDS`
+    order : stretches of the past or lags, degree
     middle, reach : the inputs it was fitted to lie within middle ± reach
     weights : (f, c), of the terms of `_terms`
     low, high : (c,), range of the answers it was fitted to; NaN for one that was never known
@@ -72,7 +76,7 @@ class BlackBox:
         """Answers (n, c) at times (n,), s, to an input (k,) over times (k,), s."""
         grid, scaled = _grid(time_s), (drive - self.middle) / self.reach
         made = np.clip(
-            _values(_terms(self.kind, self.order), drive_s, scaled, grid) @ self.weights, self.low, self.high
+            _values(self.kind, _terms(self.kind, self.order), drive_s, scaled, grid) @ self.weights, self.low, self.high
         )
         return np.column_stack([np.interp(time_s, grid, column) for column in made.T])
 
@@ -111,7 +115,7 @@ def _rounded(values: Any) -> Any:
 
 
 def fit_black_boxes(examples: Sequence[Example]) -> dict[str, BlackBox]:
-    """Both kinds fitted to the same strokes; their order by leaving strokes out, with one stroke the lowest.
+    """Every kind fitted to the same strokes; their order by leaving strokes out, with one stroke the lowest.
 
     Raises
     ------
@@ -124,7 +128,7 @@ def fit_black_boxes(examples: Sequence[Example]) -> dict[str, BlackBox]:
 
 
 def left_out_boxes(examples: Sequence[Example]) -> list[dict[str, BlackBox]]:
-    """For each stroke both kinds fitted to the others; none where there is but one.
+    """For each stroke every kind fitted to the others; none where there is but one.
 
     The order is the one chosen on all of them, which favours the black boxes a little.
     """
@@ -153,7 +157,7 @@ class _Normal:
             grid = _grid(one.time_s)
             y = np.column_stack([np.interp(grid, one.time_s, column) for column in one.answers.T])
             known = np.isfinite(y[:, seen]).all(axis=1)
-            x = _values(self.terms, one.drive_s, (one.drive - middle) / reach, grid)[known]
+            x = _values(kind, self.terms, one.drive_s, (one.drive - middle) / reach, grid)[known]
             y, n = np.nan_to_num(y[known]), max(int(known.sum()), 1)  # of every stroke the same weight, however long
             self.gram[k] += x.T @ x / n
             self.right[k] += x.T @ y / n
@@ -198,9 +202,9 @@ class _Normal:
 
 @cache
 def _terms(kind: str, order: tuple[int, int]) -> tuple[tuple[int, ...], ...]:
-    """Products of at most so many means of the past, as their numbers; of the instant (-1) Chebyshev's polynomials."""
+    """Products of so many means or lags at most, as their numbers; of the instant (-1) Chebyshev's polynomials."""
     stretches, degree = order
-    of = range(stretches) if kind == FIR else (-1,)
+    of = (-1,) if kind == POLYNOMIAL else range(stretches)
     return tuple(term for d in range(degree + 1) for term in combinations_with_replacement(of, d))
 
 
@@ -208,17 +212,20 @@ def _grid(time_s: Array) -> Array:
     return np.linspace(time_s[0], time_s[-1], max(round(float(time_s[-1] - time_s[0]) / EVERY_S), 1) + 1)
 
 
-def _values(terms: Sequence[tuple[int, ...]], time_s: Array, drive: Array, at_s: Array) -> Array:
+def _values(kind: str, terms: Sequence[tuple[int, ...]], time_s: Array, drive: Array, at_s: Array) -> Array:
     """Terms (m, f) at times (m,), s, of an input (n,); before its first sample it was what that shows."""
-    if terms[-1][-1] < 0:  # powers of the ninth degree are too alike
+    if kind == POLYNOMIAL:  # powers of the ninth degree are too alike
         at = np.clip(np.interp(at_s, time_s, drive), -1.0, 1.0)
         return np.asarray(np.polynomial.chebyshev.chebvander(at, len(terms) - 1), dtype=float)
-    times = np.concatenate([[float(time_s[0]) - EDGES_S[-1]], time_s])
-    values = np.concatenate([drive[:1], drive])
-    summed = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(times) * (values[1:] + values[:-1]))])
-    ends = [np.interp(at_s - edge, times, summed) for edge in EDGES_S]
-    means = [(a - b) / (EDGES_S[k + 1] - EDGES_S[k]) for k, (a, b) in enumerate(zip(ends, ends[1:], strict=False))]
+    if kind == FIR_LAGS:
+        inputs = [np.interp(at_s - lag, time_s, drive) for lag in LAGS_S]
+    else:
+        times = np.concatenate([[float(time_s[0]) - EDGES_S[-1]], time_s])
+        values = np.concatenate([drive[:1], drive])
+        summed = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(times) * (values[1:] + values[:-1]))])
+        ends = [np.interp(at_s - edge, times, summed) for edge in EDGES_S]
+        inputs = [(a - b) / (EDGES_S[k + 1] - EDGES_S[k]) for k, (a, b) in enumerate(zip(ends, ends[1:], strict=False))]
     products: dict[tuple[int, ...], Array] = {(): np.ones(at_s.size)}
     for term in terms[1:]:
-        products[term] = products[term[:-1]] * means[term[-1]]
+        products[term] = products[term[:-1]] * inputs[term[-1]]
     return np.column_stack(list(products.values()))

@@ -19,7 +19,7 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.measurement.geometry import ActionGeometry, geometry_of
 
-RIVALS = ("null", "raw_force", "unfitted", "polynomial", "fir")
+RIVALS = ("null", "raw_force", "unfitted", "polynomial", "fir", "fir_lags")
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class ModelUnderTest:
     stand_ins : StandIns
     rivals : tuple of str
         What stands beside the model, some of `RIVALS`: the null model (one degree of freedom, nothing fitted) under the
-        same force, the model itself under the force as recorded, the values before an identification, and two black
-        boxes (`validation.statistics.rivals`).
+        same force, the model itself under the force as recorded, the values before an identification, and three
+        black boxes (`validation.statistics.rivals`).
     store : ResultStore
         Results of earlier runs.
     """

@@ -67,7 +67,7 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
     ("null model", "one moving part, nothing fitted: the least that a model of many bodies should beat."),
     (
         "rivals, skill",
-        "what a model should beat: the null model, the values before a fit, and two black boxes fitted to the same "
+        "what a model should beat: the null model, the values before a fit, and three black boxes fitted to the same "
         "strokes; skill 0.6 is an error 60 % smaller than that of the best of them, below 0 it is larger.",
     ),
     (

@@ -1,6 +1,6 @@
 """A model beside its rivals on the trials of a session: their errors, and how far each trial lies from the fitted ones.
 
-Rivals: the null model, the set before it was identified, and two black boxes fitted to the set's strokes, or to the
+Rivals: the null model, the set before it was identified, and three black boxes fitted to the set's strokes, or to the
 other trials.
 """
 
@@ -16,7 +16,7 @@ import pandas as pd
 from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, rms
 from validation.measurement.trial import MeasuredTrial
-from validation.prediction.black_boxes import BlackBox, Example, left_out_boxes
+from validation.prediction.black_boxes import KINDS, BlackBox, Example, left_out_boxes
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import Posterior, posterior_of
 from validation.prediction.predict_session import PredictedSession, predict_trial
@@ -125,7 +125,7 @@ def _black_boxes(
 ) -> dict[int, dict[str, BlackBox]]:
     """For each trial the black boxes fitted to the set's strokes, or to the other trials without faults."""
     nothing: dict[int, dict[str, BlackBox]] = {m.number: {} for m in trials}
-    if not {"polynomial", "fir"} & set(tested.rivals):
+    if not set(KINDS) & set(tested.rivals):
         return nothing
     if posterior is not None and posterior.black_boxes:
         made = {kind: BlackBox.of(plain, tested.action.origin) for kind, plain in posterior.black_boxes.items()}

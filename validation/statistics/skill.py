@@ -18,7 +18,7 @@ from validation.conventions import Array
 from validation.measurement.trial import trials_in_words
 from validation.statistics.sign_flip_test import LEVEL, joint_sign_flip
 
-RIVALS = ("null", "unfitted", "polynomial", "fir")
+RIVALS = ("null", "unfitted", "polynomial", "fir", "fir_lags")
 FEWEST = 4
 """Strokes from which an interval is stated: with three Student's t is 4.3 and says nothing."""
 LEAST = 1e-12
@@ -28,8 +28,9 @@ CALLED = {
     "regulated": "the unfitted set",
     "polynomial": "the polynomial",
     "fir": "the FIR filter",
+    "fir_lags": "the FIR filter of six lags",
 }
-"""Rivals in words; polynomial and FIR filter are the black boxes of `validation.prediction.black_boxes`."""
+"""Rivals in words; polynomial and FIR filters are the black boxes of `validation.prediction.black_boxes`."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import pytest
 
 import model
 import validation
+from rig.session import Session
 from validation.errors import ValidationInputError
 from validation.identification.estimates import TOO_FEW
 from validation.identification.force_runs import Case, ForceRuns
@@ -24,6 +25,7 @@ from validation.identification.write import write_identified, write_reading
 from validation.prediction.posterior import altered, posterior_of
 from validation.report.figures.overlays import trial_words
 from validation.report.view import SessionView
+from validation.statistics.skill import CALLED, RIVALS
 
 QUICK = {"budget": False, "suspect": False, "keep_predictions": False}
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
@@ -97,7 +99,7 @@ def test_a_comparison_knows_how_far_the_strokes_lie_and_who_is_nearer(written) -
     assert trials["fitted"].to_dict() == {1: True, 2: True, 3: False} and trials["outside"].eq(False).all()
     assert any(line.startswith("Domain: trial 3: inside of what was fitted") for line in result.verdict_lines)
     rows = result.rivals.set_index(["trial", "channel"])
-    names = [f"{name}_rmse_rad" for name in ("null", "unfitted", "polynomial", "fir")]
+    names = [f"{name}_rmse_rad" for name in RIVALS]
     assert np.all(rows.loc[(3, "hammer"), names].astype(float) > rows.loc[(3, "hammer"), "rmse_rad"])
     hammer = result.channels.set_index("channel").loc["hammer"]
     best = rows.loc[(3, "hammer"), f"{hammer['best_rival']}_rmse_rad"]
@@ -105,6 +107,52 @@ def test_a_comparison_knows_how_far_the_strokes_lie_and_who_is_nearer(written) -
         hammer["skill_low"]
     )
     assert any("no interval" in line and line.startswith("Skill") for line in result.verdict_lines)
+
+
+def session_of_others(tmp_path: Path) -> Session:
+    """Trials 1 (fitted) and 3 (not) of the example under another name, start time, number, cut and first count."""
+    shipped = Session.open(EXAMPLE)
+    copy = Session.create(tmp_path / "another", shipped.info.model_copy(update={"name": "another"}))
+    for number, of in ((5, 1), (6, 3)):
+        data = shipped.trial(of).read()
+        keep = slice(150, data.time_s.size - 40)
+        cut = {name: getattr(data, name)[keep] for name in ("time_s", "force_n", "force_raw", "motor_command_v")}
+        cut["time_s"] = cut["time_s"] - cut["time_s"][0]
+        count = data.encoder_count[keep] - data.encoder_count[keep][0] + 700
+        copy.add_trial(
+            replace(
+                data,
+                number=number,
+                started_utc="2031-01-01T00:00:00Z",
+                blow_start_s=0.0,
+                encoder_count=count,
+                camera=None,
+                **cut,
+            )
+        )
+    return copy
+
+
+def test_samples_of_a_fitted_recording_count_as_fitted_in_any_session(written, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    action = model.load_action(written["action"])
+    result = validation.compare(session_of_others(tmp_path), action, **QUICK)
+    assert result.trials.set_index("trial")["fitted"].to_dict() == {5: True, 6: False}
+    assert result.provenance["action"]["fitted_to"] == ["trial_0005"]
+    said = "\n".join(result.verdict_lines)
+    assert "fitted to trial 5 (by hash); trial 6 was not fitted" in said and "A prediction" not in said
+    assert "Domain: trial 6: inside of what was fitted" in said
+
+
+def test_inside_is_not_said_of_a_trial_to_which_a_rival_is_nearer(written) -> None:  # type: ignore[no-untyped-def]
+    action = model.load_action(written["action"])
+    spoiled = action.with_values({"hammer.joint_friction.A": 0.012})  # the set before it was identified is nearer
+    result = validation.compare(EXAMPLE, spoiled, **QUICK)
+    rows = result.rivals[result.rivals["trial"] == 3]
+    assert (rows["nearest"] != "model").any()
+    assert not any(line.startswith("Domain:") and "inside" in line for line in result.verdict_lines)
+    (nearest,) = (line for line in result.verdict_lines if line.startswith("Nearest:"))
+    lost = rows[rows["nearest"] != "model"].iloc[0]
+    assert CALLED[lost["nearest"]] in nearest.split(str(lost["channel"]))[1]
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from validation.measurement.positions import measure_stroke
 from validation.measurement.sample_fingerprints import sample_fingerprints
 from validation.pipeline.compare_positions import _verdict, compare_positions
 from validation.pipeline.validate_positions import render
+from validation.prediction.black_boxes import KINDS
 from validation.prediction.positions import Mixture
 
 SHIPPED = Path(__file__).parents[3] / "sessions" / "kawai_kg3c"
@@ -62,10 +63,10 @@ def test_each_stroke_says_how_far_it_lies_and_who_is_nearer(written) -> None:
     results = written[1]
     for row in results["rivals"]:
         errors = {name: value for name, value in row.items() if name.endswith("_rmse_share")}
-        assert set(errors) == {f"{n}_rmse_share" for n in ("regulated", "null", "identified", "polynomial", "fir")}
+        assert set(errors) == {f"{n}_rmse_share" for n in ("regulated", "null", "identified", *KINDS)}
         assert row["nearest"] == "identified" and row["outside"] is False and row["distance"] < 1.0
     assert results["training_distances"]["2"] > 1.0  # the only slow press
-    assert "than that of the FIR filter" in (written[0].parent / "said.txt").read_text()
+    assert "than that of the FIR filter of six lags" in (written[0].parent / "said.txt").read_text()
 
 
 def same_scores(shipped, found) -> None:

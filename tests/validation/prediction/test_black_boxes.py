@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from validation.errors import ValidationInputError
-from validation.prediction.black_boxes import FIR, POLYNOMIAL, BlackBox, Example, fit_black_boxes, left_out_boxes
+from validation.prediction.black_boxes import (
+    FIR,
+    FIR_LAGS,
+    KINDS,
+    POLYNOMIAL,
+    BlackBox,
+    Example,
+    fit_black_boxes,
+    left_out_boxes,
+)
 
 TIME_S = np.arange(0.0, 1.0, 5e-4)
 
@@ -45,13 +54,26 @@ def test_a_static_answer_is_a_polynomial_and_a_late_one_is_not():
     assert boxes[FIR].order[1] >= 2  # a square
 
 
+def test_a_product_of_lags_is_the_plain_filter():
+    def echo(drive):
+        lagged = {lag: np.interp(TIME_S - 1e-3 * lag, TIME_S, drive) for lag in (4, 64)}
+        return lagged[4] * lagged[64] + 0.3 * lagged[64]
+
+    boxes = fit_black_boxes([example(*s, echo) for s in STROKES])
+    new = example(0.95, 0.04, echo)
+    assert boxes[FIR_LAGS].order == (6, 2)  # six lags to 64 ms; the degree by strokes left out
+    assert rms(boxes[FIR_LAGS], new) < 0.003 < rms(boxes[POLYNOMIAL], new)
+    linear = fit_black_boxes([example(*s, lambda x: np.interp(TIME_S - 8e-3, TIME_S, x)) for s in STROKES])
+    assert rms(linear[FIR_LAGS], example(0.95, 0.04, lambda x: np.interp(TIME_S - 8e-3, TIME_S, x))) < 0.003
+
+
 def test_each_stroke_is_answered_by_boxes_that_have_not_seen_it():
     odd = example(1.0, 0.05, lambda x: -x)
     boxes = left_out_boxes([odd, *(example(*s, lambda x: x) for s in STROKES)])
     assert rms(boxes[0][POLYNOMIAL], odd) > 1.0  # the others say the opposite
     assert left_out_boxes([odd]) == [{}]
     many = left_out_boxes([example(1.0 + 0.01 * k, 0.05, late) for k in range(19)])  # in groups
-    assert len(many) == 19 and all(set(one) == {POLYNOMIAL, FIR} for one in many)
+    assert len(many) == 19 and all(set(one) == set(KINDS) for one in many)
 
 
 def test_answers_stay_within_what_was_fitted_and_an_unknown_channel_is_unknown():
