@@ -192,7 +192,7 @@ def _lift(capstan: Capstan, time: Array, excess: Array, first: int, last: int, p
     worst = first + int(np.nanargmax(part))
     gap = float(excess[worst])
     lift = gap / capstan.gap_per_lift
-    reason = f"key and whippen encoders disagree by {1e3 * gap:.2f} mm at the capstan while it is loaded"
+    reason = f"the gap at the loaded capstan, by key and whippen encoder, is {1e3 * gap:.2f} mm larger than the model's"
     pull = float("nan")
     if pulls is not None:
         near = _near(pulls, float(time[first]), float(time[last]))

@@ -43,7 +43,7 @@ from validation.findings.outlying_trials import (
     outlying_residuals,
     residuals_of,
 )
-from validation.findings.readings import encoder_readings, force_stands_still, starts_at_rest
+from validation.findings.readings import NO_REST, encoder_readings, force_stands_still, starts_at_rest
 from validation.findings.stroke_kinds import mixed_strokes, stroke_kinds, strokes_of_their_own
 from validation.findings.trial_records import short_records
 from validation.findings.unusable import UnusableData, unusable_data, unusable_pairs
@@ -72,6 +72,11 @@ class SessionFindings:
         return unusable_data(self.faults)
 
     @property
+    def without_rest(self) -> frozenset[int]:
+        """Trials whose angles have no zero, so that nothing else is said of them."""
+        return frozenset(int(f.trial) for f in self.faults if f.kind == NO_REST)
+
+    @property
     def left_out(self) -> frozenset[tuple[int, str]]:
         """The same by trial and curve, of encoders and film."""
         return unusable_pairs(self.unusable)
@@ -87,7 +92,7 @@ def find_faults(
     trials = predicted.trials
     found = [f for check in OF_TRIALS for f in check(trials)]
     found += [f for m in trials for f in starts_at_rest(m, tested.geometry_at(m.force.preload_n))]
-    begun = {f.trial for f in found if f.kind == "no rest at the start"}
+    begun = {f.trial for f in found if f.kind == NO_REST}
     if begun:  # nothing that follows holds of them
         kept = tuple(m.number for m in trials if m.number not in begun)
         predicted, events, scored = _only(kept, predicted, events, scored)

@@ -23,6 +23,7 @@ from validation.findings.finding import (
     name_trials,
     uncertainty_of_mean,
 )
+from validation.findings.readings import jumps_after
 from validation.measurement.force_correction import correlation_inflation
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -61,7 +62,7 @@ def force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
     Conventions: raw readings, N. A plateau is three equal readings in a row at the largest or smallest value, or five
     within a fifth of the channel's noise. Not judged are a channel without noise and, for equal readings, one whose
     converter is so coarse that more than a twentieth of the neighbours at rest are equal. Detectable from three
-    readings.
+    readings. A plateau that ends with a jump is a reading that stood still.
     """
     force = m.raw_force_n
     steps = np.diff(force[: m.quiet.stop])
@@ -76,12 +77,12 @@ def force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
         if length < fewest and fine:
             start, length = _longest_run(sign * force == most)
             fewest = FEWEST_EQUAL
-        if length < fewest:
+        if length < fewest or jumps_after(m, start + length - 1):
             continue
         text = (
             f"trial {m.number}: force: {length} readings in a row stay at the {words} value {sign * most:.2f} N from "
-            f"{m.time_s[start]:.4f} s, without the channel's noise of {noise:.3f} N (limit {fewest} readings): the "
-            "channel saturates"
+            f"{m.time_s[start]:.4f} s, without the channel's noise of {noise:.3f} N (limit {fewest} readings), and "
+            "leave it without a jump"
         )
         return [SessionFinding("force saturation", m.number, "force", float(length), float(fewest), text)]
     return []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from validation.events.encoder_readings import are_simultaneous, reading_faults
+from validation.events.encoder_readings import are_simultaneous, reading_faults, step_excess
 from validation.findings.finding import BLOW, CURVES, SessionFinding, finds
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
@@ -54,12 +54,22 @@ FEWEST_EQUAL = 5
 COARSE = 0.05  # of the neighbours at rest: a converter that coarse repeats its reading of itself
 
 
+JUMP_SIGMAS = 8.0
+
+
+def jumps_after(m: MeasuredTrial, last: int) -> bool:
+    """Whether the force jumps from this sample to the next: outside of the steps before and after, and of its noise."""
+    steps = np.diff(m.raw_force_n[: m.quiet.stop])
+    jump, _ = step_excess(m.raw_force_n, m.time_s, 0.0, m.quiet.stop)
+    return last < jump.size and abs(float(jump[last])) > JUMP_SIGMAS * float(steps.std())
+
+
 def force_stands_still(m: MeasuredTrial) -> list[SessionFinding]:
-    """Equal readings of a force with noise, below its largest and above its smallest value.
+    """Equal readings of a force with noise, where it does not saturate.
 
     Conventions: raw readings. Five equal readings in a row have no chance where fewer than one in twenty pairs of
-    neighbours at rest are equal. Readings at either end of the range are a saturation's; those at either
-    end of the record may be filled up.
+    neighbours at rest are equal. Readings at either end of the range are a saturation's, unless the force jumps from
+    there; those at either end of the record may be filled up.
     """
     force = m.raw_force_n
     steps = np.diff(force[: m.quiet.stop])
@@ -68,8 +78,9 @@ def force_stands_still(m: MeasuredTrial) -> list[SessionFinding]:
     edges = np.flatnonzero(np.diff(force) != 0)
     starts, ends = np.concatenate([[0], edges + 1]), np.concatenate([edges, [force.size - 1]])
     length = ends - starts + 1
-    inside = (force[starts] < force.max()) & (force[starts] > force.min()) & (starts > 0) & (ends < force.size - 1)
-    length = np.where(inside, length, 0)
+    inside = (force[starts] < force.max()) & (force[starts] > force.min())
+    inside |= np.array([n >= FEWEST_EQUAL and jumps_after(m, int(last)) for n, last in zip(length, ends, strict=True)])
+    length = np.where(inside & (starts > 0) & (ends < force.size - 1), length, 0)
     longest = int(length.argmax())
     if length[longest] < FEWEST_EQUAL:
         return []
@@ -82,12 +93,13 @@ def force_stands_still(m: MeasuredTrial) -> list[SessionFinding]:
     return [SessionFinding("reading stands still", m.number, "force", float(n), float(FEWEST_EQUAL), text)]
 
 
+NO_REST = "no rest at the start"
 RISES_M = 1e-3
 FALLS_N = 0.5
 END_S = 0.05
 
 
-@finds({"no rest at the start": "Start the record before the stroke, with the key at rest, and record again."},
+@finds({NO_REST: "Start the record before the stroke, with the key at rest, and record again."},
        spoils=BLOW)  # fmt: skip
 def starts_at_rest(m: MeasuredTrial, geometry: ActionGeometry) -> list[SessionFinding]:
     """A record that ends with the key higher and the force lower than it began: it did not begin at rest.
@@ -104,4 +116,4 @@ def starts_at_rest(m: MeasuredTrial, geometry: ActionGeometry) -> list[SessionFi
         f"(limit {1e3 * RISES_M:g} mm) and the force {fall:.2f} N lower (limit {FALLS_N:g} N) than at its start; "
         "nothing else is said of this trial"
     )
-    return [SessionFinding("no rest at the start", m.number, "", rise, RISES_M, text)]
+    return [SessionFinding(NO_REST, m.number, "", rise, RISES_M, text)]

@@ -286,8 +286,9 @@ def cannot_claim(side: SideBySide) -> list[str]:
         "The model is driven by the measured force, and that force depends on the action that was played; the motor is "
         "not part of the comparison.",
         "An encoder reads a rotation only while its body turns about its pivot. A key that lifts off the balance rail "
-        "gives false readings; where key and whippen encoders disagree they are marked and left out of the scores. "
-        "Lifts below about 0.1 mm, and lifts while the capstan is free, stay in.",
+        "gives false readings; where the gap at the loaded capstan, by key and whippen encoder, is larger than the "
+        "model's, they are marked and left out of the scores. Lifts below about 0.1 mm, and lifts while the capstan is "
+        "free, stay in.",
         "Whole-window scores mix a phase that is predicted well (until the string is struck) with one in which small "
         "differences grow; the score before the impact is listed beside them.",
         "Hammer height and key dip at rest are taken from the model's rest position; how well the bench agrees with it "

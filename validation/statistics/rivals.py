@@ -115,7 +115,8 @@ def beside_rivals(
     skill = _skills(table, places, without)
     lost = {int(row.trial) for row in table.itertuples() if row.nearest not in ("", "model")}
     domain = [] if posterior is None else domain_lines(tested.action.name, places, bool(posterior.strokes), lost)
-    domain += nearest_lines(table)
+    counts = [pair not in without for pair in zip(table["trial"], table["channel"], strict=True)]
+    domain += nearest_lines(table[counts])
     fitted = "the strokes it was fitted to" if posterior is not None and posterior.black_boxes else "the other trials"
     return Rivals(table, skill, places, tuple(domain), skill_lines(skill, fitted), nearer(table, without))
 

@@ -36,7 +36,7 @@ def test_every_planted_fault_is_named_and_nothing_else(planted):
         "trial 4: film: it shows the whippen's motion 1.0",
         "ms later than its encoder",
         "trial 5: force: hum of 0.50 N",
-        "trial 6: key and whippen encoders disagree once at the loaded capstan",
+        "trial 6: the gap at the loaded capstan, by key and whippen encoder, is larger",
         "trial 7: its force is unlike that of every other trial",
         "trial 8: sampled at 4000 Hz, most trials at 5000 Hz",
         "trial 9: sampled at 2500 Hz",

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from validation.findings.encoders import Travel, encoder_travel
+from validation.findings.force import force_saturation
 from validation.findings.force_spikes import unanswered_spikes
-from validation.findings.readings import encoder_readings
+from validation.findings.readings import encoder_readings, force_stands_still
 from validation.prediction.predict_session import predict_trial
 
 CHANNELS = ("key", "whippen", "hammer")
@@ -85,3 +87,27 @@ def test_a_spike_that_key_and_whippen_answer_is_a_true_one(stage):
         [p.change_rad(name) - stage.predictions(3).change_rad(name) for name in CHANNELS]
     )
     assert unanswered_spikes(stage.tested, replace(m, change_rad=moved), p, m.time_s[-1]) == []
+
+
+def held(m, at, length):
+    """The trial with a force that repeats one reading."""
+    force = m.raw_force_n.copy()
+    force[at : at + length] = force[at]
+    return replace(m, raw_force_n=force)
+
+
+def test_a_force_held_at_its_largest_value_stands_still_and_does_not_saturate(stage):
+    m = stage.trials[0]
+    top = int(np.argmax(m.raw_force_n))
+    changed = held(m, top, 100)
+    assert changed.raw_force_n.max() == changed.raw_force_n[top]
+    (found,) = force_stands_still(changed)
+    assert found.kind == "reading stands still" and force_saturation(changed) == []
+    clipped = replace(m, raw_force_n=np.minimum(m.raw_force_n, 0.8 * m.raw_force_n.max()))
+    (found,) = force_saturation(clipped)
+    assert "saturates" not in found.text and force_stands_still(clipped) == []
+
+
+def test_a_hammer_that_stays_where_the_key_leaves_it_is_no_gross_difference():
+    stopped = Travel(np.array([0.036, 0.036, 0.006]), float("nan"), True)
+    assert {f.channel for f in encoder_travel(dict.fromkeys((1, 2, 3), stopped))} == {"key"}
