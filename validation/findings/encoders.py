@@ -332,8 +332,8 @@ def capstan_gaps(by_trial: Mapping[int, Sequence[KeyLift]], release_s: Mapping[i
             continue
         worst = max(found, key=lambda x: x.gap_m)
         text = (
-            f"trial {number}: the gap at the loaded capstan, by key and whippen encoder, is larger than the model's, by "
-            f"up to {1e3 * worst.gap_m:.2f} mm at {worst.largest_at_s:.4f} s (limit {1e3 * EXCESS_M:g} mm); these "
+            f"trial {number}: the gap at the loaded capstan, by key and whippen encoder, is larger than the model's, "
+            f"by up to {1e3 * worst.gap_m:.2f} mm at {worst.largest_at_s:.4f} s (limit {1e3 * EXCESS_M:g} mm); these "
             "samples are left out of the scores of the key"
         )
         out.append(SessionFinding("capstan gap", number, "key", worst.gap_m, EXCESS_M, text))

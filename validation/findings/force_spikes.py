@@ -128,8 +128,8 @@ def unanswered_spikes(
     start_s, lasts_ms = float(m.time_s[spike.first]), 1e3 * step_s * spike.change_n.size
     text = (
         f"trial {m.number}: force: key and whippen do not answer a spike that lasts {lasts_ms:.1f} ms and leaves the "
-        f"readings beside it by {spike.size_n:+.2g} N, at {start_s:.4f} s: until {1e3 * AFTER_S:g} ms after it the model "
-        f"misses them by {missed:.1f} counts with the spike and by {without:.1f} without it (limits "
+        f"readings beside it by {spike.size_n:+.2g} N, at {start_s:.4f} s: until {1e3 * AFTER_S:g} ms after it the "
+        f"model misses them by {missed:.1f} counts with the spike and by {without:.1f} without it (limits "
         f"{FEWEST_COUNTS:g} counts, and a third of it)"
     )
     return [SessionFinding("unanswered force spike", m.number, "force", spike.size_n, UNANSWERED, text)]
