@@ -117,6 +117,7 @@ def load_target(
             f"{source}: {time_channel} is in {time_unit!r} by the file itself, allowed {', '.join(SECONDS)}"
         )
     interval_s = table.interval([force_channel], time_channel, "--time CHANNEL", unit=time_unit)
+    table.check_rate([force_channel], interval_s, [time_channel] if time_channel else [])
     rate_hz = load_rig(rig).config.device.sample_rate_hz
     return make_target(
         source.stem, table.channel(force_channel), interval_s, rate_hz, scale=scale, key_bottom_s=key_bottom_s

@@ -511,6 +511,8 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
     volts = np.full(raw.size, np.nan)
     if mapping.motor is not None:
         volts = table.channel(mapping.motor.channel) * mapping.motor.volts_per_unit
+        if mapping.motor.volts_per_unit == 1.0:
+            check_unit(table, mapping.motor.channel, "V", mapping.overrule_units)
     start_s = mapping.blow_start_s
     reason = table.cut_off if "piece" not in table.cut_off else ""
     if start_s is None:

@@ -685,3 +685,12 @@ def test_matlab_files_of_both_kinds_are_read(bench: Bench) -> None:
         for name, values in CHANNELS.items():
             file[name] = values[None, :]
     same(bench.load(path)[0])
+
+
+def test_a_motor_command_in_another_unit_needs_its_scale(bench: Bench) -> None:
+    path = bench.csv({**CHANNELS, "Motor (mV)": 500.0 * PUSH})
+    motor = '[motor]\nchannel = "Motor (mV)"\n'
+    with pytest.raises(RigInputError, match=r"Motor \(mV\) is in 'mV' by the file itself, the mapping says 'V'"):
+        read_recording(path, parse_mapping(MAPPING.format(more="", time=TIME, key="") + motor))
+    scaled = MAPPING.format(more="", time=TIME, key="") + motor + "volts_per_unit = 1e-3\n"
+    np.testing.assert_allclose(read_recording(path, parse_mapping(scaled)).motor_command_v, 0.5 * PUSH)
