@@ -59,7 +59,11 @@ def command(
     for words in rows[0]:
         values = [row[words] for row in rows]
         lines.append(f"{words:<26}" + "".join(f"  {_number(v, words):>{width}}" for v in values))
-    lines += [f"{f.name}: {remark}" for f in feels for remark in f.remarks]
+    for f in feels:
+        loaded = [remark for remark in f.remarks if remark not in f.weights.remarks]
+        lines += [f"{f.name}: {remark}" for remark in (*f.weights.remarks, *loaded[:1])]
+        if len(loaded) > 1:
+            lines.append(f"{f.name}: the check presses it at {len(loaded) - 1} larger forces, too; --json lists them")
     plain = [{"action": f.name} | row | {"remarks": list(f.remarks)} for f, row in zip(feels, rows, strict=True)]
     facts = {"actions": plain, "figure": figure, "curve": curve}
     tell(as_json, facts, [*lines, *file_lines([figure, curve])])

@@ -21,6 +21,8 @@ def test_two_actions_side_by_side(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert lines[0].split() == names
     rows = {line[:26].strip(): line[26:].split() for line in lines[1:-2]}
     assert [float(x) for x in rows["key dip, mm"]] == [9.34, 10.0]
+    told = [line for line in lines if "presses the rising hammer" in line]
+    assert len(told) == len({line.split(":")[0] for line in told})  # the softest blow of each action
     assert float(rows["fastest repetition, 1/s"][1]) > 1.5 * float(rows["fastest repetition, 1/s"][0])
     with open(curve, newline="") as file:
         table = list(csv.DictReader(file))
@@ -32,6 +34,17 @@ def test_json_with_a_setting(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("touch", "hirschkorn2004", "--set", "key.joint_friction.A=0.03", "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["actions"][0]["friction weight, g"] > 19.0  # 14.4 g as printed
+
+
+def test_the_back_check_is_told_of_once_and_the_larger_forces_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ("touch", "hirschkorn2004", "--scale", "friction=0.3", "--scale", "joint_friction=0.3")
+    assert run(*arguments, "--json") == 0
+    remarks = json.loads(capsys.readouterr().out)["actions"][0]["remarks"]
+    loaded = [remark for remark in remarks if "presses the rising hammer" in remark]
+    assert run(*arguments) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(loaded) > 2 and sum("presses the rising hammer" in line for line in lines) == 1
+    assert f"hirschkorn2004: the check presses it at {len(loaded) - 1} larger forces, too; --json lists them" in lines
 
 
 @pytest.mark.parametrize(
