@@ -1,15 +1,35 @@
-"""``pianorig attach``: bring a film from the camera's computer into its session."""
+"""``pianorig attach``: bring a film from the camera's computer into its session.
+
+It is checked against the trial's frame clock, then copied. The film must be the trial's: frame count, frame rate,
+number of the first frame after the trigger, and, if known, the hash that the camera's computer gave. The original stays
+where it is. Nothing half copied is left behind.
+"""
 
 from __future__ import annotations
 
+import shutil
+import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import rig
+import vision
 from pianorig import workflows
 from pianorig.console.options import AsJson
 from pianorig.console.output import tell
+from pianorig.errors import CommandInputError
+from rig.atomic_write import replace_when_complete, sha256_of_file
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from rig.session.film_record import FilmRecord
+
+RATE_TOLERANCE = 1e-3
+HEADERS = (".cihx", ".cih", ".CIHX", ".CIH")
 
 
 def command(
@@ -37,7 +57,7 @@ def command(
 
     Example:  pianorig attach film.mraw --trial 3 sessions/try
     """
-    record = workflows.attach_film(
+    record = attach_film(
         film,
         workflows.session_folder(session),
         trial,
@@ -55,3 +75,143 @@ def command(
             "frames were dropped and its times are wrong from there on: reject the trial with  pianorig annotate",
         )
     tell(as_json, record.model_dump(mode="json", by_alias=True), lines)
+
+
+def attach_film(
+    film: Path,
+    session_path: Path,
+    number: int,
+    *,
+    sha256: str | None = None,
+    first_frame: int | None = None,
+    frame_rate_hz: float | None = None,
+    author: str = "unknown",
+) -> FilmRecord:
+    """Check a film against a trial and copy it beside it.
+
+    Parameters
+    ----------
+    sha256 : the film file's SHA-256 as computed on the camera's computer
+    first_frame : number of the film's first frame after the trigger, for films whose header does not say it
+    frame_rate_hz : rate it was filmed at, for films that say none, or their play-back rate
+
+    Raises
+    ------
+    CommandInputError : the film does not belong to the trial, was cut or altered; nothing is left beside the trial
+    """
+    # start-up: 0.5 s of h5py and pandas that --help does not need
+    from rig.session.annotation_file import utc_now
+    from rig.session.film_record import FilmRecord, clock_steps, record_path, write_record
+    from rig.session.folder import FILM_SUFFIXES
+
+    session = rig.Session.open(session_path)
+    trial = session.trial(number)
+    if trial.film is not None:
+        raise CommandInputError(f"{trial.film}: trial {number} has a film already; move it away first")
+    camera = trial.read().camera
+    if camera is None:
+        raise CommandInputError(f"{trial.path}: has no frame clock; it was recorded without a camera")
+    with vision.open_film(film) as source:
+        data = Path(source.path)
+        n_frames, rate = source.n_frames, source.frame_rate_hz
+        header = source.header
+        said = int(header.start_frame) if header is not None else getattr(source, "start_frame", None)
+        if data.is_dir() or data.suffix.lower() not in FILM_SUFFIXES:
+            raise CommandInputError(f"{film}: is one picture or a folder of them; allowed {', '.join(FILM_SUFFIXES)}")
+        if frame_rate_hz is not None and said is not None:
+            raise CommandInputError(f"{film}: its header says {rate} frames/s; leave out --frame-rate")
+        rate = frame_rate_hz if frame_rate_hz is not None else rate
+        first = _first_frame(film, said, first_frame)
+        _check_rate(film, trial, camera, rate)
+        steps = clock_steps(source, camera.frame_rate_hz)
+    last = first + int(steps[-1])
+    _check_range(film, trial, camera, first, last)
+    _say_gaps(film, steps)
+    digest = sha256_of_file(data)
+    if sha256 is not None and digest != sha256.strip().lower():
+        raise CommandInputError(
+            f"{data}: SHA-256 {digest}, expected {sha256.strip().lower()}; copy it again from the camera"
+        )
+    _check_unused(session, trial, data, digest)
+    target = trial.path.with_suffix(data.suffix.lower())
+    copies = [(data, target)]
+    if header is not None:  # as on a camera's disk, in capitals or not; the copy is the one that a film is read with
+        copies += [(h, target.with_suffix(h.suffix.lower())) for e in HEADERS if (h := data.with_suffix(e)).is_file()]
+    done: list[Path] = []
+    try:
+        for original, copy in copies:
+            done.append(copy)
+            with replace_when_complete(copy) as temporary:
+                shutil.copyfile(original, temporary)
+        if sha256_of_file(target) != digest:
+            raise CommandInputError(f"{target}: differs from {data} after copying; look at the disk, then try again")
+        record = FilmRecord(
+            film=target.name, source=str(data), sha256=digest, n_frames=n_frames, first_frame=first,
+            frames_after=camera.n_frames - 1 - last, frames_missing=last - first + 1 - n_frames,
+            frame_rate_hz=rate if rate is not None else "unknown", attached_utc=utc_now(), author=author,
+        )  # fmt: skip
+        done.append(record_path(target))
+        write_record(target, record)
+    except BaseException:
+        for copy in done:
+            copy.unlink(missing_ok=True)
+        raise
+    session.annotate(number, "note", f"film {data.name} attached as {target.name}, SHA-256 {digest}", author=author)
+    return record
+
+
+def _check_unused(session: rig.Session, trial: rig.Trial, data: Path, digest: str) -> None:
+    """Refuse a film that lies beside another trial already."""
+    for other in session.trials:
+        film = other.film
+        if film is None or other.number == trial.number or film.stat().st_size != data.stat().st_size:
+            continue
+        if sha256_of_file(film) == digest:
+            raise CommandInputError(
+                f"{data}: is the film of trial {other.number} already ({film.name}), allowed one trial a film; "
+                f"name the film of trial {trial.number}"
+            )
+
+
+def _first_frame(film: Path, said: int | None, given: int | None) -> int:
+    if said is not None and given is not None and said != given:
+        raise CommandInputError(
+            f"{film}: its header says first frame {said}, --first-frame {given}; leave out the option"
+        )
+    if said is None and given is None:
+        raise CommandInputError(f"{film}: does not say its first frame after the trigger; add --first-frame")
+    first = said if said is not None else given
+    return int(first or 0)
+
+
+def _check_rate(film: Path, trial: rig.Trial, camera: rig.CameraInfo, rate: float | None) -> None:
+    if rate is not None and abs(rate - camera.frame_rate_hz) > RATE_TOLERANCE * camera.frame_rate_hz:
+        raise CommandInputError(
+            f"{film}: {rate:.6g} frames/s, trial {trial.number} has {camera.frame_rate_hz:.6g}; allowed within "
+            f"{RATE_TOLERANCE:.1%}; it belongs to another trial, or says its play-back rate: then add --frame-rate"
+        )
+
+
+def _check_range(film: Path, trial: rig.Trial, camera: rig.CameraInfo, first: int, last: int) -> None:
+    if first < 0:
+        raise CommandInputError(f"{film}: begins {-first} frames before the trigger; save it from the trigger on")
+    if last >= camera.n_frames:
+        raise CommandInputError(
+            f"{film}: frames {first} to {last}, trial {trial.number} has 0 to {camera.n_frames - 1}; "
+            "the film belongs to another trial"
+        )
+
+
+def _say_gaps(film: Path, steps: NDArray[np.int64]) -> None:
+    """Say which pulses of the frame clock have no frame in the film."""
+    import numpy as np  # start-up: 0.1 s that --help does not need
+
+    gaps = np.flatnonzero(np.diff(steps) > 1)
+    if gaps.size:
+        missing = int(steps[-1]) + 1 - steps.size
+        warnings.warn(
+            f"{film}: {missing} frames that the clock counted are missing in it, in {gaps.size} gaps, the first after "
+            f"its frame {gaps[0]}; the others are at their times",
+            vision.VisionWarning,
+            stacklevel=3,
+        )

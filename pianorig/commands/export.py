@@ -1,4 +1,4 @@
-"""``pianorig export``: trials as files of other programs."""
+"""``pianorig export``: trials as files of other programs, and their force as ``simulate`` and ``study`` take it."""
 
 from __future__ import annotations
 
@@ -7,9 +7,14 @@ from typing import Annotated
 
 import typer
 
+import rig
 from pianorig import workflows
+from pianorig.console.column_file import make_folder, write_columns
 from pianorig.console.options import AsJson
 from pianorig.console.output import file_lines, tell
+from pianorig.errors import CommandInputError
+
+FORCE = "force"
 
 
 def command(
@@ -30,5 +35,58 @@ def command(
 
     Example:  pianorig export sessions/try --to csv --trial 1 --out exported
     """
-    files = workflows.export_session(session, to, trials=trial, out=out)
+    files = export_session(session, to, trials=trial, out=out)
     tell(as_json, {"session": session, "files": files}, file_lines(files))
+
+
+def export_session(path: Path, form: str, *, trials: list[int] | None = None, out: Path | None = None) -> list[Path]:
+    """Write the trials of a session, or of one file, in one form; return the files.
+
+    Parameters
+    ----------
+    path : session folder, or one ``trial_NNNN.h5``
+    form : ``csv``, ``mat``, ``tdms``, ``parquet``, or ``force``: the force with offset, mains hum and group delay taken
+        off, as ``validate`` corrects it, as a CSV table of ``time_s,force_n``
+    trials : their numbers; by default all, rejected ones included
+    out : folder to write to, made where it is missing; by default ``export`` inside the session
+
+    Raises
+    ------
+    CommandInputError : another form, or a force that cannot be corrected
+    rig.RigInputError : no such trial, a file that exists or cannot be written, or a missing package
+    """
+    from rig.session.trial_export import FORMATS, export_trial  # start-up: 0.5 s of h5py and pandas
+
+    if form not in (*FORMATS, FORCE):
+        raise CommandInputError(f"--to {form}: allowed {', '.join((*FORMATS, FORCE))}")
+    chosen = _chosen(path, trials)
+    folder = out if out is not None else chosen[0].path.parent / "export"
+    make_folder(folder, parents=True)
+    files: list[Path] = []
+    for trial in chosen:
+        if form == FORCE:
+            name = f"force_{trial.number:04d}.csv" if len(chosen) > 1 else "force.csv"
+            files.append(_write_force(trial, folder / name))
+        else:
+            files += export_trial(trial.read(), folder / f"{trial.path.stem}.{form}")
+    return files
+
+
+def _chosen(path: Path, numbers: list[int] | None) -> list[rig.Trial]:
+    if path.suffix == ".h5":
+        found = [trial for trial in rig.Session.open(path.parent).trials if trial.path.name == path.name]
+        if not found or numbers:
+            raise CommandInputError(
+                f"{path}: {'--trial goes with a session folder' if found else 'is no trial of a session'}"
+            )
+        return found
+    session = rig.Session.open(path)
+    return list(session.readable_trials) if not numbers else [session.trial(number) for number in sorted(set(numbers))]
+
+
+def _write_force(trial: rig.Trial, file: Path) -> Path:
+    if file.exists():
+        raise CommandInputError(f"{file}: exists already; delete it, or choose another --out")
+    force = workflows.read_driving_force(trial.path)
+    write_columns(file, {"time_s": force.time_s, "force_n": force.force_n})
+    return file

@@ -1,18 +1,31 @@
-"""``pianorig watch``: see a recording from a second process."""
+"""``pianorig watch``: a recording seen from a second process, as numbers, as text, as a picture that is refreshed."""
 
 from __future__ import annotations
 
+import textwrap
+import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pianorig import workflows
 from pianorig.console.column_file import check_writable
 from pianorig.console.options import AsJson
 from pianorig.console.output import print_json
 from pianorig.console.terminal import can_print, clear_screen, drawing_width
 from pianorig.errors import CommandInputError
+from rig.atomic_write import replace_when_complete
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from rig.session.journal import LiveView
+
+DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
+"""Bits of a braille character by row and column."""
+PLAIN = (" ", "'", ".", ":")
 
 BLANK = chr(0x2800)
 """A braille character; what prints one prints all."""
@@ -36,20 +49,145 @@ def command(
     if png is not None:
         check_writable(png)
 
-    def show(view: workflows.LiveView) -> None:
+    def show(view: LiveView) -> None:
         if png is not None:
-            workflows.draw_view(png, view)
+            draw_view(png, view)
         if as_json:
-            print_json(workflows.view_facts(view))
+            print_json(view_facts(view))
         elif png is None:
             clear_screen()
-            print(workflows.view_as_text(view, drawing_width(), braille=can_print(BLANK)), flush=True)
+            print(view_as_text(view, drawing_width(), braille=can_print(BLANK)), flush=True)
 
     try:
-        last = workflows.watch(session, show, every_s=every, once=once)
+        last = follow_session(session, show, every_s=every, once=once)
     except KeyboardInterrupt:
         return  # the recording goes on; only the watching ends
     if last is None:
         raise CommandInputError(f"{session}: nothing has been recorded yet")
     if png is not None and not as_json:
         print(f"trial {last.trial} of {last.trials}, {last.state}: {png}")
+
+
+def curve(values: NDArray[np.float64], width: int = 72, height: int = 8, braille: bool = True) -> list[str]:
+    """Draw evenly spaced values as ``height`` lines of ``width`` characters, minimum to maximum within each column.
+
+    The lowest value is at the bottom, the highest at the top; a constant is a line in the middle. Without ``braille``
+    the signs are ``'``, ``.`` and ``:``, the upper, the lower and both halves of a cell.
+    """
+    import numpy as np  # start-up: 0.1 s that --help does not need
+
+    across, down = (2, 4) if braille else (1, 2)
+    columns, rows = across * width, down * height
+    low, high = float(np.min(values)), float(np.max(values))
+    span = high - low
+    cells = np.zeros((height, width), dtype=int)
+    edges = np.linspace(0, values.size, columns + 1)
+    for column in range(columns):
+        first = min(int(edges[column]), values.size - 1)
+        part = values[first : max(int(np.ceil(edges[column + 1])), first + 1)]
+        ends = np.array([part.max(), part.min()])
+        level = (high - ends) / span if span > 0 else np.array([0.5, 0.5])
+        top, bottom = np.minimum((level * rows).astype(int), rows - 1)
+        for row in range(top, bottom + 1):
+            dot = DOTS[row % 4][column % 2] if braille else 1 + row % 2
+            cells[row // down, column // across] |= int(dot)
+    if not braille:
+        return ["".join(PLAIN[cell] for cell in line) for line in cells]
+    return ["".join(chr(0x2800 + int(cell)) for cell in line) for line in cells]
+
+
+def view_facts(view: LiveView) -> dict[str, Any]:
+    """The state of the recording, its last force and angles."""
+    from rig.session.trial_data import absent_bodies  # start-up: 0.4 s of h5py
+
+    return {
+        "trial": view.trial,
+        "trials": view.trials,
+        "state": view.state,
+        "condition": view.condition,
+        "samples": int(view.time_s.size),
+        "time_s": float(view.time_s[-1]),
+        "force_n": float(view.force_n[-1]),
+        "peak_force_n": float(view.force_n.max()),
+        "not_recorded": list(absent_bodies(view.names)),
+        **{f"{name}_rad": float(view.angle_rad[-1, k]) for k, name in enumerate(view.names)},
+    }
+
+
+def view_as_text(view: LiveView, width: int = 72, *, braille: bool = True) -> str:
+    """Force and the last body's angle, the hammer's, over time as lines of text of at most ``width`` characters.
+
+    Without ``braille`` the curves are drawn with signs that every terminal has.
+    """
+    import numpy as np  # start-up: 0.1 s that --help does not need
+
+    from rig.session.trial_data import absent_bodies  # start-up: 0.4 s of h5py
+
+    head = f"trial {view.trial} of {view.trials}  {view.state}" + (f"  {view.condition}" if view.condition else "")
+    lines = [f"{head}  t = {view.time_s[-1]:.2f} s  force {view.force_n[-1]:.2f} N (peak {view.force_n.max():.1f})"]
+    curves = [("force, N", view.force_n)]
+    if view.names:
+        turned = "  ".join(f"{name} {np.degrees(view.angle_rad[-1, k]):+.2f}" for k, name in enumerate(view.names))
+        lines.append(f"turned: {turned} deg")
+        curves.append((f"{view.names[-1]}, deg", np.degrees(view.angle_rad[:, -1])))
+    if absent := absent_bodies(view.names):
+        lines.append(f"not recorded: {', '.join(absent)}")
+    drawn: list[str] = []
+    for label, values in curves:
+        drawn += [f"{label}: {values.min():.2f} to {values.max():.2f}"[:width], *curve(values, width, 6, braille)]
+    return "\n".join([*(part for line in lines for part in textwrap.wrap(line, width)), *drawn])
+
+
+def follow_session(
+    session: Path,
+    show: Callable[[LiveView], None],
+    *,
+    every_s: float = 0.5,
+    once: bool = False,
+    wait: Callable[[float], None] = time.sleep,
+) -> LiveView | None:
+    """Show a session whenever there is something new, until its plan is complete or nobody plays any more; return the
+    last view.
+
+    Raises
+    ------
+    rig.errors.InputError : no session there, or a trial that cannot be read
+    """
+    from rig.session.journal import SessionFollower  # start-up: 0.4 s of h5py
+
+    follower = SessionFollower(session)
+    seen: tuple[int, str, int] | None = None
+    view: LiveView | None = None
+    while True:
+        view = follower.poll() or view
+        if view is not None and (now := (view.trial, view.state, view.time_s.size)) != seen:
+            show(view)
+            seen = now
+        if once or follower.ended or (view is not None and view.finished):
+            return view
+        wait(every_s)
+
+
+def draw_view(path: Path, view: LiveView) -> None:
+    """Force and angles over time as a PNG, whole or not at all."""
+    # start-up: 0.5 s that text needs not
+    import numpy as np
+    from matplotlib.figure import Figure
+
+    from rig.session.trial_data import absent_bodies  # start-up: 0.4 s of h5py
+
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    top.plot(view.time_s, view.force_n, lw=0.8, color="C3")
+    top.set(ylabel="Force (N)", title=f"trial {view.trial} of {view.trials}: {view.state} {view.condition}".strip())
+    for k, name in enumerate(view.names):
+        bottom.plot(view.time_s, np.degrees(view.angle_rad[:, k]), lw=0.9, label=name)
+    absent = absent_bodies(view.names)
+    bottom.set(xlabel="Time (s)", ylabel="Angle from rest (deg)")
+    bottom.set_title(f"not recorded: {', '.join(absent)}" if absent else "", fontsize=9)
+    if view.names:
+        bottom.legend(fontsize=8)
+    for axes in (top, bottom):
+        axes.grid(alpha=0.3)
+    with replace_when_complete(path) as part:
+        figure.savefig(part, format="png", dpi=100)

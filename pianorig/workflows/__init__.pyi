@@ -1,4 +1,3 @@
-from .attach import attach_film as attach_film
 from .calibration import CalibrationOrder as CalibrationOrder
 from .calibration import PadOrder as PadOrder
 from .calibration import calibrate_contact as calibrate_contact
@@ -12,7 +11,6 @@ from .demo import run_demo as run_demo
 from .demo import seen_in_words as seen_in_words
 from .examples import EXAMPLES as EXAMPLES
 from .examples import write_examples as write_examples
-from .export import export_session as export_session
 from .force_input import DrivingForce as DrivingForce
 from .force_input import read_driving_force as read_driving_force
 from .foreign_file import is_recording as is_recording
@@ -24,11 +22,6 @@ from .learn import draw_recorded as draw_recorded
 from .learn import learn_profile as learn_profile
 from .learn import learning_summary as learning_summary
 from .learn import load_target as load_target
-from .live_view import LiveView as LiveView
-from .live_view import draw_view as draw_view
-from .live_view import view_as_text as view_as_text
-from .live_view import view_facts as view_facts
-from .live_view import watch as watch
 from .record_felt import felt_lines as felt_lines
 from .record_felt import felt_order as felt_order
 from .record_felt import press_felt as press_felt
@@ -39,8 +32,6 @@ from .recording import rehearsal_lines as rehearsal_lines
 from .recording import rehearse as rehearse
 from .recording import resume as resume
 from .recording import room_conditions as room_conditions
-from .selftest import SelftestFinding as SelftestFinding
-from .selftest import check_bench as check_bench
 from .session_film import SessionFilm as SessionFilm
 from .session_paths import new_session_folder as new_session_folder
 from .session_paths import session_folder as session_folder

@@ -18,9 +18,9 @@ import pytest
 import model
 from model.inside.labels import BODY_COLORS
 from pianorig import commands
+from pianorig.commands.watch import curve
 from pianorig.console import options, progress, terminal
 from pianorig.console.options import Profile
-from pianorig.workflows.live_view import curve
 from tests.command_line import run
 from vision.output.colours import BODY_COLOURS
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pianorig.cli import main
-from pianorig.workflows.selftest import check_bench
+from pianorig.commands.selftest import check_bench
 from rig import InputError, NotPermitted, load_rig, run_selftest
 from rig.selftest import fit_edge, push_response, push_train, read_record, without_hum
 
@@ -225,7 +225,7 @@ def test_hardware_is_not_pushed_before_somebody_confirms(rig, make_backend, tmp_
 
     backend = make_backend(rig.config)
     monkeypatch.setattr(type(backend), "capabilities", Capabilities("card", False, {}, hardware=True))
-    monkeypatch.setattr("pianorig.workflows.selftest.open_backend", lambda url, config: backend)
+    monkeypatch.setattr("rig.open_backend", lambda url, config: backend)
     with pytest.raises(NotPermitted):
         check_bench("ni://local", "virtual", tmp_path, ask=lambda question: None)
     assert backend.service.trace == [] and list(tmp_path.iterdir()) == []

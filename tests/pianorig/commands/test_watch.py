@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pianorig.workflows.live_view import curve
+from pianorig.commands.watch import curve
 from tests.command_line import run
 
 SHIPPED = Path(__file__).parents[3] / "sessions" / "example_forte"

@@ -15,10 +15,10 @@ import pytest
 if sys.platform == "win32":
     pytest.skip("pseudo-terminals are POSIX only", allow_module_level=True)
 
+from pianorig.commands.watch import curve
 from pianorig.console import progress
 from pianorig.console.output import print_json
 from pianorig.console.progress import ONCE
-from pianorig.workflows.live_view import curve
 from rig import Progress
 from tests.terminal_screen import OnTerminal, Screen
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pianorig.workflows.live_view import watch
+from pianorig.commands.watch import follow_session as watch
 from rig import (
     Block,
     HardwareFault,

@@ -333,7 +333,7 @@ TRIALS = 2
 # loaded before the recording begins, then waiting for its folder
 WATCH = """
 import pathlib, sys, time
-import pianorig.workflows.live_view, rig.session.journal
+import pianorig.commands.watch, rig.session.journal
 from pianorig.cli import main
 print("{}", flush=True)
 while not (pathlib.Path(sys.argv[2]) / "session.toml").exists():

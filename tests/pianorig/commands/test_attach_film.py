@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pianorig.commands.attach import HEADERS, attach_film
 from pianorig.errors import InputError
 from pianorig.workflows import recording
-from pianorig.workflows.attach import HEADERS, attach_film
 from pianorig.workflows.session_film import SessionFilm
 from pianorig.workflows.session_paths import session_folder
 from rig.configuration.profile import load_profile
