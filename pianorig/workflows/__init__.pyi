@@ -18,10 +18,7 @@ from .foreign_file import recording_facts as recording_facts
 from .info import backend_facts as backend_facts
 from .info import session_facts as session_facts
 from .info import write_proposal as write_proposal
-from .learn import draw_recorded as draw_recorded
-from .learn import learn_profile as learn_profile
-from .learn import learning_summary as learning_summary
-from .learn import load_target as load_target
+from .predict_blow import predictor as predictor
 from .record_felt import felt_lines as felt_lines
 from .record_felt import felt_order as felt_order
 from .record_felt import press_felt as press_felt
