@@ -68,6 +68,39 @@ def test_a_late_or_early_curve_is_found_with_its_sign(late):
     assert iso_score(test, cae, 1e-4).phase == pytest.approx(1 - abs(late) / 200)
 
 
+def cheapest_warp_error(c: np.ndarray, t: np.ndarray, window: int) -> float:
+    """Sum of |c − t| over that of |t| along the cheapest warping path: every cell of the band, one by one."""
+    n = t.size
+    cost, came_from = np.full((n + 1, n + 1), np.inf), {}
+    cost[0, 0] = 0.0
+    for i in range(n):
+        for j in range(max(0, i - window), min(n, i + window + 1)):
+            ways = [(cost[i, j + 1], (i - 1, j)), (cost[i + 1, j], (i, j - 1)), (cost[i, j], (i - 1, j - 1))]
+            best, came_from[i, j] = min(ways, key=lambda way: way[0])
+            cost[i + 1, j + 1] = best + (c[i] - t[j]) ** 2
+    at, path = (n - 1, n - 1), []
+    while at != (-1, -1):
+        path.append(at)
+        at = came_from[at]
+    i, j = np.array(path).T
+    return float(np.abs(c[i] - t[j]).sum() / np.abs(t[j]).sum())
+
+
+@pytest.mark.parametrize("size", [0.02, 0.3, 1.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_magnitude_is_that_of_the_cheapest_path_of_all_cells(seed, size):
+    rng = np.random.default_rng([seed, 18571])
+    n = int(rng.integers(40, 90))
+    test = np.cumsum(rng.standard_normal(n))
+    cae = test + size * np.cumsum(rng.standard_normal(n))
+    score = iso_score(test, cae, 1e-3)
+    m = abs(score.shift_samples)
+    late = score.shift_samples > 0
+    t, c = (test[: n - m], cae[m:]) if late else (test[m:], cae[: n - m])
+    error = cheapest_warp_error(c, t, int(np.ceil(0.1 * t.size)) - 1)
+    assert score.magnitude == pytest.approx(max(0.0, 1.0 - error / 0.5), abs=1e-12)
+
+
 @pytest.mark.slow  # the oracle compiles for some seconds in every process
 @pytest.mark.parametrize("seed", range(4))
 def test_equal_to_an_independent_implementation(seed):
