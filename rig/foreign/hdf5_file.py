@@ -1,7 +1,7 @@
 """HDF5: a sealed trial of a session, or any file with datasets of numbers (``name``, ``group/name``).
 
-A trial gives ``force_n`` (less its mean before the blow), ``motor_command_v`` and the angles in rad; its seal is
-checked first. Other files carry no checksum: what the HDF5 library cannot read is refused. A channel is a dataset of
+A trial gives ``force_n`` (less its mean before the blow), ``motor_command_v`` and the angles in rad, once its seal is
+found right. Other files carry no checksum: what the HDF5 library cannot read is refused. A channel is a dataset of
 one dimension longer than 1, or a column of a table of named columns. ``scale_factor`` and ``add_offset`` (CF),
 ``conversion`` and ``offset`` (NWB), ``_Unsigned``, ``_FillValue`` and ``missing_value`` of a dataset are applied; what
 else its attributes, and those of its groups, may say of unit, scale and rate is in `stated_properties`. NWB's

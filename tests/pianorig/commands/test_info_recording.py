@@ -126,3 +126,16 @@ def test_a_file_that_is_no_recording_is_not_called_a_session(tmp_path: Path, cap
         assert words in said and "session" not in said
     assert run("info", tmp_path / "lab") == 2
     assert "no such session folder" in capsys.readouterr().err
+
+
+def test_trials_that_are_absent_from_a_session_are_named(tmp_path: Path, capsys) -> None:
+    recording, mapping = tmp_path / "a.csv", tmp_path / "m.toml"
+    recording.write_text(text(".", ",", "Zeit,Kraft,Taste,Hammer\ns,N,counts,rad"), "utf-8")
+    assert run("info", recording, "--propose", mapping) == 0
+    files = (recording, recording, recording)
+    assert run("import", *files, "--mapping", mapping, "--out", tmp_path / "s") == 0
+    capsys.readouterr()
+    assert run("info", tmp_path / "s") == 0 and "absent_trials" not in capsys.readouterr().out
+    (tmp_path / "s" / "trial_0002.h5").unlink()
+    assert run("info", tmp_path / "s", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["absent_trials"] == "2"
