@@ -34,9 +34,10 @@ if TYPE_CHECKING:
 ORIENTATION = 274
 OFFSETS, COUNTS = (273, 324), (279, 325)
 """Tags of the places and sizes of strips and tiles."""
-SIZES = {3: ("H", 2), 4: ("I", 4), 16: ("Q", 8)}
-MAX_PAGES, MOST_STRIPS = 10_000_000, 65_536
-"""Of a film, and of a page: a strip holds a row at least, and tiles are larger."""
+SIZES = {3: "u2", 4: "u4", 16: "u8"}
+MAX_PAGES, MOST_STRIPS, MOST_TAGS = 10_000_000, 65_536, 4096
+"""Of a film, and of a page: a strip holds a row at least, and tiles are larger; pages have some twenty tags."""
+STRIPS_AT_ONCE = 1024
 PLAIN, BY_TIFFFILE = 1, (1, 8, 32946, 32773, 34925)
 """Compression: none, and what tifffile decodes by itself (deflate, PackBits, LZMA)."""
 JPEG = (6, 7)
@@ -359,25 +360,46 @@ def _page(file: BinaryIO, at: int, order: str, big: bool, size: int) -> tuple[in
     entry, count_code, offset_code = (20, "Q", "Q") if big else (12, "H", "I")
     file.seek(at)
     (n,) = struct.unpack(order + count_code, file.read(struct.calcsize(count_code)))
-    if n * entry > size:
+    if n > MOST_TAGS:
         return 0, False
     table = file.read(n * entry)
     (following,) = struct.unpack(order + offset_code, file.read(struct.calcsize(offset_code)))
-    found: dict[int, tuple[int, ...]] = {}
+    found: dict[int, tuple[np.dtype[Any], int, int]] = {}
     for k in range(n):
         raw = table[k * entry : (k + 1) * entry]
         tag, kind, count = struct.unpack(order + ("HHQ" if big else "HHI"), raw[: 12 if big else 8])
         if tag in OFFSETS + COUNTS and kind in SIZES:
-            code, width = SIZES[kind]
+            number = np.dtype(order + SIZES[kind])
             if count > MOST_STRIPS:
                 return int(following), False
             room = raw[12:] if big else raw[8:]
-            if count * width > len(room):
-                file.seek(struct.unpack(order + offset_code, room)[0])
-                room = file.read(min(count * width, size))
-            found[tag] = struct.unpack(f"{order}{count}{code}", room[: count * width])
+            inline = count * number.itemsize <= len(room)
+            place = at + struct.calcsize(count_code) + (k + 1) * entry - len(room)
+            found[tag] = number, count, place if inline else int(struct.unpack(order + offset_code, room)[0])
     for where, length in zip(OFFSETS, COUNTS, strict=True):
-        ends = zip(found.get(where, ()), found.get(length, ()), strict=False)
-        if any(start + extent > size for start, extent in ends):
+        if where in found and length in found and not _lie_inside(file, found[where], found[length], size):
             return int(following), False
     return int(following), True
+
+
+def _lie_inside(
+    file: BinaryIO,
+    starts: tuple[np.dtype[Any], int, int],
+    lengths: tuple[np.dtype[Any], int, int],
+    size: int,
+) -> bool:
+    """Whether strips lie inside a file, whose places and sizes are stored as numbers, so many, at a byte; read some at
+    a time, since a damaged file may claim many."""
+    count = min(starts[1], lengths[1])
+    for first in range(0, count, STRIPS_AT_ONCE):
+        part = []
+        for number, _, at in (starts, lengths):
+            file.seek(at + first * number.itemsize)
+            wanted = min(STRIPS_AT_ONCE, count - first) * number.itemsize
+            data = file.read(wanted)
+            if len(data) < wanted:
+                return False
+            part.append(np.frombuffer(data, number).astype(np.float64))
+        if np.any(part[0] + part[1] > size):
+            return False
+    return True

@@ -45,8 +45,9 @@ CLIPPED_SHARE = 0.5
 """Of a tile's pixels that are white or black in a frame; they have no noise there."""
 OUTLYING = 3.0
 """Tiles whose variance is more than this many times the median's hold something that moves."""
-STEP_PX = 5
-"""Of the second difference: smooth noise, of cameras that also average over neighbouring pixels, is left in it."""
+STEP_PX = 4
+"""Of the second difference: smooth noise, of cameras that also average over neighbouring pixels, is left in it. Even,
+so that light that alternates between rows, as a lamp's does in interlaced pictures, is not."""
 _LINE = np.zeros(2 * STEP_PX + 1, dtype=np.float32)
 _LINE[[0, STEP_PX, -1]] = 1.0, -2.0, 1.0
 SECOND_DIFFERENCE = np.outer(_LINE, _LINE) / np.float32(6.0)

@@ -135,10 +135,14 @@ def _measured_beyond(ready: PreparedFilm, table: PoseTable, before: float, value
     value, u = right / normal, math.sqrt(birge / normal)
     if ready.rectified_film is not None and ready.rectified_film.field is not None:
         u *= FIELD_FACTOR
-    is_significant = degrees > 0 and abs(value) > -float(ndtri(0.5 * LEVEL)) * u
-    if not is_significant:
-        u = 1.0 / math.hypot(1.0 / u, 1.0 / before)
-    return PictureStretch(value, u, is_significant)
+    limit = -float(ndtri(0.5 * LEVEL))
+    is_seen = degrees > 0 and abs(value) > limit * u
+    if not is_seen:
+        return PictureStretch(value, 1.0 / math.hypot(1.0 / u, 1.0 / before), False)
+    if abs(value) <= limit * math.hypot(u, 0.5 * U_STATED):
+        # no more than sensors and lenses add, or a weak reflection: in u without a line
+        return PictureStretch(value, math.hypot(value, u), False)
+    return PictureStretch(value, u, True)
 
 
 def _strains(

@@ -151,6 +151,15 @@ def test_interlaced_frames_are_refused_or_one_field_is_tracked(draw: Any) -> Non
     assert np.ptp(tracked.result.budget.absolute["interlace"][:, 0]) == 0.0 and not tracked.lines
 
 
+@pytest.mark.parametrize(("kind", "surface", "seed"), [("row_flicker", "fine", 9203), ("ghost", "speckle", 9202)])
+def test_flicker_of_rows_is_no_filter_and_a_weak_reflection_no_stretch(
+    draw: Any, kind: str, surface: str, seed: int
+) -> None:
+    """A lamp's light between rows is correlated in time; a reflection at rest bends a body by a thousandth."""
+    tracked = Tracked(draw(kind, surface, seed))
+    assert not tracked.lines and np.abs(tracked.z).max() < 5.0
+
+
 def upside_down(film: Any, **facts: Any) -> Any:
     """The film mirrored top to bottom, which swaps even and odd rows and turns angles round."""
     frames = film.frames[:, ::-1]
