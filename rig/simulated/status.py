@@ -28,6 +28,7 @@ TEXTS: dict[int, str] = {
     Code.RESOURCES_IN_USE_FOR_ROUTE_ROUTING: "The terminal carries another signal already.",
     Code.OUTPUT_BUFFER_EMPTY: "Generation cannot be started: no samples have been written.",
     Code.SAMPLES_WILL_NEVER_BE_AVAILABLE: "The read is past the last sample of a finite acquisition.",
+    Code.WAIT_UNTIL_DONE_DOES_NOT_INDICATE_DONE: "The task was not done within the timeout.",
     Code.WRITE_NUM_CHANS_MISMATCH: "The number of values does not fit channels and samples of the task.",
     UNSUPPORTED: "Not supported by the virtual bench.",
     Code.CHASSIS_WATCHDOG_TIMER_EXPIRED: (

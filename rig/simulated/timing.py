@@ -345,6 +345,16 @@ def _edges_to_sample(device: DeviceState, task: SimulatedTask, wanted: int) -> f
     return max(engine.edge_after(task.progress.first_tick + wanted) - device.bench.edge, 1)
 
 
+def wait_until_done(device: DeviceState, task: SimulatedTask, timeout_s: float) -> None:
+    """Let time pass until a task is done, at most ``timeout_s``; a negative one has no end."""
+    allowed = _edges_of_timeout(device, timeout_s)
+    while allowed > 0 and not task.done and not task.progress.error:
+        passed = advance(device, int(min(edges_in(device, QUESTION_S), allowed)))
+        if not passed:  # nothing runs that could end
+            return
+        allowed -= passed
+
+
 def _edges_of_timeout(device: DeviceState, timeout_s: float) -> int:
     """Return a timeout in edges of the bench; a negative one has no end, one that is not a number has ended."""
     if timeout_s < 0 or timeout_s * device.bench.rate_hz > ENDLESS:

@@ -2,7 +2,7 @@
 
 They are what ``rig.daq`` asks in discovery, recording, passive recording, self-test, calibrations and felt presses
 (tests/rig/simulated/rpc/test_every_call.py records them and compares), and, marked so, what NI's client asks when one
-of its programs uses ``Task.read``, ``Task.write`` and the lists of a device's channels.
+of its programs uses ``Task.read``, ``Task.write``, ``Task.wait_until_done`` and the lists of a device's channels.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ TASK_CALLS: dict[str, TaskHandler] = {
     "StopTask": lambda state, one, request: stop_task(state, one),
     "ClearTask": lambda state, one, request: clear_task(state, one.name),
     "IsTaskDone": task.is_task_done,
+    "WaitUntilTaskDone": task.await_task_end,  # for programs of the client's own
     "ReadAnalogF64": data.make_reader("AI"),
     "ReadCounterF64Ex": data.make_reader("CI"),
     "WriteAnalogF64": data.write_analog,

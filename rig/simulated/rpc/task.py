@@ -10,6 +10,7 @@ from rig.simulated.device.task import SampleClock, SimulatedTask
 from rig.simulated.driver import configure_clock, start_task, stop_task
 from rig.simulated.rpc.messages import Fields, enum, refuse_falling_edge
 from rig.simulated.status import Code, DaqStatusError, NotAnswered, Unsupported
+from rig.simulated.timing import wait_until_done
 
 START, STOP, VERIFY, COMMIT, RESERVE, UNRESERVE, ABORT = range(7)
 SAMPLE_CLOCK = 12487
@@ -33,6 +34,15 @@ def control_task(device: DeviceState, task: SimulatedTask, request: Any) -> None
         raise NotAnswered("TaskControl with action VERIFY")
     else:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Task action {action}")
+
+
+def await_task_end(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
+    """Answer when a task has ended, or refuse after the timeout with NI's code."""
+    wait_until_done(device, task, request.time_to_wait)
+    is_task_done(device, task, request)
+    if not task.done:
+        raise DaqStatusError(Code.WAIT_UNTIL_DONE_DOES_NOT_INDICATE_DONE, f"Task: {task.name}")
+    return {}
 
 
 def is_task_done(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:

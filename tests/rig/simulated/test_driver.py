@@ -72,6 +72,17 @@ def test_asking_whether_a_task_is_done_lets_time_pass(cdaq, force_task) -> None:
     assert polls == 50  # 1 ms each but the first
 
 
+def test_waiting_for_the_end_of_a_task_takes_its_time_and_is_refused_after_the_timeout(cdaq, force_task) -> None:
+    force = force_task(cdaq, 250, ni.AcquisitionType.FINITE)
+    for _ in range(2):
+        force.start()
+        force.wait_until_done(timeout=0.05)  # 250 samples at 5 kHz
+        force.stop()
+    force.start()
+    with pytest.raises(nidaqmx.DaqError, match="-200560"):
+        force.wait_until_done(timeout=0.049)
+
+
 def test_the_bench_follows_whatever_rate_the_clock_has(cdaq, bridge) -> None:
     cdaq.device.lines["cDAQ1Mod4/port0/line7"] = True
     task = cdaq.task()

@@ -47,7 +47,7 @@ CLIENTS_OWN = {
     *(f"Device {kind}_PHYSICAL_CHANS" for kind in ("AI", "AO", "CI", "CO")),
     *(f"Device {kind}_{what}" for kind in ("DI", "DO") for what in ("LINES", "PORTS")),
     *("Read AVAIL_SAMP_PER_CHAN", "Read 0x31E8", "Write NUM_CHANS", "Write DIGITAL_LINES_BYTES_PER_CHAN"),
-    *("Chan AI_MEAS_TYPE", "GetErrorString"),
+    *("Chan AI_MEAS_TYPE", "GetErrorString", "WaitUntilTaskDone"),
 }
 """What the table has for programs of the client's own."""
 
