@@ -243,20 +243,7 @@ def ratios_of(
     influence: NDArray[np.float64],
     white_variance: NDArray[np.float64],
 ) -> Ratios:
-    """Ratios of one fit.
-
-    Parameters
-    ----------
-    blocks : Blocks
-    columns : ndarray, shape (4, n)
-    work : ndarray, shape (3, n)
-        Visible pixels and residuals in rows 1 and 2.
-    weight : ndarray, shape (n,)
-    influence : ndarray, shape (3, 5)
-        Change of (turn, x, y) per score.
-    white_variance : ndarray, shape (3,)
-        Of (turn, x, y), by the residual variance.
-    """
+    """Ratios of one fit, as `block_ratios` has them."""
     found = Ratios(np.empty((N_LEVELS, 3)), np.empty((N_LEVELS, 3)))
     block_ratios(blocks, columns, work, weight, influence, white_variance, *found)
     return found

@@ -332,7 +332,7 @@ class IcgnFitter(Fitter):
     def _assess_at_length(self, found: RigidFit, variance: float) -> tuple[NDArray[np.float64], Ratios]:
         """Covariance and coherence where a fixed pattern may be in the noise or the matrix is nearly singular."""
         template, gain = self.template, found.gain
-        covariance, inverse = pose_covariance(found.normal, variance, gain, found.noise_gain, template, TUKEY_FACTOR)
+        covariance, inverse = pose_covariance(found.normal, variance, gain, found.noise_gain, template)
         if inverse is None:
             return covariance, UNKNOWN
         white = covariance.diagonal() * (1.0 + gain**2 / template.n_averaged)

@@ -472,18 +472,8 @@ class LocalLight:
         self._shown = shown if shown.size else None
 
     def changed(self, fit: Fit, work: NDArray[np.float32], slow: Changes, first: bool) -> bool:
-        """Whether the light, as the residuals of a fit show it, asks for another.
-
-        Parameters
-        ----------
-        fit : Fit
-        work : ndarray, shape (5, n)
-            Visible pixels and residuals in rows 1 and 2.
-        slow : Changes
-            What the fit took for light that changes slowly.
-        first : bool
-            Whether this is the frame's first question.
-        """
+        """Whether the light, as the residuals of a fit show it, asks for another, beyond what the fit took for one that
+        changes ``slow``; ``first`` of the frame's questions. Rows 1 and 2 of ``work`` are visible pixels, residuals."""
         hidden = fit.seen - fit.inlier > HIDDEN_SUSPECTED
         suspected = hidden or any(one > SUSPECTED for one in fit.coherence.ratio[-1].tolist())
         if self.light is None and not (first and suspected):

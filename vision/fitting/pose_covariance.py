@@ -55,36 +55,18 @@ def pose_covariance(
     gain: float,
     noise_gain: float,
     template: Template,
-    factor: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Covariance of (turn, x, y) from one frame's noise, without the reference's part, and the inverse behind it.
+    """Covariance (3, 3) of (turn, x, y) from one frame's noise, without the reference's part, and the inverse (5, 5) of
+    the normal matrix less its share of noise behind it; NaN and None when that is singular.
 
-    Parameters
-    ----------
-    weighted_normal : ndarray, shape (5, 5)
-        Normal matrix with the final weights.
-    residual_variance : float
-        Weighted mean square of the residuals, grey^2, with the degrees of freedom taken off.
-    gain : float
-        Fitted gain of the frame.
-    noise_gain : float
-        Mean kappa of the samples.
-    template : Template
-    factor : float
-        `TUKEY_FACTOR` with Tukey's weights, 1 for least squares.
-
-    Returns
-    -------
-    covariance : ndarray, shape (3, 3)
-        NaN when the matrix is singular.
-    inverse : ndarray, shape (5, 5), or None
-        Of the normal matrix less its share of noise.
+    ``residual_variance`` is the weighted mean square of the residuals, grey^2, with the degrees of freedom taken off,
+    ``noise_gain`` the mean kappa of the samples.
     """
     noise = residual_variance / (noise_gain + gain**2 / template.n_averaged)
     inverse = _without_noise(weighted_normal, noise, template)
     if inverse is None or not np.isfinite(residual_variance):
         return np.full((3, 3), np.nan), None
-    return factor * noise * (inverse @ weighted_normal @ inverse)[:3, :3] / gain**2, inverse
+    return TUKEY_FACTOR * noise * (inverse @ weighted_normal @ inverse)[:3, :3] / gain**2, inverse
 
 
 def _without_noise(

@@ -29,47 +29,31 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Template:
-    """Pixels and sensitivities of one body.
-
-    Attributes
-    ----------
-    name : str
-    centre_px : (float, float)
-        Centroid of the mask (x, y).
-    offset_px : ndarray of float32, shape (2, n)
-        Pixel positions (x, y) relative to the centre; squares of `TILE_PX` one after the other.
-    columns : ndarray of float32, shape (4, n)
-        Derivative of the grey value by turn (grey per rad), by shift in x and y (grey per px), and the
-        reference grey value less ``mean_grey``, which is the derivative by gain.
-    mean_grey : float
-    normal : ndarray, shape (5, 5)
-        Sum of products of the five columns over the pixels.
-    noise_normal : ndarray, shape (5, 5)
-        Part of ``normal`` that is expected from the noise left in the averaged picture, not from the body.
-    radius_px : float
-        Largest distance of a pixel from the centre.
-    n_averaged : int
-        Frames in the averaged picture.
-    box_px : (float, float, float, float)
-        Smallest and largest x and y offset: left, right, top, bottom.
-    noise_grey : float
-        Standard deviation of one frame's noise, as found in the still frames; 0 when not known.
-    patch : ndarray of float32, shape (height, width), or None
-        The averaged picture around the body, whose first pixel is ``patch_corner_px`` (x, y).
-    """
+    """Pixels and sensitivities of one body."""
 
     name: str
     centre_px: tuple[float, float]
+    """Centroid of the mask (x, y)."""
     offset_px: NDArray[np.float32]
+    """(2, n): pixel positions (x, y) relative to the centre; squares of `TILE_PX` one after the other."""
     columns: NDArray[np.float32]
+    """(4, n): derivative of the grey value by turn (grey per rad), by shift in x and y (grey per px), and the reference
+    grey value less ``mean_grey``, which is the derivative by gain."""
     mean_grey: float
     normal: NDArray[np.float64]
+    """(5, 5): sum of products of the five columns over the pixels."""
     radius_px: float
+    """Largest distance of a pixel from the centre."""
     noise_normal: NDArray[np.float64]
+    """(5, 5): part of ``normal`` that is expected from the noise left in the averaged picture, not from the body."""
     n_averaged: int
+    """Frames in the averaged picture."""
     box_px: tuple[float, float, float, float]
+    """Smallest and largest x and y offset: left, right, top, bottom."""
     noise_grey: float = 0.0
+    """Standard deviation of one frame's noise, as found in the still frames; 0 when not known."""
     patch: NDArray[np.float32] | None = None
+    """(height, width): the averaged picture around the body, whose first pixel is ``patch_corner_px`` (x, y)."""
     patch_corner_px: tuple[int, int] = (0, 0)
     _made: dict[Callable[[Template], Any], Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -107,25 +91,10 @@ def build_template(
     max_pixels: int | None = None,
     noise_grey: float = 0.0,
 ) -> Template:
-    """Prepare a body for tracking.
+    """Prepare a body for tracking: the pixels of a ``mask`` in the averaged still ``picture``, of them at most
+    ``max_pixels`` that tell most about the angle (Fisher score); ``noise_grey`` is the noise of one frame.
 
-    Parameters
-    ----------
-    name : str
-    picture : ndarray, shape (height, width)
-        Averaged still picture.
-    mask : ndarray of bool, shape (height, width)
-    n_averaged : int
-        Frames averaged in ``picture``.
-    max_pixels : int or None
-        Select only the pixels that tell most about the angle (Fisher score). None takes all.
-    noise_grey : float
-        Standard deviation of one frame's noise, as found in the still frames.
-
-    Raises
-    ------
-    BodyError
-        When the region has no texture, so that its pose cannot be found.
+    Raises `BodyError` when the region has no texture, so that its pose cannot be found.
     """
     rows, cols = np.nonzero(mask)
     centre = (float(cols.mean()), float(rows.mean()))

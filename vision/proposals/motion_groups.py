@@ -38,21 +38,14 @@ F64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Distances:
-    """How far apart places may be and still count as the same, px.
-
-    Attributes
-    ----------
-    rests_px : float
-        Up to which a point rests.
-    keeps_px : float
-        From a motion, in four of five frames, up to which a point belongs to it.
-    same_px : float
-        Up to which two motions are one: points drift by as much along an edge or along the grain of wood.
-    """
+    """How far apart places may be and still count as the same, px."""
 
     rests_px: float = 0.8
+    """Up to which a point rests."""
     keeps_px: float = 1.8
+    """From a motion, in four of five frames, up to which a point belongs to it."""
     same_px: float = 3.0
+    """Up to which two motions are one: points drift by as much along an edge or along the grain of wood."""
 
     def scaled(self, factor: float) -> Distances:
         """All of them times a factor."""

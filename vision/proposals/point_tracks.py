@@ -38,30 +38,20 @@ Picture = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class PointTracks:
-    """Where n points are in t frames.
-
-    Attributes
-    ----------
-    frame : ndarray of int, shape (t,)
-        Frame numbers, the reference's first.
-    place_px : ndarray, shape (n, t, 2)
-        (x, y); NaN from where a point is lost.
-    spacing_px : float
-        Side of the cells the points were chosen from.
-    reference : ndarray of uint8, shape (height, width)
-        The first frame, smoothed and stretched over the grey values in use.
-    pictures : ndarray of uint8, shape (t, height, width)
-        The frames in the same grey values, light matched.
-    noise_grey : float
-        Noise of one of the pictures.
-    """
+    """Where n points are in t frames."""
 
     frame: NDArray[np.intp]
+    """(t,): frame numbers, the reference's first."""
     place_px: NDArray[np.float64]
+    """(n, t, 2): (x, y); NaN from where a point is lost."""
     spacing_px: float
+    """Side of the cells the points were chosen from."""
     reference: Picture
+    """(height, width): the first frame, smoothed and stretched over the grey values in use."""
     pictures: NDArray[np.uint8]
+    """(t, height, width): the frames in the same grey values, light matched."""
     noise_grey: float
+    """Noise of one of the pictures."""
 
     def beginning(self, n: int) -> PointTracks:
         """The same points in the first ``n`` of the frames."""

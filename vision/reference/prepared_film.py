@@ -15,35 +15,22 @@ from vision.reference.still_average import Reference
 
 @dataclass(frozen=True)
 class PreparedFilm:
-    """A film ready to be tracked.
-
-    Attributes
-    ----------
-    film : FrameSource
-    bodies : sequence of Body
-    reference : Reference
-    templates : list of Template
-        In the order of the bodies.
-    occlusion : Occlusion
-    skips_blocks : bool
-        Whether its frames repeat squares of the frame before, as a codec leaves them of which the file says nothing.
-    grey_step : float
-        Smallest difference of two grey values around the bodies.
-    delay_frames : float
-        Delay of steady motion by the camera's filtering in time, frames.
-    u_field_frames : float
-        Standard uncertainty of when the tracked rows of interlaced frames were exposed, frames.
-    """
+    """A film ready to be tracked."""
 
     film: FrameSource
     bodies: Sequence[Body]
     reference: Reference
     templates: list[Template]
+    """In the order of the bodies."""
     occlusion: Occlusion
     skips_blocks: bool = False
+    """Whether its frames repeat squares of the frame before, as a codec leaves them of which the file says nothing."""
     grey_step: float = 1.0
+    """Smallest difference of two grey values around the bodies."""
     delay_frames: float = 0.0
+    """Delay of steady motion by the camera's filtering in time, frames."""
     u_field_frames: float = 0.0
+    """Standard uncertainty of when the tracked rows of interlaced frames were exposed, frames."""
 
     @property
     def rectified_film(self) -> RectifiedFilm | None:

@@ -45,43 +45,24 @@ GREY_FLOOR = 0.4
 
 @dataclass(frozen=True)
 class Reference:
-    """Average of the still frames.
-
-    Attributes
-    ----------
-    picture : ndarray of float32, shape (height, width)
-    n_averaged : int
-    noise_grey : float
-        Standard deviation of one frame's grey value, median over the bodies' pixels.
-    saturated : ndarray of bool, shape (height, width)
-        Pixels inside an area that is saturated in any of the frames.
-    """
+    """Average of the still frames."""
 
     picture: NDArray[np.float32]
+    """(height, width)."""
     n_averaged: int
     noise_grey: float
+    """Standard deviation of one frame's grey value, median over the bodies' pixels."""
     saturated: NDArray[np.bool_]
+    """(height, width): pixels inside an area that is saturated in any of the frames."""
 
 
 def average_still_frames(
     film: FrameSource, region: NDArray[np.bool_], n_still: int | None = None, max_still: int = MAX_STILL
 ) -> Reference:
-    """Average the still frames at the start of the film.
+    """Average the still frames at the start of the film: ``n_still``, or as many as agree in the ``region`` of the
+    bodies; the rest of the picture may move.
 
-    Parameters
-    ----------
-    film : FrameSource
-    region : ndarray of bool, shape (height, width)
-        Pixels of the bodies; the rest of the picture may move.
-    n_still : int or None
-        Number of frames to average; as many as agree when None.
-    max_still : int
-        At most this many are compared.
-
-    Raises
-    ------
-    TrackingError
-        When the film has fewer than two frames, or fewer than ``n_still``.
+    Raises `TrackingError` when the film has fewer than two frames, or fewer than ``n_still``.
     """
     if film.n_frames < 2:
         raise TrackingError(f"{film.path}: {film.n_frames} frame; tracking needs at least two")
@@ -184,20 +165,8 @@ FIRST, FIRST_LIMIT = 4, 8.0
 
 
 def still_count(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
-    """Number of still frames at the start.
-
-    Parameters
-    ----------
-    pose : ndarray, shape (n, k)
-        Pose coordinates of all bodies, frame by frame; NaN where lost.
-    u_pose : ndarray, shape (n, k)
-        Standard uncertainty of each, from that frame's noise.
-
-    Returns
-    -------
-    int
-        Between 1 and n.
-    """
+    """Number of still frames at the start, 1 to n, by the pose coordinates (n, k) of all bodies, frame by frame, NaN
+    where lost, and the standard uncertainty of each from that frame's noise."""
     n = len(pose)
     if n < 2 or np.any(np.isnan(pose[0])):
         return 1

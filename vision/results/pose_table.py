@@ -18,25 +18,15 @@ from vision.results.flags import FAILURE, FrameFlag, is_failed
 
 @dataclass(frozen=True)
 class PoseTable:
-    """Columns of n frames and m bodies.
-
-    Attributes
-    ----------
-    frame : ndarray of int, shape (n,)
-        Frame number of each row.
-    pose : ndarray, shape (n, m, 3)
-        Turn (rad, clockwise to the eye) and shift (px).
-    covariance : ndarray, shape (n, m, 3, 3)
-        Of the pose, from that frame's noise; its shift is along the body's own axes, which turn with it.
-    zncc, inlier, noise_grey, gain : ndarray, shape (n, m)
-    flag : ndarray of uint16, shape (n, m)
-    ratio, blocks : ndarray, shape (n, m, 3, 3)
-        Coherence of the residuals, see `vision.fitting.assessment.Ratios`.
-    """
+    """Columns of n frames and m bodies, each (n, m) where nothing else is said."""
 
     frame: NDArray[np.int64]
+    """(n,): frame number of each row."""
     pose: NDArray[np.float64]
+    """(n, m, 3): turn (rad, clockwise to the eye) and shift (px)."""
     covariance: NDArray[np.float64]
+    """(n, m, 3, 3): of the pose, from that frame's noise; its shift is along the body's own axes, which turn with
+    it."""
     zncc: NDArray[np.float64]
     inlier: NDArray[np.float64]
     noise_grey: NDArray[np.float64]
@@ -44,6 +34,7 @@ class PoseTable:
     flag: NDArray[np.uint16]
     ratio: NDArray[np.float64]
     blocks: NDArray[np.float64]
+    """(n, m, 3, 3): coherence of the residuals, see `vision.fitting.assessment.Ratios`."""
 
     @classmethod
     def empty(cls, frame: NDArray[np.int64], n_bodies: int) -> PoseTable:

@@ -59,21 +59,14 @@ def _width_flags(
 
 @dataclass(frozen=True)
 class Zero:
-    """Mean over the still frames, per body.
-
-    Attributes
-    ----------
-    turn_rad : ndarray, shape (m,)
-        Picture rotation.
-    u_single_rad : ndarray, shape (m,)
-        Standard uncertainty of the turn in one frame.
-    n_frames : ndarray of int, shape (m,)
-        Still frames in which the body was found.
-    """
+    """Mean over the still frames, per body."""
 
     turn_rad: NDArray[np.float64]
+    """(m,): picture rotation."""
     u_single_rad: NDArray[np.float64]
+    """(m,): standard uncertainty of the turn in one frame."""
     n_frames: NDArray[np.intp]
+    """(m,): still frames in which the body was found."""
 
 
 def zero_of_still_frames(ready: PreparedFilm) -> Zero:

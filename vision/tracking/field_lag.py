@@ -43,18 +43,12 @@ OUTLYING = 4.0
 
 @dataclass(frozen=True)
 class FieldLag:
-    """Delay of the odd rows behind the even ones.
-
-    Attributes
-    ----------
-    frames : float
-        Delay in frames.
-    u : float
-        Its standard uncertainty; infinite where nothing moves.
-    """
+    """Delay of the odd rows behind the even ones."""
 
     frames: float
+    """Delay in frames."""
     u: float
+    """Its standard uncertainty; infinite where nothing moves."""
 
     @property
     def first_field(self) -> str | None:

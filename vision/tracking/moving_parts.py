@@ -64,24 +64,16 @@ F64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MovingParts:
-    """What moves against the rest of a body's outline.
-
-    Attributes
-    ----------
-    share : float
-        Of the tiles that can be judged.
-    most_px : float
-        Largest shift.
-    at_px : (float, float)
-        Middle of the tile with the largest shift (x, y), in the reference.
-    bends : bool
-        Whether the shifts are those of a body that bends.
-    """
+    """What moves against the rest of a body's outline."""
 
     share: float
+    """Of the tiles that can be judged."""
     most_px: float
+    """Largest shift."""
     at_px: tuple[float, float]
+    """Middle of the tile with the largest shift (x, y), in the reference."""
     bends: bool = False
+    """Whether the shifts are those of a body that bends."""
 
 
 def moving_parts(ready: PreparedFilm, table: PoseTable) -> dict[str, MovingParts]:

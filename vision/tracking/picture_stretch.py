@@ -62,17 +62,11 @@ does not show. Stretch over u had a standard deviation of 2.9 in 15 films of squ
 
 @dataclass(frozen=True)
 class PictureStretch:
-    """Stretch of the picture by ``1 + value`` along x and ``1 - value`` along y.
-
-    Attributes
-    ----------
-    value, u : float
-        As measured, with its standard uncertainty.
-    is_significant : bool
-    """
+    """Stretch of the picture by ``1 + value`` along x and ``1 - value`` along y."""
 
     value: float
     u: float
+    """As measured, with its standard uncertainty."""
     is_significant: bool
 
     @property

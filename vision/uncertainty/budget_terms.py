@@ -154,18 +154,8 @@ UNDECLARED_FACTOR = 8.0
 def compression_u_turn(
     template: Template, picture: NDArray[Any], compression: Compression | None, u_noise_rad: float
 ) -> float:
-    """Standard uncertainty of a body's turn from the compression, rad.
-
-    Parameters
-    ----------
-    template : Template
-    picture : ndarray, shape (height, width)
-        Reference, the content that is rounded.
-    compression : Compression or None
-        None for a film stored losslessly.
-    u_noise_rad : float
-        Standard uncertainty from noise, which scales the term of interframe codecs.
-    """
+    """Standard uncertainty of a body's turn from the compression, rad: of the reference ``picture``, which is rounded,
+    or by that from noise, which scales the term of interframe codecs."""
     if compression is None:
         return 0.0
     if compression.steps is None:
@@ -200,30 +190,21 @@ class ExpectedMotion:
 
 @dataclass(frozen=True)
 class TrackedAngles:
-    """What the budget needs of a tracked film.
-
-    Attributes
-    ----------
-    time_s : ndarray, shape (n,)
-    pose : ndarray, shape (n, m, 3)
-        Tracked poses, turn counted from the zero and corrected for the camera.
-    angle_rad, u_noise_rad : ndarray, shape (n, m)
-        Angle, and its standard uncertainty from the frame's noise.
-    u_common_rad : ndarray, shape (m,)
-        Standard uncertainty of the zero.
-    frame_s : float
-        Time from frame to frame of the film.
-    u_stretch : float
-        Standard uncertainty of the picture's stretch, see `vision.tracking.picture_stretch`.
-    """
+    """What the budget needs of a tracked film."""
 
     time_s: NDArray[np.float64]
+    """(n,)."""
     pose: NDArray[np.float64]
+    """(n, m, 3): tracked poses, turn counted from the zero and corrected for the camera."""
     angle_rad: NDArray[np.float64]
     u_noise_rad: NDArray[np.float64]
+    """(n, m): angle, and its standard uncertainty from the frame's noise."""
     u_common_rad: NDArray[np.float64]
+    """(m,): standard uncertainty of the zero."""
     frame_s: float = 0.0
+    """Time from frame to frame of the film."""
     u_stretch: float = 0.0
+    """Standard uncertainty of the picture's stretch, see `vision.tracking.picture_stretch`."""
 
 
 def expected_budget(

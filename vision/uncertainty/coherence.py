@@ -30,17 +30,8 @@ SIGNIFICANT, ALONE = 4.0, 7.0
 
 
 def variance_factor(ratio: NDArray[np.float64], blocks: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Factor of the variance of (turn, x, y), at least one.
-
-    Parameters
-    ----------
-    ratio, blocks : ndarray, shape (n, m, 3, 3)
-        As in `vision.fitting.assessment.Ratios`, per row and body; NaN where lost.
-
-    Returns
-    -------
-    ndarray, shape (n, m, 3)
-    """
+    """Factor of the variance of (turn, x, y), (n, m, 3), at least one, by `vision.fitting.assessment.Ratios` (n, m, 3,
+    3) of each row and body, NaN where lost."""
     over = ratio / WHITE[:, None]
     known = np.isfinite(over)
     total = _window_sum(np.where(known, over, 0.0))
@@ -74,21 +65,8 @@ MOST_ROWS = 60
 def expected_ratio(
     template: Template, camera: Projection, pose: NDArray[np.float64], white_variance: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """What the camera adds to the ratio of each row.
-
-    Parameters
-    ----------
-    template : Template
-    camera : Projection
-        Calibrated.
-    pose, white_variance : ndarray, shape (n, 3)
-        Tracked poses and their variances by white noise; NaN where lost.
-
-    Returns
-    -------
-    ndarray, shape (n, 3, 3)
-        By size of block and direction; zero where nothing is known.
-    """
+    """What a calibrated camera adds to the ratio of each row, (n, 3, 3): by size of block and direction, zero where
+    nothing is known; ``pose`` (n, 3) and its variance by white noise are NaN where a body is lost."""
     added = np.zeros((len(pose), N_LEVELS, 3))
     known = np.flatnonzero(np.all(np.isfinite(pose), axis=1) & np.all(white_variance > 0.0, axis=1))
     inverse = invert_normal(template.normal)
