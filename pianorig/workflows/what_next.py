@@ -97,7 +97,7 @@ def write_next(found: Identification, ranked: list[Prospect], plan: Path) -> Pat
     fitted = found.details.fitted
     doubts = [] if fitted.converged else ["the fit it is predicted from did not settle"]
     if lacking(fitted) > LACKING:
-        doubts.append("the model lacks something; where it seems to, few predictions came true within 20 %")
+        doubts.append("the model seems to lack something, and these predictions take it as right")
     return write_plan(ranked, plan, doubts)[plan.name]
 
 

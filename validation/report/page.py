@@ -23,6 +23,7 @@ from validation.curves.display_signs import degrees
 from validation.curves.style import uneven_samples
 from validation.curves.table import force_on_base, on_base
 from validation.events.definitions import EVENTS
+from validation.events.key_lift import EXCESS_M
 from validation.report.figures.measured import all_figures
 from validation.report.figures.overlays import limit_of_trial, trial_words
 from validation.report.tables import scores as present
@@ -287,8 +288,8 @@ def cannot_claim(side: SideBySide) -> list[str]:
         "not part of the comparison.",
         "An encoder reads a rotation only while its body turns about its pivot. A key that lifts off the balance rail "
         "gives false readings; where the gap at the loaded capstan, by key and whippen encoder, is larger than the "
-        "model's, they are marked and left out of the scores. Lifts below about 0.1 mm, and lifts while the capstan is "
-        "free, stay in.",
+        f"model's by {1e3 * EXCESS_M:g} mm, they are marked and left out of the scores. Lifts with a smaller "
+        "gap, or with none because the capstan is free, stay in.",
         "Whole-window scores mix a phase that is predicted well (until the string is struck) with one in which small "
         "differences grow; the score before the impact is listed beside them.",
         "Hammer height and key dip at rest are taken from the model's rest position; how well the bench agrees with it "
