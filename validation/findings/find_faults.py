@@ -24,6 +24,7 @@ from validation.findings.film import camera_clock, film_wiring
 from validation.findings.finding import (
     BLOW,
     CHANNEL,
+    CONDITIONS,
     CURVES,
     KINDS,
     OF_TRIAL,
@@ -54,9 +55,9 @@ from validation.scores.score_session import ScoredSession
 
 
 def urgent_first() -> dict[str, Kind]:
-    """Every kind of finding, those that spoil most first."""
+    """Every kind of finding, those that spoil most first; of the rest, those of several conditions."""
     order = (CHANNEL, CURVES, BLOW, PREDICTION, "")
-    return dict(sorted(KINDS.items(), key=lambda item: order.index(item[1].spoils)))
+    return dict(sorted(KINDS.items(), key=lambda item: (order.index(item[1].spoils), item[0] not in CONDITIONS)))
 
 
 @dataclass(frozen=True)

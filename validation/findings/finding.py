@@ -30,6 +30,8 @@ class SessionFinding:
         return self.trials or ((int(self.trial),) if np.isfinite(self.trial) else ())
 
 
+CONDITIONS = ("mixed strokes", "changed condition")
+"""Findings of a session that is several: said before all that spoil nothing, since the others are of one part."""
 CHANNEL, CURVES, BLOW, PREDICTION = "channel", "curves", "blow", "prediction"
 """What a finding may spoil: its channel is no measurement of what it is named after; its trial's curves are not what
 happened; they are not of the others' blow; its trial's prediction is wrong. The first is the most urgent."""
@@ -46,7 +48,9 @@ KINDS = {
     "force gain": Kind(
         PREDICTION, "Calibrate the load cell (pianorig calibrate force); loosen nothing in the action for this."
     ),
-    "force delay": Kind("", "Measure the delay of the force channel and state it in the rig file."),
+    "force delay": Kind(
+        "", "Measure the delay of the force channel against the encoders and state it in the rig file."
+    ),
     "encoder scale": Kind("", "Check the scale of the encoder."),
     "force level": Kind(PREDICTION, "Zero the load cell, check its mounting; loosen nothing in the action for this."),
 }

@@ -66,9 +66,9 @@ def what_to_do(
 
 
 def mend(findings: Sequence[SessionFinding]) -> list[str]:
-    """One sentence for each kind of finding, the most urgent first."""
+    """What to do about each kind of finding, the most urgent first."""
     kinds = {f.kind for f in findings}
-    return [words for kind, words in MEND.items() if kind in kinds]
+    return list(dict.fromkeys(words for kind, words in MEND.items() if kind in kinds))
 
 
 def about_the_causes(explained: Explained) -> list[str]:

@@ -123,3 +123,9 @@ def test_positions_say_what_the_set_may_be_used_for() -> None:
     assert _advice(position_rivals(True, 0.02), identified) == []
     (said,) = _advice(position_rivals(False, 0.02, "repetition: no fitted stroke has it"), identified)
     assert said.startswith("Record repetitions and identify again")
+
+
+def test_several_conditions_come_before_what_is_of_one_and_nothing_is_said_twice() -> None:
+    every = [found(kind) for kind in ("travel difference", "let-off", "check height", "changed condition")]
+    assert advice.mend(every)[0] == KINDS["changed condition"].mend
+    assert len(advice.mend([found("force lag"), found("force delay")])) == 1
