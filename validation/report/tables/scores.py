@@ -77,8 +77,8 @@ def rival_table(result: ValidationResult) -> PageTable:
     )
     notes = [
         "RMSE in degrees, all trials. Skill: 1 − error over that of the best rival, strokes paired; below 0 the rival "
-        "is nearer; an interval from four trials on. Polynomial and FIR filters are black boxes of the force: they know "
-        "no other regulation, no inner forces and no touch."
+        "is nearer; an interval from four trials on. Polynomial and FIR filters are black boxes of the force: they "
+        "know no other regulation, no inner forces and no touch."
     ]
     return PageTable("rivals", "The model beside its rivals (°)", *shown, notes, "rivals")
 
