@@ -45,6 +45,8 @@ def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
     FigureCanvasAgg(figure)
     angle_axes, u_axes, noise_axes, share_axes = figure.subplots(4, 1, sharex=True, height_ratios=[3, 1.3, 1, 1])
     relative_total = result.budget.total(relative=True, without=("synchronisation",))
+    gaps = [row + 1 for row in result.info.get("missing_after", {})]
+    time_s = np.insert(result.time_s, gaps, np.nan)
     for i, body in enumerate(result.bodies):
         colour = colour_of(body, i)
         if result.parents[i] is None:
@@ -54,11 +56,14 @@ def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
             name = f"{body} from {result.parents[i]}"
             angle, u, _ = result.relative(body)
             total = relative_total[:, i]
-        angle_axes.plot(result.time_s, np.degrees(angle), colour, label=name, linewidth=1.2)
-        u_axes.plot(result.time_s, np.degrees(u) * 1e3, colour, linewidth=1.0)
-        u_axes.plot(result.time_s, np.degrees(total) * 1e3, colour, linewidth=0.8, linestyle=":")
-        noise_axes.plot(result.time_s, result.noise_grey[:, i], colour, linewidth=0.8)
-        share_axes.plot(result.time_s, result.inlier[:, i], colour, linewidth=0.8)
+        # lines break where frames are missing
+        series = (angle, u, total, result.noise_grey[:, i], result.inlier[:, i])
+        angle, u, total, noise, share = (np.insert(values, gaps, np.nan) for values in series)
+        angle_axes.plot(time_s, np.degrees(angle), colour, label=name, linewidth=1.2)
+        u_axes.plot(time_s, np.degrees(u) * 1e3, colour, linewidth=1.0)
+        u_axes.plot(time_s, np.degrees(total) * 1e3, colour, linewidth=0.8, linestyle=":")
+        noise_axes.plot(time_s, noise, colour, linewidth=0.8)
+        share_axes.plot(time_s, share, colour, linewidth=0.8)
         lost = result.time_s[result.failed[:, i]]
         angle_axes.plot(
             lost, np.full(lost.size, 0.02 + 0.02 * i), colour, transform=angle_axes.get_xaxis_transform(),

@@ -55,7 +55,7 @@ def test_frames_that_the_film_lacks_are_rows_of_nan(tmp_path: Path, capsys: pyte
     (tmp_path / "b.toml").write_text(OUTLINES)
     out = tmp_path / "o.csv"
     common = ["track", str(film), "--bodies", str(tmp_path / "b.toml"), "--out", str(out), "--frame-rate", "2000"]
-    assert run(*common, "--contact-sheet", str(tmp_path / "s.png")) == 0
+    assert run(*common, "--contact-sheet", str(tmp_path / "s.png"), "--figure", str(tmp_path / "f.svg")) == 0
     assert "10 frames missing in 1 gap, after frame 29" in " ".join(capsys.readouterr().err.split())
     table = pd.read_csv(out)
     np.testing.assert_allclose(table["time_s"], np.arange(70) / 2000.0, atol=1e-7)
