@@ -27,11 +27,11 @@ RESULTS, PAGE = ROOT / "benchmarks" / "results.jsonl", ROOT / "docs" / "figures.
 HEAD = """# Figures
 
 Measured figures that the pages cite, each with the command that prints it. Made by `python -m benchmarks figures` from
-`benchmarks/results.jsonl`: do not edit. Two cores, with other work beside it unless said; times are of the processor.
+`benchmarks/results.jsonl`, which also names the machine: do not edit. Two cores with other work beside it; times are of
+the processor.
 **stale**: measured before the last change of what it measures, by the commit named.
 """
 MARK = re.compile(r"; \*\*stale\*\*: \w+")
-USUAL = "2 cores at 2.5 GHz, "
 Row = dict[str, Any]
 
 
@@ -118,10 +118,10 @@ def page(known: Sequence[Row], later: Sequence[str]) -> str:
         if row["section"] != section:
             section = row["section"]
             out.append(f"\n## {section}\n" if section else "")
-            out += ["| quantity | figure | machine | date, commit | command |", "|---|---|---|---|---|"]
+            out += ["| quantity | figure | date, commit | command |", "|---|---|---|---|"]
         mark = f"; **stale**: {commit}" if commit else ""
         when = f"{row['date']}, {row['commit']}{mark}"
-        cells = (row["quantity"], row["figure"], row["machine"].removeprefix(USUAL), when, row["command"])
+        cells = (row["quantity"], row["figure"], when, row["command"])
         out.append(f"| {' | '.join(cells)} |")
     return "\n".join(out) + "\n"
 
