@@ -42,7 +42,7 @@ MOVES_AS_PREDICTED = 0.5  # of the predicted range, at least
     },
     spoils=CHANNEL,
 )
-def wiring(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
+def find_miswired_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """Encoders that turn the wrong way round, or stand in each other's place."""
     out = []
     for found in miswired_channels(m, p):
@@ -63,7 +63,7 @@ def wiring(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
 
 
 @finds({"no motion": "Check scale, cable and counter of the encoder that stands still."}, spoils=CHANNEL)
-def dead(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
+def find_motionless_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """Encoders that stand still while another one moves as predicted and theirs should."""
     known = np.isfinite(p.angle_rad[:, 0])
     moved = np.ptp(m.change_rad, axis=0)

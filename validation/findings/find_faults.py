@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 from validation.events.session_events import SessionEvents
 from validation.findings.encoders import (
     capstan_gaps,
-    dead,
     encoder_return,
     encoder_travel,
+    find_miswired_encoders,
+    find_motionless_encoders,
     stuck_bits,
     travel_of,
-    wiring,
 )
 from validation.findings.film import camera_clock, film_wiring
 from validation.findings.finding import (
@@ -129,7 +129,13 @@ def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: M
         forces = forces + force_stands_still(m)
         readings = encoder_readings(m, p)
         encoders = [*readings, *_keep_other_channels(stuck_bits(m), readings)]
-        encoders += [] if wrong else _keep_other_channels(wiring(m, p) + dead(m, p) + encoder_return(m, p), readings)
+        encoders += (
+            []
+            if wrong
+            else _keep_other_channels(
+                find_miswired_encoders(m, p) + find_motionless_encoders(m, p) + encoder_return(m, p), readings
+            )
+        )
         sound = not any(f.channel in ("whippen", "") for f in encoders)
         films = film_wiring(m, p, whippen_sound=sound)
         films += camera_clock(m) if sound and not films else []

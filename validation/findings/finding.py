@@ -124,7 +124,7 @@ T = TypeVar("T")
 LeftOut = Collection[tuple[int, str]]
 
 
-def pooled(trials: Mapping[int, T], channel: str, without: LeftOut) -> dict[int, T]:
+def select_counted(trials: Mapping[int, T], channel: str, without: LeftOut) -> dict[int, T]:
     """The trials that count for a channel."""
     return {number: x for number, x in trials.items() if (number, channel) not in without}
 
@@ -141,7 +141,7 @@ def counting_events(events: Mapping[int, dict[str, Event]], without: LeftOut) ->
     }
 
 
-def state_of(numbers: Collection[int], channel: str, without: LeftOut) -> str:
+def describe_left_out(numbers: Collection[int], channel: str, without: LeftOut) -> str:
     """How many trials of a channel count and which do not; empty when all do."""
     missing = sorted(number for number in numbers if (number, channel) in without)
     if not missing:

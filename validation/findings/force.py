@@ -33,7 +33,7 @@ HUM_N = 0.1
 
 
 @finds({"hum": "Check shield and ground of the load cell."}, among=OF_TRIAL)
-def hum(m: MeasuredTrial) -> list[SessionFinding]:
+def find_mains_hum(m: MeasuredTrial) -> list[SessionFinding]:
     """Mains hum that was subtracted and is large enough to look for its cause."""
     fit = m.force.hum
     amplitude = max(fit.amplitude_n)

@@ -16,7 +16,7 @@ SHORT_SHARE = 0.1
 
 
 @finds({"sample rate": "Record all trials at one rate."}, among=OF_TRIALS)
-def rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+def find_unusual_rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """Trials that were sampled at another rate than most."""
     rate = {m.number: (m.time_s.size - 1) / float(m.time_s[-1] - m.time_s[0]) for m in measured}
     usual = float(np.median(list(rate.values())))
@@ -59,7 +59,7 @@ FEWEST_MOVED = 50  # samples that differ from the one before: two records of res
 
 
 @finds({"duplicated trial": "Reject the copy (pianorig annotate)."}, spoils=BLOW, among=OF_TRIALS)
-def duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+def find_duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """Trials that repeat an earlier one, in counts or in force."""
     out = []
     for first, second in combinations(trials, 2):

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from validation.conventions import CHANNEL_GROUPS, Array, rms
-from validation.findings.finding import LeftOut, pooled, state_of
+from validation.findings.finding import LeftOut, describe_left_out, select_counted
 from validation.prediction.joint_draws import CHANNELS
 from validation.scores.curve_scores import SCORES, pair_rmse, pooled_score
 from validation.scores.perfect_model import Ceiling
@@ -64,7 +64,7 @@ def channel_tables(
     for names, source in CHANNEL_GROUPS:
         every = traces.of(source)
         for name in names:
-            frames, state = pooled(every, name, without), state_of(every, name, without)
+            frames, state = select_counted(every, name, without), describe_left_out(every, name, without)
             if not frames:
                 head = {"channel": name, "source": source, "n_trials": 0}
                 rows.append({**head, **dict.fromkeys(COLUMNS, np.nan), "state": state or "not filmed"})
@@ -190,7 +190,7 @@ def scorecard(
     for names, source in CHANNEL_GROUPS:
         every = traces.of(source)
         for name in names if every else ():
-            frames = pooled(every, name, without)
+            frames = select_counted(every, name, without)
             part = scores[(scores["channel"] == name) & scores["trial"].isin(frames)]
             same = part[part["trial"].isin(ceiling.trials)]
             for score, kind in SCORES.items():

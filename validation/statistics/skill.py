@@ -110,7 +110,7 @@ def nearer(errors: pd.DataFrame, without: Collection[tuple[int, str]] = ()) -> s
         other, model, closer, n, rival = min(found)
         shown = (
             "shown at 5 %"
-            if _shown(counts, rival, str(channel))
+            if _is_significant(counts, rival, str(channel))
             else f"{n} trial{'s do' if n > 1 else ' does'} not show it"
         )
         also = [CALLED[name] for *_, name in sorted(found)[1:]]
@@ -133,7 +133,7 @@ def nearest_lines(errors: pd.DataFrame) -> list[str]:
     return [f"Nearest: {'; '.join(parts)}."] if parts else []
 
 
-def _shown(counts: pd.DataFrame, rival: str, channel: str) -> bool:
+def _is_significant(counts: pd.DataFrame, rival: str, channel: str) -> bool:
     """Whether that a rival is nearer in a channel is shown at 5 %, all channels taken together."""
     names = ["rmse_rad", f"{rival}_rmse_rad"]
     known = counts.dropna(subset=names)

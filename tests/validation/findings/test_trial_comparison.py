@@ -17,7 +17,7 @@ from validation.findings.finding import SessionFinding
 from validation.findings.let_off_and_check import check_difference_m, let_off_and_check, let_off_way_m
 from validation.findings.outlying_trials import changed_condition, outlying_residuals, residuals_of
 from validation.findings.stroke_kinds import mixed_strokes, stroke_kinds, strokes_of_their_own
-from validation.findings.trial_records import duplicates
+from validation.findings.trial_records import find_duplicates
 
 
 def scaled_force(m, by):
@@ -26,14 +26,14 @@ def scaled_force(m, by):
 
 
 def test_a_copy_of_a_trial_is_found_and_strokes_alike_are_none(stage):
-    assert duplicates(stage.trials) == []
+    assert find_duplicates(stage.trials) == []
     copy = replace(stage.trials[1], number=7, raw_force_n=stage.trials[1].raw_force_n + 1e-3)
-    (found,) = duplicates([*stage.trials, copy])
+    (found,) = find_duplicates([*stage.trials, copy])
     assert (found.trial, found.value) == (7, 2)
     assert "counts as in trial 2" in found.text
     touched = copy.change_rad.copy()
     touched[500] += copy.resolution_rad
-    assert duplicates([*stage.trials, replace(copy, change_rad=touched)]) == []  # detectable are whole copies
+    assert find_duplicates([*stage.trials, replace(copy, change_rad=touched)]) == []  # detectable are whole copies
 
 
 @pytest.mark.parametrize("by", [3.0, 1.4])
