@@ -12,8 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from tests.vision.known_films import HEIGHT, PIVOT, WIDTH, KnownFilm, bar_motion, bar_scene, film_of, smooth_step, z_of
-from tests.vision.known_films import quietly_tracked as track_quietly
+from tests.vision.known_films import (
+    HEIGHT,
+    PIVOT,
+    WIDTH,
+    KnownFilm,
+    bar_motion,
+    bar_scene,
+    film_of,
+    quietly_tracked,
+    smooth_step,
+    z_of,
+)
 from vision import ArrayFilm, TrackResult
 
 N, STILL, TURN_RAD = 60, 14, 0.25
@@ -102,5 +112,5 @@ def disturbed(kind: str, texture: str) -> KnownFilm:
 def tracked(kind: str, texture: str) -> tuple[TrackResult, NDArray[np.float64]]:
     """Result, and errors over the stated uncertainty of the moving rows."""
     known = disturbed(kind, texture)
-    result = track_quietly(known.film, known.bodies)
+    result = quietly_tracked(known.film, known.bodies)
     return result, z_of(result, known.pose)[STILL:]
