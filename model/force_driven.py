@@ -155,28 +155,20 @@ def strung_scenes(action: Action, choice: SceneChoice, options: ForceDrivenOptio
 
 @dataclass(frozen=True)
 class ForceDrivenRun:
-    """What decides the motion of a scene under a force table, but for the state it starts from.
+    """What decides the motion of a scene under a force table, but for the state it starts from."""
 
-    Attributes
-    ----------
-    scene : what takes part, with all numbers
-    time_s, force_n : (k,) checked force table
-    output_time_s : (m,)
-    tolerance, method : as for `simulate`
-    outputs : beyond angles and speeds, as in a `SceneChoice`
-    estimate_error : also integrate with a tenth of the tolerance and compare
-    fewer_modes : the scene with half the modes, where the tolerance chose them: what its companions take, so that the
-        estimate holds what the modes left out are worth, three times
-    """
-
-    scene: Scene
+    scene: Scene  # what takes part, with all numbers
+    # time_s, force_n: (k,) checked force table
     time_s: Array
     force_n: Array
-    output_time_s: Array
+    output_time_s: Array  # (m,)
+    # tolerance, method: as for `simulate`
     tolerance: float
     method: str
-    outputs: tuple[str, ...] = ()
-    estimate_error: bool = False
+    outputs: tuple[str, ...] = ()  # beyond angles and speeds, as in a `SceneChoice`
+    estimate_error: bool = False  # also integrate with a tenth of the tolerance and compare
+    # the scene with half the modes, where the tolerance chose them: what its companions take, so that the estimate
+    # holds what the modes left out are worth, three times
     fewer_modes: Scene | None = None
 
     def from_state(self, state: State) -> Solution:

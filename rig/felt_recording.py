@@ -231,25 +231,19 @@ PHASES = ("loading", "unloading")
 
 @dataclass(frozen=True, eq=False)
 class PressCurve:
-    """One press.
+    """One press."""
 
-    Attributes
-    ----------
-    displacement_m, force_n : (n,) compression since first touch and force of the felt, in the order measured
-    loading : (n,) true for the first phase
-    common : by name, (2, n) change of displacement and force if that error were one standard uncertainty
-    speed_m_per_s, u_speed_m_per_s : rate of compression while loading, towards the peak, where the loop is read
-    swing : by what share the speed near the peak, which is the one stated, differs from that of the whole way
-    peak_n, deepest_m : largest force and compression
-    """
-
+    # displacement_m, force_n: (n,) compression since first touch and force of the felt, in the order measured
     displacement_m: Array
     force_n: Array
-    loading: NDArray[np.bool_]
+    loading: NDArray[np.bool_]  # (n,) true for the first phase
+    # by name, (2, n) change of displacement and force if that error were one standard uncertainty
     common: dict[str, Array]
+    # speed_m_per_s, u_speed_m_per_s: rate of compression while loading, towards the peak, where the loop is read
     speed_m_per_s: float
     u_speed_m_per_s: float
-    swing: float
+    swing: float  # by what share the speed near the peak, which is the one stated, differs from that of the whole way
+    # peak_n, deepest_m: largest force and compression
     peak_n: float
     deepest_m: float
 
@@ -281,9 +275,7 @@ def press_curve(trial: TrialData, felt: FeltConfig) -> PressCurve:
 
     Parameters
     ----------
-    trial : TrialData
-    felt : FeltConfig
-        ``[felt]`` of the rig file it was recorded with.
+    felt : ``[felt]`` of the rig file it was recorded with
 
     Raises
     ------

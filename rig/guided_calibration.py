@@ -87,10 +87,8 @@ def changed(text: str, table: str, values: Mapping[str, Value], *, named: str | 
 
     Parameters
     ----------
-    table : str
-        ``force`` for ``[force]``, ``encoders`` for ``[[encoders]]``.
-    named : str, optional
-        ``name`` of the table where there are several.
+    table : ``force`` for ``[force]``, ``encoders`` for ``[[encoders]]``
+    named : ``name`` of the table where there are several
 
     Raises
     ------
@@ -194,12 +192,9 @@ def dead_weights(
 
     Parameters
     ----------
-    masses_kg : sequence of float
-        Masses above 0, rising; zero is read before, between and after.
-    u_mass_kg : float
-        Standard uncertainty of a mass, kg.
-    gravity : float or None
-        Local acceleration, m/s^2, known to 1e-4; None takes the standard value with an uncertainty of 0.015.
+    masses_kg : masses above 0, rising; zero is read before, between and after
+    u_mass_kg : standard uncertainty of a mass, kg
+    gravity : local acceleration, m/s^2, known to 1e-4; None takes the standard value with an uncertainty of 0.015
 
     Raises
     ------
@@ -446,21 +441,14 @@ FEWEST_SWINGS = 3
 
 @dataclass(frozen=True)
 class Swing:
-    """What the swings of a body say.
+    """What the swings of a body say."""
 
-    Attributes
-    ----------
-    share, u_share : friction torque over weight times arm, and its standard uncertainty
-    frequency_hz : of small swings without friction
-    half_swings : how many counted
-    top_rad_per_s : largest speed
-    """
-
+    # share, u_share: friction torque over weight times arm, and its standard uncertainty
     share: float
     u_share: float
-    frequency_hz: float
-    half_swings: int
-    top_rad_per_s: float = 0.0
+    frequency_hz: float  # of small swings without friction
+    half_swings: int  # how many counted
+    top_rad_per_s: float = 0.0  # largest speed
 
 
 def read_swing(backend: Backend, config: RigConfig, body: str) -> tuple[Array, float]:

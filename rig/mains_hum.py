@@ -47,7 +47,7 @@ def fit_mains_hum(
 
     Parameters
     ----------
-    time_s, reading : (n,) arrays
+    time_s, reading : (n,)
     at_rest : (n,) the samples that are fitted
     frequencies_hz : (k,) mains frequencies that may be
     rest_terms : (n, m) what the reading is at rest beside hum; by default one level

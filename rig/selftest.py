@@ -110,10 +110,8 @@ def valid_record(
 
     Parameters
     ----------
-    place : path
-        A record, or the folder of records.
-    address : str
-        Of the bench, for the advice.
+    place : a record, or the folder of records
+    address : of the bench, for the advice
 
     Raises
     ------

@@ -55,86 +55,52 @@ class SessionTables:
     """Tables and traces of one session compared with one model.
 
     Columns of the tables and their units: ``docs/results.md``, made from ``validation/report/results.schema.json``.
-
-    Attributes
-    ----------
-    warnings : list of str
-        What a reader must know before using the numbers.
-    window : Window
-        The evaluation window of every score.
-    trials : DataFrame
-        One row per trial: whether it was used or why not, what was done with its force, and how far it lies from the
-        strokes that an identified set was fitted to.
-    scores : DataFrame
-        One row per trial and channel: every score of the model, of the null model and of the model driven by the raw
-        force.
-    scorecard : DataFrame
-        One row per channel and score: of all trials, beside its ceiling, the score of a perfect model.
-    marked : DataFrame
-        Samples left out of the scores, because the key lifts.
-    findings : DataFrame
-        Faults of the session that were recognised.
-    compatible_changes : DataFrame
-        Sets of changes of model or force that explain the difference, all of the smallest size; no faults. Empty where
-        nothing was looked for, nothing need have changed, or no part of the model explains it.
-    channels : DataFrame
-        One row per channel: RMSE, repeatability, and the share of the window in which model and trials differ.
-    quantities : DataFrame
-        One row per quantity of the verdict: interval of the model error, plain difference, limit, what resolves it.
-    events : DataFrame
-        One row per trial, source (trial or model) and event.
-    event_summary, event_repeatability : DataFrame
-        One row per event: model against trials, and trials among themselves.
-    uncertainty : DataFrame
-        One row per trial and channel: stated uncertainty of one sample.
-    rivals : DataFrame
-        One row per trial and channel: RMSE of the model and of each of its rivals, and which is nearest.
-    spread : DataFrame
-        On the common time base inside the window: time_s, then <channel>_mean_rad, _s_r_rad, _band95_rad (half width
-        of the simultaneous 95 % band of the mean), _difference_rad (mean paired difference), its _difference_u95_rad
-        (1.96 u at each instant, of all declared uncertainties and the scatter of the trials).
-    traces : dict
-        Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad, key_marked,
-        <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force),
-        <channel>_rad_per_s and <channel>_u_rad_per_s (measured speed, split at contacts, see
-        `validation.scores.traces`).
-    film_traces : dict
-        Trial → DataFrame of time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad.
-    motion_driven : DataFrame
-        Force predicted from the key's measured motion, in one row; empty when not requested.
-    motion_trace : DataFrame or None
-        The same over time, see `validation.prediction.motion_driven.motion_driven`.
-    judgement : dict
-        The simultaneous test of the quantities: whether it was made or why not, rejected, p, factor, draws, branch.
-    nuisance : DataFrame
-        Scores of each trial under drawn errors of force and sensors: trial, channel, draw, rmse_rad,
-        before_impact_rmse_rad, iso_overall; the same draws for every model of a session. Empty for one model alone.
-    further : dict
-        Tables that only a report shows, by name (`validation.result_tables.further`); empty when not requested.
     """
 
-    warnings: list[str]
-    window: Window
+    warnings: list[str]  # what a reader must know before using the numbers
+    window: Window  # the evaluation window of every score
+    # one row per trial: whether it was used or why not, what was done with its force, and how far it lies from the
+    # strokes that an identified set was fitted to
     trials: pd.DataFrame
+    # one row per trial and channel: every score of the model, of the null model and of the model driven by the raw
+    # force
     scores: pd.DataFrame
+    # one row per channel and score: of all trials, beside its ceiling, the score of a perfect model
     scorecard: pd.DataFrame
-    marked: pd.DataFrame
-    findings: pd.DataFrame
+    marked: pd.DataFrame  # samples left out of the scores, because the key lifts
+    findings: pd.DataFrame  # faults of the session that were recognised
+    # Sets of changes of model or force that explain the difference, all of the smallest size; no faults. Empty where
+    # nothing was looked for, nothing need have changed, or no part of the model explains it
     compatible_changes: pd.DataFrame
+    # one row per channel: RMSE, repeatability, and the share of the window in which model and trials differ
     channels: pd.DataFrame
+    # one row per quantity of the verdict: interval of the model error, plain difference, limit, what resolves it
     quantities: pd.DataFrame
-    events: pd.DataFrame
+    events: pd.DataFrame  # one row per trial, source (trial or model) and event
+    # event_summary, event_repeatability: one row per event: model against trials, and trials among themselves
     event_summary: pd.DataFrame
     event_repeatability: pd.DataFrame
-    uncertainty: pd.DataFrame
+    uncertainty: pd.DataFrame  # one row per trial and channel: stated uncertainty of one sample
+    # one row per trial and channel: RMSE of the model and of each of its rivals, and which is nearest
     rivals: pd.DataFrame
+    # on the common time base inside the window: time_s, then <channel>_mean_rad, _s_r_rad, _band95_rad (half width of
+    # the simultaneous 95 % band of the mean), _difference_rad (mean paired difference), its _difference_u95_rad (1.96 u
+    # at each instant, of all declared uncertainties and the scatter of the trials)
     spread: pd.DataFrame
+    # Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad, key_marked,
+    # <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force),
+    # <channel>_rad_per_s and <channel>_u_rad_per_s (measured speed, split at contacts, see `validation.scores.traces`)
     traces: dict[int, pd.DataFrame]
+    # Trial → DataFrame of time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad
     film_traces: dict[int, pd.DataFrame]
-    motion_driven: pd.DataFrame
-    motion_trace: pd.DataFrame | None
+    motion_driven: pd.DataFrame  # force predicted from the key's measured motion, in one row; empty when not requested
+    motion_trace: pd.DataFrame | None  # the same over time, see `validation.prediction.motion_driven.motion_driven`
+    # the simultaneous test of the quantities: whether it was made or why not, rejected, p, factor, draws, branch
     judgement: dict[str, Any]
+    # Scores of each trial under drawn errors of force and sensors: trial, channel, draw, rmse_rad,
+    # before_impact_rmse_rad, iso_overall; the same draws for every model of a session. Empty for one model alone
     nuisance: pd.DataFrame
+    # tables that only a report shows, by name (`validation.result_tables.further`); empty when not requested
     further: dict[str, pd.DataFrame]
 
     @property
@@ -210,8 +176,7 @@ class ValidationResult(SessionTables):
 
         Parameters
         ----------
-        trials : iterable of int, optional
-            Only these trials.
+        trials : only these trials
 
         Returns
         -------
@@ -260,8 +225,7 @@ class ValidationResult(SessionTables):
         Parameters
         ----------
         channel : {"key", "whippen", "jack", "repetition", "hammer", "force"}
-        trial : int, optional
-            Default: the first, of jack and repetition lever the first that was filmed.
+        trial : default: the first, of jack and repetition lever the first that was filmed
 
         Returns
         -------

@@ -78,14 +78,9 @@ def _between(x: Array, parts: int) -> Array:
 
 @dataclass(frozen=True)
 class Windows:
-    """Bumps of 18 samples, one every ``PIECE`` samples.
+    """Bumps of 18 samples, one every ``PIECE`` samples."""
 
-    Attributes
-    ----------
-    interval_s : of the samples
-    """
-
-    interval_s: float
+    interval_s: float  # of the samples
 
     def averages(self, x: Array, rates: int = 0, parts: int = 1) -> Array:
         """Average (m,) of the derivative of order ``rates`` of ``x`` (n,), or of each row (p, n), under each window.
@@ -112,26 +107,16 @@ class Windows:
 
 @dataclass(frozen=True)
 class LumpFit:
-    """Numbers found in a log.
+    """Numbers found in a log."""
 
-    Attributes
-    ----------
-    names : of `circuit.LUMPS`, and ``torque_constant`` where the current was recorded
-    value : (p,) of them
-    covariance : (p, p) of their logarithms
-    determined : (p,) whether the log says anything of each
-    arm : inertia, friction, spring, preload of the arm, with standard uncertainty, in SI units
-    asked_nm : largest torque the command asked for
-    rms_nm : of the residuals
-    """
-
-    names: tuple[str, ...]
-    value: Array
-    covariance: Array
-    determined: NDArray[np.bool_]
+    names: tuple[str, ...]  # of `circuit.LUMPS`, and ``torque_constant`` where the current was recorded
+    value: Array  # (p,) of them
+    covariance: Array  # (p, p) of their logarithms
+    determined: NDArray[np.bool_]  # (p,) whether the log says anything of each
+    # inertia, friction, spring, preload of the arm, with standard uncertainty, in SI units
     arm: dict[str, tuple[float, float]]
-    asked_nm: float
-    rms_nm: float
+    asked_nm: float  # largest torque the command asked for
+    rms_nm: float  # of the residuals
 
 
 class _Problem:

@@ -92,10 +92,6 @@ def as_pressing(name: str, time_s: ArrayLike, displacement_m: ArrayLike, force_n
     name : what to call the press in results and errors
     time_s, displacement_m, force_n : (n,) s, m, N
 
-    Returns
-    -------
-    Pressing
-
     Raises
     ------
     InputError : too few samples, not finite, not evenly spaced, never pressed or never released

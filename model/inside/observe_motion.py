@@ -31,24 +31,14 @@ MOST_POINTS = 60_000
 
 @dataclass(frozen=True)
 class Panels:
-    """Integrals over (k,) consecutive panels.
+    """Integrals over (k,) consecutive panels."""
 
-    Attributes
-    ----------
-    end_s : (k,) where each panel ends, s
-    integral : (k, f) integral of each rate
-    rest : (k,) what the integrals leave unexplained of the change of the level
-    error_bound : (k,) bound on the error of the integrals, all together
-    level : (k,) level at the end of the panel
-    points : times sampled
-    """
-
-    end_s: Array
-    integral: Array
-    rest: Array
-    error_bound: Array
-    level: Array
-    points: int
+    end_s: Array  # (k,) where each panel ends, s
+    integral: Array  # (k, f) integral of each rate
+    rest: Array  # (k,) what the integrals leave unexplained of the change of the level
+    error_bound: Array  # (k,) bound on the error of the integrals, all together
+    level: Array  # (k,) level at the end of the panel
+    points: int  # times sampled
 
 
 def panel_edges(start: float, end: float, longest: float, *inside: Array) -> Array:

@@ -21,24 +21,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SeenMotion:
-    """A motion at (m,) times, with contacts (c) and bodies (n).
+    """A motion at (m,) times, with contacts (c) and bodies (n)."""
 
-    Attributes
-    ----------
-    scene : elements of the run, with all their numbers
-    time_s : (m,)
-    pose : (m, n, 3) pivot x, y (m) and orientation from ground (rad)
-    point_m : (m, c, 2) where the force acts
-    penetration_m : (m, c) depth of the felt, negative where the gap is open
-    normal_n : (m, c) normal force
-    """
-
-    scene: Scene
-    time_s: Array
-    pose: Array
-    point_m: Array
-    penetration_m: Array
-    normal_n: Array
+    scene: Scene  # elements of the run, with all their numbers
+    time_s: Array  # (m,)
+    pose: Array  # (m, n, 3) pivot x, y (m) and orientation from ground (rad)
+    point_m: Array  # (m, c, 2) where the force acts
+    penetration_m: Array  # (m, c) depth of the felt, negative where the gap is open
+    normal_n: Array  # (m, c) normal force
 
     @property
     def contacts(self) -> tuple[str, ...]:
@@ -69,10 +59,6 @@ def see_motion(
     force_n : (m,) input
     normal_n : (m, c) normal forces of the run; needed where felt remembers or a string is struck, for there angles and
         speeds do not decide them
-
-    Returns
-    -------
-    SeenMotion
 
     Raises
     ------

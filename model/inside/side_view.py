@@ -35,16 +35,10 @@ class Shape:
 
 @dataclass(frozen=True)
 class SideView:
-    """Curves to draw, by body (including ``ground``).
+    """Curves to draw, by body (including ``ground``)."""
 
-    Attributes
-    ----------
-    surfaces : curves of contact surfaces
-    sticks : pairs of points (k, 2, 2) that make the stick figure; none for the ground
-    """
-
-    surfaces: dict[str, list[Shape]]
-    sticks: dict[str, Array]
+    surfaces: dict[str, list[Shape]]  # curves of contact surfaces
+    sticks: dict[str, Array]  # pairs of points (k, 2, 2) that make the stick figure; none for the ground
 
 
 def side_view(inside: Inside | SeenMotion) -> SideView:

@@ -131,25 +131,17 @@ NOISELESS_RAD = 1e-8  # below this noise the motion between the samples dominate
 
 @dataclass(frozen=True)
 class KeyFit:
-    """Posterior of the key's motion: a spline and how uncertain it is.
+    """Posterior of the key's motion: a spline and how uncertain it is."""
 
-    Attributes
-    ----------
-    time_s : (n,) of the samples that were used
-    resolution_rad : width of a count, 0 where the angles are not quantised
-    jitter_rad : standard deviation of one sample's angle beyond that
-    clock_s : standard deviation of a sample's time
-    knots, coefficients, offset_rad : of the spline
-    factor, inverse : bands of the posterior precision's factor and of the covariance
-    """
-
-    time_s: Array
-    resolution_rad: float
-    jitter_rad: float
-    clock_s: float
+    time_s: Array  # (n,) of the samples that were used
+    resolution_rad: float  # width of a count, 0 where the angles are not quantised
+    jitter_rad: float  # standard deviation of one sample's angle beyond that
+    clock_s: float  # standard deviation of a sample's time
+    # knots, coefficients, offset_rad: of the spline
     knots: Array
     coefficients: Array
     offset_rad: float
+    # factor, inverse: bands of the posterior precision's factor and of the covariance
     factor: Array
     inverse: Array
 

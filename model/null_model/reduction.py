@@ -43,25 +43,16 @@ STILL_OPEN = 1e-4  # rad below the string at which the hammer is parked for the 
 
 @dataclass(frozen=True)
 class Path:
-    """One static path over sigma: states and reflected quantities.
+    """One static path over sigma: states and reflected quantities."""
 
-    Attributes
-    ----------
-    angle_rad, ratio : (p, 5) angles, and their derivatives by sigma
-    mass : (p,) kg m^2
-    pull : (p,) N m at rest without force
-    lever : (p,) N m per N on the key
-    dry : (p,) N m of friction
-    damp : (p,) N m s of felt
-    """
-
+    # angle_rad, ratio: (p, 5) angles, and their derivatives by sigma
     angle_rad: Array
     ratio: Array
-    mass: Array
-    pull: Array
-    lever: Array
-    dry: Array
-    damp: Array
+    mass: Array  # (p,) kg m^2
+    pull: Array  # (p,) N m at rest without force
+    lever: Array  # (p,) N m per N on the key
+    dry: Array  # (p,) N m of friction
+    damp: Array  # (p,) N m s of felt
 
 
 @dataclass(frozen=True)

@@ -23,35 +23,24 @@ MASS, PULL, LEVER, DRY, DAMP, ANGLE, RATIO = range(7)  # columns of a path's tab
 
 
 class Constants(NamedTuple):
-    """Numbers of an action that time stepping needs beside the tables.
+    """Numbers of an action that time stepping needs beside the tables."""
 
-    Attributes
-    ----------
-    start, per_rad : first place of the tables, rad, and rows per rad
-    omega_t : threshold speed of friction, rad/s
-    weight : of the hammer, N
-    centre_x, centre_y : of the hammer's mass from its pivot, m
-    damping : of the string's felt, s/m
-    reach : of the hammer's head from its pivot, m
-    rest, up : angle of the hammer at rest, and the sense (+1 or -1) towards the string
-    inertia : of the hammer about its pivot, kg m^2
-    string : turn from rest to the string, rad
-    let_off : place of the key at which the jack meets the button
-    """
-
+    # start, per_rad: first place of the tables, rad, and rows per rad
     start: float
     per_rad: float
-    omega_t: float
-    weight: float
+    omega_t: float  # threshold speed of friction, rad/s
+    weight: float  # of the hammer, N
+    # centre_x, centre_y: of the hammer's mass from its pivot, m
     centre_x: float
     centre_y: float
-    damping: float
-    reach: float
+    damping: float  # of the string's felt, s/m
+    reach: float  # of the hammer's head from its pivot, m
+    # rest, up: angle of the hammer at rest, and the sense (+1 or -1) towards the string
     rest: float
     up: float
-    inertia: float
-    string: float
-    let_off: float
+    inertia: float  # of the hammer about its pivot, kg m^2
+    string: float  # turn from rest to the string, rad
+    let_off: float  # place of the key at which the jack meets the button
 
 
 def restitution(speed_m_per_s: float, damping: float) -> float:

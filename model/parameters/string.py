@@ -28,23 +28,17 @@ def check_numbers(what: str, **numbers: tuple[float, float, float]) -> None:
 
 @dataclass(frozen=True)
 class String:
-    """One string.
+    """One string."""
 
-    Attributes
-    ----------
-    length_m, mass_kg, tension_n : of the speaking length
-    stiffness : epsilon, (bending stiffness) / (tension x length^2); inharmonicity is pi^2 epsilon
-    b1_per_s, b2_m2_per_s : losses; a mode of wave number k decays at b1 + b2 k^2
-    struck_at : place of the hammer as a share of the length
-    """
-
+    # length_m, mass_kg, tension_n: of the speaking length
     length_m: float
     mass_kg: float
     tension_n: float
-    stiffness: float
+    stiffness: float  # epsilon, (bending stiffness) / (tension x length^2); inharmonicity is pi^2 epsilon
+    # b1_per_s, b2_m2_per_s: losses; a mode of wave number k decays at b1 + b2 k^2
     b1_per_s: float
     b2_m2_per_s: float
-    struck_at: float
+    struck_at: float  # place of the hammer as a share of the length
 
     def __post_init__(self) -> None:
         """Refuse what is no string."""

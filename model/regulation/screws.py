@@ -77,25 +77,19 @@ def limits(given: Action, screw: Screw, wider: float = 0.0) -> tuple[float, floa
 
 @dataclass
 class Bench:
-    """The action being regulated: positions of its screws and their measured effects.
+    """The action being regulated: positions of its screws and their measured effects."""
 
-    Attributes
-    ----------
-    given : action as it came
-    targets : what is wanted
-    turn_m : target name (or `RAIL`) -> turn of its screw
-    effect : target name -> change of the target per turn of its own screw
-    evaluations : number of rest states, presses and blows
-    aim_m : target at rest -> how far beside what is wanted it is set (m), within its tolerance
-    wider_m : by how much screws may pass the ends of their travel; above 0 only to find out what is in the way
-    """
-
-    given: Action
-    targets: tuple[RegulationTarget, ...] = TARGETS
+    given: Action  # action as it came
+    targets: tuple[RegulationTarget, ...] = TARGETS  # what is wanted
+    # target name (or `RAIL`) -> turn of its screw
     turn_m: dict[str, float] = field(default_factory=lambda: {s.target: 0.0 for s in SCREWS} | {RAIL: 0.0})
+    # target name -> change of the target per turn of its own screw
     effect: dict[str, float] = field(default_factory=dict)
+    # number of rest states, presses and blows
     evaluations: dict[str, int] = field(default_factory=lambda: {"rest": 0, "press": 0, "blow": 0})
+    # target at rest -> how far beside what is wanted it is set (m), within its tolerance
     aim_m: Mapping[str, float] = field(default_factory=dict)
+    # by how much screws may pass the ends of their travel; above 0 only to find out what is in the way
     wider_m: float = 0.0
 
     def target(self, name: str) -> RegulationTarget:

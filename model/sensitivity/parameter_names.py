@@ -144,20 +144,15 @@ def stated_uncertainty(action: Action, name: str) -> float:
 
 @dataclass(frozen=True)
 class Directions:
-    """How parameters of an action change a scene.
+    """How parameters of an action change a scene."""
 
-    Attributes
-    ----------
-    parameters, action, scene : which, and of what
-    slope : (P, k) of the scene's parameter vector per unit of each
-    inputs : (k, m) changes of a run's input at the times of its table, and (m,) of the input at rest; the last m of the
-        parameters stand for them
-    """
-
+    # parameters, action, scene: which, and of what
     parameters: tuple[Parameter, ...]
     action: Action
     scene: Scene
-    slope: Array
+    slope: Array  # (P, k) of the scene's parameter vector per unit of each
+    # (k, m) changes of a run's input at the times of its table, and (m,) of the input at rest; the last m of the
+    # parameters stand for them
     inputs: tuple[Array, Array] = (np.empty((0, 0)), np.empty(0))
 
     def with_inputs(self, table: Array, rest: Array) -> Directions:

@@ -207,23 +207,15 @@ def rest_slopes(directions: Directions, whole: Array, u: float) -> Array:
 
 @dataclass(frozen=True)
 class Followed:
-    """Derivatives at the times that were wanted, in their order.
+    """Derivatives at the times that were wanted, in their order."""
 
-    Attributes
-    ----------
-    whole_angle, whole_speed : (m, n, P); where joints give, how far they do follows the scene's coordinates
-    channel : (m, C, P') of what felt and string remember, filled up to lanes; empty where it was not wanted
-    own : of the scene's coordinates
-    acts : (P,) whether anything has moved with a parameter up to the last time
-    counters : what was counted
-    """
-
+    # whole_angle, whole_speed: (m, n, P); where joints give, how far they do follows the scene's coordinates
     whole_angle: Array
     whole_speed: Array
-    channel: Array
-    own: int
-    acts: NDArray[np.bool_]
-    counters: dict[str, int | float]
+    channel: Array  # (m, C, P') of what felt and string remember, filled up to lanes; empty where it was not wanted
+    own: int  # of the scene's coordinates
+    acts: NDArray[np.bool_]  # (P,) whether anything has moved with a parameter up to the last time
+    counters: dict[str, int | float]  # what was counted
 
     @property
     def angle(self) -> Array:

@@ -18,20 +18,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GivingMotion:
-    """How far joints give at the output times.
+    """How far joints give at the output times."""
 
-    Attributes
-    ----------
-    directions : (g,) such as ``hammer_pin_x``: which joint, to the right (x) or up (y)
-    way_m : (m, g) how far the pivot of the body is from its place in the set
-    speed_m_per_s : (m, g)
-    force_n : (m, g) force of the bushing on the body
-    """
-
-    directions: tuple[str, ...]
-    way_m: Array
-    speed_m_per_s: Array
-    force_n: Array
+    directions: tuple[str, ...]  # (g,) such as ``hammer_pin_x``: which joint, to the right (x) or up (y)
+    way_m: Array  # (m, g) how far the pivot of the body is from its place in the set
+    speed_m_per_s: Array  # (m, g)
+    force_n: Array  # (m, g) force of the bushing on the body
 
     def of(self, body: str) -> tuple[Array, Array]:
         """Way and speed (m, 2) of the joint of ``body``, m and m/s, to the right and up; zero where it is rigid."""

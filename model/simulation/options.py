@@ -29,21 +29,13 @@ class SimulationKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class SimulationOptions:
-    """How to simulate.
+    """How to simulate."""
 
-    Attributes
-    ----------
-    tolerance : requested largest error of any angle, rad
-    output_time_s : (m,) increasing, within the input table; by default the table's own times
-    scene : what takes part and what to give out, by name or file (`model.scene.selection`); by default what the action
-        says
-    method : integration method by name (`model.integrators.methods`)
-    """
-
-    tolerance: float = 1e-5
-    output_time_s: ArrayLike | None = None
+    tolerance: float = 1e-5  # requested largest error of any angle, rad
+    output_time_s: ArrayLike | None = None  # (m,) increasing, within the input table; by default the table's own times
+    # what takes part and what to give out, by name or file (`model.scene.selection`); by default what the action says
     scene: SceneChoice | str | Path | None = None
-    method: str = DEFAULT_METHOD
+    method: str = DEFAULT_METHOD  # integration method by name (`model.integrators.methods`)
 
     def of(self, action: Action) -> tuple[Action, SceneChoice]:
         """The action as its scene has it, and what takes part."""
@@ -68,19 +60,12 @@ class BatchKeywords(ForceDrivenKeywords, total=False):
 
 @dataclass(frozen=True)
 class ForceDrivenOptions(SimulationOptions):
-    """How to simulate under a force table, and what to give out beyond angles and speeds.
+    """How to simulate under a force table, and what to give out beyond angles and speeds."""
 
-    Attributes
-    ----------
-    contact_forces : normal and friction force of each contact
-    energy : where the work of the force went (`Solution.energy`)
-    inside : what acts at contacts, joints and bodies (`Solution.inside`)
-    estimate_error : the largest error of any angle (`Solution.error_rad`), by a second run at a tenth of the tolerance
-    """
-
-    contact_forces: bool = False
-    energy: bool = False
-    inside: bool = False
+    contact_forces: bool = False  # normal and friction force of each contact
+    energy: bool = False  # where the work of the force went (`Solution.energy`)
+    inside: bool = False  # what acts at contacts, joints and bodies (`Solution.inside`)
+    # the largest error of any angle (`Solution.error_rad`), by a second run at a tenth of the tolerance
     estimate_error: bool = False
 
     def of(self, action: Action) -> tuple[Action, SceneChoice]:
@@ -92,11 +77,7 @@ class ForceDrivenOptions(SimulationOptions):
 
 @dataclass(frozen=True)
 class BatchOptions(ForceDrivenOptions):
-    """How to simulate a batch.
+    """How to simulate a batch."""
 
-    Attributes
-    ----------
-    lanes : advance members side by side; None leaves it to how many there are (`model.batch.lanes.choose`)
-    """
-
+    # advance members side by side; None leaves it to how many there are (`model.batch.lanes.choose`)
     lanes: bool | None = None

@@ -26,18 +26,11 @@ def modes_of(scene: Scene) -> dict[str, int | float]:
 
 @dataclass(frozen=True)
 class StringMotion:
-    """A string's motion at the output times, computed when it is asked for.
+    """A string's motion at the output times, computed when it is asked for."""
 
-    Attributes
-    ----------
-    scene : with the string
-    time_s : (m,)
-    rows : (m, z) memories as the step loop left them
-    """
-
-    scene: Scene
-    time_s: Array
-    rows: Array
+    scene: Scene  # with the string
+    time_s: Array  # (m,)
+    rows: Array  # (m, z) memories as the step loop left them
 
     @cached_property
     def _now(self) -> tuple[Array, Array]:

@@ -194,7 +194,6 @@ def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[st
 
     Parameters
     ----------
-    session : Session
     number : of the trial
     actions : built-in actions, at most two; each is drawn, beside the measured action
 

@@ -33,20 +33,12 @@ BEFORE_S = 5e-3
 
 @dataclass(frozen=True)
 class Animation:
-    """What an exported animation shows.
+    """What an exported animation shows."""
 
-    Attributes
-    ----------
-    title : of the file
-    drawings : title and `moving_action` data of each drawing
-    curves : title, unit, color, time_s and value (packed) of each curve below
-    events : time_s, title, source, meaning
-    """
-
-    title: str
-    drawings: Sequence[tuple[str, dict[str, Any]]]
-    curves: Sequence[dict[str, Any]]
-    events: Sequence[dict[str, Any]]
+    title: str  # of the file
+    drawings: Sequence[tuple[str, dict[str, Any]]]  # title and `moving_action` data of each drawing
+    curves: Sequence[dict[str, Any]]  # title, unit, color, time_s and value (packed) of each curve below
+    events: Sequence[dict[str, Any]]  # time_s, title, source, meaning
 
 
 def animation_html(animation: Animation) -> str:

@@ -26,11 +26,8 @@ def next_strokes(
 
     Parameters
     ----------
-    found : Identification
-    rig : Rig, optional
-        The bench; by default that of the first session.
-    trials : int
-        How many of each stroke.
+    rig : the bench; by default that of the first session
+    trials : how many of each stroke
 
     Returns
     -------

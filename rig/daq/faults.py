@@ -74,10 +74,8 @@ def translated(phase: str, what: str) -> Iterator[None]:
 
     Parameters
     ----------
-    phase : str
-        ``connect``, ``configure``, ``arm``, ``start``, ``read`` or ``stop``.
-    what : str
-        Channel or task the block deals with, for the message.
+    phase : ``connect``, ``configure``, ``arm``, ``start``, ``read`` or ``stop``
+    what : channel or task the block deals with, for the message
     """
     try:
         yield

@@ -166,12 +166,9 @@ def attempt(step: Callable[[], None], failures: list[BaseException], what: str) 
 
     Parameters
     ----------
-    step : callable
-        What to do.
-    failures : list
-        Takes what the step raised.
-    what : str
-        The step in words, for the log.
+    step : what to do
+    failures : takes what the step raised
+    what : the step in words, for the log
 
     Returns
     -------

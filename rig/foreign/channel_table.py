@@ -205,16 +205,11 @@ class ChannelTable:
 
         Parameters
         ----------
-        names : sequence of str
-            The channels; they must be of one length and, where the file states clocks, on one of them.
-        time_channel : str or None
-            Channel of even times; None takes the file's own statement.
-        where_else : str
-            Other source of the interval, for the message.
-        unit : str
-            Of the channel of times: s, ms or us.
-        same_start : bool
-            The channels begin together, whatever starts the file states.
+        names : the channels; they must be of one length and, where the file states clocks, on one of them
+        time_channel : channel of even times; None takes the file's own statement
+        where_else : other source of the interval, for the message
+        unit : of the channel of times: s, ms or us
+        same_start : the channels begin together, whatever starts the file states
 
         Raises
         ------

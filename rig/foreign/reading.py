@@ -98,10 +98,9 @@ def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.fl
 
     Parameters
     ----------
-    path : path
-        TDMS, LVM, CSV or HDF5 file.
-    column : str
-        Channel of the force, or of what else drives a simulation. Times are the channel ``time_s`` or the file's clock.
+    path : TDMS, LVM, CSV or HDF5 file
+    column : channel of the force, or of what else drives a simulation. Times are the channel ``time_s`` or the file's
+        clock.
 
     Raises
     ------

@@ -63,16 +63,11 @@ def cut_strokes(
 
     Parameters
     ----------
-    displacement : ndarray, shape (n, k)
-        Of k sensors, m.
-    travel : ndarray, shape (k,)
-        Length of each one's ruler, m.
-    rate_hz : float
-    trigger : float
-        Departure from the level of rest that begins a stroke, as a share of the travel.
-    pre_s, rest_s : float
-        Time kept before, and how long all must be back at the end, s. Strokes with less than ``rest_s`` and half of
-        ``pre_s`` between them are one trial: the second would have no rest to begin from.
+    displacement : (n, k), of k sensors, m
+    travel : (k,), length of each one's ruler, m
+    trigger : departure from the level of rest that begins a stroke, as a share of the travel
+    pre_s, rest_s : time kept before, and how long all must be back at the end, s. Strokes with less than ``rest_s`` and
+        half of ``pre_s`` between them are one trial: the second would have no rest to begin from.
     """
     share = displacement / travel
     pre = max(int(pre_s * rate_hz), 1)
@@ -116,14 +111,9 @@ def position_trials(
 
     Parameters
     ----------
-    table : ChannelTable
-    mapping : ImportMapping
-        With ``positions`` and without ``force``.
-    interval_s : float
-        Between samples.
-    first_number : int
-        Of the first trial.
-    started_utc : str
+    mapping : with ``positions`` and without ``force``
+    interval_s : between samples
+    first_number : of the first trial
 
     Raises
     ------

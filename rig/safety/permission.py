@@ -47,10 +47,8 @@ def confirm(rig: Rig, address: str, *, yes: bool, ask: Callable[[str], str | Non
 
     Parameters
     ----------
-    yes : bool
-        ``--yes`` was given; counts only where ``safety.allow_yes`` of the rig file is true.
-    ask : callable
-        Shows a question and returns what was typed; None, or one that returns None, when nobody can be asked.
+    yes : ``--yes`` was given; counts only where ``safety.allow_yes`` of the rig file is true
+    ask : shows a question and returns what was typed; None, or one that returns None, when nobody can be asked
 
     Raises
     ------

@@ -206,12 +206,9 @@ class Session:
 
         Parameters
         ----------
-        path : path
-            A folder that does not exist yet, or is empty.
-        info : SessionInfo
-            Contents of ``session.toml``.
-        files : mapping of file name to text, optional
-            Copies to keep beside it (rig file, profile).
+        path : a folder that does not exist yet, or is empty
+        info : contents of ``session.toml``
+        files : mapping of file name to text, optional, copies to keep beside it (rig file, profile)
 
         Raises
         ------

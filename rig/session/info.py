@@ -131,33 +131,15 @@ class SessionInfo(Table):
 
 @dataclass(frozen=True)
 class RulerInfo:
-    """Ruler points of a position sensor.
+    """Ruler points of a position sensor."""
 
-    Attributes
-    ----------
-    body : str
-        The body whose displacement it is.
-    sensor_at : str
-        Where the sensor looks.
-    calibrated_at : str
-        The point whose displacement the ruler gave; positive as the key is pressed.
-    reading : tuple of float
-        Readings at the points, in the unit of the channel.
-    displacement_m : tuple of float
-        Displacement at the points, m, rising.
-    u_displacement_m : float
-        Standard uncertainty of a reading of the ruler, m.
-    u_reading : float
-        Standard uncertainty of ``reading`` (rounding and drift), in the unit of the channel.
-    """
-
-    body: str
-    sensor_at: str
-    calibrated_at: str
-    reading: tuple[float, ...]
-    displacement_m: tuple[float, ...]
-    u_displacement_m: float = 0.0
-    u_reading: float = 0.0
+    body: str  # the body whose displacement it is
+    sensor_at: str  # where the sensor looks
+    calibrated_at: str  # the point whose displacement the ruler gave; positive as the key is pressed
+    reading: tuple[float, ...]  # readings at the points, in the unit of the channel
+    displacement_m: tuple[float, ...]  # displacement at the points, m, rising
+    u_displacement_m: float = 0.0  # standard uncertainty of a reading of the ruler, m
+    u_reading: float = 0.0  # standard uncertainty of ``reading`` (rounding and drift), in the unit of the channel
 
 
 PASSIVE = "passive"

@@ -677,32 +677,19 @@ class JournalFollower:
 
 @dataclass(frozen=True, eq=False)
 class LiveView(ArrayRecord):
-    """A session at one moment.
+    """A session at one moment."""
 
-    Attributes
-    ----------
-    trial, trials : int
-        Number of the trial, and how many the plan has.
-    state : str
-        ``recording``, or the status of a sealed trial.
-    condition : str
-    time_s, force_n : ndarray, shape (n,)
-        Of a trial in progress the last 30 s.
-    angle_rad : ndarray, shape (n, len(names))
-        Of the bodies ``names`` from the first sample on.
-    sealed : int
-        Trials sealed so far.
-    """
-
+    # trial, trials: number of the trial, and how many the plan has
     trial: int
     trials: int
-    state: str
-    condition: str
+    state: str  # ``recording``, or the status of a sealed trial
+    condition: str  # str
+    # time_s, force_n: (n,), of a trial in progress the last 30 s
     time_s: NDArray[np.float64]
     force_n: NDArray[np.float64]
-    angle_rad: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]  # ndarray, shape (n, len(names)), of the bodies ``names`` from the first sample on
     names: tuple[str, ...]
-    sealed: int
+    sealed: int  # trials sealed so far
 
     @property
     def finished(self) -> bool:

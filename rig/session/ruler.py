@@ -36,21 +36,15 @@ GRID = 513
 
 @dataclass(frozen=True)
 class SmoothCurve:
-    """A fitted curve.
+    """A fitted curve."""
 
-    Attributes
-    ----------
-    places, height : (p,) points, heights as fitted
-    stretch : what the axis is stretched by; 0 for the monotone curve through all points, where no smooth one rises
-    smoother : (p, p) heights as fitted are this matrix times heights as read
-    scatter : standard deviation of a point's error, by leaving out each inner one
-    """
-
+    # places, height: (p,) points, heights as fitted
     places: Array
     height: Array
+    # what the axis is stretched by; 0 for the monotone curve through all points, where no smooth one rises
     stretch: float
-    smoother: Array
-    scatter: float
+    smoother: Array  # (p, p) heights as fitted are this matrix times heights as read
+    scatter: float  # standard deviation of a point's error, by leaving out each inner one
 
     def value(self, x: Array) -> Array:
         """Heights at places, held at the ends."""
@@ -88,14 +82,8 @@ def fit_smooth(places: Array, height: Array) -> SmoothCurve:
 
     Parameters
     ----------
-    places : ndarray, shape (p,)
-        Rising; p from 4.
-    height : ndarray, shape (p,)
-        Rising or falling with the places.
-
-    Returns
-    -------
-    SmoothCurve
+    places : (p,), rising; p from 4
+    height : (p,), rising or falling with the places
     """
     share = (places - places[0]) / (places[-1] - places[0])
     sense = np.sign(height[-1] - height[0])
@@ -167,16 +155,10 @@ JUDGED_BAD = 2.0
 
 @dataclass(frozen=True)
 class RulerCurve(SmoothCurve):
-    """A fitted calibration: places are readings, rising, near the points after pooling; heights displacements, m.
+    """A fitted calibration: places are readings, rising, near the points after pooling; heights displacements, m."""
 
-    Attributes
-    ----------
-    u_m : standard uncertainty of a point, m: as stated, or as the points scatter where that is more
-    stated_m : standard uncertainty stated for a reading of the ruler, m
-    """
-
-    u_m: float
-    stated_m: float
+    u_m: float  # standard uncertainty of a point, m: as stated, or as the points scatter where that is more
+    stated_m: float  # standard uncertainty stated for a reading of the ruler, m
 
     @property
     def judgement(self) -> str:
@@ -213,35 +195,18 @@ class RulerCurve(SmoothCurve):
 
 @dataclass(frozen=True, eq=False)
 class Position:
-    """Displacement of a named point of a body, measured.
+    """Displacement of a named point of a body, measured."""
 
-    Attributes
-    ----------
-    name : str
-        Of the channel.
-    ruler : RulerInfo
-        Body, calibrated point and place of the sensor.
-    time_s : ndarray, shape (n,)
-    displacement_m : ndarray, shape (n,)
-        Of the calibrated point, m; where ``flag`` is set the end of the ruler, beyond which nothing is known.
-    u_calibration_m : ndarray, shape (n,)
-        Standard uncertainty of the calibration, m: the same error wherever the reading is the same.
-    u_noise_m : ndarray, shape (n,)
-        Standard uncertainty of one sample's noise, m.
-    flag : ndarray of uint8, shape (n,)
-        0, `BELOW` or `ABOVE`.
-    judgement : str
-        How well the ruler's points lie on a smooth curve.
-    """
-
-    name: str
-    ruler: RulerInfo
-    time_s: Array
+    name: str  # of the channel
+    ruler: RulerInfo  # body, calibrated point and place of the sensor
+    time_s: Array  # ndarray, shape (n,)
+    # (n,), of the calibrated point, m; where ``flag`` is set the end of the ruler, beyond which nothing is known
     displacement_m: Array
+    # (n,), standard uncertainty of the calibration, m: the same error wherever the reading is the same
     u_calibration_m: Array
-    u_noise_m: Array
-    flag: NDArray[np.uint8]
-    judgement: str
+    u_noise_m: Array  # (n,), standard uncertainty of one sample's noise, m
+    flag: NDArray[np.uint8]  # ndarray of uint8, shape (n,), 0, `BELOW` or `ABOVE`
+    judgement: str  # how well the ruler's points lie on a smooth curve
 
     @property
     def u_m(self) -> Array:
@@ -260,13 +225,7 @@ def ruler_curve(ruler: RulerInfo, where: str = "ruler") -> RulerCurve:
 
     Parameters
     ----------
-    ruler : RulerInfo
-    where : str
-        The channel, for messages.
-
-    Returns
-    -------
-    RulerCurve
+    where : the channel, for messages
 
     Raises
     ------
@@ -305,13 +264,9 @@ def position_of(name: str, ruler: RulerInfo, time_s: Array, reading: Array, u_no
 
     Parameters
     ----------
-    name : str
-        Of the channel.
-    ruler : RulerInfo
-    time_s, reading : ndarray, shape (n,)
-        Sample times, s, and readings in the unit of the ruler's points.
-    u_noise : float
-        Standard deviation of a reading's noise, same unit.
+    name : of the channel
+    time_s, reading : (n,), sample times, s, and readings in the unit of the ruler's points
+    u_noise : standard deviation of a reading's noise, same unit
 
     Raises
     ------

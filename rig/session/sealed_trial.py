@@ -119,14 +119,10 @@ def write_trial_parts(path: Path, about: TrialData, n_samples: int, parts: Itera
 
     Parameters
     ----------
-    path : Path
-        An existing file is never replaced.
-    about : TrialData
-        All that is not samples; its arrays count for their columns only.
-    n_samples : int
-        Samples of all parts.
-    parts : iterable of TrialData
-        Successive parts; only their arrays are read.
+    path : an existing file is never replaced
+    about : all that is not samples; its arrays count for their columns only
+    n_samples : samples of all parts
+    parts : successive parts; only their arrays are read
 
     Returns
     -------

@@ -27,12 +27,10 @@ def result_key(kind: str, code: object, inputs: object) -> str:
 
     Parameters
     ----------
-    kind : str
-        What is computed; results of two kinds never stand for each other.
-    code : str, or tuple of them
-        Hash of the code that computes it, see `code_sha256`.
-    inputs : arrays, numbers, text, and tuples, lists, dicts and dataclasses of them
-        Everything else the result depends on.
+    kind : what is computed; results of two kinds never stand for each other
+    code : str, or tuple of them, hash of the code that computes it, see `code_sha256`
+    inputs : arrays, numbers, text, and tuples, lists, dicts and dataclasses of them, everything else the result depends
+        on
 
     Raises
     ------

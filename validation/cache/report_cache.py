@@ -52,12 +52,9 @@ def inputs_sha256(sessions: Sequence[Path], actions: Sequence[str], options: Map
 
     Parameters
     ----------
-    sessions : sequence of Path
-        Session folders.
-    actions : sequence of str
-        Built-in names or paths of TOML files.
-    options : mapping
-        All other options of the report; plain values.
+    sessions : session folders
+    actions : built-in names or paths of TOML files
+    options : all other options of the report; plain values
     """
     recorded = [(session.name, _session_files(session)) for session in sessions]
     models = [(action, sha256_of_file(Path(action)) if Path(action).is_file() else "") for action in actions]

@@ -69,12 +69,10 @@ class ResultStore:
 
         Parameters
         ----------
-        kind : str
-            What is computed.
-        inputs : arrays, numbers, text, and tuples, dicts and dataclasses of them
-            Everything the result depends on beside the code of `validation`.
-        make : callable
-            Gives plain data: numbers, text, lists, dicts with names as keys.
+        kind : what is computed
+        inputs : arrays, numbers, text, and tuples, dicts and dataclasses of them, everything the result depends on
+            beside the code of `validation`
+        make : gives plain data: numbers, text, lists, dicts with names as keys
         """
         return self.values(kind, [inputs], lambda missing: [make() for _ in missing])[0]
 
@@ -83,11 +81,8 @@ class ResultStore:
 
         Parameters
         ----------
-        kind : str
-        inputs : sequence
-            Of each value what `value` takes.
-        make : callable
-            Gives one value for each place asked for; not called when all are stored.
+        inputs : of each value what `value` takes
+        make : gives one value for each place asked for; not called when all are stored
         """
         code = code_sha256("validation", "report")
         keys = [f"{kind}\t{result_key(kind, code, one)}" for one in inputs]

@@ -42,10 +42,8 @@ def trial_marks(frame: pd.DataFrame, events: pd.DataFrame) -> list[Mark]:
 
     Parameters
     ----------
-    frame : DataFrame
-        Trace of the trial inside the evaluation window.
-    events : DataFrame
-        Events of this trial: event, value, status.
+    frame : trace of the trial inside the evaluation window
+    events : events of this trial: event, value, status
     """
     found = events[events["status"] != "absent"].set_index("event")["value"].dropna()
     marks = [

@@ -63,11 +63,8 @@ def plot_rotation(
     ----------
     base_s : (n,) s
     channel : body, or ``force``
-    encoder, film : DataFrame
-        Traces of the trial.
+    encoder, film : traces of the trial
     band_rad : (n,) half width of the simultaneous 95 % band of the mean difference, or None
-    marks : sequence of Mark
-    title : str
     """
     figure = CurveFigure(figsize=SIZE_IN, layout="constrained")
     if channel == "force":

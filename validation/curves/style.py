@@ -25,11 +25,8 @@ def decimate(time: Array, values: Array, *, columns: int = COLUMNS, keep: str = 
 
     Parameters
     ----------
-    time, values : (n,) arrays
-        NaN breaks the line and is kept as a break.
-    columns : int
-    keep : {"both", "min", "max"}
-        One value per column for the edge of a band.
+    time, values : (n,), NaN breaks the line and is kept as a break
+    keep : {"both", "min", "max"}, one value per column for the edge of a band
     """
     t, v = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     per = 2 if keep == "both" else 1
@@ -60,9 +57,7 @@ def uneven_samples(time: Array, curves: Array, n: int) -> np.ndarray:
     Parameters
     ----------
     time : (n_samples,)
-    curves : (n_samples, n_curves)
-        NaN counts as straight.
-    n : int
+    curves : (n_samples, n_curves), NaN counts as straight
     """
     if time.size <= n:
         return np.arange(time.size)

@@ -44,8 +44,7 @@ def trial_curves(base_s: Array, encoder: pd.DataFrame, film: pd.DataFrame | None
     Parameters
     ----------
     base_s : (n,) s
-    encoder, film : DataFrame
-        `validation.result.SessionTables.traces` and ``film_traces`` of the trial.
+    encoder, film : `validation.result.SessionTables.traces` and ``film_traces`` of the trial
     """
     out = {}
     for channel in BODIES:
@@ -88,10 +87,8 @@ def curve_table(
     Parameters
     ----------
     base_s : (n,) s
-    traces, films : mapping of trial to DataFrame
-        `validation.result.SessionTables.traces` and ``film_traces``.
-    trials : iterable of int, optional
-        Only these.
+    traces, films : mapping of trial to DataFrame, `validation.result.SessionTables.traces` and ``film_traces``
+    trials : only these
 
     Returns
     -------
@@ -147,8 +144,7 @@ def curves_netcdf(
     ----------
     base_s : (n,) s
     traces, films : mapping of trial to DataFrame
-    about : mapping
-        Attributes of the file, as the names of session and model.
+    about : attributes of the file, as the names of session and model
     """
     buffer = io.BytesIO()
     with h5py.File(buffer, "w", track_order=True) as file:

@@ -57,11 +57,9 @@ def up_crossings(time_s: Array, signal: Array, level: float, hysteresis: float =
 
     Parameters
     ----------
-    time_s, signal : (n,) arrays
-    level : float
-    hysteresis : float
-        After a crossing the signal must fall below ``level - hysteresis`` before the next one counts, so that
-        noise around the level makes one crossing, not many.
+    time_s, signal : (n,)
+    hysteresis : after a crossing the signal must fall below ``level - hysteresis`` before the next one counts, so that
+        noise around the level makes one crossing, not many
     """
     above = signal >= level
     if hysteresis == 0.0:
@@ -123,11 +121,8 @@ def with_level_uncertainty(
 
     Parameters
     ----------
-    find : callable
-        Takes a level, returns a value or None.
-    level, u_level : float
-    u_time_s : float
-        A further independent standard uncertainty, added in quadrature.
+    find : takes a level, returns a value or None
+    u_time_s : a further independent standard uncertainty, added in quadrature
 
     Returns
     -------
@@ -190,14 +185,10 @@ def fit_vibration(
 
     Parameters
     ----------
-    stretch : callable
-        Gives ages and ways between two ages.
-    sigma : float
-        Standard uncertainty of one sample, m.
-    slowing, u_slowing : float
-        Deceleration of free flight and its standard uncertainty, m/s².
-    side : int
-        −1 before the contact, where the vibration dies away towards age 0; +1 after it.
+    stretch : gives ages and ways between two ages
+    sigma : standard uncertainty of one sample, m
+    slowing, u_slowing : deceleration of free flight and its standard uncertainty, m/s²
+    side : −1 before the contact, where the vibration dies away towards age 0; +1 after it
     """
     found: list[tuple[float, float, float, float, float, str]] = []
     for length in LENGTHS_S:
@@ -368,14 +359,10 @@ def flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m: fl
 
     Parameters
     ----------
-    time_s, way_m : (n,) arrays
-        NaN where lost.
-    contact_s : float
-        First estimate of when contact begins (side −1) or ends (side +1); only samples beyond it are used.
-    side : int
-        −1 fits before the contact, +1 after it.
-    sigma_m : float
-        Standard uncertainty of one sample.
+    time_s, way_m : (n,), NaN where lost
+    contact_s : first estimate of when contact begins (side −1) or ends (side +1); only samples beyond it are used
+    side : −1 fits before the contact, +1 after it
+    sigma_m : standard uncertainty of one sample
     """
     sigma = max(sigma_m, SIGMA_FLOOR_M)
     way = np.asarray(way_m, dtype=float)
@@ -635,13 +622,9 @@ def check(
 
     Parameters
     ----------
-    motion : Motion
-    hold : Hold or None
-        None when the hammer is never held.
-    struck : bool
-        Without an impact there is no check.
-    read : callable
-        How a time at a level is read: with its uncertainty or without.
+    hold : None when the hammer is never held
+    struck : without an impact there is no check
+    read : how a time at a level is read: with its uncertainty or without
     """
     if hold is None:
         why = "hammer is never held" if struck else "no string impact"

@@ -37,35 +37,17 @@ APART_S = 0.06  # a leap forth and one back within this belong together
 
 @dataclass(frozen=True)
 class ReadingFault:
-    """A jump or standstill of one encoder.
+    """A jump or standstill of one encoder."""
 
-    Attributes
-    ----------
-    channel : str
-    at_s : float
-        Of the first wrong sample.
-    until_s : float
-        Of the sample that is right again; NaN after a leap that stays.
-    leap_rad : float
-        Size of the first leap with its sign; of a standstill that ends in a leap, of that one; 0 without one.
-    still_s : float
-        How long the count stays the same; 0 for a leap alone.
-    limit_rad : float
-        Smallest leap that is found there; of a standstill without one, the motion of its body meanwhile.
-    stop_rad : float
-        Of a standstill, the last step before it where no body stops so within one sample; 0 else.
-    is_alone : bool
-        Whether no other encoder leaps at that sample.
-    """
-
-    channel: str
-    at_s: float
-    until_s: float
+    channel: str  # str
+    at_s: float  # of the first wrong sample
+    until_s: float  # of the sample that is right again; NaN after a leap that stays
+    # size of the first leap with its sign; of a standstill that ends in a leap, of that one; 0 without one
     leap_rad: float
-    still_s: float
-    limit_rad: float
-    stop_rad: float = 0.0
-    is_alone: bool = True
+    still_s: float  # how long the count stays the same; 0 for a leap alone
+    limit_rad: float  # smallest leap that is found there; of a standstill without one, the motion of its body meanwhile
+    stop_rad: float = 0.0  # of a standstill, the last step before it where no body stops so within one sample; 0 else
+    is_alone: bool = True  # whether no other encoder leaps at that sample
 
 
 def step_excess(change_rad: Array, time_s: Array, resolution_rad: float, quiet_stop: int) -> tuple[Array, float]:

@@ -120,15 +120,10 @@ def find_lifts(
 
     Parameters
     ----------
-    capstan : Capstan
-    time_s : (n,) array
-        Uniform.
-    measured_rad, predicted_rad : (n, 5) arrays
-        Absolute angles; of the measured ones key and whippen are used.
-    impact_s, release_s : float
-        Of the trial, NaN where absent.
-    rail : callable, optional
-        Gives intervals in which the model's rail would have to pull; called only when there is something to decide.
+    time_s : (n,), uniform
+    measured_rad, predicted_rad : (n, 5), absolute angles; of the measured ones key and whippen are used
+    impact_s, release_s : of the trial, NaN where absent
+    rail : gives intervals in which the model's rail would have to pull; called only when there is something to decide
     """
     gap = capstan.gap_m(measured_rad)
     expected = _widened(time_s, capstan.gap_m(predicted_rad), impact_s, release_s)

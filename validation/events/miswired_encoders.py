@@ -38,8 +38,7 @@ def best_wiring(measured: Array, expected: Array) -> list[Rewired]:
 
     Parameters
     ----------
-    measured, expected : (n, k) arrays
-        Changes since rest; NaN where lost.
+    measured, expected : (n, k), changes since rest; NaN where lost
     """
     known = np.isfinite(expected).all(axis=1) & np.isfinite(measured).all(axis=1)
     k = expected.shape[1]

@@ -49,9 +49,7 @@ def common_window(measurements: Sequence[MeasuredTrial], events: dict[int, dict[
 
     Parameters
     ----------
-    measurements : sequence of MeasuredTrial
-    events : dict
-        Trial number → measured events.
+    events : Trial number → measured events
 
     Raises
     ------

@@ -152,10 +152,8 @@ def encoder_travel(travels: Mapping[int, Travel], without: Sequence[tuple[int, s
 
     Parameters
     ----------
-    travels : dict
-        Trial → `travel_of`.
-    without : sequence
-        (trial, channel) that something else is said of.
+    travels : Trial → `travel_of`
+    without : (trial, channel) that something else is said of
     """
     hammer = {n: float(t.ratio[2]) for n, t in travels.items() if (n, "hammer") not in without}
     lower = {n: t for n, t in travels.items() if not {(n, "key"), (n, "whippen")} & set(without)}

@@ -133,16 +133,12 @@ def find_outlying_trials(
 
     Parameters
     ----------
-    base : (n,) array
-        Common time base.
-    traces, measured, events
-        Of all trials.
-    explained : set
-        (trial, channel) of faults that are named already.
-    reach : callable
-        How far a trial may lie off because of its force alone, over the range; asked where no reason is found.
-    until_s : float
-        Where no reason is found, only what differs until then counts: after the release differences grow of themselves.
+    base : (n,), common time base
+    traces, measured, events : of all trials
+    explained : (trial, channel) of faults that are named already
+    reach : how far a trial may lie off because of its force alone, over the range; asked where no reason is found
+    until_s : where no reason is found, only what differs until then counts: after the release differences grow of
+        themselves
     """
     ratios: dict[int, dict[str, float]] = {}
     scales: dict[tuple[int, str], float] = {}

@@ -20,23 +20,12 @@ FORCE, FILM, WHOLE_TRIAL = "force", "film", ""
 
 @dataclass(frozen=True)
 class UnusableData:
-    """A trial, or one channel of it, that is left out.
+    """A trial, or one channel of it, that is left out."""
 
-    Attributes
-    ----------
-    trial : int
-    channel : str
-        ``key``, ``whippen``, ``hammer``, ``force``, ``film``, or empty for the whole trial.
-    kind : str
-        Kind of the finding that says so, of `validation.findings.finding.KINDS`.
-    reason : str
-        The sentence of that finding.
-    """
-
-    trial: int
-    channel: str
-    kind: str
-    reason: str
+    trial: int  # int
+    channel: str  # ``key``, ``whippen``, ``hammer``, ``force``, ``film``, or empty for the whole trial
+    kind: str  # kind of the finding that says so, of `validation.findings.finding.KINDS`
+    reason: str  # the sentence of that finding
 
     @property
     def curves(self) -> tuple[str, ...]:

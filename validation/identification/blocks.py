@@ -85,7 +85,6 @@ def make_blocks(
 
     Parameters
     ----------
-    trials : sequence of ObservedTrial
     jacobian : (m, c, p) of each trial
     force_columns : (m, 3, 1 + n) of each trial, see `model_runs.Response`
     laws : (p,) bool, which columns are laws: their size is that of the response

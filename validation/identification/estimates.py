@@ -237,8 +237,6 @@ def estimate_all(
 
     Parameters
     ----------
-    problem : Problem
-    fitted : Fitted
     wanted : names to make a profile of; None for all asked
     say : called with a line of text
     keep : called with each profile

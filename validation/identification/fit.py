@@ -47,37 +47,23 @@ ROUNDS, LAST_ROUNDS = 4, 30
 
 @dataclass(frozen=True)
 class Fitted:
-    """Where a fit ended.
+    """Where a fit ended."""
 
-    Attributes
-    ----------
-    z : (p,) most probable values of all moved parameters
-    curves : of each trial there, (m, 3), as if it had nothing of its own
-    marginal : the linear model there, with its covariance
-    linear : residuals at z = 0 of the linear model, of each trial
-    objective : twice the negative log posterior, but for a constant of the sizes
-    steps : how many were taken
-    converged : whether the last was small
-    tight : whether it took the model to lack nothing until it had settled
-    left : whether it was left near the minimum, to go on otherwise
-    own : what each trial has of its own where the linear model was made; None: made where all trials are alike
-    before : badness of the fit that this went on from, if it is the end of one
-    wanted : (p,) what a last step that gained nothing would still have changed z by; part of the uncertainty
-    forks : trials at a fork of their motion, with the first phase that was left out
-    """
-
-    z: Array
-    curves: list[Array]
-    marginal: Marginal
-    linear: list[Array]
-    objective: float
-    steps: int
-    converged: bool
-    tight: bool = False
-    left: bool = False
+    z: Array  # (p,) most probable values of all moved parameters
+    curves: list[Array]  # of each trial there, (m, 3), as if it had nothing of its own
+    marginal: Marginal  # the linear model there, with its covariance
+    linear: list[Array]  # residuals at z = 0 of the linear model, of each trial
+    objective: float  # twice the negative log posterior, but for a constant of the sizes
+    steps: int  # how many were taken
+    converged: bool  # whether the last was small
+    tight: bool = False  # whether it took the model to lack nothing until it had settled
+    left: bool = False  # whether it was left near the minimum, to go on otherwise
+    # what each trial has of its own where the linear model was made; None: made where all trials are alike
     own: Sequence[Own] | None = None
-    before: float | None = None
+    before: float | None = None  # badness of the fit that this went on from, if it is the end of one
+    # (p,) what a last step that gained nothing would still have changed z by; part of the uncertainty
     wanted: Array | None = None
+    # trials at a fork of their motion, with the first phase that was left out
     forks: Mapping[int, int] = field(default_factory=dict)
 
     def own_at(self, z: Array) -> list[Own] | None:
@@ -123,17 +109,12 @@ def fit(
 
     Parameters
     ----------
-    problem : Problem
     start : (p,) z to start from; by default the action's own values
-    say : callable, optional
-        Called with a line after each step.
-    columns : Columns, optional
-        Derivatives found already.
-    tight : bool
-        Take the model to lack nothing until the values have settled; sizes are learnt only then.
-    leave : bool
-        End where the linear model is near enough, and either the values are, or the discrepancy explains more than a
-        slight part.
+    say : called with a line after each step
+    columns : derivatives found already
+    tight : take the model to lack nothing until the values have settled; sizes are learnt only then
+    leave : end where the linear model is near enough, and either the values are, or the discrepancy explains more than
+        a slight part
 
     Raises
     ------

@@ -77,16 +77,11 @@ def spread(executor: Executor | None, one: Callable[[Job], Found], jobs: Sequenc
 
 @dataclass(frozen=True)
 class Own:
-    """What one trial has of its own.
+    """What one trial has of its own."""
 
-    Attributes
-    ----------
-    laws : (p + h,) by how much what moves and what is fixed differs in this trial, in prior standard uncertainties
-    drive : (k,) of what drives the trial, in standard deviations
-    """
-
+    # (p + h,) by how much what moves and what is fixed differs in this trial, in prior standard uncertainties
     laws: Array
-    drive: Array
+    drive: Array  # (k,) of what drives the trial, in standard deviations
 
     def towards(self, other: Own, share: float) -> Own:
         """A share of the way to another."""
@@ -159,27 +154,19 @@ ERROR_STEP = 1e-3  # standard uncertainties: a difference of tables of forces, n
 
 @dataclass(frozen=True)
 class Case:
-    """One member: values of the action that differ, and errors of the force.
+    """One member: values of the action that differ, and errors of the force."""
 
-    Attributes
-    ----------
-    changed : values of the action
-    gain, level, delay : errors of the force that all trials share, in standard uncertainties
-    key_scale, key_zero : errors of the key's encoder, likewise
-    offset_n : of each trial's force once it acts, N
-    noise_n : force noise at each knot of `noise_knots`, N; empty where there is none
-    film_late_s : error of a film's clock
-    """
-
-    changed: dict[str, float] = field(default_factory=dict, hash=False)
+    changed: dict[str, float] = field(default_factory=dict, hash=False)  # values of the action
+    # gain, level, delay: errors of the force that all trials share, in standard uncertainties
     gain: float = 0.0
     level: float = 0.0
     delay: float = 0.0
+    # key_scale, key_zero: errors of the key's encoder, likewise
     key_scale: float = 0.0
     key_zero: float = 0.0
-    offset_n: float = 0.0
-    noise_n: tuple[float, ...] = ()
-    film_late_s: float = 0.0
+    offset_n: float = 0.0  # of each trial's force once it acts, N
+    noise_n: tuple[float, ...] = ()  # force noise at each knot of `noise_knots`, N; empty where there is none
+    film_late_s: float = 0.0  # error of a film's clock
 
     def felt_n(self, trial: ObservedTrial) -> Array:
         """Force on the key in this case at the times of the trial's table; held before and after what was recorded."""

@@ -56,18 +56,11 @@ STARTS = 0.01  # of the largest change of the force
 
 @dataclass(frozen=True)
 class Candidate:
-    """A stroke that could be recorded.
+    """A stroke that could be recorded."""
 
-    Attributes
-    ----------
-    name : what it is, in words
-    trial : as it would be observed
-    profile : what the motor would play; None for more of a session's own
-    """
-
-    name: str
-    trial: ObservedTrial
-    profile: Profile | None = None
+    name: str  # what it is, in words
+    trial: ObservedTrial  # as it would be observed
+    profile: Profile | None = None  # what the motor would play; None for more of a session's own
 
 
 def shelf(
@@ -85,11 +78,8 @@ def shelf(
 
     Parameters
     ----------
-    config : RigConfig
-    predict : callable
-        The blow that a profile gives.
-    like : MeasuredTrial
-        A trial of the bench; sensors and preload are taken from it.
+    predict : the blow that a profile gives
+    like : a trial of the bench; sensors and preload are taken from it
     phases : how many times of a trial are compared
     levels : factors of the force
 
@@ -233,25 +223,17 @@ Respond = Callable[[Sequence[ObservedTrial]], Response]
 
 @dataclass(frozen=True)
 class Prospect:
-    """One thing that could be done next.
+    """One thing that could be done next."""
 
-    Attributes
-    ----------
-    name : in words
-    shrink : name of a parameter -> its u after, divided by its u now
-    candidate : the stroke to record; None for a sensor
-    trials : how many of it
-    u_sizes : name of a parameter -> standard deviation of the logarithm of its shrink, from what the new strokes may
-        teach about the sizes of noise, from how far the rehearsal is from the Fisher information, and
-        `OF_ANOTHER_KIND`; empty where the stroke was not rehearsed
-    fisher : the shrink by the Fisher information alone; empty where the stroke was not rehearsed
-    """
-
-    name: str
-    shrink: Mapping[str, float]
-    candidate: Candidate | None = None
-    trials: int = 0
+    name: str  # in words
+    shrink: Mapping[str, float]  # name of a parameter -> its u after, divided by its u now
+    candidate: Candidate | None = None  # the stroke to record; None for a sensor
+    trials: int = 0  # how many of it
+    # name of a parameter -> standard deviation of the logarithm of its shrink, from what the new strokes may teach
+    # about the sizes of noise, from how far the rehearsal is from the Fisher information, and `OF_ANOTHER_KIND`; empty
+    # where the stroke was not rehearsed
     u_sizes: Mapping[str, float] = field(default_factory=dict)
+    # the shrink by the Fisher information alone; empty where the stroke was not rehearsed
     fisher: Mapping[str, float] = field(default_factory=dict)
 
     def range(self, name: str) -> tuple[float, float]:

@@ -47,19 +47,13 @@ Promise = tuple[float, Parameter, model.Action]
 
 @dataclass(frozen=True)
 class LetIn:
-    """A fit with one change let in; the fit as it was where nothing is.
+    """A fit with one change let in; the fit as it was where nothing is."""
 
-    Attributes
-    ----------
-    parameter : what was let in; None: nothing
-    problem, fitted : the fit
-    gain : natural logarithm of its evidence over that of the fit as it was
-    """
-
-    parameter: Parameter | None
+    parameter: Parameter | None  # what was let in; None: nothing
+    # problem, fitted: the fit
     problem: Problem
     fitted: Fitted
-    gain: float = 0.0
+    gain: float = 0.0  # natural logarithm of its evidence over that of the fit as it was
 
     @property
     def words(self) -> str:
@@ -75,23 +69,16 @@ class LetIn:
 
 @dataclass(frozen=True)
 class Supported:
-    """What is known in spite of what the model lacks.
+    """What is known in spite of what the model lacks."""
 
-    Attributes
-    ----------
-    let_in : fits that explain the strokes as well as the best, the likeliest first
-    estimates : of what was asked for, the likeliest fit's values with intervals that hold those of all
-    combinations : directions of several parameters that are known, with the value and standard uncertainty of each in
-        units of the prior: sum of weights times z
-    tried : how many changes
-    where : which part of the stroke the lack shows in
-    """
-
-    let_in: tuple[LetIn, ...]
+    let_in: tuple[LetIn, ...]  # fits that explain the strokes as well as the best, the likeliest first
+    # of what was asked for, the likeliest fit's values with intervals that hold those of all
     estimates: tuple[Estimate, ...]
+    # directions of several parameters that are known, with the value and standard uncertainty of each in units of the
+    # prior: sum of weights times z
     combinations: tuple[tuple[Combination, float, float], ...]
-    tried: int
-    where: str
+    tried: int  # how many changes
+    where: str  # which part of the stroke the lack shows in
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -291,7 +278,6 @@ def shows_in(problem: Problem, lack: Sequence[Array]) -> str:
 
     Parameters
     ----------
-    problem : Problem
     lack : (m, c) of each trial, what is measured less what the model does without it, rad; of the first session's
         trials the mean counts, so that it is what all share
     """
@@ -329,7 +315,6 @@ def telling(let_in: Sequence[LetIn], trials: Sequence[ObservedTrial]) -> Array:
 
     Parameters
     ----------
-    let_in : sequence of LetIn
     trials : as they would be observed
     """
     out = np.zeros(len(trials))

@@ -65,10 +65,8 @@ def refine(problem: Problem, fitted: Fitted, say: Callable[[str], None] | None =
 
     Parameters
     ----------
-    problem : Problem
     fitted : where a fit ended
-    say : callable, optional
-        Called with a line after each step.
+    say : called with a line after each step
 
     Returns
     -------
@@ -308,7 +306,6 @@ def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns:
 
     Parameters
     ----------
-    problem : Problem
     n : how many points of `starts` to start from in any case
     say : called with a line after each step
     columns : derivatives at the action's values, found already

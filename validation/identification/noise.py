@@ -62,19 +62,13 @@ class Sizes:
     proportion to the force (what gives under load); and one that acts as if every law were another one in this session.
     The last is believed to be as large as the first are: what the model lacks knows nothing of what laws can do, so
     that as much of it must be expected where laws could have done it as where they could not.
-
-    Attributes
-    ----------
-    families : (p + h,) place in `FAMILIES` of what moves and of fixed laws, -1 where it is no law
-    by_family : (5,) standard deviation from trial to trial, in prior standard uncertainties
-    own : (sessions, c) of a trial's own wandering, of the size of the response, by channel
-    common : (sessions, 4 c + 1) of the discrepancy, of the size of the response: of each channel at each of
-        `SCALES_S`, then of each channel in proportion to the force, then of the part that is like laws
     """
 
-    families: NDArray[np.intp]
-    by_family: Array
-    own: Array
+    families: NDArray[np.intp]  # (p + h,) place in `FAMILIES` of what moves and of fixed laws, -1 where it is no law
+    by_family: Array  # (5,) standard deviation from trial to trial, in prior standard uncertainties
+    own: Array  # (sessions, c) of a trial's own wandering, of the size of the response, by channel
+    # (sessions, 4 c + 1) of the discrepancy, of the size of the response: of each channel at each of, `SCALES_S`, then
+    # of each channel in proportion to the force, then of the part that is like laws
     common: Array
 
     @staticmethod
@@ -374,7 +368,6 @@ def held_out_score(marginal: Marginal, residuals: Sequence[Array]) -> float:
 
     Parameters
     ----------
-    marginal : Marginal
     residuals : at z = 0 of the linear model, of each trial
     """
     mean, total = marginal.mean(residuals), 0.0
@@ -471,8 +464,7 @@ def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Arr
 
     Parameters
     ----------
-    marginal : Marginal
-        The linear model at z.
+    marginal : the linear model at z
     here : residuals at z, of each trial
     z : (p,)
     box : lowest and highest z
@@ -514,18 +506,11 @@ SMALLER = 3.0  # of the held-out log score: by so much a smaller discrepancy mus
 
 @dataclass(frozen=True)
 class Scores:
-    """First and second derivatives of the negative log likelihood with respect to logarithms of sizes.
+    """First and second derivatives of the negative log likelihood with respect to logarithms of sizes."""
 
-    Attributes
-    ----------
-    slope : (k,); 0 where no residuals were given
-    information : (k, k) expected second derivatives
-    shares : (p, k) share of each size in the variance of each z
-    """
-
-    slope: Array
-    information: Array
-    shares: Array
+    slope: Array  # (k,); 0 where no residuals were given
+    information: Array  # (k, k) expected second derivatives
+    shares: Array  # (p, k) share of each size in the variance of each z
 
 
 def scores(marginal: Marginal, residuals: Sequence[Array] | None = None) -> Scores:

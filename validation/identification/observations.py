@@ -28,22 +28,16 @@ OUTSIDE_S = 1e-3  # a frame may be beyond the first and last phase by this
 
 @dataclass(frozen=True)
 class FilmSeen:
-    """What a film says at m phases.
+    """What a film says at m phases."""
 
-    Attributes
-    ----------
-    time_s : (m,) of the frames; of the phase itself where there is none
-    change_rad, u_white_rad : (m, 2) since rest, and from frame to frame; NaN where lost
-    u_zero_rad, u_scale : (2,) of the reference, rad; of what grows with the angle, relative
-    u_time_s : of the film's clock
-    """
-
-    time_s: Array
+    time_s: Array  # (m,) of the frames; of the phase itself where there is none
+    # change_rad, u_white_rad: (m, 2) since rest, and from frame to frame; NaN where lost
     change_rad: Array
     u_white_rad: Array
+    # u_zero_rad, u_scale: (2,) of the reference, rad; of what grows with the angle, relative
     u_zero_rad: Array
     u_scale: Array
-    u_time_s: float
+    u_time_s: float  # of the film's clock
 
 
 def film_seen(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
@@ -107,51 +101,38 @@ BODY = tuple(BODIES.index(name) for name in CHANNEL_NAMES)
 
 @dataclass(frozen=True)
 class ObservedTrial:
-    """One trial as the fit sees it.
+    """One trial as the fit sees it."""
 
-    Attributes
-    ----------
-    label : session and number, for messages
-    session, number : which session of the fit (from 0), number of the trial in it
-    force_time_s, force_n : (k,) what drives the model; the first value is the preload; empty where the key does
-    time_s : (m,) when angles are compared
-    change_rad : (m, c) of ``channels`` since rest; NaN where a film lost a body
-    u_white_rad : (c,) or (m, c) from sample to sample
-    u_zero_rad : (c,) of the trial's own zero: its rounding; of a film its reference
-    u_steady_rad, u_scale : (c,) alike in all trials: not growing with the angle; relative
-    preload_n, u_preload_n, u_offset_n, u_gain, u_delay_s : of the force
-    noise_n : standard deviation of one force sample
-    channels : what is compared, as places in `CHANNEL_NAMES`
-    film_time_s : (m,) times of the frames that film channels are compared at; None without a film
-    u_film_time_s : of the film's clock
-    key : the fitted motion of the key that drives the model, since rest; None where the force does
-    u_key_rad, u_key_scale : errors of the key's encoder, of the motion that drives
-    key_moves : whether the errors of the key's encoder are fitted (with a trial that the key drives), not linear
-    """
-
-    label: str
+    label: str  # session and number, for messages
+    # session, number: which session of the fit (from 0), number of the trial in it
     session: int
     number: int
+    # force_time_s, force_n: (k,) what drives the model; the first value is the preload; empty where the key does
     force_time_s: Array
     force_n: Array
-    time_s: Array
-    change_rad: Array
-    u_white_rad: Array
-    u_zero_rad: Array
+    time_s: Array  # (m,) when angles are compared
+    change_rad: Array  # (m, c) of ``channels`` since rest; NaN where a film lost a body
+    u_white_rad: Array  # (c,) or (m, c) from sample to sample
+    u_zero_rad: Array  # (c,) of the trial's own zero: its rounding; of a film its reference
+    # u_steady_rad, u_scale: (c,) alike in all trials: not growing with the angle; relative
     u_steady_rad: Array
     u_scale: Array
+    # preload_n, u_preload_n, u_offset_n, u_gain, u_delay_s: of the force
     preload_n: float
     u_preload_n: float
     u_offset_n: float
     u_gain: float
     u_delay_s: float
-    noise_n: float
-    channels: tuple[int, ...] = ENCODERS
-    film_time_s: Array | None = None
-    u_film_time_s: float = 0.0
+    noise_n: float  # standard deviation of one force sample
+    channels: tuple[int, ...] = ENCODERS  # what is compared, as places in `CHANNEL_NAMES`
+    film_time_s: Array | None = None  # (m,) times of the frames that film channels are compared at; None without a film
+    u_film_time_s: float = 0.0  # of the film's clock
+    # the fitted motion of the key that drives the model, since rest; None where the force does
     key: KeyFit | None = None
+    # u_key_rad, u_key_scale: errors of the key's encoder, of the motion that drives
     u_key_rad: float = 0.0
     u_key_scale: float = 0.0
+    # whether the errors of the key's encoder are fitted (with a trial that the key drives), not linear
     key_moves: bool = False
 
     def column(self, name: str) -> Array:

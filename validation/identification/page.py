@@ -41,7 +41,6 @@ def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> l
 
     Parameters
     ----------
-    found : Identification
     ranked : what could be recorded next; empty where it was not asked for
     """
     said = [_what_was_found(found), *found.details.explained]

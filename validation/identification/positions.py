@@ -115,17 +115,9 @@ def fit(
 
     Parameters
     ----------
-    strokes : sequence of Stroke
-    predict : callable
-    start : ndarray, shape (p,)
-    runs : int
-        Most evaluations of the misfit, slopes not counted.
-    say : callable
-        Told of the progress.
-
-    Returns
-    -------
-    Fit
+    start : (p,)
+    runs : most evaluations of the misfit, slopes not counted
+    say : told of the progress
 
     Raises
     ------
@@ -162,58 +154,36 @@ MODELS = ("regulated", "null", "identified")
 
 @dataclass(frozen=True)
 class Identified:
-    """An identified set.
+    """An identified set."""
 
-    Attributes
-    ----------
-    action : str
-        Name or path of the action whose parameters were changed.
-    session : str
-        Where it was identified.
-    seals : dict of str
-        SHA-256 of the strokes it was fitted to, by trial number.
-    sensors : dict of str
-        Where the key's and hammer's calibrated points are and where the sensors look: it holds for these only.
-    names, null_names : tuple of str
-    z, covariance, null_z, null_covariance : lists
-        In standard deviations of the priors.
-    misfit : dict of str
-        Before and after.
-    mixture : Mixture
-        The valleys kept; predictions are their mean. ``z`` is the best.
-    left_out : dict
-        For each model and fitted stroke the mixture found without strokes of its kind, from which the bands come.
-    bands : dict of str to PredictionBand
-        For each model how its band was chosen and calibrated.
-    release : dict
-        RMS of the hammer in the release, rulers, of the fitted strokes: with which group of parameters left nominal,
-        and with which group alone identified.
-    strokes : dict
-        Properties of each fitted stroke (`validation.statistics.domain`): how far another lies from them is told by
-        these. Empty in a file that does not know.
-    black_boxes : dict
-        Black boxes fitted to the same strokes (`validation.prediction.black_boxes`), by kind.
-    samples : dict
-        Fingerprints of the samples of each fitted stroke (`validation.measurement.sample_fingerprints`).
-    """
-
-    action: str
-    session: str
-    seals: dict[str, str]
+    action: str  # name or path of the action whose parameters were changed
+    session: str  # where it was identified
+    seals: dict[str, str]  # SHA-256 of the strokes it was fitted to, by trial number
+    # where the key's and hammer's calibrated points are and where the sensors look: it holds for these only
     sensors: dict[str, str]
+    # names, null_names: tuple of str
     names: tuple[str, ...]
+    # z, covariance, null_z, null_covariance: lists, in standard deviations of the priors
     z: list[float]
     covariance: list[list[float]]
     null_names: tuple[str, ...]
     null_z: list[float]
     null_covariance: list[list[float]]
-    misfit: dict[str, float]
+    misfit: dict[str, float]  # before and after
+    # dict of str to PredictionBand, for each model how its band was chosen and calibrated
     bands: dict[str, PredictionBand]
-    mixture: Mixture
+    mixture: Mixture  # The valleys kept; predictions are their mean. ``z`` is the best
+    # for each model and fitted stroke the mixture found without strokes of its kind, from which the bands come
     left_out: dict[str, dict[str, Mixture]] = field(default_factory=dict)
+    # RMS of the hammer in the release, rulers, of the fitted strokes: with which group of parameters left nominal, and
+    # with which group alone identified
     release: dict[str, dict[str, float]] = field(default_factory=dict)
+    # Properties of each fitted stroke (`validation.statistics.domain`): how far another lies from them is told by
+    # these. Empty in a file that does not know
     strokes: dict[str, dict[str, Any]] = field(default_factory=dict)
+    # black boxes fitted to the same strokes (`validation.prediction.black_boxes`), by kind
     black_boxes: dict[str, dict[str, Any]] = field(default_factory=dict)
+    # fingerprints of the samples of each fitted stroke (`validation.measurement.sample_fingerprints`)
     samples: dict[str, list[str]] = field(default_factory=dict)
 
     def was_fitted_to(self, seal: str, samples: Collection[str]) -> bool:
@@ -309,16 +279,11 @@ def identify_session(
 
     Parameters
     ----------
-    session : Session
-    trials : sequence of int
-        Strokes to fit; at least two, so that bands can be calibrated on what was left out.
-    action_name : str
-        Built-in action or file whose parameters are changed.
-    say : callable
-        Told of the progress.
-    start : Identified, optional
-        A set that searches are carried on from, of these or of other strokes; the misfit has many valleys, and from the
-        priors alone a search may end in a worse one.
+    trials : strokes to fit; at least two, so that bands can be calibrated on what was left out
+    action_name : built-in action or file whose parameters are changed
+    say : told of the progress
+    start : a set that searches are carried on from, of these or of other strokes; the misfit has many valleys, and from
+        the priors alone a search may end in a worse one
 
     Raises
     ------
@@ -427,16 +392,10 @@ def search(
 
     Parameters
     ----------
-    strokes : sequence of Stroke
-    predict : callable
-    size : int
-        How many of the parameters, the first ones, are fitted.
-    say : callable
-        Told of the progress.
-    starts : int
-        At how many places fits begin.
-    begin : ndarray, optional
-        The set that is given, (p,) or longer.
+    size : how many of the parameters, the first ones, are fitted
+    say : told of the progress
+    starts : at how many places fits begin
+    begin : the set that is given, (p,) or longer
 
     Returns
     -------

@@ -21,22 +21,13 @@ AFAR = 3.0  # how far z may move before columns of force noise are found again
 
 @dataclass(frozen=True)
 class Problem:
-    """What is fitted to what.
+    """What is fitted to what."""
 
-    Attributes
-    ----------
-    action : model.Action
-    unknowns : Unknowns
-    trials : tuple of ObservedTrial
-    response : Response
-    held : columns (m, 3, h) of each trial, of laws that are fixed
-    """
-
-    action: model.Action
-    unknowns: Unknowns
-    trials: tuple[ObservedTrial, ...]
-    response: Response
-    held: tuple[Array, ...] = ()
+    action: model.Action  # model.Action
+    unknowns: Unknowns  # Unknowns
+    trials: tuple[ObservedTrial, ...]  # tuple of ObservedTrial
+    response: Response  # Response
+    held: tuple[Array, ...] = ()  # columns (m, 3, h) of each trial, of laws that are fixed
 
     @property
     def families(self) -> NDArray[np.intp]:

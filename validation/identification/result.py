@@ -130,20 +130,12 @@ def joint_posterior(problem: Problem, fitted: Fitted, estimates: Sequence[Estima
 
 @dataclass(frozen=True)
 class Details:
-    """The fit behind an `Identification`.
+    """The fit behind an `Identification`."""
 
-    Attributes
-    ----------
-    problem : what was fitted to what
-    fitted : where it ended
-    profiles : those that were made
-    sources : the trials, measured
-    """
-
-    problem: Problem
-    fitted: Fitted
-    profiles: tuple[Profile, ...]
-    sources: Sources
+    problem: Problem  # what was fitted to what
+    fitted: Fitted  # where it ended
+    profiles: tuple[Profile, ...]  # those that were made
+    sources: Sources  # the trials, measured
 
     @cached_property
     def explained(self) -> tuple[str, ...]:

@@ -32,7 +32,6 @@ def score(
 
     Parameters
     ----------
-    trials : sequence of ObservedTrial
     actions : name -> action
     tolerance : largest error of any angle of a run, rad
 
@@ -129,17 +128,11 @@ SHOWN = ("string_impact", "hammer_speed", "check_height", "key_release")
 
 @dataclass(frozen=True)
 class EventScore:
-    """How one event is met.
+    """How one event is met."""
 
-    Attributes
-    ----------
-    difference : mean of model minus trial, in the unit of the event; NaN where it never happens in both
-    rms : root mean square of the same
-    both, trials : in how many trials it happens in both, in how many in the trial
-    """
-
-    difference: float
-    rms: float
+    difference: float  # mean of model minus trial, in the unit of the event; NaN where it never happens in both
+    rms: float  # root mean square of the same
+    # both, trials: in how many trials it happens in both, in how many in the trial
     both: int
     trials: int
 
@@ -155,7 +148,6 @@ def score_events(
 
     Parameters
     ----------
-    trials : sequence of MeasuredTrial
     actions : name -> action
     tolerance : largest error of any angle of a run, rad
 

@@ -47,40 +47,24 @@ class IdentifyKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class IdentifyOptions:
-    """How to identify.
+    """How to identify."""
 
-    Attributes
-    ----------
-    fixed : names held at the action's values, see `validation.identification.unknowns`
-    priors : name -> standard uncertainty before the strokes; relative for laws of friction, felt and springs, SI else
-    hold_out : sessions that are not fitted and only predicted
-    hold_out_trials : numbers of trials that are not fitted, in every session
-    starts : how many points the fit starts from; the first is the action's own values
-    profiles : names to make a profile of; by default all that were asked for
-    phases : how many times of each trial are compared
-    tolerance : largest error of any angle of a run, rad
-    condition : condition of the trial plan to use
-    motion_driven : the key's measured motion drives the model in all trials, not only in those without a force
-    film : compare jack and repetition lever as tracked on films, too
-    executor : where the model runs; by default threads of this process
-    progress : called with a line of text
-    now : the clock of the date in the provenance
-    """
-
-    fixed: tuple[str, ...] = ()
+    fixed: tuple[str, ...] = ()  # names held at the action's values, see `validation.identification.unknowns`
+    # name -> standard uncertainty before the strokes; relative for laws of friction, felt and springs, SI else
     priors: Mapping[str, float] = field(default_factory=dict)
-    hold_out: tuple[str | Path, ...] = ()
-    hold_out_trials: tuple[int, ...] = ()
-    starts: int = 1
-    profiles: tuple[str, ...] | None = None
-    phases: int = PHASES
-    tolerance: float = TOLERANCE
-    condition: str | None = None
+    hold_out: tuple[str | Path, ...] = ()  # sessions that are not fitted and only predicted
+    hold_out_trials: tuple[int, ...] = ()  # numbers of trials that are not fitted, in every session
+    starts: int = 1  # how many points the fit starts from; the first is the action's own values
+    profiles: tuple[str, ...] | None = None  # names to make a profile of; by default all that were asked for
+    phases: int = PHASES  # how many times of each trial are compared
+    tolerance: float = TOLERANCE  # largest error of any angle of a run, rad
+    condition: str | None = None  # condition of the trial plan to use
+    # the key's measured motion drives the model in all trials, not only in those without a force
     motion_driven: bool = False
-    film: bool = False
-    executor: Executor | None = None
-    progress: Callable[[str], None] | None = None
-    now: Callable[[], datetime] = utc_now
+    film: bool = False  # compare jack and repetition lever as tracked on films, too
+    executor: Executor | None = None  # where the model runs; by default threads of this process
+    progress: Callable[[str], None] | None = None  # called with a line of text
+    now: Callable[[], datetime] = utc_now  # the clock of the date in the provenance
 
     def say(self, text: str) -> None:
         """Report progress."""
@@ -93,30 +77,18 @@ UNKNOWN = "unknown"
 
 @dataclass(frozen=True)
 class Sources:
-    """What an identification is made from.
+    """What an identification is made from."""
 
-    Attributes
-    ----------
-    fitted : trials to fit
-    held : name -> trials that are only predicted
-    seals : label -> SHA-256 of every fitted trial
-    samples : label -> fingerprints of its samples
-    refused : lines on trials that could not be used
-    sessions : those opened, to fit first
-    measured : the trials to fit that a force drives, as measured
-    measured_held : name -> trials that are only predicted and that a force drives, as measured
-    notes : lines on what was recorded and is not used
-    """
-
-    fitted: tuple[ObservedTrial, ...]
-    held: dict[str, tuple[ObservedTrial, ...]]
-    seals: dict[str, str]
-    samples: dict[str, tuple[str, ...]]
-    refused: tuple[str, ...]
-    sessions: tuple[Session, ...] = ()
-    measured: tuple[MeasuredTrial, ...] = ()
+    fitted: tuple[ObservedTrial, ...]  # trials to fit
+    held: dict[str, tuple[ObservedTrial, ...]]  # name -> trials that are only predicted
+    seals: dict[str, str]  # label -> SHA-256 of every fitted trial
+    samples: dict[str, tuple[str, ...]]  # label -> fingerprints of its samples
+    refused: tuple[str, ...]  # lines on trials that could not be used
+    sessions: tuple[Session, ...] = ()  # those opened, to fit first
+    measured: tuple[MeasuredTrial, ...] = ()  # the trials to fit that a force drives, as measured
+    # name -> trials that are only predicted and that a force drives, as measured
     measured_held: Mapping[str, tuple[MeasuredTrial, ...]] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # lines on what was recorded and is not used
 
 
 def collect(sessions: Sequence[Session | str | Path], action: model.Action, options: IdentifyOptions) -> Sources:

@@ -75,11 +75,8 @@ def expand(action: model.Action, asked: Sequence[str], option: str = PARAMETERS)
 
     Parameters
     ----------
-    action : model.Action
-    asked : sequence of str
-        Names, groups or patterns.
-    option : str
-        For messages.
+    asked : names, groups or patterns
+    option : for messages
 
     Raises
     ------
@@ -219,21 +216,14 @@ KEY = tuple(Parameter(name, (), 1.0, False, "key encoder of each trial") for nam
 
 @dataclass(frozen=True)
 class Unknowns:
-    """All that may move: what was asked for, and what is uncertain beside it.
+    """All that may move: what was asked for, and what is uncertain beside it."""
 
-    Attributes
-    ----------
-    asked : parameters to identify
-    beside : laws that were not asked for and not fixed; fitted, not reported as identified
-    small : all other parameters with u > 0: masses, geometry; fitted likewise
-    held : laws that are fixed; they scatter from trial to trial, and tell how large a response is
-    force : errors of what drives the model, fitted with the rest: two of their u already bend a stroke
-    """
-
-    asked: tuple[Parameter, ...]
-    beside: tuple[Parameter, ...]
-    small: tuple[Parameter, ...]
+    asked: tuple[Parameter, ...]  # parameters to identify
+    beside: tuple[Parameter, ...]  # laws that were not asked for and not fixed; fitted, not reported as identified
+    small: tuple[Parameter, ...]  # all other parameters with u > 0: masses, geometry; fitted likewise
+    # laws that are fixed; they scatter from trial to trial, and tell how large a response is
     held: tuple[Parameter, ...] = ()
+    # errors of what drives the model, fitted with the rest: two of their u already bend a stroke
     force: tuple[Parameter, ...] = FORCE
 
     @property
@@ -268,7 +258,6 @@ def unknowns(
 
     Parameters
     ----------
-    action : model.Action
     asked, fixed : names, see `naming`
     priors : name -> standard uncertainty, relative for laws, SI otherwise
 

@@ -127,11 +127,9 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
 
     Parameters
     ----------
-    time_s, force_n : (n,) arrays
-        The quiet baseline only, in s and N.
-    mains_hz : float or None
-        Nominal mains frequency.  50 and 60 Hz are tried beside it, and the best one kept: hum may come from elsewhere
-        than the mains the rig file declares.
+    time_s, force_n : (n,), the quiet baseline only, in s and N
+    mains_hz : nominal mains frequency.  50 and 60 Hz are tried beside it, and the best one kept: hum may come from
+        elsewhere than the mains the rig file declares.
 
     Returns
     -------
@@ -498,10 +496,8 @@ def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tup
 
     Parameters
     ----------
-    angle_rad : (n, m) array
-    quiet : Quiet
-    resolution_rad : (m,) array
-        One count.
+    angle_rad : (n, m)
+    resolution_rad : (m,), one count
 
     Returns
     -------

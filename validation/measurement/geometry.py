@@ -95,9 +95,7 @@ def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
 
     Parameters
     ----------
-    action : model.Action
-    rest_angle_rad : (5,) array
-        Its rest state under the load the trials start from.
+    rest_angle_rad : (5,), its rest state under the load the trials start from
 
     Raises
     ------
@@ -205,18 +203,13 @@ def motion_of(
 
     Parameters
     ----------
-    geometry : ActionGeometry
-    time_s : (n,) array
-    change_rad : (n, 3) array
-        Key, whippen, hammer; 0 at rest.
-    u_sample_rad : (3,) array
-        Standard uncertainty of one angle sample against its neighbours.
-    u_zero_rad : (3,) array, optional
-        Standard uncertainty of the zero of each angle.
-    u_height_zero_m, u_dip_zero_m : float
-        Standard uncertainty of the hammer height and the key dip at rest.
-    u_scale_relative : (3,) array, optional
-        Relative standard uncertainty of the scales of key, whippen and hammer encoder.
+    time_s : (n,)
+    change_rad : (n, 3), key, whippen, hammer; 0 at rest
+    u_sample_rad : (3,), standard uncertainty of one angle sample against its neighbours
+    u_zero_rad : (3,) array, optional, standard uncertainty of the zero of each angle
+    u_height_zero_m, u_dip_zero_m : standard uncertainty of the hammer height and the key dip at rest
+    u_scale_relative : (3,) array, optional, relative standard uncertainty of the scales of key, whippen and hammer
+        encoder
     """
     change = np.asarray(change_rad, dtype=float)
     angle = geometry.absolute({KEY: change[:, 0], WHIPPEN: change[:, 1], HAMMER: change[:, 2]})

@@ -56,11 +56,8 @@ def usable_trials(
 
     Parameters
     ----------
-    session : Session
-    read : callable
-        Given a trial and its data; raises `TrialError` where it cannot be used.
-    statuses : sequence of str
-        Of a recording that can be used.
+    read : given a trial and its data; raises `TrialError` where it cannot be used
+    statuses : of a recording that can be used
     """
     found, refused = [], {}
     for trial in session.trials:
@@ -89,15 +86,10 @@ def measure_session(
 
     Parameters
     ----------
-    session : Session
-    geometry : callable
-        Geometry of the action under test at a preload in N.
-    u_rest_level_m : float
-        Standard uncertainty of hammer height and key dip at rest on the bench.
-    condition : str, optional
-        The only condition of the trial plan to use.
-    without_force : bool
-        Also trials that have encoder angles alone.
+    geometry : geometry of the action under test at a preload in N
+    u_rest_level_m : standard uncertainty of hammer height and key dip at rest on the bench
+    condition : the only condition of the trial plan to use
+    without_force : also trials that have encoder angles alone
 
     Raises
     ------

@@ -40,27 +40,14 @@ AS_FAR_AS_SEEN = ("complete", "incomplete")
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """One sensor of one stroke.
+    """One sensor of one stroke."""
 
-    Attributes
-    ----------
-    position : Position
-        As recorded, with flags and uncertainties.
-    value_m : ndarray, shape (n,)
-        Displacement from rest, hum taken off, smoothed, m.
-    travel_m : float
-        Length of the ruler, m.
-    zero_reading : float
-        What the reading at rest had drifted by.
-    u_zero_m : ndarray, shape (n,)
-        Standard uncertainty of level and hum that a rest shorter than `QUIET_S` leaves beyond those of a whole one, m:
-        one error for all samples. What a whole rest leaves is in the numbers of a band, which are learnt from such.
-    """
-
-    position: Position
-    value_m: Array
-    travel_m: float
-    zero_reading: float
+    position: Position  # as recorded, with flags and uncertainties
+    value_m: Array  # (n,), displacement from rest, hum taken off, smoothed, m
+    travel_m: float  # length of the ruler, m
+    zero_reading: float  # what the reading at rest had drifted by
+    # (n,), Standard uncertainty of level and hum that a rest shorter than `QUIET_S` leaves beyond those of a whole one,
+    # m: one error for all samples. What a whole rest leaves is in the numbers of a band, which are learnt from such
     u_zero_m: Array
 
     def draw(self, random: np.random.Generator) -> Array:

@@ -36,21 +36,13 @@ from validation.measurement.sample_fingerprints import sample_fingerprints
 
 @dataclass(frozen=True)
 class KeyHeads:
-    """What both heads say of the key.
+    """What both heads say of the key."""
 
-    Attributes
-    ----------
-    rotation_rad : (n,) rotation since the first sample
-    lift_m : (n,) height of the pivot above that of the first sample
-    u_lift_m : standard uncertainty of one value of the lift, without that of the radius
-    u_radius_relative : of the lift, from the scale's radius
-    resolution_rad, u_change_rad, u_turn_relative : of the rotation, as of a single encoder
-    """
-
-    rotation_rad: Array
-    lift_m: Array
-    u_lift_m: float
-    u_radius_relative: float
+    rotation_rad: Array  # (n,) rotation since the first sample
+    lift_m: Array  # (n,) height of the pivot above that of the first sample
+    u_lift_m: float  # standard uncertainty of one value of the lift, without that of the radius
+    u_radius_relative: float  # of the lift, from the scale's radius
+    # resolution_rad, u_change_rad, u_turn_relative: of the rotation, as of a single encoder
     resolution_rad: float
     u_change_rad: float
     u_turn_relative: float

@@ -38,14 +38,10 @@ def what_to_do(
 
     Parameters
     ----------
-    findings : sequence of SessionFinding
-        All faults of the session.
-    explained : Explained
-        The answer of the search for causes.
-    rivals : Rivals
-        Domain and skill.
-    outcome : str
-        One of `validation.result.OUTCOMES`.
+    findings : all faults of the session
+    explained : the answer of the search for causes
+    rivals : domain and skill
+    outcome : one of `validation.result.OUTCOMES`
 
     Returns
     -------
@@ -100,8 +96,7 @@ def beyond(outside: Mapping[int, str]) -> list[str]:
 
     Parameters
     ----------
-    outside : dict
-        Trial that was not fitted → why it lies outside, empty for one that does not.
+    outside : Trial that was not fitted → why it lies outside, empty for one that does not
     """
     far = {number: why for number, why in outside.items() if why}
     if not far:

@@ -96,18 +96,11 @@ def compare_positions(
 
     Parameters
     ----------
-    session : Session
-        Of positions, without force.
-    action_name : str, optional
-        The action as it is; by default that of the identified set, else the regulated one.
-    identified : path, optional
-        File of an identified set, or a session folder that holds one; by default the session's own, where there is one.
-    say : callable
-        Told of the progress.
-
-    Returns
-    -------
-    PositionComparison
+    session : of positions, without force
+    action_name : the action as it is; by default that of the identified set, else the regulated one
+    identified : file of an identified set, or a session folder that holds one; by default the session's own, where
+        there is one
+    say : told of the progress
 
     Raises
     ------

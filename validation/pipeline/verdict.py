@@ -73,14 +73,9 @@ def verdict_lines(
 
     Parameters
     ----------
-    session, action : str
-    tables : SessionTables
-        Of the session; ``trials``, ``channels`` and ``event_summary`` are read.
-    verdict : Verdict
-    findings : sequence of SessionFinding
-        Of the session.
-    nearer : str
-        What is to be said where a rival is nearer, see `validation.statistics.skill`.
+    tables : of the session; ``trials``, ``channels`` and ``event_summary`` are read
+    findings : of the session
+    nearer : what is to be said where a rival is nearer, see `validation.statistics.skill`
     """
     scored = tables.channels[tables.channels["rmse_rad"].notna()]
     n_trials = int(tables.trials["used"].sum())

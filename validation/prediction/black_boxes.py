@@ -53,22 +53,15 @@ class Example:
 
 @dataclass(frozen=True, eq=False)
 class BlackBox:
-    """A fitted black box.
+    """A fitted black box."""
 
-    Attributes
-    ----------
-    kind : one of `KINDS`
-    order : stretches of the past or lags, degree
-    middle, reach : the inputs it was fitted to lie within middle ± reach
-    weights : (f, c), of the terms of `_terms`
-    low, high : (c,), range of the answers it was fitted to; NaN for one that was never known
-    """
-
-    kind: str
-    order: tuple[int, int]
+    kind: str  # one of `KINDS`
+    order: tuple[int, int]  # stretches of the past or lags, degree
+    # middle, reach: the inputs it was fitted to lie within middle ± reach
     middle: float
     reach: float
-    weights: Array
+    weights: Array  # (f, c), of the terms of `_terms`
+    # low, high: (c,), range of the answers it was fitted to; NaN for one that was never known
     low: Array
     high: Array
 

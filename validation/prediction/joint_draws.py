@@ -38,29 +38,20 @@ DRAWN_TOLERANCE = 3e-5
 
 @dataclass(frozen=True)
 class JointDraw:
-    """One possible truth of a session.
+    """One possible truth of a session."""
 
-    Attributes
-    ----------
-    number : which draw
-    changed : parameters of the action that differ
-    z_gain, z_preload, z_delay : errors of the force, in standard uncertainties
-    z_scale, z_change : errors of each of `CHANNELS`, in standard uncertainties
-    own : seed of what each trial has for itself
-    z_levels : errors of hammer height and key dip at rest, in standard uncertainties
-    has_own_errors : whether a trial's own errors are drawn: offset and noise of its force, quantisation
-    """
-
-    number: int
-    changed: Mapping[str, float] = field(hash=False)
+    number: int  # which draw
+    changed: Mapping[str, float] = field(hash=False)  # parameters of the action that differ
+    # z_gain, z_preload, z_delay: errors of the force, in standard uncertainties
     z_gain: float
     z_preload: float
     z_delay: float
+    # z_scale, z_change: errors of each of `CHANNELS`, in standard uncertainties
     z_scale: tuple[float, ...]
     z_change: tuple[float, ...]
-    own: tuple[int, ...]
-    z_levels: tuple[float, float] = (0.0, 0.0)
-    has_own_errors: bool = True
+    own: tuple[int, ...]  # seed of what each trial has for itself
+    z_levels: tuple[float, float] = (0.0, 0.0)  # errors of hammer height and key dip at rest, in standard uncertainties
+    has_own_errors: bool = True  # whether a trial's own errors are drawn: offset and noise of its force, quantisation
 
     def rng(self, trial: int, use: Literal["force", "readings"]) -> np.random.Generator:
         """Random numbers of one trial in this draw."""
@@ -144,11 +135,8 @@ def each_draw(
 
     Parameters
     ----------
-    trials : sequence of (trial, times)
-        Times (n,) s; trials under the same declared preload share the actions drawn.
-    draws : sequence of JointDraw
-    use : callable
-        Given the place of the trial and its readings as of `drawn_readings`, on a thread; what it returns is kept.
+    trials : sequence of (trial, times), times (n,) s; trials under the same declared preload share the actions drawn
+    use : given the place of the trial and its readings as of `drawn_readings`, on a thread; what it returns is kept
     """
     known: dict[tuple[float, float, float], list[DrawnAction | None]] = {}
     places: list[tuple[int, DrawnAction | None]] = []

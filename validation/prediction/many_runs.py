@@ -41,10 +41,8 @@ def coarse_force(time_s: Array, force_n: Array, spacing_s: float = SPACING_S) ->
 
     Parameters
     ----------
-    time_s : (n,) array
-        Increasing.
-    force_n : (n,) array
-    spacing_s : float
+    time_s : (n,), increasing
+    force_n : (n,)
 
     Returns
     -------
@@ -96,12 +94,9 @@ def run_many(
 
     Parameters
     ----------
-    tested : ModelUnderTest
-        What simulates; a stand-in's function is called once for each run.
-    runs : sequence of Run or None
-        None stands for a run that cannot be made.
-    use : callable
-        Given the place of a run and its solution, on a thread; what it returns is kept, the solution is not.
+    tested : what simulates; a stand-in's function is called once for each run
+    runs : None stands for a run that cannot be made
+    use : given the place of a run and its solution, on a thread; what it returns is kept, the solution is not
 
     Returns
     -------

@@ -42,10 +42,8 @@ def motion_driven(tested: ModelUnderTest, m: MeasuredTrial, at: Array, lifted: N
 
     Parameters
     ----------
-    at : (n,) array
-        Sample times of the evaluation window, s.
-    lifted : (n,) array of bool
-        Samples at which the key lifts.
+    at : (n,), sample times of the evaluation window, s
+    lifted : (n,), samples at which the key lifts
 
     Returns
     -------

@@ -29,26 +29,14 @@ DIP_M = 0.010
 
 @dataclass(frozen=True)
 class Free:
-    """A free parameter.
+    """A free parameter."""
 
-    Attributes
-    ----------
-    name : str
-    meaning : str
-        For the report.
-    paths : tuple of str
-        Parameters of the action it changes; empty for one of a sensor.
-    width : float
-        Standard deviation of the prior: m for a screw (``adds``), 1 for the logarithm of a factor or a sensor's shape.
-    adds : bool
-        It is added, not a factor.
-    """
-
-    name: str
-    meaning: str
-    paths: tuple[str, ...]
+    name: str  # str
+    meaning: str  # for the report
+    paths: tuple[str, ...]  # parameters of the action it changes; empty for one of a sensor
+    # standard deviation of the prior: m for a screw (``adds``), 1 for the logarithm of a factor or a sensor's shape
     width: float
-    adds: bool = False
+    adds: bool = False  # it is added, not a factor
 
 
 CURVE_AT = (0.04, 0.1, 0.2, 0.4, 0.7)
@@ -104,24 +92,17 @@ TURNS = 32
 
 @dataclass(frozen=True)
 class Sensing:
-    """How the model's angles are tied to the sensors.
+    """How the model's angles are tied to the sensors."""
 
-    Attributes
-    ----------
-    key_rad_per_m, key_zero_m, key_shape : float
-        The key turns by ``key_rad_per_m`` per metre of its calibrated point, from ``key_zero_m`` on, the displacement u
-        (in rulers) bowed to u + shape u (1 − u).
-    hammer_m_per_rad, hammer_zero_m : float
-        Likewise the other way round.
-    hammer_curve : tuple of float
-        What the hammer's sensor shows too much at the shares `CURVE_AT` of its ruler, in rulers.
-    """
-
+    # key_rad_per_m, key_zero_m, key_shape: the key turns by ``key_rad_per_m`` per metre of its calibrated point, from
+    # ``key_zero_m`` on, the displacement u (in rulers) bowed to u + shape u (1 − u)
     key_rad_per_m: float
     key_zero_m: float
     key_shape: float
+    # hammer_m_per_rad, hammer_zero_m: likewise the other way round
     hammer_m_per_rad: float
     hammer_zero_m: float
+    # what the hammer's sensor shows too much at the shares `CURVE_AT` of its ruler, in rulers
     hammer_curve: tuple[float, ...]
 
 
@@ -243,13 +224,9 @@ def hammer_turn(action: model.Action, stroke: Stroke, key_turn_rad: Array, key_r
 
     Parameters
     ----------
-    action : model.Action
-        The action that moves.
-    stroke : Stroke
-    key_turn_rad : ndarray, shape (n,)
-        Turn of the key from where its sensor reads zero.
-    key_rest_rad : float
-        Angle of the key there.
+    action : the action that moves
+    key_turn_rad : (n,), turn of the key from where its sensor reads zero
+    key_rest_rad : angle of the key there
 
     Returns
     -------
@@ -305,12 +282,8 @@ def predict_null(null: NullAction, stroke: Stroke, sensing: Sensing, displacemen
 
     Parameters
     ----------
-    null : NullAction
-    stroke : Stroke
-        Its key's displacement goes in.
-    sensing : Sensing
-    displacement_m : ndarray, shape (n,), optional
-        Another displacement of the key.
+    stroke : its key's displacement goes in
+    displacement_m : ndarray, shape (n,), optional, another displacement of the key
 
     Returns
     -------

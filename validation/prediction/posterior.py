@@ -55,33 +55,22 @@ CUT = 3.0  # standard deviations, as for parameters that are drawn independently
 
 @dataclass(frozen=True)
 class Posterior:
-    """Joint uncertainty of identified parameters.
+    """Joint uncertainty of identified parameters."""
 
-    Attributes
-    ----------
-    names : (p,) of all parameters that the fit moved
-    paths : (p,) parameters of the action that each of them moves together
-    u : (p,) prior standard uncertainty, relative for a ``factor``, SI otherwise
-    factor : (p,) whether it moves by a factor
-    directions : (k, p) orthonormal: combinations of z of which the strokes said something
-    left : (k,) share of the variance of the prior that is left along each
-    trials : label -> SHA-256 of each trial the values were fitted to, in this fit or in those it started from
-    before : parameter of the action -> value before the fit, SI
-    strokes : label -> what the trials fitted were like, see `validation.statistics.domain`
-    black_boxes : kind -> black box fitted to the same trials, see `validation.prediction.black_boxes`
-    samples : label -> fingerprints of the trials' samples, see `validation.measurement.sample_fingerprints`
-    """
-
-    names: tuple[str, ...]
-    paths: tuple[tuple[str, ...], ...]
-    u: tuple[float, ...]
-    factor: tuple[bool, ...]
-    directions: Array
-    left: Array
+    names: tuple[str, ...]  # (p,) of all parameters that the fit moved
+    paths: tuple[tuple[str, ...], ...]  # (p,) parameters of the action that each of them moves together
+    u: tuple[float, ...]  # (p,) prior standard uncertainty, relative for a ``factor``, SI otherwise
+    factor: tuple[bool, ...]  # (p,) whether it moves by a factor
+    directions: Array  # (k, p) orthonormal: combinations of z of which the strokes said something
+    left: Array  # (k,) share of the variance of the prior that is left along each
+    # label -> SHA-256 of each trial the values were fitted to, in this fit or in those it started from
     trials: Mapping[str, str]
-    before: Mapping[str, float] = field(default_factory=dict)
+    before: Mapping[str, float] = field(default_factory=dict)  # parameter of the action -> value before the fit, SI
+    # label -> what the trials fitted were like, see `validation.statistics.domain`
     strokes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    # kind -> black box fitted to the same trials, see `validation.prediction.black_boxes`
     black_boxes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    # label -> fingerprints of the trials' samples, see `validation.measurement.sample_fingerprints`
     samples: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def was_fitted_to(self, seal: str, samples: Collection[str]) -> bool:

@@ -90,11 +90,9 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
 
     Parameters
     ----------
-    m : MeasuredTrial
-    tested : ModelUnderTest
-        Its store keeps predictions as the derived step ``prediction_<action>``.
-    variant : {"model", "raw_force", "null"}
-        Which force drives, and whether the null model takes the place of the model.
+    tested : its store keeps predictions as the derived step ``prediction_<action>``
+    variant : {"model", "raw_force", "null"}, which force drives, and whether the null model takes the place of the
+        model
 
     Raises
     ------

@@ -27,8 +27,7 @@ def score_curve(time_s: Array, trial: Array, model: Array) -> dict[str, float]:
 
     Parameters
     ----------
-    time_s, trial, model : (n,) arrays
-        The evaluation window only, rad; NaN where lost.
+    time_s, trial, model : (n,), the evaluation window only, rad; NaN where lost
 
     Returns
     -------
@@ -75,11 +74,9 @@ def pair_rmse(
 
     Parameters
     ----------
-    curves : (n_samples, n_trials) array
-    most_pairs : int
-        With more pairs than this a seeded sample of them is used.
-    kinds : sequence of int, optional
-        Number of the kind of stroke of each trial; trials of different kinds are no pair.
+    curves : (n_samples, n_trials)
+    most_pairs : with more pairs than this a seeded sample of them is used
+    kinds : number of the kind of stroke of each trial; trials of different kinds are no pair
 
     Returns
     -------
@@ -145,12 +142,9 @@ def all_scores(
 
     Parameters
     ----------
-    time, trial, model : (n,) arrays
-        NaN where lost or marked.
-    early : (n,) array of bool, optional
-        Samples before the string impact.
-    iso : bool
-        The ISO-style score costs some milliseconds; without it its scores are NaN.
+    time, trial, model : (n,), NaN where lost or marked
+    early : (n,) array of bool, optional, samples before the string impact
+    iso : the ISO-style score costs some milliseconds; without it its scores are NaN
     """
     nan = float("nan")
     out = dict.fromkeys(SCORES, nan) | {"iso_shift_s": nan}

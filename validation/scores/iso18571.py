@@ -45,10 +45,8 @@ def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
 
     Parameters
     ----------
-    test, cae : (n,) arrays
-        Measured and predicted curve, n ≥ 9, finite, on the same uniform grid.
-    step_s : float
-        Sampling interval, s.
+    test, cae : (n,), measured and predicted curve, n ≥ 9, finite, on the same uniform grid
+    step_s : sampling interval, s
 
     Raises
     ------
@@ -227,9 +225,8 @@ def guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[str, fl
 
     Parameters
     ----------
-    time, trial, model : (n,) arrays
-    scores : mapping
-        With ``iso_overall``, ``iso_phase`` and ``iso_shift_s`` of these curves.
+    time, trial, model : (n,)
+    scores : with ``iso_overall``, ``iso_phase`` and ``iso_shift_s`` of these curves
 
     Returns
     -------

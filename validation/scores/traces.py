@@ -82,11 +82,8 @@ def split_speed(time_s: Array, angle_rad: Array, contact_s: list[float], u_sampl
 
     Parameters
     ----------
-    time_s, angle_rad : (n,) arrays
-        Uniform.
-    contact_s : list of float
-    u_sample_rad : float
-        Standard uncertainty of one sample against its neighbours.
+    time_s, angle_rad : (n,), uniform
+    u_sample_rad : standard uncertainty of one sample against its neighbours
     """
     speed, u = np.full(time_s.size, np.nan), np.full(time_s.size, np.nan)
     step = float(np.median(np.diff(time_s)))

@@ -65,10 +65,8 @@ def time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
 
     Parameters
     ----------
-    curves : (n_samples, n_trials) array
-        Without lost samples, two trials or more.
-    u_sample : float
-        Standard deviation of the noise of one sample.
+    curves : (n_samples, n_trials), without lost samples, two trials or more
+    u_sample : standard deviation of the noise of one sample
 
     Returns
     -------
@@ -131,11 +129,9 @@ def reach_in_time(mean: Array, scatter: Array, n: int) -> Array:
 
     Parameters
     ----------
-    mean : (n_samples,) array
-    scatter : (n_samples,) array
-        As of `time_scatter`.
-    n : int
-        Trials.
+    mean : (n_samples,)
+    scatter : (n_samples,), as of `time_scatter`
+    n : trials
     """
     factor = float(stdtrit(n - 1, 0.5 + TIME_CONFIDENCE / 2)) * np.sqrt(1 + 1 / n)
     # rounding keeps the number of different reaches small
@@ -197,13 +193,9 @@ def critical_value(freedom: int, length: float, n_samples: int, confidence: floa
 
     Parameters
     ----------
-    freedom : int
-        Degrees of freedom at each instant, number of trials − 1.
-    length : float
-        Roughness length of the curve.
-    n_samples : int
-        Samples of the curve: it cannot exceed more often than so many independent values.
-    confidence : float
+    freedom : degrees of freedom at each instant, number of trials − 1
+    length : roughness length of the curve
+    n_samples : samples of the curve: it cannot exceed more often than so many independent values
 
     Examples
     --------
@@ -226,10 +218,8 @@ def roughness_length(residual: Array, u_sample: float = 0.0) -> float:
 
     Parameters
     ----------
-    residual : (n_samples, n_trials) array
-        Deviations from the mean; NaN rows are left out.
-    u_sample : float
-        Standard deviation of the white noise in one sample of one trial.
+    residual : (n_samples, n_trials), deviations from the mean; NaN rows are left out
+    u_sample : standard deviation of the white noise in one sample of one trial
     """
     size = np.linalg.norm(residual, axis=1)
     unit = residual / size[:, None]
@@ -254,12 +244,10 @@ def repeatability_band(curves: Array, *, u_sample: float = 0.0, confidence: floa
 
     Parameters
     ----------
-    curves : (n_samples, n_trials) array
-        Samples at which a trial is lost (NaN) have no band.
-    u_sample : float
-        Standard deviation of the white noise of one sample, for instance from the counts of an encoder.  Where the
-        trials scatter by less than three times this, they add no roughness; nowhere is their scatter taken for smaller.
-    confidence : float
+    curves : (n_samples, n_trials), samples at which a trial is lost (NaN) have no band
+    u_sample : standard deviation of the white noise of one sample, for instance from the counts of an encoder.  Where
+        the trials scatter by less than three times this, they add no roughness; nowhere is their scatter taken for
+        smaller.
     """
     values = np.asarray(curves, dtype=float)
     n_samples, n = values.shape
@@ -299,28 +287,16 @@ JOINED = ("pooled", "largest")
 
 @dataclass(frozen=True)
 class PredictionBand:
-    """A way to calibrate a band about a prediction, and the numbers that came of it.
+    """A way to calibrate a band about a prediction, and the numbers that came of it."""
 
-    Attributes
-    ----------
-    floor : float
-        Least standard uncertainty of a prediction, in rulers.
-    by_phase : bool
-        There is a number for each phase; otherwise one for the whole stroke.
-    joined : str
-        ``pooled``: the 95 % quantile of errors over u in the training strokes, each of the same weight; ``largest``:
-        the largest of the strokes' own.
-    q : dict of str
-        The numbers, by phase, and that of the whole stroke.
-    left_out : dict
-        For each training stroke how the band calibrated on the others fared there: ``inside``, ``half_width`` (median)
-        and ``score`` (interval score), in rulers.
-    """
-
-    floor: float
-    by_phase: bool
+    floor: float  # least standard uncertainty of a prediction, in rulers
+    by_phase: bool  # there is a number for each phase; otherwise one for the whole stroke
+    # ``pooled``: the 95 % quantile of errors over u in the training strokes, each of the same weight; ``largest``: the
+    # largest of the strokes' own
     joined: str
-    q: dict[str, float] = field(default_factory=dict)
+    q: dict[str, float] = field(default_factory=dict)  # the numbers, by phase, and that of the whole stroke
+    # for each training stroke how the band calibrated on the others fared there: ``inside``, ``half_width`` (median)
+    # and ``score`` (interval score), in rulers
     left_out: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
@@ -359,8 +335,7 @@ def prediction_band(strokes: Sequence[PredictedStroke]) -> PredictionBand:
 
     Parameters
     ----------
-    strokes : sequence of PredictedStroke
-        Training strokes, at least two.
+    strokes : training strokes, at least two
     """
 
     def fared(way: PredictionBand) -> dict[str, dict[str, float]]:

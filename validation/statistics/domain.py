@@ -54,12 +54,9 @@ def features_of(time_s: Array, key: Array, unit: str, force_n: Array | None = No
 
     Parameters
     ----------
-    time_s, key : ndarray, shape (n,)
-        Key from rest; its larger way from rest is down.
-    unit : str
-        Of the key, ``m`` or ``rad``; strokes of one unit can be compared.
-    force_n : ndarray, shape (n,), optional
-        Force on the key, N.
+    time_s, key : (n,), key from rest; its larger way from rest is down
+    unit : of the key, ``m`` or ``rad``; strokes of one unit can be compared
+    force_n : ndarray, shape (n,), optional, force on the key, N
 
     Returns
     -------

@@ -96,10 +96,8 @@ def curve_repeatability(curves: Array, kinds: Sequence[int] | None = None) -> Cu
 
     Parameters
     ----------
-    curves : (n_samples, n_trials) array
-        All on one time base, inside the evaluation window; NaN where lost.
-    kinds : sequence of int, optional
-        Number of the kind of stroke of each trial; all alike when left out.
+    curves : (n_samples, n_trials), all on one time base, inside the evaluation window; NaN where lost
+    kinds : number of the kind of stroke of each trial; all alike when left out
 
     Returns
     -------
@@ -136,7 +134,7 @@ def distance_ratios(curves: Array) -> Array:
 
     Parameters
     ----------
-    curves : (n_samples, n_trials) array
+    curves : (n_samples, n_trials)
 
     Returns
     -------
@@ -158,10 +156,8 @@ def event_repeatability(events: dict[int, dict[str, Event]], kinds: Sequence[Col
 
     Parameters
     ----------
-    events : dict
-        Trial number → events of that trial; one that is left out does not count.
-    kinds : sequence
-        Numbers of the trials of each kind of stroke; all alike when left out.
+    events : Trial number → events of that trial; one that is left out does not count
+    kinds : numbers of the trials of each kind of stroke; all alike when left out
 
     Returns
     -------

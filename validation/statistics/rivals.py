@@ -38,30 +38,17 @@ def stroke_example(m: MeasuredTrial) -> Example:
 
 @dataclass(frozen=True)
 class Rivals:
-    """A model beside its rivals on the trials of a session.
+    """A model beside its rivals on the trials of a session."""
 
-    Attributes
-    ----------
-    errors : DataFrame
-        One row a trial and channel: rmse_rad of the model, <rival>_rmse_rad (of films the null model's alone), nearest.
-    skill : dict
-        Channel -> skill against the best rival on trials that were not fitted, on all where all were.
-    places : DataFrame
-        One row a trial: fitted, distance, outside, why_outside; not known for an action that was not identified.
-    domain : tuple of str
-        What the verdict says of where the trials lie.
-    skills : tuple of str
-        What it says of the skill, in one line.
-    nearer : str
-        What its head says where a rival is nearer; empty where the model is nearer in every channel.
-    """
-
+    # one row a trial and channel: rmse_rad of the model, <rival>_rmse_rad (of films the null model's alone), nearest
     errors: pd.DataFrame
+    # channel -> skill against the best rival on trials that were not fitted, on all where all were
     skill: dict[str, Skill]
+    # one row a trial: fitted, distance, outside, why_outside; not known for an action that was not identified
     places: pd.DataFrame
-    domain: tuple[str, ...]
-    skills: tuple[str, ...]
-    nearer: str
+    domain: tuple[str, ...]  # what the verdict says of where the trials lie
+    skills: tuple[str, ...]  # what it says of the skill, in one line
+    nearer: str  # what its head says where a rival is nearer; empty where the model is nearer in every channel
 
 
 def beside_rivals(

@@ -73,33 +73,20 @@ class TrialErrors:
 
 @dataclass(frozen=True)
 class SessionErrors:
-    """Comparison errors of a session.
+    """Comparison errors of a session."""
 
-    Attributes
-    ----------
-    sample : ErrorSample
-    travel : measured range of each channel in the window, rad, mean over trials
-    values : (V,) measured events, mean over trials, NaN for angles
-    trials : numbers of the trials on the branch that most of them take
-    other_branch : numbers of the others, with their branch
-    branch : that branch
-    failed : draws that could not be run
-    time_s, curves : (n,) and (N, n, 5) errors of the representative trial over time, rad; of those that could be run
-    changed : parameters of the action in each draw
-    representatives : number of the trials drawn
-    """
-
-    sample: ErrorSample
-    travel: Mapping[str, float]
-    values: Array
-    trials: tuple[int, ...]
-    other_branch: Mapping[int, int]
-    branch: int
-    failed: int
+    sample: ErrorSample  # ErrorSample
+    travel: Mapping[str, float]  # measured range of each channel in the window, rad, mean over trials
+    values: Array  # (V,) measured events, mean over trials, NaN for angles
+    trials: tuple[int, ...]  # numbers of the trials on the branch that most of them take
+    other_branch: Mapping[int, int]  # numbers of the others, with their branch
+    branch: int  # that branch
+    failed: int  # draws that could not be run
+    # time_s, curves: (n,) and (N, n, 5) errors of the representative trial over time, rad; of those that could be run
     time_s: Array
     curves: NDArray[np.float32]
-    changed: Sequence[Mapping[str, float]]
-    representatives: tuple[int, ...]
+    changed: Sequence[Mapping[str, float]]  # parameters of the action in each draw
+    representatives: tuple[int, ...]  # number of the trials drawn
 
 
 def trial_errors(
@@ -153,16 +140,9 @@ def session_errors(
 
     Parameters
     ----------
-    predicted : PredictedSession
-    traces : SessionTraces
-    events : SessionEvents
-    tested : ModelUnderTest
-    without : collection of (trial, channel)
-        What is unusable.
-    kinds : sequence of collections of trial numbers
-        Where the session holds several kinds of stroke.
-    u_rest_level_m : float
-        Standard uncertainty of hammer height and key dip at rest, m.
+    without : collection of (trial, channel), what is unusable
+    kinds : sequence of collections of trial numbers, where the session holds several kinds of stroke
+    u_rest_level_m : standard uncertainty of hammer height and key dip at rest, m
     """
     usable = [m for m in predicted.trials if not all((m.number, name) in without for name in ENCODER_CHANNELS)]
     if not usable:

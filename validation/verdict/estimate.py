@@ -38,84 +38,43 @@ SEED = 20
 
 @dataclass(frozen=True)
 class ErrorSample:
-    """Comparison errors of V quantities, found and drawn.
+    """Comparison errors of V quantities, found and drawn."""
 
-    Attributes
-    ----------
-    found : (V,)
-        Mean over trials of model − trial, NaN where not known.
-    n_trials : (V,)
-        Trials that each mean is of.
-    residuals : (n, V)
-        Of each trial from that mean, NaN where not known.
-    common : (N, V)
-        Errors as drawn, of what is common to all trials.
-    own : (K, V)
-        Errors as drawn, of what each trial has for itself as declared.
-    branch : (N,)
-        Branch of the motion of each draw, as a number.
-    branch_found : int
-        That of the trials; need not occur in ``branch``.
-    inputs : (N, q)
-        Drawn values of the inputs, standard normal.
-    floor : (V,)
-        Smallest scale.
-    primary : (V,)
-        Quantities of the claim.
-    """
-
-    found: Array
-    n_trials: NDArray[np.int64]
-    residuals: Array
-    common: Array
-    own: Array
-    branch: NDArray[np.int64]
-    branch_found: int
-    inputs: Array
-    floor: Array
-    primary: NDArray[np.bool_]
+    found: Array  # (V,), mean over trials of model − trial, NaN where not known
+    n_trials: NDArray[np.int64]  # (V,), trials that each mean is of
+    residuals: Array  # (n, V), of each trial from that mean, NaN where not known
+    common: Array  # (N, V), errors as drawn, of what is common to all trials
+    own: Array  # (K, V), errors as drawn, of what each trial has for itself as declared
+    branch: NDArray[np.int64]  # (N,), branch of the motion of each draw, as a number
+    branch_found: int  # that of the trials; need not occur in ``branch``
+    inputs: Array  # (N, q), drawn values of the inputs, standard normal
+    floor: Array  # (V,), smallest scale
+    primary: NDArray[np.bool_]  # (V,), quantities of the claim
 
 
 @dataclass(frozen=True)
 class Estimates:
-    """What is estimated of each quantity, (V,) each unless said otherwise; NaN where it cannot be stated.
+    """What is estimated of each quantity, (V,) each unless said otherwise; NaN where it cannot be stated."""
 
-    Attributes
-    ----------
-    low, high : ends of the individual 95 % interval of the model error
-    low_90, high_90 : ends of the 90 % interval
-    u : standard uncertainty of the comparison error, robust
-    u_repeat : that from what differs between trials
-    u_inputs : (q, V) from each input
-    u_other : from inputs that ``inputs`` do not list
-    ratio : |E − median of the draws| over the distance of the end of their central 95 % on its side
-    ratio_limit : ratio that the largest one exceeds in 5 % of right models' sessions
-    resolved : whether the simultaneous test resolves this quantity
-    detectable : error that is resolved in 80 % of sessions
-    p : of the simultaneous test
-    n_draws : draws on the branch that was observed
-    share : of the draws on that branch
-    is_branch_resolved : whether the branch itself is what a right model hardly ever does
-    noise : (N, V) errors drawn, with what differs between trials; NaN off the branch
-    """
-
+    # low, high: ends of the individual 95 % interval of the model error
     low: Array
     high: Array
+    # low_90, high_90: ends of the 90 % interval
     low_90: Array
     high_90: Array
-    u: Array
-    u_repeat: Array
-    u_inputs: Array
-    u_other: Array
-    ratio: Array
-    ratio_limit: float
-    resolved: NDArray[np.bool_]
-    detectable: Array
-    p: float
-    n_draws: int
-    share: float
-    is_branch_resolved: bool
-    noise: Array
+    u: Array  # standard uncertainty of the comparison error, robust
+    u_repeat: Array  # that from what differs between trials
+    u_inputs: Array  # (q, V) from each input
+    u_other: Array  # from inputs that ``inputs`` do not list
+    ratio: Array  # |E − median of the draws| over the distance of the end of their central 95 % on its side
+    ratio_limit: float  # ratio that the largest one exceeds in 5 % of right models' sessions
+    resolved: NDArray[np.bool_]  # whether the simultaneous test resolves this quantity
+    detectable: Array  # error that is resolved in 80 % of sessions
+    p: float  # of the simultaneous test
+    n_draws: int  # draws on the branch that was observed
+    share: float  # of the draws on that branch
+    is_branch_resolved: bool  # whether the branch itself is what a right model hardly ever does
+    noise: Array  # (N, V) errors drawn, with what differs between trials; NaN off the branch
 
     @property
     def alone(self) -> NDArray[np.bool_]:
@@ -190,13 +149,9 @@ def draw_trial_scatter(
 
     Parameters
     ----------
-    residuals : (n, V) array
-        Of the trials from their mean.
-    own : (K, V) array
-        Errors of one trial as declared.
-    n_trials : (V,) array
-    n_draws : int
-    rng : numpy.random.Generator
+    residuals : (n, V), of the trials from their mean
+    own : (K, V), errors of one trial as declared
+    n_trials : (V,)
     """
     known = np.isfinite(own).sum(axis=0)
     declared = np.where(np.isfinite(own), own - _nan_mean(own), 0.0) / np.sqrt(np.maximum(known - 1, 1))
@@ -312,11 +267,10 @@ def strongest_inputs(errors: Array, inputs: Array, names: Sequence[str], least: 
 
     Parameters
     ----------
-    errors : (N,) array
-    inputs : (N, q) array
+    errors : (N,)
+    inputs : (N, q)
     names : q texts
-    least : float
-        Share of the variance.
+    least : share of the variance
     """
     known = np.isfinite(errors)
     if known.sum() < FEWEST_FOR_INTERVAL or not len(names):

@@ -21,12 +21,9 @@ def log_evidence(found: Array, drawn: Array, floor: Array) -> tuple[float, float
 
     Parameters
     ----------
-    found : (d,) array
-        Mean differences of angles by channel and phase, rad; the first `MOST_NUMBERS` are taken.
-    drawn : (N, d) array
-        The same as drawn.
-    floor : (d,) array
-        Smallest standard uncertainty of each, rad.
+    found : (d,), mean differences of angles by channel and phase, rad; the first `MOST_NUMBERS` are taken
+    drawn : (N, d), the same as drawn
+    floor : (d,), smallest standard uncertainty of each, rad
 
     Returns
     -------

@@ -40,21 +40,14 @@ PARAMETERS, SCATTER = "parameters of the model as declared", "scatter of the tri
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is said of a model on a session.
+    """What is said of a model on a session."""
 
-    Attributes
-    ----------
-    outcome : one of `validation.result.OUTCOMES`
-    sentence : the outcome with what it rests on
-    quantities : one row a quantity, `COLUMNS`
-    facts : the test in plain values
-    errors, estimates : what it was made from; None where nothing was drawn
-    """
-
-    outcome: str
-    sentence: str
+    outcome: str  # one of `validation.result.OUTCOMES`
+    sentence: str  # the outcome with what it rests on
+    # one row a quantity, `COLUMNS`
     quantities: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=COLUMNS))
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)  # the test in plain values
+    # errors, estimates: what it was made from; None where nothing was drawn
     errors: SessionErrors | None = None
     estimates: Estimates | None = None
 
@@ -69,10 +62,8 @@ def judge_model(errors: SessionErrors | None, limits: Mapping[str, float]) -> Ve
 
     Parameters
     ----------
-    errors : SessionErrors or None
-        None where no trial is usable.
-    limits : dict
-        Of relevance, as of `quantities.relevance_limits`.
+    errors : None where no trial is usable
+    limits : of relevance, as of `quantities.relevance_limits`
     """
     if errors is None:
         return undecided_verdict("no trial is usable")

@@ -38,15 +38,10 @@ ZIGZAG = sorted(
 
 @dataclass(frozen=True)
 class Compression:
-    """How a film was compressed.
+    """How a film was compressed."""
 
-    Attributes
-    ----------
-    steps : ndarray, shape (8, 8), or None
-        Steps of the luminance table, grey, lowest frequency first; None when frames are predicted from others, or
-        stored with a loss that the file does not tell.
-    """
-
+    # ndarray, shape (8, 8), or None, steps of the luminance table, grey, lowest frequency first; None when frames are
+    # predicted from others, or stored with a loss that the file does not tell
     steps: NDArray[np.float64] | None
 
 

@@ -50,19 +50,12 @@ Kind = Literal["even", "gaps", "variable", "ramp"]
 
 @dataclass(frozen=True)
 class Spacing:
-    """How stamps follow one another.
+    """How stamps follow one another."""
 
-    Attributes
-    ----------
-    kind : {"even", "gaps", "variable", "ramp"}
-    interval_s : float
-        From a frame to the next where none is missing: the mean of evenly spaced stamps, else the median.
-    missing : ndarray of int, shape (n - 1,)
-        Frames left out after each frame; zero where the intervals are not whole multiples.
-    """
-
-    kind: Kind
+    kind: Kind  # {"even", "gaps", "variable", "ramp"}
+    # from a frame to the next where none is missing: the mean of evenly spaced stamps, else the median
     interval_s: float
+    # ndarray of int, shape (n - 1,), frames left out after each frame; zero where the intervals are not whole multiples
     missing: NDArray[np.int64]
 
 
@@ -72,10 +65,8 @@ def spacing_of(stamp_s: F64, tick_s: float, nominal_s: float | None = None) -> S
     Parameters
     ----------
     stamp_s : ndarray, shape (n,), n > 1
-    tick_s : float
-        What stamps are rounded to, s; 0 when they are not.
-    nominal_s : float, optional
-        Interval that the file states beside its stamps.
+    tick_s : what stamps are rounded to, s; 0 when they are not
+    nominal_s : interval that the file states beside its stamps
 
     Raises
     ------

@@ -55,21 +55,7 @@ def jpeg_is_whole(data: bytes, width: int, height: int) -> bool:
 
 @dataclass(frozen=True)
 class VideoIndex:
-    """What is known of a video before its frames are asked for.
-
-    Attributes
-    ----------
-    packet_of : ndarray of int, shape (n_frames,)
-        Of films whose frames stand alone: the packet of each frame, counted as they lie in the file.
-    packet_number : dict
-        Packet by its place in the file, stamp and size; None where two are the same.
-    seek_ticks : ndarray of int, shape (n_packets,)
-    is_standalone : bool
-        Every packet is one frame, decoded without any other.
-    stamp_s : ndarray, shape (n_frames,), or None
-    display_matrix : tuple of int, or None
-        a, b, c, d of the matrix that turns the stored picture into the shown one.
-    """
+    """What is known of a video before its frames are asked for."""
 
     codec: str
     tag: str
@@ -77,11 +63,14 @@ class VideoIndex:
     width: int
     height: int
     n_frames: int
+    # ndarray of int, shape (n_frames,), of films whose frames stand alone: the packet of each frame, counted as they
+    # lie in the file
     packet_of: NDArray[np.int64]
+    # packet by its place in the file, stamp and size; None where two are the same
     packet_number: dict[tuple[Any, ...], int | None]
-    seek_ticks: NDArray[np.int64]
-    is_standalone: bool
-    stamp_s: NDArray[np.float64] | None
+    seek_ticks: NDArray[np.int64]  # ndarray of int, shape (n_packets,)
+    is_standalone: bool  # every packet is one frame, decoded without any other
+    stamp_s: NDArray[np.float64] | None  # ndarray, shape (n_frames,), or None
     spacing: Spacing | None
     tick_s: float
     rate_hz: float | None
@@ -90,6 +79,7 @@ class VideoIndex:
     is_limited: bool
     pixel_format: str
     pixel_aspect: float | None
+    # a, b, c, d of the matrix that turns the stored picture into the shown one
     display_matrix: tuple[int, int, int, int] | None
     first_packet: bytes
     remarks: tuple[str, ...]

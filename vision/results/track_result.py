@@ -95,8 +95,7 @@ class TrackResult(ArrayRecord):
 
         Parameters
         ----------
-        body : str
-            A body with a parent.
+        body : a body with a parent
 
         Returns
         -------

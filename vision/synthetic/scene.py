@@ -47,10 +47,8 @@ def thick_line(points: ArrayLike, thickness: float | ArrayLike) -> NDArray[np.fl
 
     Parameters
     ----------
-    points : array_like, shape (m, 2)
-        Centre line.
-    thickness : float or array_like, shape (m,)
-        Full width, one for all points or one each.
+    points : array_like, shape (m, 2), centre line
+    thickness : float or array_like, shape (m,), full width, one for all points or one each
 
     Returns
     -------
@@ -151,8 +149,7 @@ class Scene:
 
         Parameters
         ----------
-        poses : ndarray, shape (n_instants, n_bodies, 3)
-            Angle (rad, counter-clockwise), x and y (px) of every body's origin.
+        poses : (n_instants, n_bodies, 3), angle (rad, counter-clockwise), x and y (px) of every body's origin
 
         Returns
         -------

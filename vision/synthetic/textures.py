@@ -20,28 +20,17 @@ REACH = 5.0
 
 @dataclass(frozen=True)
 class BlobTexture:
-    """Sum of Gaussian blobs, each with its own place, height, widths and direction, on a mean grey.
+    """Sum of Gaussian blobs, each with its own place, height, widths and direction, on a mean grey."""
 
-    Attributes
-    ----------
-    mean_grey : float
-    x, y : ndarray, shape (n,)
-        Centres.
-    height : ndarray, shape (n,)
-        Grey, either sign.
-    along, across : ndarray, shape (n,)
-        Standard deviations along and across the blob's direction, px.
-    direction : ndarray, shape (n,)
-        Angle of the long axis from x towards y, rad.
-    """
-
-    mean_grey: float
+    mean_grey: float  # float
+    # x, y: (n,), centres
     x: NDArray[np.float64]
     y: NDArray[np.float64]
-    height: NDArray[np.float64]
+    height: NDArray[np.float64]  # (n,), grey, either sign
+    # along, across: (n,), standard deviations along and across the blob's direction, px
     along: NDArray[np.float64]
     across: NDArray[np.float64]
-    direction: NDArray[np.float64]
+    direction: NDArray[np.float64]  # (n,), angle of the long axis from x towards y, rad
 
     def at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
         """Grey value at scattered points, straight from the formula."""
@@ -86,14 +75,9 @@ def speckle(
 
     Parameters
     ----------
-    extent : (x0, y0, x1, y1)
-        Region to fill, px.
-    seed : int
-    sigma_px : float
-        Width of a dot (standard deviation); its visible diameter is about 2.4 times that.
-    contrast_grey : float
-        Standard deviation of the grey value.
-    mean_grey : float
+    extent : (x0, y0, x1, y1), region to fill, px
+    sigma_px : width of a dot (standard deviation); its visible diameter is about 2.4 times that
+    contrast_grey : standard deviation of the grey value
     """
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = extent
@@ -123,16 +107,10 @@ def wood_grain(
 
     Parameters
     ----------
-    extent : (x0, y0, x1, y1)
-        Region to fill, px.
-    seed : int
-    direction_rad : float
-        Grain direction from x towards y.
-    fibre_px, ring_px : (along, across)
-        Widths (standard deviations) of fibres and rings.
-    contrast_grey : float
-        Standard deviation of the grey value, of which fibres and rings have equal shares of the variance.
-    mean_grey : float
+    extent : (x0, y0, x1, y1), region to fill, px
+    direction_rad : grain direction from x towards y
+    fibre_px, ring_px : (along, across), widths (standard deviations) of fibres and rings
+    contrast_grey : standard deviation of the grey value, of which fibres and rings have equal shares of the variance
     """
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = extent

@@ -32,39 +32,24 @@ class Number(NamedTuple):
 
 @dataclass(frozen=True)
 class Felt:
-    """A felt under load, as a law sees it.
+    """A felt under load, as a law sees it."""
 
-    Attributes
-    ----------
-    depth, rate : m, positive where the surfaces meet, and m/s
-    memory : what it remembers
-    curve : a, b, c of its slow loading curve
-    damping : ``normal.D`` of the contact, s/m; 0 unless the law is `damped`
-    numbers : what the law has `packed`
-    """
-
+    # depth, rate: m, positive where the surfaces meet, and m/s
     depth: Expression
     rate: Expression
-    memory: tuple[Expression, ...]
-    curve: Curve
-    damping: Expression
-    numbers: tuple[Expression, ...]
+    memory: tuple[Expression, ...]  # what it remembers
+    curve: Curve  # a, b, c of its slow loading curve
+    damping: Expression  # ``normal.D`` of the contact, s/m; 0 unless the law is `damped`
+    numbers: tuple[Expression, ...]  # what the law has `packed`
 
 
 class Law:
-    """A law of felt.
+    """A law of felt."""
 
-    Attributes
-    ----------
-    name : as ``contact02.law`` takes it; lower case
-    numbers : parameters by name; a contact's paths are ``contact02.<law>.<name>``
-    damped : whether ``normal.D`` is a parameter of it; otherwise its felt has D = 0
-    anew : value that memories have at the next touch, whatever was before; None where they go on by `alone`
-    """
-
-    name: ClassVar[str]
-    numbers: ClassVar[Mapping[str, Number]] = {}
-    damped: ClassVar[bool] = False
+    name: ClassVar[str]  # as ``contact02.law`` takes it; lower case
+    numbers: ClassVar[Mapping[str, Number]] = {}  # parameters by name; a contact's paths are ``contact02.<law>.<name>``
+    damped: ClassVar[bool] = False  # whether ``normal.D`` is a parameter of it; otherwise its felt has D = 0
+    # value that memories have at the next touch, whatever was before; None where they go on by `alone`
     anew: ClassVar[float | None] = None
     added = False
     """Whether a program has added it: then its force is watched, which may not go below zero."""

@@ -38,26 +38,15 @@ ENCODED_BODIES = ("key", "whippen", "hammer")
 
 @dataclass(frozen=True, eq=False)
 class PlantBlock:
-    """State of the plant at n successive edges of the sample clock.
+    """State of the plant at n successive edges of the sample clock."""
 
-    Attributes
-    ----------
-    time_s : ndarray, shape (n,)
-        Time of each edge since the start trigger, s.
-    force_n : ndarray, shape (n,)
-        Force of the motor arm on the key as the load cell feels it, N, positive downwards.
-    angle_rad : ndarray, shape (n, 3)
-        Absolute angles of key, whippen and hammer, rad.
-    motor_rad : ndarray, shape (n,)
-        Angle of the motor arm, rad.
-    key_lift_m : ndarray, shape (n,), optional
-        Height of the key's pivot above where it rests, m; None for a plant whose key cannot leave its rail.
-    """
-
-    time_s: NDArray[np.float64]
+    time_s: NDArray[np.float64]  # (n,), time of each edge since the start trigger, s
+    # (n,), force of the motor arm on the key as the load cell feels it, N, positive downwards
     force_n: NDArray[np.float64]
-    angle_rad: NDArray[np.float64]
-    motor_rad: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]  # (n, 3), absolute angles of key, whippen and hammer, rad
+    motor_rad: NDArray[np.float64]  # (n,), angle of the motor arm, rad
+    # ndarray, shape (n,), optional, height of the key's pivot above where it rests, m; None for a plant whose key
+    # cannot leave its rail
     key_lift_m: NDArray[np.float64] | None = None
 
 

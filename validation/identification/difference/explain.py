@@ -80,32 +80,19 @@ FINDINGS |= dict.fromkeys(ENCODER_SCALES, "encoder scale")
 
 @dataclass(frozen=True)
 class CompatibleChange:
-    """One change of a set that explains the trials.
+    """One change of a set that explains the trials."""
 
-    Attributes
-    ----------
-    set : number of the set: those of what trials differ by, then of what all share; smaller sets first, then by
-        evidence
-    changes : how many changes the set has
-    cause : parameter, felt, or error of a channel of the session
-    change : factor, or what is added in ``unit``; of a trend that of the last trial
-    u : its standard uncertainty; relative where ``unit`` is 1
-    unit : SI; 1 means a factor
-    log_odds : natural logarithm of the set's evidence over that of the best of the smallest sets
-    left : share of the squared difference that is left with it: of the trials' mean, or of what they differ by
-    profile : ``all`` trials, ``one``, a ``trend`` that grows evenly, a ``step``
-    first, last : numbers of the first and last trial that has it
-    """
-
+    # number of the set: those of what trials differ by, then of what all share; smaller sets first, then by evidence
     set: int
-    changes: int
-    cause: str
-    change: float
-    u: float
-    unit: str
-    log_odds: float
-    left: float
-    profile: str = ALL
+    changes: int  # how many changes the set has
+    cause: str  # parameter, felt, or error of a channel of the session
+    change: float  # factor, or what is added in ``unit``; of a trend that of the last trial
+    u: float  # its standard uncertainty; relative where ``unit`` is 1
+    unit: str  # SI; 1 means a factor
+    log_odds: float  # natural logarithm of the set's evidence over that of the best of the smallest sets
+    left: float  # share of the squared difference that is left with it: of the trials' mean, or of what they differ by
+    profile: str = ALL  # ``all`` trials, ``one``, a ``trend`` that grows evenly, a ``step``
+    # first, last: numbers of the first and last trial that has it
     first: int = 0
     last: int = 0
 
@@ -140,22 +127,13 @@ class CompatibleChange:
 
 @dataclass(frozen=True)
 class Explained:
-    """What explains the differences.
+    """What explains the differences."""
 
-    Attributes
-    ----------
-    sentence : of what all trials share; empty where nothing was looked for
-    changes : rows of the sets named
-    nothing : whether no part of the model need have changed
-    findings : what some of the trials differ from the others by
-    soft : whether no cause of what all trials share is named since the strokes are too soft
-    """
-
-    sentence: str = ""
-    changes: tuple[CompatibleChange, ...] = ()
-    nothing: bool = False
-    findings: tuple[SessionFinding, ...] = ()
-    soft: bool = False
+    sentence: str = ""  # of what all trials share; empty where nothing was looked for
+    changes: tuple[CompatibleChange, ...] = ()  # rows of the sets named
+    nothing: bool = False  # whether no part of the model need have changed
+    findings: tuple[SessionFinding, ...] = ()  # what some of the trials differ from the others by
+    soft: bool = False  # whether no cause of what all trials share is named since the strokes are too soft
 
 
 def explain_difference(
@@ -165,18 +143,10 @@ def explain_difference(
 
     Parameters
     ----------
-    tested : ModelUnderTest
-        Known results are reused from its store.
-    sound : sequence of MeasuredTrial
-        Without faults, of one kind of stroke.
-    effects : bool
-        Whether effects that the model lacks are tried; each compiles a scene of its own once.
-    between : bool
-        Whether what all trials share is only asked for where something is found that they differ by.
-
-    Returns
-    -------
-    Explained
+    tested : known results are reused from its store
+    sound : without faults, of one kind of stroke
+    effects : whether effects that the model lacks are tried; each compiles a scene of its own once
+    between : whether what all trials share is only asked for where something is found that they differ by
     """
     if not sound:
         return Explained()
@@ -251,10 +221,8 @@ def linearised(
     ----------
     tested, responses : what runs
     points : what is taken for granted, and the set
-    before : Search or None
-        That around another set: derivatives are found again of what is noise there; others, and what the force's noise
-        does, are kept. Around the same set all are.
-    asked : `MEAN` or `BETWEEN`
+    before : that around another set: derivatives are found again of what is noise there; others, and what the force's
+        noise does, are kept. Around the same set all are.
     """
     (start, at), listed, trials = points, responses.listed, responses.trials
     wanted = [j for j, s in enumerate(listed) if not s.added]  # these: `Search.with_effects`
@@ -280,20 +248,13 @@ def linearised(
 
 @dataclass(frozen=True)
 class Answer:
-    """What one part of the search found.
+    """What one part of the search found."""
 
-    Attributes
-    ----------
-    near : sets named, with their log odds; none where nothing need be sought or nothing explains it
-    search : the last one
-    nothing : whether nothing need be sought
-    gained : log odds of the best set over none
-    """
-
+    # sets named, with their log odds; none where nothing need be sought or nothing explains it
     near: tuple[tuple[Followed, float], ...]
-    search: Search
-    nothing: bool = False
-    gained: float = 0.0
+    search: Search  # the last one
+    nothing: bool = False  # whether nothing need be sought
+    gained: float = 0.0  # log odds of the best set over none
 
 
 Around = Callable[[Followed, Followed, Search | None, int], Search]
@@ -307,11 +268,9 @@ def decide(
 
     Parameters
     ----------
-    around : callable
-        Given what is taken for granted, a set, the last search and what is asked: the search with derivatives and noise
-        found around the set.
-    nothing : Followed
-        The model as it is.
+    around : given what is taken for granted, a set, the last search and what is asked: the search with derivatives and
+        noise found around the set
+    nothing : the model as it is
     numbers : of the trials
     between : whether what all share is only asked for where they are found to differ
     soft : whether the strokes are too soft for causes of what all share to be named

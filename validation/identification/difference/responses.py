@@ -82,36 +82,22 @@ LEAST_ADDED, STEP_ADDED = 0.03, 0.05  # amounts: below the first it is as if not
 
 @dataclass(frozen=True)
 class Source:
-    """One thing that may be wrong.
+    """One thing that may be wrong."""
 
-    Attributes
-    ----------
-    name : of a parameter, a felt, or an error of the session
-    unit : SI unit of what is added; 1 means a factor
-    paths : parameters of the action that move together; none for an error of the session
-    wrong : how far off it may be, as a logarithm where ``unit`` is 1
-    known : its stated standard uncertainty, in units of ``wrong``
-    law : whether it is a law: all together say what the model can do
-    named : whether it may be named; else it is only taken out
-    step : for differences, in units of ``wrong``
-    scatter : from trial to trial, standard deviation in units of ``wrong``
-    profiles : in which trials it may be wrong
-    effects, laws : what the model lacks and an amount adds to its scene: effects, and laws of felt by contact
-    scaled : paths with their values at amount 1, and the power of the amount that each goes with
-    """
-
-    name: str
-    unit: str
-    paths: tuple[str, ...]
-    wrong: float
-    known: float
-    law: bool = False
-    named: bool = True
-    step: float = STEP_SIZE
-    scatter: float = 0.0
-    profiles: tuple[str, ...] = (ALL,)
+    name: str  # of a parameter, a felt, or an error of the session
+    unit: str  # SI unit of what is added; 1 means a factor
+    paths: tuple[str, ...]  # parameters of the action that move together; none for an error of the session
+    wrong: float  # how far off it may be, as a logarithm where ``unit`` is 1
+    known: float  # its stated standard uncertainty, in units of ``wrong``
+    law: bool = False  # whether it is a law: all together say what the model can do
+    named: bool = True  # whether it may be named; else it is only taken out
+    step: float = STEP_SIZE  # for differences, in units of ``wrong``
+    scatter: float = 0.0  # from trial to trial, standard deviation in units of ``wrong``
+    profiles: tuple[str, ...] = (ALL,)  # in which trials it may be wrong
+    # effects, laws: what the model lacks and an amount adds to its scene: effects, and laws of felt by contact
     effects: tuple[str, ...] = ()
     laws: tuple[tuple[str, str], ...] = ()
+    # paths with their values at amount 1, and the power of the amount that each goes with
     scaled: tuple[tuple[str, float, float], ...] = ()
 
     @property
@@ -173,23 +159,16 @@ class Source:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One thing that may be wrong in some trials.
+    """One thing that may be wrong in some trials."""
 
-    Attributes
-    ----------
-    source : its index
-    profile : ``all`` trials, ``one``, a ``trend`` that grows evenly from the first trial on, a ``step`` at one trial
-    weights : (trials,) share of the amount that each trial has
-    first, last : numbers of the first and last trial that has it
-    rarity : negative logarithm of the share of what may be wrong that it has beforehand
-    """
-
-    source: int
+    source: int  # its index
+    # ``all`` trials, ``one``, a ``trend`` that grows evenly from the first trial on, a ``step`` at one trial
     profile: str
-    weights: tuple[float, ...]
+    weights: tuple[float, ...]  # (trials,) share of the amount that each trial has
+    # first, last: numbers of the first and last trial that has it
     first: int
     last: int
-    rarity: float
+    rarity: float  # negative logarithm of the share of what may be wrong that it has beforehand
 
     @property
     def seen_in(self) -> int:

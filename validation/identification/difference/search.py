@@ -124,7 +124,6 @@ class Evidence:
         columns : (trials, 3 m, k) turned, of the set, there
         z : (k,) amounts that were run: what the linear model promises beyond them does not count
         lacking : whether the model may lack something beside it
-        asked : `MEAN` or `BETWEEN`
         """
         return float(logsumexp(self._marginals(linear, columns, z, self._sizes(lacking, asked))))
 
@@ -271,22 +270,13 @@ SHORTER = 0.3  # of a step that did not lower the objective
 
 @dataclass(frozen=True)
 class Followed:
-    """One set where it is most probable.
+    """One set where it is most probable."""
 
-    Attributes
-    ----------
-    members : candidates, by index
-    z : (k,) amounts
-    each : (trials, 3 m) differences there
-    columns : (3 m, k) derivatives of the predicted curve with respect to each member's source there
-    rough : log odds that the linear model was off by at the last step that was run from there
-    """
-
-    members: tuple[int, ...]
-    z: Array
-    each: Array
-    columns: Array
-    rough: float = 0.0
+    members: tuple[int, ...]  # candidates, by index
+    z: Array  # (k,) amounts
+    each: Array  # (trials, 3 m) differences there
+    columns: Array  # (3 m, k) derivatives of the predicted curve with respect to each member's source there
+    rough: float = 0.0  # log odds that the linear model was off by at the last step that was run from there
 
     @cached_property
     def turned(self) -> Array:

@@ -27,20 +27,12 @@ MOST_SAMPLES = 300
 
 @dataclass(frozen=True)
 class Pointed:
-    """What is said of a place in some panels.
+    """What is said of a place in some panels."""
 
-    Attributes
-    ----------
-    panels : Axes that share the values
-    along : (n,) places along the horizontal axis
-    head : what leads the first line, with ``{}`` for the place, and its digits
-    lines : name, unit, digits and (n,) values of each further line
-    """
-
-    panels: tuple[Axes, ...]
-    along: Array
-    head: tuple[str, int]
-    lines: tuple[tuple[str, str, int, Array], ...]
+    panels: tuple[Axes, ...]  # Axes that share the values
+    along: Array  # (n,) places along the horizontal axis
+    head: tuple[str, int]  # what leads the first line, with ``{}`` for the place, and its digits
+    lines: tuple[tuple[str, str, int, Array], ...]  # name, unit, digits and (n,) values of each further line
 
 
 def pointed_json(figure: Figure, key: str, pointed: Sequence[Pointed]) -> str:
@@ -101,8 +93,7 @@ def quantiles(time_s: Array, curves: Array) -> tuple[Array, Array]:
     Parameters
     ----------
     time_s : (n_samples,)
-    curves : (n_samples, n_trials)
-        NaN is left out.
+    curves : (n_samples, n_trials), NaN is left out
     """
     at = uneven_samples(time_s, curves[:, :: max(1, curves.shape[1] // 8)], SAMPLES)
     ordered = np.sort(curves[at], axis=1)  # NaN last
