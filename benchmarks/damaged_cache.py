@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.first_run import write_force
+import model
 from benchmarks.runner import ROOT, Run, Table
 
 PREFILTER = """
@@ -74,6 +74,12 @@ def entries(cache: Path) -> list[Path]:
 def function_of(entry: Path) -> str:
     """What an entry of numba's belongs to; an index and its code to the same."""
     return entry.name.partition(".numba")[0]
+
+
+def write_force(folder: Path) -> None:
+    """Write the force of the forte as a file."""
+    table = np.column_stack(model.force_table("forte"))
+    np.savetxt(folder / "force.csv", table, delimiter=",", header="time_s,force_n", comments="")
 
 
 def called(job: str, folder: Path) -> tuple[int, str, list[str]]:

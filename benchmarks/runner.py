@@ -16,12 +16,10 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.util
 import inspect
 import json
 import multiprocessing
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -313,12 +311,6 @@ def parsed(name: str, arguments: Sequence[str], description: str = "") -> Run:
     return run
 
 
-def lacking(entry: Mapping[str, Any]) -> list[str]:
-    """Packages and commands that a benchmark needs and that are not here."""
-    packages = [name for name in entry.get("needs", ()) if importlib.util.find_spec(name) is None]
-    return packages + [name for name in entry.get("commands", ()) if shutil.which(name) is None]
-
-
 def benchmark(name: str, entry: Mapping[str, Any]) -> tuple[Callable[[Run], bool | None], str]:
     """What is run, and what it says of itself: ``main`` of its module, or the function of its name in another's."""
     module = importlib.import_module(f"benchmarks.{entry.get('module', name)}")
@@ -347,13 +339,10 @@ def main(arguments: Sequence[str]) -> int:
         print(f"\nbenchmark: found {name}, allowed are the names above", file=sys.stderr)
         return 2
     entry = entries[name]
-    work, said = (None, entry["claim"]) if (absent := lacking(entry)) else benchmark(name, entry)
+    work, said = benchmark(name, entry)
     run = parsed(name, arguments[1:], said)
     if run.write and run.quick:
         raise SystemExit("--write: found --quick, allowed is the full size: a small run is no figure")
-    if work is None:
-        print(f"skipped: {name} needs {', '.join(absent)}: not installed")
-        return 0
     if run.against is not None and not entry.get("against", False):
         before = ["", *arguments]
         own = [a for a, last in zip(arguments, before, strict=False) if "--against" not in (a.partition("=")[0], last)]

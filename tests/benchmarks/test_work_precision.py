@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import model
-from benchmarks import diagrams, runner, work_precision
+from benchmarks import work_precision
 from benchmarks.peers.compiled import BLOWS, force_table
 from benchmarks.peers.equations import accelerations, largest_deviation
 from benchmarks.peers.solvers import Answer
@@ -39,20 +39,6 @@ def test_quick_run_gives_table_and_json(tmp_path):
     assert all(row["best_s"] > 0 and row["steps"] > 100 and row["rhs"] > row["steps"] for row in ours)
     # every peer that ran solved the same problem
     assert all(row["error_rad"] < 5e-3 for row in found["rows"])
-
-
-@pytest.mark.slow  # kernels that count are compiled, derivatives of 60 parameters taken
-@pytest.mark.parametrize("name", ["floor", "diagrams"])
-def test_floors_and_diagrams_in_small(name: str, capsys):
-    assert runner.main([name, "--quick"]) == 0
-    assert "us of one" in capsys.readouterr().out or name == "diagrams"
-
-
-def test_a_diagram_names_its_lines(tmp_path):
-    x, y = [1.0, 10.0, 100.0], [3.0, 2.0, 1.0]
-    diagrams.draw({"batch": {"ours, in lanes": (x, y), "floor, units": (x, [0.5] * 3)}}, tmp_path / "d.svg")
-    text = (tmp_path / "d.svg").read_text(encoding="utf-8")
-    assert all(word in text for word in ("ours, in lanes", "floor, units", "ms a member", "members"))
 
 
 def test_equations_follow_the_parameters():
