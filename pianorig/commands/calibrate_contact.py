@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+import model
+import rig
 from pianorig import workflows
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Backend, Rig
 from pianorig.console.output import tell
 from pianorig.console.terminal import type_answer
+from pianorig.errors import CommandInputError
 
 
 def command(
@@ -23,7 +29,7 @@ def command(
     body: Annotated[str, typer.Option("--body", help="key, whippen or hammer: the body that swings.")] = "hammer",
     swings: Annotated[int, typer.Option("--swings", help="How often it is let go, without the pad and with it.")] = 3,
     action: Action = DEFAULT_ACTION,
-    rig: Rig = "virtual",
+    rig_name: Rig = "virtual",
     backend: Backend = "sim://",
     as_json: AsJson = False,
 ) -> None:
@@ -33,11 +39,115 @@ def command(
 
     Example:  pianorig calibrate contact --contact contact04 --load 0.1 --radius 0.012 --out my_pair.toml
     """
-    order = workflows.PadOrder(contact, load, u_load, radius, u_radius, body, swings)
-    facts = workflows.calibrate_contact(order, rig, backend, out, action, type_answer)
+    order = PadOrder(contact, load, u_load, radius, u_radius, body, swings)
+    facts = calibrate_contact(order, rig_name, backend, out, action, type_answer)
     lines = (
         f"{contact}: friction {facts['friction']:.4g}  u {facts['u_friction']:.2g}, slip up to "
         f"{facts['slip_up_to_m_per_s']:.2g} m/s; half swings {', '.join(map(str, facts['half_swings']))}",
         f"{out}: the action with {contact}.friction.A; readings in {facts['record']}",
     )
     tell(as_json, facts, lines)
+
+
+KINETIC = 10.0
+"""Slip speed over the law's threshold speed from which its friction is kinetic within two thousandths."""
+COUNTED = 0.2
+"""Part of a half swing's top speed from which its samples count."""
+
+
+@dataclass(frozen=True)
+class PadOrder:
+    """The pad on the drum: which contact's materials, under what load, N, at what radius, m, with their u."""
+
+    contact: str
+    load_n: float
+    u_load_n: float
+    radius_m: float
+    u_radius_m: float
+    body: str = "hammer"
+    swings: int = 3
+
+
+def calibrate_contact(
+    order: PadOrder, rig_name: str, backend: str, out: Path, action: str, ask: Callable[[str], object]
+) -> dict[str, Any]:
+    """Let a body swing without and with the pad; write the action ``out`` and a record beside it; return the facts.
+
+    Raises
+    ------
+    CommandInputError : a file exists, no such body or contact, or the pad says nothing above the joint
+    rig.RigError : nothing swung, too few swings, or a fault of the bench
+    """
+    record = workflows.calibration_record(out, "pad")
+    workflows.check_swings(order.body, order.swings)
+    u = order.u_load_n, order.u_radius_m
+    if not (order.load_n > 0 and order.radius_m > 0 and min(u) >= 0 and math.isfinite(sum(u))):
+        raise CommandInputError("--load and --radius: allowed above 0; --u-load and --u-radius: from 0, finite")
+    given, rig_file = model.load_action(action), rig.load_rig(rig_name)
+    path = f"{order.contact}.friction.A"
+    if path not in given.quantities or given[path] == 0.0:
+        rubbing = [name.split(".")[0] for name in given.quantities if name.endswith(".friction.A") and given[name] > 0]
+        rubbing = [name for name in rubbing if name.startswith("contact")]
+        raise CommandInputError(f"--contact {order.contact}: {given.name} has friction at {', '.join(rubbing)}")
+    pad = f"{order.contact}:{order.load_n!r}:{order.radius_m!r}"
+    with workflows.interrupts_told(out):
+        drum = f"the {order.body} on its joint alone with the drum, 60 degrees up"
+        bare, braked = (
+            workflows.read_swings(
+                rig_file,
+                workflows.virtual_address(backend, "swing", on),
+                order.body,
+                order.swings,
+                ask,
+                how=f"{drum}, {how}",
+            )
+            for on, how in ((order.body, "the pad lifted off"), (f"{order.body}&pad={pad}", "the pad on it"))
+        )
+    facts = contact_friction(order, given, bare, braked)
+    if facts["friction"] < 5 * facts["u_from_swings"]:
+        raise CommandInputError(
+            f"--load {order.load_n:g}: the pad's friction, {facts['friction']:.3g}, stands out of the joint's by less "
+            f"than five standard uncertainties ({facts['u_from_swings']:.2g}); put more weight on it"
+        )
+    source = f"calibrated by a pad on a drum, {2 * order.swings} free swings"
+    workflows.write_calibrated_action(
+        given, path, (facts["friction"], facts["u_friction"]), source, "calibrate contact", out
+    )
+    workflows.write_calibration_record(record, "pad", facts, braked.device, action=given.name)
+    return {"action": out, "record": record, **facts}
+
+
+def contact_friction(
+    order: PadOrder, action: model.Action, bare: workflows.Swings, braked: workflows.Swings
+) -> dict[str, Any]:
+    """Return the coefficient, what it is made of, and at what slip speeds it was found."""
+    moment, u_moment = workflows.weight_moment(action, order.body)
+    more = braked.share - bare.share
+    arm_n = order.load_n * order.radius_m
+    value = more * moment / arm_n
+    from_swings = math.hypot(braked.u_share, bare.u_share) * moment / arm_n
+    parts = (u_moment / moment, order.u_load_n / order.load_n, order.u_radius_m / order.radius_m)
+    top = max(one.top_rad_per_s for one in braked.each) * order.radius_m
+    least = KINETIC * action["friction_threshold.v_t"] / COUNTED
+    if top < least:
+        raise CommandInputError(
+            f"--radius {order.radius_m:g}: the pad slips at {top:.3g} m/s at most, allowed from {least:.3g}: slower is "
+            "not kinetic friction; take a larger drum"
+        )
+    return {
+        "contact": order.contact,
+        "body": order.body,
+        "friction": value,
+        "u_friction": math.hypot(from_swings, *(value * part for part in parts)),
+        "u_from_swings": from_swings,
+        "load_n": order.load_n,
+        "u_load_n": order.u_load_n,
+        "radius_m": order.radius_m,
+        "u_radius_m": order.u_radius_m,
+        "weight_moment_nm": moment,
+        "u_weight_moment_nm": u_moment,
+        "shares_without": [one.share for one in bare.each],
+        "shares_with": [one.share for one in braked.each],
+        "half_swings": [one.half_swings for one in braked.each],
+        "slip_up_to_m_per_s": top,
+    }

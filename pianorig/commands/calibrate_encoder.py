@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import closing
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import rig
 from pianorig import workflows
 from pianorig.console.options import AsJson, Backend, Rig
 from pianorig.console.output import tell
 from pianorig.errors import CommandInputError
+from rig.atomic_write import sha256_of_bytes, write_text
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 def command(
@@ -18,7 +26,7 @@ def command(
     angles: Annotated[str, typer.Option("--angles", help="Reference angles, rad, rising: 0,0.01,0.02,0.03.")],
     out: Annotated[Path, typer.Option("--out", help="Rig file to write, with this encoder's correction.")],
     u_angle: Annotated[float, typer.Option("--u-angle", help="Standard uncertainty of a reference angle, rad.")] = 5e-6,
-    rig: Rig = "virtual",
+    rig_name: Rig = "virtual",
     backend: Backend = "sim://",
     as_json: AsJson = False,
 ) -> None:
@@ -32,7 +40,7 @@ def command(
         given = [float(cell) for cell in angles.split(",") if cell.strip()]
     except ValueError:
         raise CommandInputError(f"--angles {angles}: allowed numbers in rad, separated by commas") from None
-    facts = workflows.calibrate_encoder(body, given, u_angle, rig, backend, out)
+    facts = calibrate_encoder(body, given, u_angle, rig_name, backend, out)
     lines = (
         f"{body}: angle = {facts['gain']:.6f} of the reading  u {facts['u_gain']:.2g}; readings up to "
         f"{1e6 * facts['worst_rad']:.2g} urad off the line",
@@ -40,3 +48,41 @@ def command(
         f"{facts['record']}",
     )
     tell(as_json, facts, lines)
+
+
+def calibrate_encoder(
+    body: str, angles_rad: ArrayLike, u_angle_rad: float, rig_name: str, backend: str, out: Path
+) -> dict[str, Any]:
+    """Read an encoder at reference angles, up and down; write the rig file ``out`` and a record beside it.
+
+    Raises
+    ------
+    CommandInputError : a file exists, no such body, an uncertainty below 0
+    rig.RigError : angles that cannot be used, rests not seen, readings that do not follow, or a fault of the bench
+    """
+    from rig import guided_calibration  # start-up: --help needs none of it
+    from rig.configuration.rig_file import BODIES
+
+    record = workflows.calibration_record(out, "arc")
+    workflows.check_body(body)
+    if not 0 <= u_angle_rad < 0.01:
+        raise CommandInputError(f"--u-angle {u_angle_rad:g}: allowed 0 to 0.01 rad")
+    rig_file, references = rig.load_rig(rig_name), guided_calibration.there_and_back(angles_rad)
+    guided_calibration.rewritten(rig_file, "encoders", {"arc_gain": 1.0, "u_eccentricity_rad": 0.0}, named=body)
+    address = workflows.virtual_address(backend, "pose", f"{body}:{','.join(f'{angle:.9g}' for angle in references)}")
+    with workflows.interrupts_told(out), closing(rig.open_backend(address, rig_file.config)) as bench:
+        if bench.capabilities.hardware:
+            said = ", ".join(f"{angle:g}" for angle in references)
+            print(f"hold the {body} at {said} rad, two seconds each", file=sys.stderr, flush=True)
+        readings = guided_calibration.read_plateaus(bench, rig_file.config, body, references)
+        device = bench.capabilities.description
+    arc = guided_calibration.fit_arc(references, readings, u_angle_rad, rig_file.config.encoders[BODIES.index(body)])
+    text = guided_calibration.corrected_rig(rig_file, body, arc)
+    write_text(out, text)
+    found = {"body": body, "u_angle_rad": u_angle_rad, **asdict(arc)}
+    after = sha256_of_bytes(text.encode("utf-8"))
+    workflows.write_calibration_record(
+        record, "arc", found, device, rig_sha256_before=rig_file.sha256, rig_sha256_after=after
+    )
+    stored, u_stored = guided_calibration.with_what_was_known(rig_file, body, arc)
+    return {"rig": out, "record": record, **found, "arc_gain": stored, "u_arc_gain": u_stored}

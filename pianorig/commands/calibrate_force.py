@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+import rig
 from pianorig import workflows
 from pianorig.console.options import AsJson, Backend, Operator, Rig
 from pianorig.console.output import tell
 from pianorig.console.terminal import type_answer
 from pianorig.errors import CommandInputError
+from rig.atomic_write import sha256_of_bytes, write_text
 
 
 def command(
@@ -25,7 +30,7 @@ def command(
     gravity: Annotated[
         float | None, typer.Option("--gravity", help="Local g, m/s^2; default 9.80665 with u = 0.015.")
     ] = None,
-    rig: Rig = "virtual",
+    rig_name: Rig = "virtual",
     backend: Backend = "sim://",
     operator: Operator = "unknown",
     as_json: AsJson = False,
@@ -45,6 +50,60 @@ def command(
     except ValueError:
         raise CommandInputError(f"--weights {weights}: allowed numbers in kg, separated by commas") from None
     kind = "weights" if weights is not None else "shunt" if shunt else "null"
-    order = workflows.CalibrationOrder(kind, masses, u_mass, gravity, operator)
-    facts = workflows.calibrate_force(rig, backend, out, order, type_answer)
+    order = CalibrationOrder(kind, masses, u_mass, gravity, operator)
+    facts = calibrate_force(rig_name, backend, out, order, type_answer)
     tell(as_json, facts, (f"{key:<24} {value}" for key, value in facts.items()))
+
+
+@dataclass(frozen=True)
+class CalibrationOrder:
+    """What is calibrated: ``null``, ``shunt`` or ``weights``, for which masses, kg, and who does it."""
+
+    kind: str
+    masses_kg: tuple[float, ...] = ()
+    u_mass_kg: float = 1e-5
+    gravity: float | None = None
+    operator: str = "unknown"
+
+
+def calibrate_force(
+    rig_name: str, backend: str, out: Path, order: CalibrationOrder, ask: Callable[[str], object]
+) -> dict[str, Any]:
+    """Calibrate, write the rig file ``out`` and beside it the record; return what was found.
+
+    Raises
+    ------
+    CommandInputError : a file exists, or nothing of that kind can be calibrated
+    rig.RigError : readings that do not follow, or a fault of the bench
+    """
+    from rig import guided_calibration  # start-up: --help needs none of it
+    from rig.simulated import SimulatedBackend
+
+    record = workflows.calibration_record(out, order.kind)
+    rig_file = rig.load_rig(rig_name)
+    stated = rig_file.config.force.model_dump(include={"electrical", "physical_n", "u_gain_relative", "calibration"})
+    guided_calibration.rewritten(rig_file, "force", stated)
+    with workflows.interrupts_told(out), closing(rig.open_backend(backend, rig_file.config)) as bench:
+
+        def asked(instruction: str, mass_kg: float) -> None:
+            if isinstance(bench, SimulatedBackend):
+                bench.device.bench.hung_n = mass_kg * (order.gravity or guided_calibration.STANDARD_GRAVITY)
+            else:
+                ask(f"{instruction}. Press Enter when it hangs still: ")
+
+        if order.kind == "weights":
+            done = guided_calibration.dead_weights(
+                rig_file, bench, order.masses_kg, asked, u_mass_kg=order.u_mass_kg, gravity=order.gravity
+            )
+        elif order.kind == "null":
+            done = guided_calibration.null(rig_file, bench, asked)
+        else:
+            done = guided_calibration.shunt(rig_file, bench)  # type: ignore[arg-type]
+        device = bench.capabilities.description
+    write_text(out, done.rig_text)
+    after = sha256_of_bytes(done.rig_text.encode("utf-8"))
+    workflows.write_calibration_record(
+        record, done.kind, done.found, device,
+        operator=order.operator, rig_sha256_before=rig_file.sha256, rig_sha256_after=after,
+    )  # fmt: skip
+    return {"rig": out, "record": record, **done.found}

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+import model
+import rig
 from pianorig import workflows
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Backend, Rig
 from pianorig.console.output import tell
@@ -18,7 +22,7 @@ def command(
     out: Annotated[Path, typer.Option("--out", help="TOML file to write: the action with this joint's friction.")],
     swings: Annotated[int, typer.Option("--swings", help="How often it is let go.")] = 3,
     action: Action = DEFAULT_ACTION,
-    rig: Rig = "virtual",
+    rig_name: Rig = "virtual",
     backend: Backend = "sim://",
     as_json: AsJson = False,
 ) -> None:
@@ -28,7 +32,7 @@ def command(
 
     Example:  pianorig calibrate joint --body hammer --out my_hammer.toml
     """
-    facts = workflows.calibrate_joint(body, rig, backend, out, action, swings, type_answer)
+    facts = calibrate_joint(body, rig_name, backend, out, action, swings, type_answer)
     lines = (
         f"{body}: friction {facts['friction_nm']:.4g}  u {facts['u_friction_nm']:.2g}  N m, "
         f"{facts['share_of_weight_moment']:.4g} of weight times arm; swings at {facts['frequency_hz']:.4g} Hz, "
@@ -36,3 +40,43 @@ def command(
         f"{out}: the action with {body}.joint_friction.A; readings in {facts['record']}",
     )
     tell(as_json, facts, lines)
+
+
+def calibrate_joint(
+    body: str, rig_name: str, backend: str, out: Path, action: str, swings: int, ask: Callable[[str], object]
+) -> dict[str, Any]:
+    """Let a body swing ``swings`` times; write the action ``out`` and a record beside it; return what was found.
+
+    Raises
+    ------
+    CommandInputError : a file exists, or no such body
+    rig.RigError : nothing swung, too few swings, or a fault of the bench
+    """
+    record = workflows.calibration_record(out, "swing")
+    workflows.check_swings(body, swings)
+    given, rig_file = model.load_action(action), rig.load_rig(rig_name)
+    with workflows.interrupts_told(out):
+        how = f"the {body} on its joint alone, 60 degrees up"
+        found = workflows.read_swings(
+            rig_file, workflows.virtual_address(backend, "swing", body), body, swings, ask, how=how
+        )
+    moment, u_moment = workflows.weight_moment(given, body)
+    torque = found.share * moment
+    u = torque * math.hypot(found.u_share / found.share, u_moment / moment)
+    path = f"{body}.joint_friction.A"
+    workflows.write_calibrated_action(
+        given, path, (torque, u), f"calibrated from {swings} free swings", "calibrate joint", out
+    )
+    facts: dict[str, Any] = {
+        "body": body,
+        "friction_nm": torque,
+        "u_friction_nm": u,
+        "share_of_weight_moment": found.share,
+        "shares": [one.share for one in found.each],
+        "weight_moment_nm": moment,
+        "u_weight_moment_nm": u_moment,
+        "frequency_hz": sum(one.frequency_hz for one in found.each) / len(found.each),
+        "half_swings": [one.half_swings for one in found.each],
+    }
+    workflows.write_calibration_record(record, "swing", facts, found.device, action=given.name)
+    return {"action": out, "record": record, **facts}

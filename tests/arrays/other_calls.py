@@ -35,7 +35,6 @@ HEAVY = {
         "rig.daq.tasks.motor_task", "rig.daq.tasks.prepare_command", "rig.daq.tasks.load_command",
     ),
     "rig.simulated.film_trial": (f"{CAMERA}.film_scene", f"gives {CAMERA}._Exposures"),
-    f"{WORKFLOWS}.calibrate_encoder": (f"{WORKFLOWS}.calibration.open_backend",),
 }  # fmt: skip
 
 
@@ -155,10 +154,6 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "validation.correct_force": lambda: {
         "time_s": np.arange(512.0) / 2048.0, "force_n": np.maximum(np.arange(512.0) - 400.0, 0.0),
         "quiet": validation.find_quiet(np.arange(512.0) / 2048.0, np.maximum(np.arange(512.0) - 400.0, 0.0)),
-    },
-    f"{WORKFLOWS}.calibrate_encoder": lambda: {
-        "body": "key", "angles_rad": np.array([0.0, 1.0, 2.0]), "u_angle_rad": 1e-4, "rig": "virtual", "backend": "sim://",
-        "out": Out("rig.toml"),
     },
     f"{WORKFLOWS}.felt_order": lambda: {
         "contact": "contact02", "speeds": np.array([1.0]), "peaks": np.array([2.0, 3.0]), "repeats": None,

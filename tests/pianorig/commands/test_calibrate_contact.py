@@ -13,7 +13,7 @@ import pytest
 import model
 import rig
 from pianorig import workflows
-from pianorig.workflows.calibration import contact_friction, swing
+from pianorig.commands.calibrate_contact import PadOrder, contact_friction
 from tests.command_line import run
 
 PAD = ("--load", 0.1, "--u-load", 0.0005, "--radius", 0.012, "--u-radius", 2e-5, "--swings", 2)
@@ -45,14 +45,14 @@ def test_what_the_pad_cannot_tell_is_one_line(tmp_path: Path, capsys: Any) -> No
 
 def measured_off(contact: str, planted: float, seed: int, **stated: float) -> float:
     """Error over u of a calibration whose pad and drum are not quite what they are said to be."""
-    order = workflows.PadOrder(contact, u_load_n=0.001, u_radius_m=1e-4, swings=2, **stated)
+    order = PadOrder(contact, u_load_n=0.001, u_radius_m=1e-4, swings=2, **stated)
     chance = np.random.default_rng(seed)
     load = order.load_n + order.u_load_n * chance.standard_normal()
     radius = order.radius_m + order.u_radius_m * chance.standard_normal()
     rig_file, found = rig.load_rig("virtual"), []
     for pad in ("", f"{contact}:{load!r}:{radius!r}"):
         address = f"sim://?seed={seed}&swing=hammer{f'&pad={pad}' if pad else ''}"
-        found.append(swing(rig_file, address, "hammer", 2, print, how="not asked"))
+        found.append(workflows.read_swings(rig_file, address, "hammer", 2, print, how="not asked"))
     facts = contact_friction(order, model.load_action("hirschkorn2004"), *found)
     assert facts["u_from_swings"] < facts["u_friction"] < 0.05 * facts["friction"]
     return float((facts["friction"] - planted) / facts["u_friction"])
