@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import logging
 import math
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import rig
 import validation
 from pianorig import workflows
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scene, Settings
 from pianorig.console.output import tell
 from pianorig.console.overrides import load_model, read_settings
 from pianorig.console.progress import say
+from pianorig.errors import CommandInputError
 from validation.report.files import check_target
+
+if TYPE_CHECKING:
+    from validation.identification.further import Prospect
+
+CLUSTER_TIMEOUT_S = 10
+DASK_LOGGERS = ("distributed.client", "distributed.core", "distributed.utils")
 
 
 def command(
@@ -90,9 +101,9 @@ def command(
     check_target(out.with_suffix(".html"), ".html")
     if plan is not None:
         check_target(plan)
-        workflows.check_plan(sessions, motion_driven)
+        check_plan(sessions, motion_driven)
     start = load_model(action, set_ or [], scene)
-    with nullcontext() if cluster is None else workflows.cluster_executor(cluster) as executor:
+    with nullcontext() if cluster is None else cluster_executor(cluster) as executor:
         found = validation.identify(
             sessions,
             _names(parameters),
@@ -109,17 +120,17 @@ def command(
             profiles=None if profiles else (),
             progress=None if as_json else say,
         )
-        ranked, refused, why_none = workflows.ranked_next(found) if plan is not None else ([], [], "")
+        ranked, refused, why_none = ranked_next(found) if plan is not None else ([], [], "")
     files = validation.write_reading(found, out, ranked, refused)
     if plan is not None and not why_none:
-        files |= {"plan": workflows.write_next(found, ranked, plan)}
+        files |= {"plan": write_next(found, ranked, plan)}
     shrinks = [{"name": p.name, "trials": p.trials, "shrink": dict(p.shrink)} for p in ranked]
     more = {"file": out, "files": files, "next": shrinks, "no_plan": why_none or None}
     lines = [
         *(f"note: {line}." for line in found.warnings),
         *map(_line, found.estimates),
         *(_scores(name, scores) for name, scores in found.scores.items()),
-        *workflows.reading_lines(found, ranked, refused),
+        *reading_lines(found, ranked, refused),
         *(f"{name}: {path}" for name, path in files.items()),
         *([f"plan: none is written: {why_none}."] if why_none else []),
     ]
@@ -170,3 +181,156 @@ def _as_plain(found: Any) -> dict[str, Any]:
         "scores": dict(found.scores),
         "provenance": dict(found.provenance),
     }
+
+
+NO_SESSION = (
+    "--plan: no session with forces was fitted, so neither bench nor sensors are known; give one beside what was given"
+)
+
+
+def next_strokes(
+    found: validation.Identification, bench: rig.Rig | None = None, trials: int | None = None
+) -> tuple[list[Prospect], list[str]]:
+    """Strokes and sensors, ranked by how far they would shrink the intervals.
+
+    Parameters
+    ----------
+    bench : by default that of the first session
+    trials : how many of each stroke; by default as many as `validation` plans
+
+    Returns
+    -------
+    prospects, refused : lists
+        The second says what cannot be played or predicted, and why.
+
+    Raises
+    ------
+    rig.errors.RigInputError
+        The session's copy of its rig file is missing or was changed.
+    pianorig.errors.CommandInputError
+        No trial of a session was fitted that a force drives.
+    """
+    from validation.identification.further import TRIALS, prospects, shelf  # start-up: --help needs none of it
+
+    sources = found.details.sources
+    if not sources.measured:
+        raise CommandInputError(NO_SESSION)
+    bench = bench or rig.session_rig(sources.sessions[0])
+    like, phases = sources.measured[0], found.details.problem.trials[0].time_s.size
+    candidates, refused = shelf(bench.config, workflows.predictor(bench, found.action), like, phases)
+    ranked, not_run = prospects(
+        found.details.problem, found.details.fitted, candidates, TRIALS if trials is None else trials
+    )
+    return ranked, [*refused, *not_run]
+
+
+def check_plan(sessions: Sequence[Path], motion_driven: bool) -> None:
+    """Refuse, before a fit is made, what nothing can be ranked for: the shelf is of strokes that a force drives.
+
+    Raises
+    ------
+    rig.errors.RigInputError
+        The first session's copy of its rig file is missing or was changed.
+    pianorig.errors.CommandInputError
+        The key's motion is to drive the model, or there are only tables.
+    """
+    if motion_driven:
+        raise CommandInputError("--plan: ranks strokes by the force on the key; leave out --motion-driven or --plan")
+    rig.session_rig(rig.Session.open(sessions[0]))
+
+
+def ranked_next(found: validation.Identification) -> tuple[list[Prospect], list[str], str]:
+    """As `next_strokes`, and why no plan can be written; what hinders it is told, so that the fit is not lost.
+
+    Returns
+    -------
+    prospects, refused : lists
+    why_none : str
+        Empty where a stroke can be recommended.
+    """
+    from validation.identification.further import best_stroke
+    from validation.identification.page import together
+
+    try:
+        ranked, refused = next_strokes(found)
+    except (CommandInputError, rig.RigError) as error:
+        return [], [], str(error).removeprefix("--plan: ")
+    if best_stroke(ranked) is not None:
+        return ranked, refused, ""
+    return (
+        ranked,
+        refused,
+        "no profile could be predicted within the limits of the rig file"
+        + (f" ({'; '.join(together(refused))})" if refused else ""),
+    )
+
+
+def write_next(found: validation.Identification, ranked: list[Prospect], plan: Path) -> Path:
+    """Write the best stroke as a trial plan; its path."""
+    from validation.identification.estimates import LACKING
+    from validation.identification.further import write_plan
+    from validation.identification.scatter import lacking
+
+    fitted = found.details.fitted
+    doubts = [] if fitted.converged else ["the fit it is predicted from did not settle"]
+    if lacking(fitted) > LACKING:
+        doubts.append("the model seems to lack something, and these predictions take it as right")
+    return write_plan(ranked, plan, doubts)[plan.name]
+
+
+def reading_lines(
+    found: validation.Identification, ranked: list[Prospect], refused: list[str], most: int = 5
+) -> list[str]:
+    """The plain sentences and the ranking, if there is one, as lines for the terminal."""
+    from validation.identification.page import plain_sentences, prospect_words, together
+
+    said = plain_sentences(found, ranked)
+    if not ranked:
+        return said
+    lines = [*said, "to record next (u of each parameter after, over u now, as predicted):"]
+    for p in ranked[:most]:
+        each = ", ".join(f"{name} {x:.2f}" for name, x in sorted(p.shrink.items(), key=lambda pair: pair[1])[:3])
+        lines.append(f"  {p.mean:.2f}  {prospect_words(p)} (most: {each})")
+    return lines + [f"  not considered: {line}" for line in together(refused)]
+
+
+@contextmanager
+def cluster_executor(address: str) -> Iterator[Executor]:
+    """Connect to the scheduler at ``address`` and yield an executor of its workers.
+
+    Raises
+    ------
+    CommandInputError : Dask is not installed, nothing answers there, or the cluster has no workers
+    """
+    try:
+        import distributed  # start-up: 0.5 s, an extra
+    except ImportError:
+        raise CommandInputError('--cluster: needs dask; python -m pip install "piano-action-rig[cluster]"') from None
+    try:
+        client: Any = distributed.Client(address, timeout=CLUSTER_TIMEOUT_S)
+    except (OSError, TimeoutError, ValueError) as problem:
+        why = " ".join(str(problem).split()) or type(problem).__name__
+        raise CommandInputError(
+            f"--cluster {address}: no scheduler answers ({why}); start one with dask scheduler, allowed tcp://host:port"
+        ) from None
+    with _quiet_dask():
+        try:
+            if not client.scheduler_info()["workers"]:
+                raise CommandInputError(f"--cluster {address}: has no workers; start some with dask worker {address}")
+            yield client.get_executor()
+        finally:
+            client.close()
+
+
+@contextmanager
+def _quiet_dask() -> Iterator[None]:
+    """Keep Dask from printing the traceback of a lost scheduler: the command says that in one line."""
+    loggers = [logging.getLogger(name) for name in DASK_LOGGERS]
+    levels = [one.level for one in loggers]
+    for one in loggers:
+        one.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for one, level in zip(loggers, levels, strict=True):
+            one.setLevel(level)

@@ -7,7 +7,6 @@ from .calibration import virtual_address as virtual_address
 from .calibration import weight_moment as weight_moment
 from .calibration import write_calibrated_action as write_calibrated_action
 from .calibration import write_calibration_record as write_calibration_record
-from .cluster import cluster_executor as cluster_executor
 from .demo import figure_lines as figure_lines
 from .demo import next_commands as next_commands
 from .demo import run_demo as run_demo
@@ -50,8 +49,3 @@ from .track import rows_per_second as rows_per_second
 from .track import track_film_file as track_film_file
 from .track import tracking_kept as tracking_kept
 from .track import tracking_summary as tracking_summary
-from .what_next import check_plan as check_plan
-from .what_next import next_strokes as next_strokes
-from .what_next import ranked_next as ranked_next
-from .what_next import reading_lines as reading_lines
-from .what_next import write_next as write_next

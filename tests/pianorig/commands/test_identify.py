@@ -13,9 +13,8 @@ import pytest
 
 import model
 import validation
-from pianorig import workflows
+from pianorig.commands import identify as command
 from pianorig.errors import CommandInputError
-from pianorig.workflows import what_next
 from tests.command_line import run
 from tests.validation.identification import toy
 from validation.identification.estimates import NOT_IDENTIFIABLE, Estimate
@@ -102,8 +101,8 @@ def test_everything_that_was_asked_for_is_written_and_said(
     monkeypatch.setattr(validation, "identify", lambda *given, **more: found)
     sensor = Prospect("key encoder known twice as well", {found.estimates[0].name: 0.9})
     alike = ["forte x 1.4: too strong", "double: too strong"]
-    monkeypatch.setattr(what_next, "next_strokes", lambda identified: ([sensor], alike))
-    monkeypatch.setattr(workflows, "check_plan", lambda sessions, motion_driven: None)
+    monkeypatch.setattr(command, "next_strokes", lambda identified: ([sensor], alike))
+    monkeypatch.setattr(command, "check_plan", lambda sessions, motion_driven: None)
     assert run("identify", "session", "--parameters", "friction", "--plan", "next.toml") == 0
     said = capsys.readouterr().out
     assert WARNING in said and "no value is called identified" in said and "None of its parts" not in said
@@ -118,8 +117,8 @@ def test_everything_that_was_asked_for_is_written_and_said(
 
 def test_nothing_can_be_ranked_without_a_stroke_that_a_force_drives(found: Found) -> None:
     with pytest.raises(CommandInputError, match="no session with forces"):
-        workflows.next_strokes(found)  # type: ignore[arg-type]
-    ranked, refused, why = workflows.ranked_next(found)  # type: ignore[arg-type]
+        command.next_strokes(found)  # type: ignore[arg-type]
+    ranked, refused, why = command.ranked_next(found)  # type: ignore[arg-type]
     assert not ranked and not refused and why.startswith("no session with forces was fitted")
 
 
