@@ -60,7 +60,8 @@ def calibrate_encoder(
     CommandInputError : a file exists, no such body, an uncertainty below 0
     rig.RigError : angles that cannot be used, rests not seen, readings that do not follow, or a fault of the bench
     """
-    from rig import guided_calibration  # start-up: --help needs none of it
+    # start-up: --help needs none of it
+    from rig import guided_calibration
     from rig.configuration.rig_file import BODIES
 
     record = workflows.calibration_record(out, "arc")

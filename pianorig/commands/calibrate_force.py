@@ -76,7 +76,8 @@ def calibrate_force(
     CommandInputError : a file exists, or nothing of that kind can be calibrated
     rig.RigError : readings that do not follow, or a fault of the bench
     """
-    from rig import guided_calibration  # start-up: --help needs none of it
+    # start-up: --help needs none of it
+    from rig import guided_calibration
     from rig.simulated import SimulatedBackend
 
     record = workflows.calibration_record(out, order.kind)

@@ -188,15 +188,8 @@ NO_SESSION = (
 )
 
 
-def next_strokes(
-    found: validation.Identification, bench: rig.Rig | None = None, trials: int | None = None
-) -> tuple[list[Prospect], list[str]]:
-    """Strokes and sensors, ranked by how far they would shrink the intervals.
-
-    Parameters
-    ----------
-    bench : by default that of the first session
-    trials : how many of each stroke; by default as many as `validation` plans
+def next_strokes(found: validation.Identification) -> tuple[list[Prospect], list[str]]:
+    """Strokes and sensors on the bench of the first session, ranked by how far they would shrink the intervals.
 
     Returns
     -------
@@ -210,17 +203,15 @@ def next_strokes(
     pianorig.errors.CommandInputError
         No trial of a session was fitted that a force drives.
     """
-    from validation.identification.further import TRIALS, prospects, shelf  # start-up: --help needs none of it
+    from validation.identification.further import prospects, shelf  # start-up: --help needs none of it
 
     sources = found.details.sources
     if not sources.measured:
         raise CommandInputError(NO_SESSION)
-    bench = bench or rig.session_rig(sources.sessions[0])
+    bench = rig.session_rig(sources.sessions[0])
     like, phases = sources.measured[0], found.details.problem.trials[0].time_s.size
     candidates, refused = shelf(bench.config, workflows.predictor(bench, found.action), like, phases)
-    ranked, not_run = prospects(
-        found.details.problem, found.details.fitted, candidates, TRIALS if trials is None else trials
-    )
+    ranked, not_run = prospects(found.details.problem, found.details.fitted, candidates)
     return ranked, [*refused, *not_run]
 
 
@@ -248,6 +239,7 @@ def ranked_next(found: validation.Identification) -> tuple[list[Prospect], list[
     why_none : str
         Empty where a stroke can be recommended.
     """
+    # start-up: --help needs none of it
     from validation.identification.further import best_stroke
     from validation.identification.page import together
 
@@ -267,6 +259,7 @@ def ranked_next(found: validation.Identification) -> tuple[list[Prospect], list[
 
 def write_next(found: validation.Identification, ranked: list[Prospect], plan: Path) -> Path:
     """Write the best stroke as a trial plan; its path."""
+    # start-up: --help needs none of it
     from validation.identification.estimates import LACKING
     from validation.identification.further import write_plan
     from validation.identification.scatter import lacking
@@ -282,6 +275,7 @@ def reading_lines(
     found: validation.Identification, ranked: list[Prospect], refused: list[str], most: int = 5
 ) -> list[str]:
     """The plain sentences and the ranking, if there is one, as lines for the terminal."""
+    # start-up: --help needs none of it
     from validation.identification.page import plain_sentences, prospect_words, together
 
     said = plain_sentences(found, ranked)
