@@ -289,9 +289,10 @@ def _stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSettings, u_b
     if stretch.is_significant:
         used = 1.0 if ready.rectified_film is None else ready.rectified_film.aspect
         warnings.warn(
-            f"{ready.film.path}: bodies change their shape as they turn, as in pixels of width over height "
-            f"{used * stretch.pixel_aspect:.4f} (u {2.0 * stretch.u:.4f}), not {used:g}; the error of the angles is in "
-            "u (term aspect): give the true value (--pixel-aspect), or calibrate the camera (--calibration)",
+            f"{ready.film.path}: bodies change their shape with their angle, as in a picture stretched along x against "
+            f"y by {1.0 / stretch.pixel_aspect:.4f} (u {2.0 * stretch.u:.4f}); the error of the angles is in u (term "
+            f"aspect). Pixels of width over height {used * stretch.pixel_aspect:.4f}, not {used:g}, would do so "
+            "(--pixel-aspect), and so would a lens or a tilted camera (--calibration), and a body that bends",
             VisionWarning,
             stacklevel=4,
         )
