@@ -1,4 +1,4 @@
-"""Strokes of the virtual bench with known truth, recorded by its sensors; used by the event and fault benchmarks.
+"""Strokes of the virtual bench with known truth, recorded by its sensors, and errors of their records.
 
 Seeds, profiles and specimens differ from all those used for tuning.  Each stroke is one plant run on a time base ten
 times finer than the samples; the truth is read from that run, the trial from the simulated scales and load cell.
@@ -6,18 +6,19 @@ times finer than the samples; the truth is read from that run, the trial from th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 import model
 import rig.simulated
 from rig.configuration.rig_file import load_rig
-from rig.session import EncoderInfo, ForceInfo, TrialData
+from rig.session import CameraInfo, EncoderInfo, ForceInfo, TrialData
 from rig.simulated.bench.plant import ActionPlant, PlantTruth, load_plant
 from rig.simulated.bench.sensors import EncoderSignals, ForceSignal, load_sensors
 
@@ -134,3 +135,86 @@ def record(
         encoders=encoders, force_info=ForceInfo.of(config, GROUP_DELAY_S),
         blow_start_s=BEFORE_S,
     )  # fmt: skip
+
+
+CHANNELS = ("key", "whippen", "hammer")
+FILMED = 2
+"""The trial that has a film, where one has."""
+Change = Callable[[TrialData, Stroke], TrialData]
+
+
+def recount(data: TrialData, columns: Callable[[np.ndarray], np.ndarray]) -> TrialData:
+    """Return the trial with changed encoder counts."""
+    count = columns(data.encoder_count.copy())
+    return replace(data, encoder_count=count - count[0])
+
+
+def swapped(i: int, j: int) -> Change:
+    """Angles of two bodies swapped."""
+
+    def change(data: TrialData, stroke: Stroke) -> TrialData:
+        per = np.array([e.rad_per_count for e in data.encoders])
+        order = [0, 1, 2]
+        order[i], order[j] = j, i
+        return recount(data, lambda c: np.round((c * per)[:, order] / per).astype(np.int64))
+
+    return change
+
+
+def scaled(i: int, by: float) -> Change:
+    return lambda data, _: recount(data, lambda c: np.round(c * np.where(np.arange(3) == i, by, 1.0)).astype(np.int64))
+
+
+def force(made: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Change:
+    """Another force, of that and the time."""
+    return lambda data, _: replace(data, force_n=made(data.force_n, data.time_s))
+
+
+def louder(by: float) -> Change:
+    return force(lambda f, t: f * by)
+
+
+def delayed(by_s: float) -> Change:
+    return force(lambda f, t: np.interp(t - by_s, t, f))
+
+
+def stretched(by: float) -> Change:
+    return lambda data, _: replace(data, time_s=data.time_s * by)
+
+
+def specimen_change(which: str, friction: tuple[str, float] | None) -> dict[str, float]:
+    """Changes to the bench's specimen that give the requested one."""
+    bench = load_plant(BENCH, 1, 5000.0).action
+    printed = model.load_action()
+    moved = {}
+    if which == "printed":
+        moved = {
+            p: printed[p] - bench[p] for p in printed.quantities if p in bench.quantities and printed[p] != bench[p]
+        }
+    if friction is not None:
+        path, factor = friction
+        base = printed[path] if which == "printed" else bench[path]
+        moved[path] = factor * base - bench[path]
+    return moved
+
+
+@lru_cache(maxsize=64)
+def stroke_of(kind: str, seed: int, number: int, specimen: str, options: tuple[tuple[str, object], ...]) -> Stroke:
+    """One stroke; strokes without faults are played once."""
+    given = dict(options)
+    changed = specimen_change(specimen, given.pop("friction", None))  # type: ignore[arg-type]
+    for path, by in dict(given.pop("changed", ())).items():  # type: ignore[call-overload]
+        changed[path] = changed.get(path, 0.0) + by
+    return play(kind, seed, number=number, changed=changed, alike=True, **given)
+
+
+def film(stroke: Stroke, late_s: float, rng: np.random.Generator) -> tuple[CameraInfo, pd.DataFrame]:
+    """Tracker output for one stroke."""
+    camera = CameraInfo(2000.0, 0.0301, 1e-4, int((stroke.truth.time_s[-1] - 0.05) * 2000), 2e-6)
+    stamped = camera.frame_time_s
+    angle = stroke.truth.angles_at(np.maximum(stamped - late_s, 0.0)) - stroke.truth.angle_rad[0]
+    columns = {"time_s": stamped, "frame": np.arange(stamped.size)}
+    for name, i in (("whippen", 1), ("jack_relative", 2), ("repetition_relative", 3)):
+        columns[f"{name}_rad"] = angle[:, i] + rng.normal(0, 4e-4, stamped.size)
+        columns[f"{name}_u_rad"] = np.full(stamped.size, 4e-4)
+    return camera, pd.DataFrame(columns)

@@ -27,7 +27,7 @@ from validation.options import ComparisonOptions
 from validation.pipeline.compare_session import model_under_test
 from validation.prediction.predict_session import predict_session
 
-SOUND = ("clean mf", "bench mf", "effect shank", "effect balance_rail", "effect hammer_pin", "6 delay_drift")
+SOUND = ("clean mf", "bench mf", "effect shank", "effect balance_rail", "effect hammer_pin")
 SPIKES = ((6.0, 1e-3), (3.0, 1e-3), (-4.0, 1e-3), (2.0, 2e-3), (-3.0, 3e-3))
 FROZEN_S = (5e-3, 15e-3, 50e-3)
 """Spikes, N and s, and standstills of an encoder that are planted."""

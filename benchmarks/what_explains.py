@@ -42,8 +42,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import model
-from benchmarks.bench_strokes import BENCH
-from benchmarks.planted_sweep import Change, delayed, louder, scaled, stretched, stroke_of
+from benchmarks.bench_strokes import BENCH, Change, delayed, louder, scaled, stretched, stroke_of
 from benchmarks.runner import Key, Run, Table, may_be
 from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.bench_strokes import FINE, play
-from benchmarks.event_coverage import nominal
+from tests.validation.bench_strokes import FINE, play
+from tests.validation.events.played import nominal
 from validation.conventions import ENCODER_CHANNELS
 from validation.events.detect import find_events
 from validation.measurement.trial import measure

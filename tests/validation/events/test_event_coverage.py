@@ -1,7 +1,7 @@
 """Stated uncertainty equals actual error: events of quantised trials against the same strokes on a fine time base.
 
 The first part plays one kind of blow through a plain encoder; the second the virtual bench of any seed, with all errors
-of its sensors (`benchmarks/event_coverage.py` prints the tables).
+of its sensors.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.event_coverage import pairs, speeds
+from tests.validation.events.played import pairs, speeds
 from validation.events.definitions import EVENTS
 from validation.events.detect import find_events
 from validation.measurement.geometry import geometry_of, motion_of

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import model
-from benchmarks.planted_sweep import Fault, film, findings, stroke_of
 from rig.session import Session
+from tests.validation.bench_strokes import film, stroke_of
 from validation.events.session_events import SessionEvents, find_session_events
 from validation.measurement.measure_session import measure_session
 from validation.options import ComparisonOptions
@@ -57,13 +56,3 @@ def stage(make, tmp_path_factory):
     tested = model_under_test(session, model.load_action(), options)
     predicted = predict_session(measure_session(session, tested.geometry_at, 6e-5), tested)
     return Stage(predicted, find_session_events(predicted, tested), tested)
-
-
-@pytest.fixture(scope="session")
-def found_in():
-    """Findings of a whole session of the virtual bench with one fault."""
-
-    def find(fault: Fault | None, kind: str = "forte", specimen: str = "printed") -> pd.DataFrame:
-        return findings(fault, SEED, kind, specimen)
-
-    return find

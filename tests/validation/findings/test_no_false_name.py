@@ -8,23 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.planted_sweep import Fault, louder, swapped
 from rig.session import Session
 from validation import compare as compare_session
 from validation import write_report
 from validation.findings.finding import KINDS
-
-ALL_TRIALS = [
-    ("swapped channels", swapped(0, 2), 12),
-    ("reversed force", louder(-1.0), 6),
-]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind, change, n", ALL_TRIALS)
-def test_a_session_wired_wrong_in_all_trials_ends_in_its_report(found_in, kind, change, n):
-    found = found_in(Fault(kind, "", frozenset({kind}), change=change))
-    assert list(found["kind"]) == n * [kind]
 
 
 @pytest.mark.slow
@@ -56,22 +43,6 @@ def test_a_report_of_a_session_wired_wrong_in_all_trials_can_be_written(make, tm
     assert not result.scores["pooled"].any()
     assert result.channels["rmse_rad"].isna().all()
     assert Path(write_report(result, tmp_path / "report").files["report.html"]).stat().st_size > 10_000
-
-
-PARAMETERS = [("hammer.joint_friction.A", 1.5), ("hammer.mass", 1.03), ("contact08.normal.D", 2.0)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind, specimen", [("piano", "bench"), ("forte", "bench"), ("slow", "printed")])
-def test_a_session_without_faults_has_no_finding(found_in, kind, specimen):
-    assert found_in(None, kind, specimen).empty
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path, factor", PARAMETERS)
-def test_a_changed_parameter_is_not_named(found_in, path, factor):
-    fault = Fault("parameter", path, frozenset(), trial=0, play={"friction": (path, factor)})
-    assert found_in(fault).empty
 
 
 def test_what_explains_the_difference_is_named_with_its_size_and_is_no_finding(planted):

@@ -10,21 +10,16 @@ import numpy as np
 import pytest
 
 import model
-from benchmarks.identification_coverage import Sensors, observed, played
 from tests.validation.identification import toy
 from validation.conventions import ENCODER_BODIES
 from validation.identification import lacks
-from validation.identification.estimates import IDENTIFIED, LACKING
+from validation.identification.estimates import IDENTIFIED
 from validation.identification.fit import fit
-from validation.identification.force_runs import ForceRuns
 from validation.identification.further import Candidate, Prospect
 from validation.identification.lacks import LetIn, Supported, shows_in, supported, telling
-from validation.identification.minima import search
 from validation.identification.page import _apart
-from validation.identification.problem import at_start
-from validation.identification.scatter import lacking
 from validation.identification.sources import IdentifyOptions, collect
-from validation.identification.unknowns import parameter_of, single_names, unknowns
+from validation.identification.unknowns import parameter_of, single_names
 
 TRUTH = np.array([0.4, -0.3, 0.2])
 ACTION, EXAMPLE = model.load_action(), Path(__file__).parents[3] / "sessions" / "example_forte"
@@ -132,21 +127,3 @@ def test_lines_name_what_takes_the_lack_away_and_what_is_known() -> None:
 def test_a_model_that_no_force_drives_is_not_asked() -> None:
     one = let_in(0.0)
     assert supported(one.problem, one.fitted, lambda text: None) is None
-
-
-@pytest.mark.slow
-def test_a_shank_that_the_model_lacks_is_let_in_and_the_values_are_known_with_it() -> None:
-    action, rng = model.load_action(), np.random.default_rng(5)
-    scene = replace(model.load_scene("flexible-shank"), values=(("shank.frequency_hz", 210.0),))
-    specimen = scene.on(action.with_values({"key.joint_friction.A": 1.2 * action["key.joint_friction.A"]}))
-    trials = observed("forte", 0, played(specimen, "forte", 4, Sensors(rng), rng))
-    free = unknowns(action, ["key.joint_friction", "contact07.friction"], ["*"])
-    problem, columns = at_start(action, free, trials, ForceRuns(action, (*free.moved, *free.held), trials))
-    fitted = search(problem, 1, None, columns)[0]
-    assert lacking(fitted) > LACKING
-    found = supported(problem, fitted, lambda text: None)
-    assert found is not None and [m.parameter.name for m in found.let_in if m.parameter] == ["shank.frequency_hz"]
-    friction, other = found.estimates
-    assert friction.verdict == other.verdict == IDENTIFIED and lacking(found.let_in[0].fitted) < LACKING
-    off = np.array([friction.z - np.log(1.2) / 0.3, other.z]) / [friction.z_u, other.z_u]
-    assert np.all(np.abs(off) < 3.0) and max(friction.z_u, other.z_u) < 0.3 and "Hz" in found.let_in[0].words

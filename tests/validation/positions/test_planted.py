@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rig
-from benchmarks.planted_positions import (
+from tests.validation.positions.planted import (
     KEPT_ASIDE,
     OFF,
     SHIPPED,

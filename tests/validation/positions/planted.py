@@ -7,7 +7,6 @@ from there the way of any recording: import, smoothing, prediction by the key (d
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,19 +17,14 @@ from scipy.optimize import brentq
 
 import model
 import rig
-from benchmarks.runner import Run
 from model.scene.selection import SceneChoice
 from rig.foreign.mapping import ImportMapping
-from rig.session import Session
 from rig.session.info import RulerInfo
 from rig.session.ruler import ruler_curve
 from validation.conventions import HAMMER
-from validation.events.strikes import find
 from validation.identification.positions import read_identified
-from validation.measurement.positions import Stroke, measure_stroke
 from validation.pipeline.compare_positions import PositionComparison, compare_positions
 from validation.prediction.positions import (
-    ACTION,
     NAMES,
     Nominal,
     Sensing,
@@ -38,13 +32,12 @@ from validation.prediction.positions import (
     bowed,
     hammer_place,
     hammer_reading,
-    of_model,
     sensing_of,
 )
 
 Array = NDArray[np.float64]
 
-SHIPPED = Path(__file__).resolve().parents[1] / "sessions" / "kawai_kg3c"
+SHIPPED = Path(__file__).resolve().parents[3] / "sessions" / "kawai_kg3c"
 RATE_HZ, OVER = 2000.0, 5
 BITS = 17
 MOST = 0.999
@@ -229,114 +222,3 @@ def compare(
 KEPT_ASIDE = ("fast", "repetitions", "slide-off")
 OFF = {"let_off": 0.1, "check": 0.05, "hammer_friction": 0.5, "knuckle_friction": 0.4, "spring": -0.1}
 """How the specimen differs from the set: as another day's regulation and weather would."""
-
-
-def main(run: Run) -> bool:
-    """Print how strokes of the kinds kept aside are cut, counted, and covered by the shipped band; were all cut?"""
-    whole = True
-    for seed in range(run.seeds):
-        specimen = identified_specimen({n: by * (-1) ** (seed + k) for k, (n, by) in enumerate(OFF.items())}, (), seed)
-        with tempfile.TemporaryDirectory() as folder:
-            truths, found = compare(specimen, KEPT_ASIDE, Path(folder))
-        cut = found.scores["trial"].nunique()
-        whole &= cut == len(truths)
-        print(f"recording {seed}: {len(truths)} strokes played, {cut} cut; refused {found.refused}")
-        strikes = found.events[found.events["source"] == "measured"].groupby("trial").size()
-        for row in found.scores.itertuples():
-            print(
-                f"  {truths[row.trial - 1].kind:12s} {row.model:11s} strikes {strikes[row.trial]}, RMSE "
-                f"{100 * row.rmse_share:4.1f} %, inside {100 * row.inside_band:3.0f} %, half width "
-                f"{100 * row.half_width_share:4.1f} %, interval score {100 * row.interval_score_share:3.0f} %",
-                flush=True,
-            )
-    return whole
-
-
-SPEED_KINDS = ("medium", "fast", "fortissimo")
-MOVED: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
-    "as identified": ({}, ()),
-    "shank bends": ({}, ("shank",)),
-    "felt under the whippen twice as stiff": ({"key_felt": 0.69}, ()),
-    "felt under the whippen half as stiff": ({"key_felt": -0.69}, ()),
-    "hammer a fifth heavier": ({"hammer_mass": 0.9}, ()),
-    "button 0.5 mm lower": ({"let_off": -0.25}, ()),
-}
-"""Specimens that are played: parameters moved by standard deviations of their priors, effects."""
-TRAINING = (3, 5)
-AT_KEY_M = 0.007
-"""Where the hammer's lag behind the key is read: two thirds of the way, before let-off."""
-HALF = 0.7
-"""Parameters are moved by so many standard deviations of their priors, up or down; factors of e by half."""
-
-
-def impact_speed(run: Run) -> bool:
-    """Why the hammer of a real piano came out too slow before its impact: the way it is measured, or the model?
-
-    First table: recordings with known truth (`planted_positions`) go the whole way from sensors to prediction: speeds
-    as the sensors show them and as predicted from the key, over the true ones. Second: the training strokes of the real
-    piano, predicted with one parameter of the identified set moved at a time. Why: docs/explanation/positions.md.
-    """
-    worst = planted(run.seeds, run.specimens)
-    parameters(run.parameters)
-    return worst < 0.1
-
-
-def planted(seeds: int, names: list[str]) -> float:
-    """Print speeds over the true ones, of every specimen and kind; how far the worst mean seen is off."""
-    worst = 0.0
-    print(f"speed from 60 to 90 % of the way over the true one, mean (sd) of {seeds} recordings: seen; predicted")
-    print(f"{'specimen':40s}" + "".join(f"{kind:>28s}" for kind in SPEED_KINDS))
-    for name, (moved, effects) in MOVED.items():
-        if names and name not in names:
-            continue
-        rows = [_speeds(identified_specimen(moved, effects, seed)) for seed in range(seeds)]
-        cells = []
-        for k in range(len(SPEED_KINDS)):
-            seen, made = np.array([row[k] for row in rows]).T
-            worst = max(worst, abs(float(seen.mean()) - 1.0))
-            cells.append(f"{seen.mean():.2f} ({seen.std():.2f}); {made.mean():.2f} ({made.std():.2f})")
-        print(f"{name:40s}" + "".join(f"{cell:>28s}" for cell in cells), flush=True)
-    return worst
-
-
-def _speeds(specimen: Specimen) -> list[tuple[float, float]]:
-    with tempfile.TemporaryDirectory() as folder:
-        truths, found = compare(specimen, SPEED_KINDS, Path(folder))
-    first = found.events[found.events["strike"] == 1].set_index(["source", "trial"])["speed_m_per_s"]
-    return [
-        (first["measured", k] / truth.speed(), first["identified", k] / truth.speed())
-        for k, truth in enumerate(truths, 1)
-    ]
-
-
-def parameters(names: list[str]) -> None:
-    """Print what each parameter does to the training strokes of the real piano."""
-    session, record = Session.open(SHIPPED), read_identified(SHIPPED)
-    strokes = [measure_stroke(session.trial(number).read()) for number in TRAINING]
-    predict, z = of_model(model.load_action(record.action)), np.array(record.z)
-    heads = "; ".join(f"trial {s.number} {s.condition}" for s in strokes)
-    print(f"\nspeed before the impact, mm/s, and hammer at {1e3 * AT_KEY_M:g} mm of the key, mm: {heads}")
-    print(f"{'measured':64s}{_row([(s, s.hammer.value_m) for s in strokes])}")
-    print(f"{'identified':64s}{_row([(s, predict(z, s, None)) for s in strokes])}")
-    for one in (one for one in ACTION if not names or one.name in names):
-        for by in (-HALF, HALF):
-            moved = z.copy()
-            moved[NAMES.index(one.name)] += by
-            try:
-                made = [(s, predict(moved, s, None)) for s in strokes]
-            except model.ModelError as error:
-                print(f"{one.meaning:56s}{by:+.1f} sd  {str(error)[:60]}")
-                continue
-            print(f"{one.meaning:56s}{by:+.1f} sd {_row(made)}", flush=True)
-    printed = z.copy()
-    printed[NAMES.index("key_felt")] = 0.0
-    made = [(s, predict(printed, s, None)) for s in strokes]
-    print(f"{'felt between key and whippen as in the printed set':64s}{_row(made)}")
-
-
-def _row(made: list[tuple[Stroke, np.ndarray]]) -> str:
-    cells = []
-    for stroke, hammer_m in made:
-        at = int(np.argmax(stroke.key.value_m > AT_KEY_M))
-        cells.append(f"{1e3 * find(stroke, hammer_m)[0]['speed_m_per_s']:7.1f} {1e3 * hammer_m[at]:6.2f}")
-    return "  ".join(cells)
