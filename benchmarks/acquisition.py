@@ -8,29 +8,17 @@ the full measurement.
 
 from __future__ import annotations
 
-import contextlib
 import os
-import runpy
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import grpc
 import numpy as np
 
-from benchmarks.runner import ROOT, Run
-from rig.backend import Capabilities
+from benchmarks.runner import Run
 from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import Rig, load_rig, parse_rig
-from rig.daq import NidaqmxBackend
-from rig.daq.nidaqmx_backend import calls_per_block
-from rig.errors import RigError
 from rig.recording.options import Progress
 from rig.recording.recorder import record as record_session
 from rig.session import Session, Trial
@@ -99,76 +87,6 @@ def bench(clock: VirtualClock) -> SimulatedBackend:
     """A virtual bench of eight channels with the plant in closed form."""
     config = eight().config
     return SimulatedBackend(build_device(config, FollowingPlant(), load_sensors(DEFAULT_BENCH), clock=clock))
-
-
-class Remote(NidaqmxBackend):
-    """A virtual bench in another process: no permission is needed."""
-
-    @property
-    def capabilities(self) -> Capabilities:
-        """Describe the bench, without hardware."""
-        return replace(super().capabilities, simulated=True, hardware=False)
-
-
-@contextlib.contextmanager
-def served_elsewhere(serve_it: str) -> Iterator[grpc.Channel]:
-    """A channel over TCP on loopback to what a function of this module serves in a separate process."""
-    command = [sys.executable, "-c", f"from benchmarks.acquisition import {serve_it}; {serve_it}()"]
-    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
-        assert server.stdin is not None and server.stdout is not None
-        try:
-            yield grpc.insecure_channel(f"127.0.0.1:{int(server.stdout.readline())}")
-        finally:
-            server.stdin.close()
-
-
-@contextlib.contextmanager
-def bench_elsewhere() -> Iterator[Remote]:
-    """The bench in a separate process at wall-clock speed."""
-    with served_elsewhere("serve_bench") as channel:
-        backend = Remote(channel, name="virtual bench elsewhere")
-        backend.identify(eight().config)
-        try:
-            yield backend
-        finally:
-            backend.close()
-
-
-def serve_bench() -> None:
-    """Serve the bench until standard input ends; print the port."""
-    serve = runpy.run_path(str(ROOT / "examples" / "serve_sim.py"))["serve"]
-    server, port = serve(bench(PacedClock(1.0)).service)
-    print(port, flush=True)
-    sys.stdin.read()
-    server.stop(None).wait()
-
-
-BLOCK_BYTES = 2000
-"""Of an answer with 250 samples of one encoder."""
-
-
-def serve_bytes() -> None:
-    """Answer every call by the same bytes until standard input ends; print the port."""
-    answer = grpc.unary_unary_rpc_method_handler(lambda request, context: bytes(BLOCK_BYTES))
-    server = grpc.server(ThreadPoolExecutor(2))
-    server.add_generic_rpc_handlers((grpc.method_handlers_generic_handler("bytes", {"Read": answer}),))
-    print(server.add_insecure_port("127.0.0.1:0"), flush=True)
-    server.start()
-    sys.stdin.read()
-
-
-def only_read(calls_per_s: float, at_once: int, seconds: float = 6.0) -> float:
-    """Processor time, % of one core, of a client that does no more than ask for such bytes so often."""
-    with served_elsewhere("serve_bytes") as channel:
-        read, calls = channel.unary_unary("/bytes/Read"), 0
-        read(b"")
-        began, used = time.monotonic(), time.process_time()
-        while (passed := time.monotonic() - began) < seconds:
-            time.sleep(max(calls / calls_per_s - passed, 0.0))
-            for _ in range(at_once):
-                read(bytes(40))
-            calls += at_once
-        return 100 * (time.process_time() - used) / passed
 
 
 class Timed(JournalWriter):
@@ -307,33 +225,9 @@ def real_time(trials: int) -> tuple[str, float]:
     return f"{100 * cpu / wall - share:.1f} %; {share:.1f} %", float(np.percentile(age_ms, 99))
 
 
-def real_time_elsewhere(trials: int) -> None:
-    """Record from a bench in another process; print the processor time of this one, and of a client that only reads."""
-    with bench_elsewhere() as backend, tempfile.TemporaryDirectory() as folder:
-        record_session(Path(folder) / "warm", rig_config=eight(), backend=backend, trials=1)
-        Timed.log = []
-        wall, cpu = time.monotonic(), time.process_time()
-        session = record_session(
-            Path(folder) / "s", rig_config=eight(), backend=backend, trials=trials, open_journal=Timed
-        )
-        wall, cpu = time.monotonic() - wall, time.process_time() - cpu
-        assert [trial.status for trial in session.trials] == ["complete"] * trials
-    at_once = calls_per_block(eight().config)
-    calls_per_s = at_once * len(Timed.log) / wall
-    print(
-        f"real time over TCP   : {100 * cpu / wall:.1f} % of one core, bench in another process ({wall:.0f} s)\n"
-        f"client that only reads: {only_read(calls_per_s, at_once):.1f} % of one core, {calls_per_s:.0f} calls/s of "
-        f"{BLOCK_BYTES} bytes ({at_once} a block)"
-    )
-
-
 def main(run: Run) -> None:
     """Print all rows; every sample is checked."""
     long_recording(run.hours)
     load, delay_ms = real_time(run.real_time_trials)
-    try:
-        real_time_elsewhere(run.real_time_trials)
-    except RigError as error:  # the recorder refuses a link that other work makes too slow
-        print(f"real time over TCP   : not measured: {error}")
     run.figure("recording-load", load)
     run.figure("recording-delay", f"{delay_ms:.0f} ms")

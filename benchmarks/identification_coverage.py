@@ -12,7 +12,6 @@ truth, which shows whether sizes of noise are right, whatever the search.
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,7 +24,7 @@ import numpy as np
 
 import model
 from benchmarks.bench_strokes import BEFORE_S, BENCH, FINE, KINDS, command_n, record
-from benchmarks.runner import Run, Table, by_parts, interval, may_be
+from benchmarks.runner import Run, Table, interval, may_be
 from model.errors import ModelError
 from rig.configuration.rig_file import load_rig
 from rig.errors import RigError
@@ -33,8 +32,6 @@ from rig.session import EncoderInfo, ForceInfo, TrialData
 from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.conventions import Array
 from validation.errors import ValidationError
-from validation.identification import fit as fitting
-from validation.identification import minima
 from validation.identification.blocks import INSTRUMENT, Block
 from validation.identification.difference.responses import ADDED, addable
 from validation.identification.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
@@ -364,77 +361,6 @@ def main(run: Run) -> bool:
         (table_in_spite if c in lacks else table)(c, [row for key, row in kept if key[0] == c]) for c in run.cells
     ]
     return all(tables)
-
-
-IN_A_SESSION = 5
-KNOWN = 0.5  # of the prior
-FIXED = re.compile("normal|arc_|gravity")  # by geometry; and what is no parameter of an action
-PARTS = ("derivatives", "runs", "learning", "each trial")
-
-
-@cache
-def acting_beside(kinds: tuple[str, ...]) -> tuple[str, ...]:
-    """Masses and geometry of the printed action that move an encoder in strokes of these kinds."""
-    start = model.load_action()
-    names = [p.name for p in unknowns(start, ["friction"]).small if p.paths and not FIXED.search(p.name)]
-    return acting(start, unknowns(start, names, ["*"]).asked, kinds)
-
-
-def one(free_laws: int, n: int, options: Run) -> dict[str, Any]:
-    """One fit as plain data."""
-    rng = np.random.default_rng([options.seed, free_laws])
-    start, kinds = model.load_action(), tuple(options.kinds)
-    start = model.load_scene(options.scene).on(start) if options.scene else start
-    laws = acting_laws(kinds)
-    names = list(rng.choice(laws, min(free_laws, len(laws)), replace=False))
-    if free_laws > len(laws):
-        names += list(rng.choice(acting_beside(kinds), free_laws - len(laws), replace=False))
-    free = unknowns(start, [str(name) for name in names], ["*"])
-    truth, specimen = drawn_truth(start, free, 0.5, rng)
-    sensors = Sensors(rng)
-    trials: list[ObservedTrial] = []
-    for session, first in enumerate(range(0, n, IN_A_SESSION)):
-        kind = kinds[session % len(kinds)]
-        data = played(specimen, kind, min(IN_A_SESSION, n - first), sensors, rng)
-        trials += observed(f"{kind} {session + 1}", session, data)
-    began, runs = time.process_time(), ForceRuns(start, (*free.moved, *free.held), trials, RUNS)
-    timed = ((runs, "jacobian"), (runs, "curves"), (fitting, "learn"), (fitting, "likeliest"), (minima, "refine"))
-    names = (PARTS[0], PARTS[1], PARTS[2], PARTS[2], PARTS[3])
-    with by_parts([(*place, part) for place, part in zip(timed, names, strict=True)], outermost=True) as spent:
-        problem, columns = at_start(start, free, trials, runs)
-        fits = search(problem, 1, None, columns)
-    took, best = time.process_time() - began, fits[0]
-    found = estimate_all(problem, best, None if options.profiles else (), lambda text: None)
-    after = time.process_time() - began - took
-    off = [(e.z - truth[e.name]) / e.z_u for e in found if e.z_u < KNOWN]
-    return {
-        "free": free_laws, "trials": n, "steps": sum(f.steps for f in fits), "settled": best.converged,
-        **{part: spent[part] for part in PARTS}, "fit": took, "intervals": after, "fits": len(fits),
-        "known": len(off), "off": float(np.sqrt(np.mean(np.square(off)))) if off else 0.0,
-    }  # fmt: skip
-
-
-def identification_scaling(run: Run) -> bool:
-    """How long an identification takes, by number of parameters and of trials, and where the time goes.
-
-    Strokes as in `benchmarks.identification_coverage`: the specimen is the model with that many laws drawn, all else
-    known, five trials in a session, sessions of the kinds in turn. Where more are to be free than there are laws that
-    act, masses and geometry that act are free, too. Processor time in seconds, one row per fit: derivatives of the
-    model, those by each trial's own force among them, runs of the model, learning of the sizes of noise, the end with
-    each trial at its own scatter, and the rest. Processor time of all threads is counted, so that other work on the
-    machine does not; on an idle one with two cores the model's share takes about half of it by the clock. "off" is the
-    root mean square of error over u of those known to half their prior.
-    """
-    good = True
-    heads = ("free", "trials", "fits", "steps", "fit", *PARTS, "rest", "intervals", "known", "off")
-    whole = ("free", "trials", "fits", "steps", "known")
-    table = Table(*(f"{head}:{'6d' if head in whole else '6.1f'}" for head in heads), "settled:s")
-    keys = [(n, k, run.kinds, run.seed, run.profiles, run.scene) for n in run.free for k in run.trials]
-    for _, row in run.cases(keys, lambda n, k, *_: one(n, k, run)):
-        row["rest"] = row["fit"] - sum(row[part] for part in PARTS)
-        table.row(*(row[head] for head in heads), "yes" if row["settled"] else "NO")
-        good &= row["settled"]
-    return good
 
 
 NEAR = 0.2

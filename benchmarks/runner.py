@@ -25,10 +25,8 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -167,40 +165,6 @@ def in_turns(
 def least(work: Callable[[], object], turns: int = 2, clock: Callable[[], float] = time.process_time) -> float:
     """Least seconds of some repetitions after an uncounted one."""
     return float(in_turns({"": work}, turns, clock)[""].min())
-
-
-@contextmanager
-def by_parts(
-    places: Sequence[tuple[Any, str, str]], clock: Callable[[], float] = time.process_time, outermost: bool = False
-) -> Iterator[Counter[str]]:
-    """Seconds by part while the functions of these places (a module or object, their name in it, the part) are called.
-
-    ``outermost``: what is called inside a part belongs to it, and is counted nowhere else.
-    """
-    kept = [(where, what, getattr(where, what)) for where, what, _ in places]
-    spent, inside = Counter[str](), list[str]()
-
-    def counted(work: Callable[..., Any], part: str) -> Callable[..., Any]:
-        def call(*given: Any, **named: Any) -> Any:
-            if outermost and inside:
-                return work(*given, **named)
-            inside.append(part)
-            began = clock()
-            try:
-                return work(*given, **named)
-            finally:
-                spent[part] += clock() - began  # type: ignore[assignment]
-                inside.pop()
-
-        return call
-
-    try:
-        for where, what, part in places:
-            setattr(where, what, counted(getattr(where, what), part))
-        yield spent
-    finally:
-        for where, what, work in kept:
-            setattr(where, what, work)
 
 
 class Checkout(NamedTuple):

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 import model
 from benchmarks.runner import Run, Table, in_turns, least, may_be
 from model.sensitivity import find_parameters
-from tests.model.compiler.machine import operations
 
 Array = NDArray[np.float64]
 
@@ -38,10 +37,6 @@ DEFAULT = model.SensitivityOptions.tolerance, model.SensitivityOptions.relative_
 RIGHT = 1e-5
 REFERENCE = model.SensitivityOptions(tolerance=1e-12, relative_tolerance=1e-8, events=False, allow_idle=True)
 ALL = replace(REFERENCE, events=True, contact_forces=True)
-JOBS: dict[str, tuple[str, ...]] = {
-    "blow": (), "energy": ("energy",), "derivatives": ("numbers", "normals"), "inside": ("contacts", "tips", "bodies")
-}  # fmt: skip
-"""Kernels of each job beside those of a blow's steps."""
 SHARES = (1e-6, 1e-5, 1e-4, 1e-3)  # of the step of a difference, of the parameter's value
 
 
@@ -142,9 +137,7 @@ def tangents(
 def scenes(only: list[str]) -> None:
     """Print what a blow and what derivatives cost in each scene, times those of the whole action without effects.
 
-    Times are processor time, all scenes in turns; operations are those that stand in the kernels of a job, so that what
-    a scene leaves out costs nothing shows as none more than in ``whole``. Errors of sampled columns: the slow tests of
-    ``tests/model/simulation/test_effects_and_jobs.py``.
+    Times are processor time, all scenes in turns.
     """
     action = model.load_action()
     some = ("contact01", "contact02", "contact12")
@@ -161,7 +154,7 @@ def scenes(only: list[str]) -> None:
     runs: dict[str, Any] = {}
     derivatives: dict[str, Any] = {}
     everything: dict[str, Any] = {}
-    sides, steps = dict[str, float](), dict[str, tuple[float, float]]()
+    sides = dict[str, float]()
     for name, (chosen, choice) in cases.items():
         if only and name not in (*only, "whole"):
             continue
@@ -174,22 +167,17 @@ def scenes(only: list[str]) -> None:
             options = model.SensitivityOptions(scene=choice, allow_idle=True, events=asked, contact_forces=asked)
             jobs[name] = partial(model.sensitivities, chosen, driven, columns, options=options)
         sides[name] = runs[name]().counters["n_rhs"]
-        found = derivatives[name]().counters
-        steps[name] = found["n_steps"], found["n_tangent_steps"] + found["n_tangent_rejected"]
     spent = [in_turns(jobs, turns) for jobs, turns in ((runs, 9), (derivatives, 3), (everything, 3))]
     blow, alone, all_ = ({name: float(t.min()) for name, t in jobs.items()} for jobs in spent)
-    of_kernels = [f"{job}: operations:.0f" for job in JOBS]
     heads = ["ms a blow:.1f", "times whole:.2f", "right-hand sides, times whole:.2f"]
     for words in ("60 columns", "with events, forces"):
         heads += [f"{words}, times whole:.2f", "in blows:.1f"]
-    table = Table("scene:<19s", *heads, *of_kernels, "steps:.0f", "of tangents:.0f")
+    table = Table("scene:<19s", *heads)
     for name in runs:
-        tables = model.build_scene(*cases[name]).tables
-        counts = [operations(tables, *kernels).total() for kernels in JOBS.values()]
         price = [1e3 * blow[name], blow[name] / blow["whole"], sides[name] / sides["whole"]]
         for of in (alone, all_):
             price += [of[name] / of["whole"], of[name] / blow[name]]
-        table.row(name, *price, *counts, *steps[name])
+        table.row(name, *price)
 
 
 def main(run: Run) -> bool:

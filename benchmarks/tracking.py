@@ -5,8 +5,8 @@ levels) is read from disk. Prints per texture: RMS error of the angles (jack and
 whippen), its ratio to the Cramer-Rao bound, frames per second for the three bodies together, lost frames. The last
 lines name claims that do not hold.
 
-Then: one body of 10,000 pixels, unoccluded and 30 % occluded, against the Cramer-Rao bound of the visible pixels, and
-pyIDI's rigid DIC on the same rectangle if installed. Coverage over many films, compressed ones too: `tracking_stress`.
+Then: one body of 10,000 pixels, unoccluded and 30 % occluded, against the Cramer-Rao bound of the visible pixels.
+Coverage over many films, compressed ones too: `tracking_stress`.
 
 Rates are frames per CPU second with OpenCV on one thread. The truth is the mean of each angle over the
 exposure, known by construction. `--frames` below 300 cuts off the blow.
@@ -15,33 +15,25 @@ exposure, known by construction. `--frames` below 300 cuts off the blow.
 from __future__ import annotations
 
 import csv
-import importlib.util
 import tempfile
 import time
 import warnings
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 import vision
-import vision.fitting.frame_spline as frame_spline
-import vision.fitting.icgn as icgn
-import vision.frame_fit.frame_fit as frame_fit
-import vision.tracking.track_film as tracking
-from benchmarks.runner import ROOT, Run, Table, by_parts, in_turns, least
+from benchmarks.runner import ROOT, Run, Table, least
 from rig.simulated import CameraSettings, FilmTruth, film_bodies, film_trial
 from vision.angles import ccw_to_picture
 from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
 from vision.film.mraw import write_mraw
-from vision.film.source import ArrayFilm
 from vision.fitting.template import design_columns
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, total_noise, wood_grain
 
@@ -136,39 +128,6 @@ def one_body(texture: str, cover_px: int, n: int = 400, seed: int = 3) -> dict[s
     }
 
 
-def against_pyidi(texture: str, n: int = 110, seed: int = 3) -> dict[str, float]:
-    """The unoccluded bar, ours and pyIDI's rigid DIC on the same rectangle: RMS (mdeg), frames per CPU second."""
-    import pyidi
-
-    scene, pose = bar_scene(texture, seed), bar_pose(n)
-    sensor = Sensor(NOISE, 8, seed)
-    frames = np.stack([sensor.expose(scene.light(p[None, None])) for p in pose])
-    body = Body("bar", scene.bodies[0].outline(*pose[0]))
-    rows, columns = np.nonzero(build_masks([body], HEIGHT, WIDTH)[0])
-    size = [int(np.ptp(v)) // 2 * 2 + 1 for v in (rows, columns)]
-    with tempfile.TemporaryDirectory() as folder:
-        start = time.process_time()
-        dic = pyidi.DIC(pyidi.VideoReader(input_file=frames, root=folder))
-        dic.set_points(points=np.array([[round(rows.mean()), round(columns.mean())]]))
-        dic.configure(roi_size=size, warp="rigid", verbose=0, show_pbar=False)
-        dic.get_displacements(autosave=False)
-        theirs_s = time.process_time() - start
-    film = ArrayFilm(frames, 2000.0)
-    vision.track(film, [body], every=n // 4, n_still=BAR_STILL)
-    start = time.process_time()
-    result = vision.track(film, [body], n_still=BAR_STILL)
-    ours_s = time.process_time() - start
-    true = pose[:, 0] - pose[:BAR_STILL, 0].mean()
-    phi = -dic.warp_params[0, :, 2]
-    theirs = phi - phi[:BAR_STILL].mean() - true
-    ours = result.angle_rad[:, 0] - true
-
-    def rms(error: NDArray[np.float64]) -> float:
-        return float(np.sqrt(np.nanmean(error[BAR_STILL + 1 :] ** 2)) / MDEG)
-
-    return {"ours": rms(ours), "pyidi": rms(theirs), "ours_per_s": n / ours_s, "pyidi_per_s": n / theirs_s}
-
-
 def visible_bounds(
     scene: Scene, body: Body, pose: NDArray[np.float64], cover_px: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -237,13 +196,6 @@ def one_body_rows() -> list[str]:
                 failures.append(f"one body, {texture}, {row['hidden']:.2f} hidden: ratio at most 1.15, none lost")
             if cover_px == 0 and row["frames_per_s"] < fewest:
                 failures.append(f"one body, {texture}: {fewest:.0f} frames/s")
-        if importlib.util.find_spec("pyidi") is not None:
-            row = against_pyidi(texture)
-            # pyIDI's best case: an axis-aligned rectangle, with angles zeroed on the still frames like ours
-            print(
-                f"  {texture:9s}same rectangle: ours {row['ours']:.2f} mdeg at {row['ours_per_s']:.0f}/s, pyIDI "
-                f"{row['pyidi']:.2f} mdeg at {row['pyidi_per_s']:.1f}/s"
-            )
     return failures
 
 
@@ -276,68 +228,6 @@ def main(run: Run) -> bool:
     for failure in failures:
         print(f"FAILED {failure}")
     return not failures
-
-
-PARTS = (
-    (tracking, "prepare", "before the first frame"),
-    (tracking, "assemble_result", "after the last frame"),
-    (tracking, "track_forward", "frames"),
-    (frame_fit, "walk", "  frames in one call (leaves the lock)"),
-    (frame_fit, "go_on", "  rest of a doubtful frame (leaves it)"),
-    (frame_spline, "prefilter", "  spline filter, called by Python (leaves it)"),
-    (icgn, "fit_rigid", "  fit, called by Python (leaves it)"),
-)
-LEAVES = "leaves"
-
-
-def parts_of(run: Callable[[], Any]) -> Counter[str]:
-    """Processor time (s) of one run by part."""
-    with by_parts(PARTS, time.thread_time) as spent:
-        began = time.thread_time()
-        run()
-    spent["whole"] = time.thread_time() - began  # type: ignore[assignment]
-    return spent
-
-
-def tracking_threads(asked: Run) -> bool:
-    """Tracking by one and by two threads, and where a frame's time goes: three bodies of 400 x 304, per texture.
-
-    One and two threads alternate; the best wall time of each counts, so that it says something on a machine at rest
-    only. The parts are processor time of the tracking thread (one thread): what leaves Python's lock to others, and
-    what holds it. With two threads, the parts before and after are shared out by bodies, frames and cameras. The RMS
-    error of the angles (jack and lever relative to the whippen) stands beside, and whether both gave the same bits.
-    """
-    cv2.setNumThreads(1)
-    same = True
-    for texture in ("wood", "speckle"):
-        with filmed(texture, asked.frames) as (path, truth, settings):
-            bodies = film_bodies(settings=settings)
-
-            def run(threads: int, path: Path = path, bodies: Any = bodies, truth: Any = truth) -> Any:
-                return tracking.track(path, bodies, truth.frame_time_s, n_still=N_STILL, threads=threads)
-
-            jobs = {1: lambda run=run: run(1), 2: lambda run=run: run(2)}
-            rates = [asked.frames / spent.min() for spent in in_turns(jobs, asked.turns, time.perf_counter).values()]
-            angle = {threads: run(threads).angle_rad for threads in jobs}
-            spent = min((parts_of(jobs[1]) for _ in range(3)), key=lambda one: one["whole"])
-        same &= np.array_equal(angle[1], angle[2], equal_nan=True)
-        found = angle[1].copy()
-        found[:, 1:] -= found[:, :1]
-        rms = np.degrees(np.sqrt(np.mean((found - true_angles(truth)) ** 2, axis=0))) * 1e3
-        print(
-            f"\n{texture}: {rates[0]:.0f} frames/s by one thread, {rates[1]:.0f} by two ({rates[1] / rates[0]:.2f} x)"
-        )
-        print(f"  RMS, mdeg: whippen {rms[0]:.2f}, jack {rms[1]:.2f}, lever {rms[2]:.2f}; same bits: {same}")
-        free = sum(spent[name] for *_, name in PARTS if LEAVES in name)
-        spent["  Python, and short compiled calls"] = spent["frames"] - free
-        for name in (*(name for *_, name in PARTS), "  Python, and short compiled calls", "whole"):
-            print(f"  {name:50s}{1e6 * spent[name] / asked.frames:8.0f} us a frame")
-        held, ends = spent["frames"] - free, spent["whole"] - spent["frames"]
-        print(
-            f"  of a frame's time {free / spent['frames']:.0%} leaves the lock; with all else done alone, two threads "
-            f"give at most {spent['whole'] / (max(0.5 * spent['frames'], held) + ends):.2f} x"
-        )
-    return bool(same)
 
 
 BESIDE = ROOT.parent / "shared" / "data" / "escapement"

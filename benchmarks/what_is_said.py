@@ -2,9 +2,9 @@
 
     python -m benchmarks what_is_said [--only WORD,…] [--seed 1] [--strokes mf,rebound] [--suspect]
 
-Sessions are strokes of the virtual bench: effects that the model lacks, glitches of one channel, odd sessions, and clean
-ones. Each case names itself, what is true of it, and words that no sentence may hold; the benchmark's answer is right
-where none of them is said. The rest must be read.
+Sessions are strokes of the virtual bench: effects that the model lacks, glitches of one channel, odd sessions, and
+clean ones. Each case names itself, what is true of it, and words that no sentence may hold; the benchmark's answer is
+right where none of them is said. The rest must be read.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ finds right.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from typing import Any
@@ -14,7 +15,8 @@ import numpy as np
 
 from rig import InputError
 
-COUNTS = [150]
+INPUTS, SEED = int(os.environ.get("FUZZ_INPUTS", "150")), int(os.environ.get("FUZZ_SEED", "52"))
+"""Of damaged inputs, a format each: `python -m benchmarks fuzz_readers` asks for more."""
 
 
 Case = tuple[bytes, Callable[[bytes], Any], Callable[[bytes, Any], None]]
@@ -63,7 +65,7 @@ def damaged(whole: bytes, chance: np.random.Generator) -> bytes:
 
 def survive(whole: bytes, read: Callable[[bytes], Any], check: Callable[[bytes, Any], None], inputs: int) -> int:
     """Read damaged inputs; return how many were refused. The first input is whole."""
-    chance, refused = np.random.default_rng(52), 0
+    chance, refused = np.random.default_rng(SEED), 0
     check(whole, read(whole))
     for _ in range(inputs):
         data = damaged(whole, chance)

@@ -1,4 +1,4 @@
-"""Simultaneous band: closed forms, coverage by simulation (`python -m benchmarks band_coverage` has the long form)."""
+"""Simultaneous band: closed forms, coverage by simulation (on the bench: `python -m benchmarks band_on_bench`)."""
 
 from __future__ import annotations
 
