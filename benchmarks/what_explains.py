@@ -21,8 +21,7 @@ six where some trials may differ from the others. What is planted is ``+`` betwe
 
 With ``--lots`` so many sessions are drawn by lot: of `KINDS` each comes once before any comes twice, with its stroke,
 its specimen (printed, ``own``) and its size; every third holds another kind, of single trials beside one of all.
-Prints a line per session, the smallest size of each ``CAUSE:SIZE`` from which on it is named, and a table of what was
-planted, part by part (what some trials have, and what all share):
+Prints a line per session, and a table of what was planted, part by part (what some trials have, and what all share):
 ``alone`` a set of nothing but what was planted is the only one named, ``set`` it is among those named, ``wrong`` sets
 are named and none is right (also where nothing was planted), ``none`` no cause that was tried explains it, ``silent``
 nothing is said of it: it does not show.
@@ -33,7 +32,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
@@ -256,37 +255,14 @@ def lots(run: Run) -> Iterator[Key]:
         yield str(rng.choice(run.strokes)), "+".join(sized), run.seed + n
 
 
-def detectable(verdicts: Mapping[tuple[str, str], Sequence[str]]) -> None:
-    """Print the smallest size from which on a cause that all trials share was named, in each kind of stroke."""
-    sizes: dict[str, dict[str, list[tuple[float, bool]]]] = {}
-    for (kind, words), found in verdicts.items():
-        cause, _, size = words.partition(":")
-        if size.replace(".", "").isdigit():
-            tried = sizes.setdefault(cause, {}).setdefault(kind, [])
-            tried.append((float(size), {"alone", "set"}.issuperset(found)))
-    if not sizes:
-        return
-    kinds = list(dict.fromkeys(kind for kind, _ in verdicts))
-    shown = Table("named from:<20s", *(f"{kind}:>10s" for kind in kinds))
-    for cause, of in sizes.items():
-        cells = []
-        for kind in kinds:
-            missed = max((size for size, named in of.get(kind, []) if not named), default=0.0)
-            above = [size for size, named in of.get(kind, []) if named and size > missed]
-            cells.append(f"{min(above):g}" if above else f"> {missed:g}" if missed else "")
-        shown.row(cause, *cells)
-
-
 def main(run: Run) -> bool:
     """Run the study; whether 95 % of what is said of all or of some trials may name nothing wrong."""
     keys = [(kind, n, run.seed + i) for i, kind, n in product(range(run.sessions), run.strokes, run.changes)]
     verdicts: dict[str, Counter[str]] = {}
-    shared: dict[tuple[str, str], list[str]] = {}
     seconds = []
     for (kind, words, seed), row in run.cases(lots(run) if run.lots else keys, case):
         print(f"{kind} {words} {seed}: {row['apart'] or '–'}, {row['shared']} | {row['said']}", flush=True)
         these = [Planted(**p) for p in row["planted"]]
-        shared.setdefault((kind, words), []).append(row["shared"])
         for part, of in (
             ("apart", [p for p in these if p.profile != ALL]),
             ("shared", [p for p in these if p.profile == ALL]),
@@ -295,7 +271,6 @@ def main(run: Run) -> bool:
                 name = f"{of[0].cause}, {of[0].profile}" if len(of) == 1 else f"{len(of) or 'nothing'}, {part}"
                 verdicts.setdefault(name, Counter())[row[part]] += 1
         seconds.append(row["seconds"])
-    detectable(shared)
     shown = Table("planted:<40s", *(f"{verdict}:6d" for verdict in VERDICTS))
     for name in sorted(verdicts):
         shown.row(name, *(verdicts[name][verdict] for verdict in VERDICTS))

@@ -12,25 +12,20 @@ Wrong is: an error of ours exceeds twice its requested tolerance, or the referen
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import partial
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 import model
-from benchmarks.figures import machine
 from benchmarks.peers import solvers
 from benchmarks.peers.compiled import BLOWS, CompiledEquations, CompiledJacobian, force_table, pack
-from benchmarks.peers.equations import largest_deviation
-from benchmarks.peers.solvers import Answer, Solver, version
+from benchmarks.peers.solvers import Answer, Solver
 from benchmarks.runner import Run, Table
 from model.integrators.methods import DEFAULT_METHOD, METHODS
 
@@ -128,9 +123,7 @@ OUR_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ...]]] = {
     "CVODE from C": (partial(solvers.c_cvode, False), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
     "CVODE from C with analytic J": (partial(solvers.c_cvode, True), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
-    "scikit-sundae CVODE": (solvers.sundae_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
     "SciPy odeint (LSODA)": (solvers.scipy_odeint, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
-    "explicit DOP853 compiled": (solvers.explicit_dop853, (1e-4, 1e-6, 1e-8, 1e-10)),
 }
 QUICK_OURS = (1e-3, 1e-5)
 TARGETS = (1e-4, 1e-5, 1e-6, 1e-7)
@@ -200,9 +193,7 @@ def first_call(action: model.Action) -> model.RestState:
 def main(args: Run) -> bool:
     """Race all methods; whether our errors and the references are right."""
     blows = args.blow or list(BLOWS)
-    names = [] if args.only_ours else args.peer or list(PEERS)
-    here = {"machine": machine()} | ({"cvode": version()} if names else {})
-    print(", ".join(here.values()), flush=True)
+    names = args.peer or list(PEERS)
 
     def timed(what: str, work: Callable[[], T]) -> T:
         start = time.perf_counter()
@@ -216,11 +207,6 @@ def main(args: Run) -> bool:
     start = np.concatenate([rest.angle_rad, np.zeros(len(rest.angle_rad))])
     equations = timed("peers' equations, numba", partial(CompiledEquations, action))
     jacobian = timed("their Jacobian, numba", partial(CompiledJacobian, action))
-    deviation = largest_deviation(equations.accelerations, action, rest.angle_rad)
-    print(f"peers' equations differ from the plain NumPy twin by {deviation:.1e} relative", flush=True)
-    if not deviation < 1e-9:
-        print("the peers' equations are not the model's")
-        return False
     default = f"ours {DEFAULT_METHOD}"
     sharpest = max(METHODS.values(), key=lambda m: m.order).name
     rows: list[Row] = []
@@ -260,13 +246,6 @@ def main(args: Run) -> bool:
         summary(rows, blow, default)
     print("not in the times, s: " + "; ".join(f"{k} {v:.2f}" for k, v in preparation.items() if v > 0.05))
     bad = check(rows, differences)
-    if args.json:
-        record = {
-            "machine": here, "date": datetime.now(UTC).isoformat(timespec="seconds"),
-            "reference_difference_rad": differences, "skipped": skipped,
-            "preparation_s": preparation, "failed": bad, "rows": [vars(r) for r in rows],
-        }  # fmt: skip
-        Path(args.json).write_text(json.dumps(record, default=float, indent=1), encoding="utf-8")
     for line in bad:
         print(f"WRONG  {line}")
     return not bad

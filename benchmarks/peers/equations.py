@@ -2,7 +2,7 @@
 
 Takes an `Action` and returns the text of ``rhs`` with every parameter a literal number and every loop unrolled,
 the fastest form a compiled right-hand side can take. Nothing from ``model.kernels`` is used, so that a reference made
-with it also checks those kernels; `largest_deviation` compares it with the plain NumPy reference equations.
+with it also checks those kernels.
 
 An ``if`` around each contact lets an open one cost only its gap.
 Equations: thesis Chapter 2 and docs/decisions; planar bodies, at most one parent each.
@@ -13,10 +13,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from model import BODIES, Action
-from tests.model.verification.reference_equations import Twin
 
 N = len(BODIES)
 
@@ -219,16 +216,3 @@ def accelerations(action: Action) -> Any:
     space: dict[str, Any] = {k: getattr(math, k) for k in ("sin", "cos", "tanh", "sqrt")}
     exec(compile(source(action), "<equations of the action>", "exec"), space)
     return space["accelerations"]
-
-
-def largest_deviation(function: Any, action: Action, rest: np.ndarray, count: int = 100) -> float:
-    """Largest relative difference of accelerations from the NumPy reference equations, random states about ``rest``."""
-    twin, rng, worst = Twin(action), np.random.default_rng(1), 0.0
-    for _ in range(count):
-        q = rest + rng.normal(0.0, 0.05, N)
-        v = rng.normal(0.0, 3.0, N)
-        u = float(rng.uniform(0.0, 60.0))
-        want = twin.acceleration(q, v, u)
-        got = np.asarray(function(np.concatenate([q, v]), u), dtype=float).ravel()
-        worst = max(worst, float(np.abs(got - want).max() / np.abs(want).max()))
-    return worst

@@ -51,17 +51,6 @@ def build() -> ctypes.CDLL:
     raise Unavailable(f"cvode.c does not build ({problem}); on Debian: apt-get install libsundials-dev")
 
 
-def version() -> str:
-    """Version of the system's SUNDIALS and the compiler that `build` uses; empty where it cannot be built."""
-    try:
-        library = build()
-    except Unavailable:
-        return ""
-    library.version.restype = ctypes.c_char_p
-    told = subprocess.run(["gcc", "-dumpfullversion"], capture_output=True, text=True, check=False).stdout.strip()
-    return f"SUNDIALS {library.version().decode()} of the system, driver by gcc {told} -O3 -march=native"
-
-
 def cvode_in_c(
     address: int, table: Array, y0: Array, times: Array, jacobian: int | None = None
 ) -> Callable[[float], tuple[Array, tuple[int, int, int, int]]]:
@@ -129,28 +118,6 @@ def scipy_odeint(task: Task) -> Solver:
     return run
 
 
-def sundae_cvode(task: Task) -> Solver:
-    """CVODE (BDF) from scikit-sundae, which calls the compiled right-hand side through Python."""
-    try:
-        from sksundae.cvode import CVODE
-    except ImportError:
-        raise Unavailable("scikit-sundae is missing; pip install scikit-sundae") from None
-    fill, table = task.equations.fill, task.table
-
-    def rhs(t: float, y: Array, dy: Array) -> None:
-        fill(t, y, dy, table)
-
-    def run(tolerance: float) -> Answer:
-        solver = CVODE(rhs, method="BDF", rtol=tolerance, atol=tolerance, max_num_steps=10**7)
-        sol = solver.solve(task.output_s, task.y0)
-        if not sol.success:
-            raise RuntimeError(sol.message)
-        # a dense difference quotient takes one more right-hand side per state; CVODE counts those separately
-        return Answer(sol.y[:, :N], None, None, int(sol.nfev) + 2 * N * int(sol.njev), int(sol.njev))
-
-    return run
-
-
 def c_cvode(analytic: bool, task: Task) -> Solver:
     """CVODE (BDF) driven from C with the address of the compiled right-hand side, perhaps of an analytic Jacobian."""
     jacobian = task.jacobian.address if analytic else None
@@ -159,16 +126,5 @@ def c_cvode(analytic: bool, task: Task) -> Solver:
     def run(tolerance: float) -> Answer:
         y, counts = solve(tolerance)
         return Answer(y[:, :N], *counts)
-
-    return run
-
-
-def explicit_dop853(task: Task) -> Solver:
-    """The compiled explicit reference method, which shows the cost of stiffness."""
-    every = round(float((task.output_s[1] - task.output_s[0]) * task.table[1]))
-
-    def run(tolerance: float) -> Answer:
-        y, steps = task.equations.explicit(task.y0, task.table, every, tolerance)
-        return Answer(y[:, :N], steps)
 
     return run
