@@ -7,11 +7,9 @@ global interpreter lock and limits thread scaling. Wall times are
 meaningful only on an idle machine; the ratio of processor time to wall time is printed and approaches W when idle.
 Lanes and scalar runs alternate on one worker, for members that are alike (those above) and unlike (four kinds of
 blow, half to one and a half times as strong, in random order); the ratio is of processor times within a round.
-Wrong is: a scalar member differs from a single run in any bit, or from a run at 1e-9 rad by more than 10
-tolerances; lanes differ from scalar runs by more than a tolerance, that run's own error, and what the last digits of
-its force move it; or 95 % of them by more than twice what the last digit of the force moves scalar runs (step control
-amplifies rounding, in both alike). Member 0363: an error of 0.8 of what a step may make, where a jack is held by the
-peak of its static friction, lets it stick that should slide; the estimated error says so.
+Wrong is: a scalar member differs from a single run in any bit, or from a run at 1e-9 rad by more than 10 tolerances; or
+95 % of the members in lanes differ from scalar runs by more than twice what the last digit of the force moves these
+(step control amplifies rounding, in both alike).
 """
 
 from __future__ import annotations
@@ -76,20 +74,6 @@ def check(many: dict[str, tuple[np.ndarray, np.ndarray]], workers: int) -> float
     return worst
 
 
-def own_error(action: model.Action, force: tuple[np.ndarray, np.ndarray]) -> float:
-    """Largest error of an angle (rad) of a single run, against one at 1e-11 rad."""
-    coarse, fine = (model.simulate(action, *force, tolerance=tolerance) for tolerance in (TOLERANCE, 1e-11))
-    return float(np.abs(coarse.angle_rad - fine.angle_rad).max())
-
-
-def by_last_digits(action: model.Action, force: tuple[np.ndarray, np.ndarray]) -> float:
-    """Largest change of an angle (rad) of a single run where the last digits of its force change, in 32 ways."""
-    times, force_n = force
-    runs = {str(k): (times, force_n * (1.0 + k * 2.0**-52)) for k in range(-16, 17)}
-    found = model.simulate_many(action, runs, tolerance=TOLERANCE, workers=1, lanes=False)
-    return float(apart(found, [found[16]] * len(found)).max())
-
-
 def apart(one: list[batch.Member], other: list[batch.Member]) -> np.ndarray:
     """Largest difference of an angle (rad) of each member."""
     pairs = [(a.solution, b.solution) for a, b in zip(one, other, strict=True)]
@@ -107,14 +91,6 @@ def lanes_beside_scalar(name: str, many: dict[str, tuple[np.ndarray, np.ndarray]
     distance = apart(scalar, many_at(many, lanes=True))
     rounded = {k: (times, force * (1.0 + 2.0**-52)) for k, (times, force) in many.items()}
     rounding = apart(scalar, many_at(rounded, lanes=False))
-    beyond = [0, 0]
-    for k, one in enumerate((distance, rounding)):
-        for i in np.flatnonzero(one > 0.1 * TOLERANCE):
-            own = own_error(action, many[scalar[i].trial])
-            beyond[k] += int(one[i] > own)
-            if k == 0 and one[i] > max(own, TOLERANCE, moved := by_last_digits(action, many[scalar[i].trial])):
-                found = f"lanes {one[i]:.2g} off, own error {own:.2g}, last digits {moved:.2g} rad"
-                raise SystemExit(f"member {scalar[i].trial}: {found}")
     typical = [float(np.quantile(one, 0.95)) for one in (distance, rounding)]
     if typical[0] > 2.0 * typical[1]:
         raise SystemExit(f"lanes are {typical[0]:.2g} rad from scalar runs, which rounding moves by {typical[1]:.2g}")
@@ -127,11 +103,10 @@ def lanes_beside_scalar(name: str, many: dict[str, tuple[np.ndarray, np.ndarray]
         f"({'reached' if ratios[len(ratios) // 2] >= TARGET_RATIO else 'missed'}: wanted {TARGET_RATIO})"
     )
     names = "lanes from scalar runs", "last digit of the force"
-    for what, one, count in zip(names, (distance, rounding), beyond, strict=True):
+    for what, one in zip(names, (distance, rounding), strict=True):
         print(
             f"           {what}: {np.median(one) / TOLERANCE:.1g} tolerances in the median, 95 % "
-            f"{np.quantile(one, 0.95) / TOLERANCE:.1g}, largest {one.max() / TOLERANCE:.1g}; {count} of {len(many)} "
-            "beyond both 0.1 and the scalar run's error"
+            f"{np.quantile(one, 0.95) / TOLERANCE:.1g}, largest {one.max() / TOLERANCE:.1g}"
         )
 
 

@@ -6,8 +6,7 @@ rail and shank, which the model lacks. ``shank``, ``form``, ``felt``: the specim
 another felt than the model, which was not freed; what is called known in spite of it (`identification.lacks`) is
 counted beside what the right model's fit knows. ``--free N``: N laws drawn at random for each experiment are free, and
 all else is as the model has it; ``--free 0``: those of ``--asked``, and all else is free, drawn, and fitted beside
-them. One randomly drawn asked parameter is profiled in each experiment. ``--from-truth``: one fit that starts at the
-truth, which shows whether sizes of noise are right, whatever the search.
+them. One randomly drawn asked parameter is profiled in each experiment.
 """
 
 from __future__ import annotations
@@ -35,12 +34,12 @@ from validation.errors import ValidationError
 from validation.identification.blocks import INSTRUMENT, Block
 from validation.identification.difference.responses import ADDED, addable
 from validation.identification.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
-from validation.identification.fit import Fitted, fit
+from validation.identification.fit import Fitted
 from validation.identification.force_runs import ForceRuns
 from validation.identification.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
 from validation.identification.identify import LEAST_EFFECT_RAD
 from validation.identification.lacks import SIZE_U, fit_with, supported
-from validation.identification.minima import refine, search
+from validation.identification.minima import search
 from validation.identification.noise import Sizes, likeliest
 from validation.identification.observations import (
     ObservedTrial,
@@ -65,7 +64,7 @@ STRENGTH = 0.02
 EFFECTS = ("balance_rail", "shank")
 WILDEST = 2.5
 LAWS = ("friction", "joint_friction", "damping", "stiffness", "springs")
-SAME = ("seed", "spread", "kinds", "trials", "free", "asked", "from_truth")
+SAME = ("seed", "spread", "kinds", "trials", "free", "asked")
 RUNS = 2e-7  # rad, error of the runs of a fit
 
 
@@ -220,14 +219,10 @@ def experiment(cell: str, k: int, options: Any) -> dict[str, Any]:
                 data = played(specimen, kind, options.trials, sensors, rng)
             trials += observed(kind, i, data)
         problem, columns = problem_of(start, free, trials)
-        fits = (
-            [refine(problem, fit(problem, truth_z(free, truth, sensors)))]
-            if options.from_truth
-            else search(problem, 1, None, columns)
-        )
+        fits = search(problem, 1, None, columns)
         fitted = fits[0]
         fit_s = time.process_time() - began
-        found = estimate_all(problem, fitted, [] if options.from_truth else [profiled], lambda text: None)
+        found = estimate_all(problem, fitted, [profiled], lambda text: None)
     except (ModelError, RigError, ValidationError) as error:
         return {"failed": str(error)}
     rows = []

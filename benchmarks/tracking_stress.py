@@ -8,7 +8,7 @@ five stated uncertainties), rows with any other flag, lost rows, rows in all; fl
 ``permit`` tracking, whose bound (least error that the film's noise permits) is at most a quarter of 0.05 degrees; rows
 that are only ``WIDENED``, which count as usable. The films come from `stress_films`, which shares no code with
 `vision`. Kinds of what a film cannot be (`CANNOT_BE`) are judged by the total u; *said* counts their films of which a
-line names the cause. Only moving rows count; the zero is that of the still frames. H.264 needs PyAV.
+line names the cause. Only moving rows count; the zero is that of the still frames.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import av
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -33,11 +34,6 @@ import vision
 from benchmarks.runner import Run, Table
 from vision.film.source import Compression
 from vision.results.flags import FrameFlag
-
-try:
-    import av
-except ImportError:
-    av = None  # the only one that writes H.264; OpenCV's wheel has no encoder
 
 FINE = 6
 HEIGHT, WIDTH = 190, 240
@@ -481,11 +477,11 @@ FIRST = (
 )  # fmt: skip
 FURTHER = (
     blur, interlaced_flicker, mpeg4, shadow_edge, drops, dark_frames, quantisation, gamma, row_noise, hot_pixels, tilt,
-    ghost, shot_noise, vignette, *((h264,) if av is not None else ()),
+    ghost, shot_noise, vignette, h264,
 )  # fmt: skip
 CANNOT_BE = (
     recursive_filter, frame_blend, pixel_aspect, calibrated_stretch, interlaced, dark_start, turning_still,
-    *((h264_duplicates, h264_stated) if av is not None else ()), interlaced_unsaid,
+    h264_duplicates, h264_stated, interlaced_unsaid,
 )  # fmt: skip
 KINDS: dict[str, Callable[[Shot], None]] = {kind.__name__: kind for kind in (*FIRST, *FURTHER, *CANNOT_BE)}
 NUMBER = {name: number for number, name in enumerate([*sorted(list(KINDS)[: len(FIRST)]), *list(KINDS)[len(FIRST) :]])}
@@ -639,8 +635,6 @@ def tracked(kind: str, surface: str, seed: int) -> dict[str, Any]:
 
 def main(run: Run) -> bool:
     """Render, track, print; whether at most 0.1 % of all rows are silently wrong."""
-    if "h264" not in KINDS:
-        print("H.264 is left out: PyAV is not installed (pip install av)", file=sys.stderr)
     kinds, seeds = run.kinds or list(KINDS), range(run.first_seed, run.first_seed + run.seeds)
     keys = [(kind, surface, seed) for seed in seeds for kind in kinds for surface in run.textures]
     found: dict[tuple[str, str], list[dict[str, Any]]] = {name: [] for name in product(kinds, run.textures)}

@@ -1,6 +1,6 @@
 """Planted faults of a session and changes of the specimen: which causes does a report say explain the difference?
 
-    python -m benchmarks what_explains [--seed 1] [--sessions 20] [--changes 0,1,2,5,bench] [--strokes forte]
+    python -m benchmarks what_explains [--seed 1] [--sessions 20] [--changes clean,shank:1] [--strokes forte]
                                        [--lots N] [--results FILE] [--minutes M]
 
 Sessions are strokes of the virtual bench (motor arm, sensors with errors, strengths that scatter), three of them, or
@@ -11,9 +11,6 @@ six where some trials may differ from the others. What is planted is ``+`` betwe
     ``one`` (the fourth), from that on (``step``), or as a ``trend`` to the last. Causes are errors of channels (``force
     gain``; ``clock rate``), values of the action and felts (``contact02``) by their names, and effects that the model
     lacks (``shank``, ``contact12.stulov``, ``giving`` for all joints).
-``0``, ``1``, ``2``, ``5``, ``bench``
-    so many values of the specimen, drawn anew for each session: frictions, felts, dampings and joint frictions by a
-    factor of 1.2 to 1.6 or its inverse, masses and inertias by 3 to 10 %; ``bench``: the bench's own ten.
 ``own``
     the bench's own specimen, which the model knows.
 ``clean``
@@ -65,8 +62,6 @@ from validation.prediction.model_under_test import ModelUnderTest
 TRIALS, MORE = 3, 6
 FAULTY = 4  # the trial that has a fault, or from which on
 VERDICTS = ("alone", "set", "none", "silent", "wrong")
-LAWS, MASSES = (".friction.A", ".joint_friction.A", ".normal.D", ".torque", ".stiffness"), (".mass", ".inertia")
-FACTORS, MASS_FACTORS = (1.2, 1.6), (1.03, 1.10)
 APART = {
     FORCE_GAIN: ("5/7/10", (ONE, TREND, STEP)),
     FORCE_LEVEL: ("0.1/0.2/0.4", (ONE, TREND, STEP)),
@@ -145,18 +140,6 @@ def planted(token: str, action: model.Action) -> Planted:
     return Planted(cause, float(size), profile, units.get(cause, ADDED))
 
 
-def drawn(action: model.Action, n: int, rng: np.random.Generator) -> list[Planted]:
-    """So many things that change, in all trials."""
-    names = single_names(action)
-    pool = [k for k, paths in sorted(names.items()) if len(paths) > 1 or k.endswith((*LAWS, *MASSES))]
-    out = []
-    for name in rng.choice(pool, n, replace=False):
-        low, high = MASS_FACTORS if name.endswith(MASSES) else FACTORS
-        factor = float(np.exp(rng.uniform(np.log(low), np.log(high))))
-        out.append(Planted(str(name), 100.0 * ((factor if rng.random() < 0.5 else 1.0 / factor) - 1.0), ALL, "1"))
-    return out
-
-
 def bench_changes() -> list[Planted]:
     """How the bench's own specimen differs."""
     printed, own = model.load_action(), load_plant(BENCH, 1, 5000.0).action
@@ -215,16 +198,14 @@ def judged(found: Explained, these: list[Planted], shared: bool) -> str:
 def case(kind: str, words: str, seed: int) -> dict[str, Any]:
     """One session as plain data."""
     tokens = words.split("+")
-    own, counted = "own" in tokens, next((t for t in tokens if t.isdigit() or t == "bench"), "0")
+    own = "own" in tokens
     action = model.load_action()
     if own:
         action = action.with_values(
             {p: (1.0 + c.amount(1)) * action[p] for c in bench_changes() for p in single_names(action)[c.cause]}
         )
-    rng = np.random.default_rng([seed, 0 if counted == "bench" else int(counted)])
-    these = bench_changes() if counted == "bench" else drawn(action, int(counted), rng)
-    these += [planted(token, action) for token in tokens if ":" in token]
-    specimen = "bench" if own or counted == "bench" else "printed"
+    these = [planted(token, action) for token in tokens if ":" in token]
+    specimen = "bench" if own else "printed"
     more = "clean" in tokens or any(p.profile != ALL for p in these)
     before = time.process_time()
     found = explained(kind, seed, specimen, action, these, MORE if more else TRIALS)

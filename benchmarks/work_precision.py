@@ -225,8 +225,6 @@ def main(args: Run) -> bool:
             f"({other.steps} steps) differs by {differences[blow]:.1e} rad",
             flush=True,
         )
-        off = jacobian.largest_deviation(equations, explicit[::23], task.table)
-        print(f"{blow}: the analytic Jacobian differs from differences by {off:.1e} of its largest entry", flush=True)
         ours = QUICK_OURS if args.quick else OUR_TOLERANCES
         entries = [Entry(f"ours {m}", True, our_solver(task, rest, m), ours) for m in METHODS]
         for name in names:

@@ -229,19 +229,3 @@ class CompiledJacobian:
         self.fill = fill
         self._from_c = from_c  # keeps the machine code alive
         self.address: int = from_c.address  # type: ignore[assignment]
-
-    def largest_deviation(self, equations: CompiledEquations, states: Array, table: Array) -> float:
-        """Largest difference, relative to the largest entry, from central differences at ``states`` (m, 10)."""
-        worst = 0.0
-        for y in states:
-            exact = np.zeros(4 * N * N)
-            self.fill(0.0, y, exact, table)
-            differences = np.empty((2 * N, 2 * N))
-            for j in range(2 * N):
-                step = np.zeros(2 * N)
-                step[j] = 1e-7 if j < N else 1e-6
-                high, low = (equations.give(0.0, y + sign * step, table) for sign in (1.0, -1.0))
-                differences[j] = (high - low) / (2.0 * step[j])
-            scale = np.abs(differences).max()
-            worst = max(worst, float(np.abs(exact.reshape(2 * N, 2 * N) - differences).max() / scale))
-        return worst

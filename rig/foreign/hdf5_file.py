@@ -70,10 +70,10 @@ def _plain(path: Path, file: h5py.File) -> ChannelTable:
     found: list[tuple[str, str, h5py.Dataset, str]] = []
     outer: dict[str, dict[str, Any]] = {"/": _properties(file)}
 
-    def take(name: str, node: h5py.Group | h5py.Dataset) -> None:
+    def take(name: str, node: h5py.Group | h5py.Dataset | h5py.Datatype) -> None:
         if isinstance(node, h5py.Group):
             outer[node.name] = _properties(node)
-        elif node.size and node.ndim and node.attrs.get("MATLAB_class") != b"char":
+        elif isinstance(node, h5py.Dataset) and node.size and node.ndim and node.attrs.get("MATLAB_class") != b"char":
             columns = node.dtype.names or ("",)
             found.extend((name, column, node, column or name) for column in columns)
 

@@ -301,6 +301,7 @@ def test_hdf5_vectors_of_matlab_tables_and_nwb_series(bench: Bench) -> None:
         bench.refuse(path, "other is a table of (600, 2) numbers", time='[time]\nchannel = "other"\n')
     table = np.rec.fromarrays(list(CHANNELS.values()), names=list(CHANNELS))
     with h5py.File(path, "w") as file:
+        file["a row"] = table.dtype  # a type by name is no dataset
         file["run"] = table
         file["run"].attrs["units"] = ["s", "N", "counts", "counts"]
     assert read_segments(path)[0].units == UNITS
