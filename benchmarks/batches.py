@@ -14,7 +14,6 @@ Wrong is: a scalar member differs from a single run in any bit, or from a run at
 
 from __future__ import annotations
 
-import os
 import time
 from functools import partial
 
@@ -114,8 +113,7 @@ def main(run: Run) -> None:
     """Print lanes beside scalar runs, efficiency on several workers, and what is spent beside the kernels."""
     count, workers = run.trials, run.workers
     many = trials(count)
-    load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
-    print(f"{count} forte trials at {TOLERANCE:g} rad on {workers} of {workers_here()} processors{load}")
+    print(f"{count} forte trials at {TOLERANCE:g} rad on {workers} of {workers_here()} processors")
     print(f"largest error {check(many, workers):.2g} rad; members equal single runs to the last bit")
     lanes_beside_scalar("alike", many, run.rounds)
     lanes_beside_scalar("unlike", unlike(count), run.rounds)

@@ -10,7 +10,7 @@ right where none of them is said. The rest must be read.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -164,90 +164,76 @@ def changed(**by: float) -> Callable[[int], dict[str, Any]]:
 LET_OFF, CHECK = "contact08.second.y", "contact04.second.x"
 
 
-def lacking() -> Iterator[tuple[str, Case]]:
+def lacking() -> dict[str, Case]:
     """Effects that the model lacks, and values of the action that differ."""
+    out = {}
     for name in ("shank", "string", "balance_rail", "hammer_pin"):
-        yield f"effect {name}", Case(f"the specimen has {name}; all encoders and the force are sound", effect(name))
+        out[f"effect {name}"] = Case(f"the specimen has {name}; all encoders and the force are sound", effect(name))
     for path, by in ((LET_OFF, 0.9e-3), (LET_OFF, -0.6e-3), (CHECK, 1e-3), (CHECK, 3e-3)):
-        yield (
-            f"changed {path} {1e3 * by:+g} mm",
-            Case(f"{path} moved by {1e3 * by:+g} mm", changed(**{path.replace(".", "__"): by})),
-        )
+        words = f"{path} {1e3 * by:+g} mm"
+        out[f"changed {words}"] = Case(words, changed(**{path.replace(".", "__"): by}))
     for path, factor in (("key.joint_friction.A", 2.0), ("contact07.friction.A", 1.6), ("hammer.mass", 1.06)):
-        yield f"changed {path} × {factor}", Case(f"{path} × {factor}", lambda n, f=(path, factor): {"friction": f})
+        words = f"{path} × {factor}"
+        out[f"changed {words}"] = Case(words, lambda n, f=(path, factor): {"friction": f})
+    return out
 
 
-def glitches() -> Iterator[tuple[str, Case]]:
+def glitches() -> dict[str, Case]:
     """Freezes, spikes, slips, drifts and swaps of one channel, in one trial or from one on."""
+    out = {}
     for i, c in enumerate(CHANNELS):
         for ms, at in ((5, 0.30), (15, 0.32), (50, 0.28)):
-            yield f"freeze {c} {ms} ms", Case(
-                f"encoder {c} constant for {ms} ms from {at} s in trial 3", misread=only([3], frozen(i, at, 1e-3 * ms)),
-                filmed=i == 1, never=("rail", "force comes"),
-            )  # fmt: skip
-        yield (
-            f"spike {c}",
-            Case(
-                f"encoder {c} leaps by 20 mrad for 6 ms at 0.30 s in trial 2",
-                misread=only([2], spiked(i, 0.30, 6e-3, 0.02)),
-            ),
-        )
-        yield (
-            f"slip {c} from 4",
-            Case(
-                f"encoder {c} slips by 8 mrad at 0.31 s in trials 4 to 6", misread=since(4, slipped_at(i, 0.31, 8e-3))
-            ),
-        )
-        yield (
-            f"slip {c} 2 mrad",
-            Case(f"encoder {c} slips by 2 mrad at 0.33 s in trial 5", misread=only([5], slipped_at(i, 0.33, 2e-3))),
-        )
-        yield f"drift {c} from 3", Case(
-            f"encoder {c} drifts by 10 mrad over the record in trials 3 to 6",
-            misread=since(3, drifting_encoder(i, 10e-3)),
-        )  # fmt: skip
+            truth, misread = f"constant for {ms} ms from {at} s in trial 3", only([3], frozen(i, at, 1e-3 * ms))
+            never = "rail", "force comes"
+            out[f"freeze {c} {ms} ms"] = Case(f"encoder {c} {truth}", misread=misread, filmed=i == 1, never=never)
+        for name, truth, misread in (
+            ("spike {}", "leaps by 20 mrad for 6 ms at 0.30 s in trial 2", only([2], spiked(i, 0.30, 6e-3, 0.02))),
+            ("slip {} from 4", "slips by 8 mrad at 0.31 s in trials 4 to 6", since(4, slipped_at(i, 0.31, 8e-3))),
+            ("slip {} 2 mrad", "slips by 2 mrad at 0.33 s in trial 5", only([5], slipped_at(i, 0.33, 2e-3))),
+            ("drift {} from 3", "drifts by 10 mrad in trials 3 to 6", since(3, drifting_encoder(i, 10e-3))),
+        ):
+            out[name.format(c)] = Case(f"encoder {c} {truth}", misread=misread)
     for i, j in ((0, 1), (1, 2)):
-        yield (
-            f"swap {CHANNELS[i]} {CHANNELS[j]} from 4",
-            Case(f"encoders {CHANNELS[i]} and {CHANNELS[j]} swapped in trials 4 to 6", misread=since(4, swapped(i, j))),
-        )
-    yield (
-        "force held 20 ms",
-        Case("force constant for 20 ms from 0.30 s in trial 2", misread=only([2], force_held(0.3, 0.02))),
-    )
-    yield (
-        "force spike",
-        Case("force + 6 N for 1 ms at 0.33 s in trial 4", misread=only([4], force_spike(0.33, 6.0, 1e-3))),
-    )
+        both = f"{CHANNELS[i]} {CHANNELS[j]}"
+        out[f"swap {both} from 4"] = Case(f"encoders {both} swapped in trials 4 to 6", misread=since(4, swapped(i, j)))
+    held, spike = only([2], force_held(0.3, 0.02)), only([4], force_spike(0.33, 6.0, 1e-3))
+    out["force held 20 ms"] = Case("force constant for 20 ms from 0.30 s in trial 2", misread=held)
+    out["force spike"] = Case("force + 6 N for 1 ms at 0.33 s in trial 4", misread=spike)
+    return out
 
 
-def odd() -> Iterator[tuple[str, Case]]:
+def kinds(*names: str) -> Callable[[int], str]:
+    return lambda number: names[number - 1]
+
+
+def odd() -> dict[str, Case]:
     """Odd sessions."""
-    yield "two kinds", Case("three mf, three ff2", kind=lambda n: ("mf", "ff2")[(n - 1) // 3])
-    yield "one of another kind", Case("five mf, trial 4 piano", kind=lambda n: "piano" if n == 4 else "mf")
-    yield "four kinds", Case("forte, piano, double, staccato twice each", trials=8,
-                             kind=lambda n: ("forte", "piano", "double", "staccato")[(n - 1) // 2])  # fmt: skip
-    yield "each its own", Case("forte, piano, double, once each", trials=3,
-                               kind=lambda n: ("forte", "piano", "double")[n - 1])  # fmt: skip
-    yield "two trials", Case("nothing; two trials", trials=2)
-    yield "one trial", Case("nothing; one trial", trials=1)
-    yield "one cut short", Case("trial 5 ends 0.1 s after the onset", misread=only([5], ends_at(BEFORE_S + 0.1)))
-    yield "key down in one", Case("trial 3 begins at 0.40 s, key down", misread=only([3], key_down_from(0.40)))
-    yield "weak one", Case("trial 2 × 0.7", lambda n: {"strength": 0.7} if n == 2 else {})
-    yield "late one", Case("trial 6 is played 20 ms later", lambda n: {"late_s": 0.02} if n == 6 else {})
-    yield "louder each time", Case("strength grows from 0.9 to 1.15", lambda n: {"strength": 0.85 + 0.05 * n})
-    yield "key and hammer swapped", Case("encoders key and hammer swapped in all", misread=lambda n: swapped(0, 2))
-    yield "force reversed", Case("the force's sign is wrong in all", misread=lambda n: louder(-1.0))
-    yield "rate", Case("trial 2 sampled at 4 kHz", lambda n: {"rate_hz": 4000.0} if n == 2 else {})
+    four = ("forte", "forte", "piano", "piano", "double", "double", "staccato", "staccato")
+    return {
+        "two kinds": Case("three mf, three ff2", kind=kinds(*3 * ["mf"], *3 * ["ff2"])),
+        "one of another kind": Case("five mf, trial 4 piano", kind=kinds("mf", "mf", "mf", "piano", "mf", "mf")),
+        "four kinds": Case("forte, piano, double, staccato twice each", trials=8, kind=kinds(*four)),
+        "each its own": Case("forte, piano, double, once each", trials=3, kind=kinds(*four[::2])),
+        "two trials": Case("nothing; two trials", trials=2),
+        "one trial": Case("nothing; one trial", trials=1),
+        "one cut short": Case("trial 5 ends 0.1 s after the onset", misread=only([5], ends_at(BEFORE_S + 0.1))),
+        "key down in one": Case("trial 3 begins at 0.40 s, key down", misread=only([3], key_down_from(0.40))),
+        "weak one": Case("trial 2 × 0.7", lambda n: {"strength": 0.7} if n == 2 else {}),
+        "late one": Case("trial 6 is played 20 ms later", lambda n: {"late_s": 0.02} if n == 6 else {}),
+        "louder each time": Case("strength grows from 0.9 to 1.15", lambda n: {"strength": 0.85 + 0.05 * n}),
+        "key and hammer swapped": Case("encoders key and hammer swapped in all", misread=lambda n: swapped(0, 2)),
+        "force reversed": Case("the force's sign is wrong in all", misread=lambda n: louder(-1.0)),
+        "rate": Case("trial 2 sampled at 4 kHz", lambda n: {"rate_hz": 4000.0} if n == 2 else {}),
+    }
 
 
 def cases() -> dict[str, Case]:
     """All cases by name."""
-    clean = [(f"clean {kind}", Case("nothing", stroke=kind)) for kind in
-             ("mf", "rebound", "ff2", "forte", "piano", "double", "staccato", "slow")]  # fmt: skip
-    bench = [(f"bench {kind}", Case("the bench's own specimen: ten values differ", stroke=kind,
-                                    options={"specimen": "bench"})) for kind in ("mf", "ff2", "piano")]  # fmt: skip
-    return dict([*lacking(), *glitches(), *odd(), *clean, *bench])
+    strokes = "mf", "rebound", "ff2", "forte", "piano", "double", "staccato", "slow"
+    clean = {f"clean {kind}": Case("nothing", stroke=kind) for kind in strokes}
+    own, options = "the bench's own specimen: ten values differ", {"specimen": "bench"}
+    bench = {f"bench {kind}": Case(own, stroke=kind, options=options) for kind in ("mf", "ff2", "piano")}
+    return lacking() | glitches() | odd() | clean | bench
 
 
 def make_session(case: Case, kind: str, seed: int, folder: Path) -> Session:

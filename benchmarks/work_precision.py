@@ -121,8 +121,7 @@ def time_at_error(rows: list[Row], error_rad: float) -> float | None:
 
 OUR_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ...]]] = {
-    "CVODE from C": (partial(solvers.c_cvode, False), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
-    "CVODE from C with analytic J": (partial(solvers.c_cvode, True), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
+    "CVODE from C with analytic J": (solvers.c_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
     "SciPy odeint (LSODA)": (solvers.scipy_odeint, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
 }
 QUICK_OURS = (1e-3, 1e-5)

@@ -52,11 +52,11 @@ def build() -> ctypes.CDLL:
 
 
 def cvode_in_c(
-    address: int, table: Array, y0: Array, times: Array, jacobian: int | None = None
+    address: int, table: Array, y0: Array, times: Array, jacobian: int
 ) -> Callable[[float], tuple[Array, tuple[int, int, int, int]]]:
     """Return a function of the tolerance: states (m, n), and steps, rejected, right-hand sides, Jacobians.
 
-    ``address`` is that of the right-hand side, ``jacobian`` that of the Jacobian, by default difference quotients.
+    ``address`` is that of the right-hand side, ``jacobian`` that of the Jacobian.
     """
     library = build()
     double = np.ctypeslib.ndpointer(float, flags="C_CONTIGUOUS")
@@ -118,10 +118,9 @@ def scipy_odeint(task: Task) -> Solver:
     return run
 
 
-def c_cvode(analytic: bool, task: Task) -> Solver:
-    """CVODE (BDF) driven from C with the address of the compiled right-hand side, perhaps of an analytic Jacobian."""
-    jacobian = task.jacobian.address if analytic else None
-    solve = cvode_in_c(task.equations.address, task.table, task.y0, task.output_s, jacobian)
+def c_cvode(task: Task) -> Solver:
+    """CVODE (BDF) driven from C with the address of the compiled right-hand side and of the analytic Jacobian."""
+    solve = cvode_in_c(task.equations.address, task.table, task.y0, task.output_s, task.jacobian.address)
 
     def run(tolerance: float) -> Answer:
         y, counts = solve(tolerance)
