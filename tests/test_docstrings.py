@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import doctest
 import inspect
 import re
-import shutil
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 from docutils import frontend
@@ -16,9 +11,7 @@ from docutils.parsers.rst import Parser
 from docutils.transforms.references import Substitutions
 from docutils.utils import Reporter, new_document
 
-import validation
-from tests.command_line import run
-from tests.public_functions import ROOT, public_classes, public_functions, with_methods
+from tests.public_functions import public_classes, public_functions, with_methods
 
 FUNCTIONS = public_functions()
 
@@ -45,45 +38,6 @@ def test_a_public_function_says_what_it_takes_returns_and_refuses(name: str) -> 
     if re.search(r"^\s+raise [A-Z]", inspect.getsource(function), re.MULTILINE):
         assert section(text, "Raises"), "what it refuses is not described"
     assert ">>>" in (section(text, "Examples") or ""), "it has no example"
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where examples run: the files of ``pianorig examples``, and the sessions of a clone."""
-    place = tmp_path_factory.mktemp("examples")
-    assert run("examples", place) == 0
-    for name in ("example_forte", "kawai_kg3c"):
-        shutil.copytree(ROOT / "sessions" / name, place / "sessions" / name)
-    return place
-
-
-@pytest.fixture(scope="module")
-def identify() -> Callable[..., Any]:
-    """The fit that nine examples begin with, made once for the same arguments."""
-    made: dict[str, Any] = {}
-
-    def call(*arguments: Any, **named: Any) -> Any:
-        asked = repr((arguments, named))
-        if asked not in made:
-            made[asked] = FUNCTIONS["validation.identify"](*arguments, **named)
-        return made[asked]
-
-    return call
-
-
-@pytest.mark.slow  # two minutes: python -m pytest -m slow tests/test_docstrings.py
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_the_example_of_a_public_function_runs(
-    name: str, folder: Path, identify: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(validation, "identify", identify)
-    function: Callable[..., Any] = FUNCTIONS[name]
-    (found,) = doctest.DocTestFinder(recurse=False).find(function, name, module=False, globs={})
-    assert not any(doctest.SKIP in example.options for example in found.examples)
-    said: list[str] = []
-    failed, tried = doctest.DocTestRunner(verbose=False).run(found, out=said.append)
-    assert tried and not failed, "".join(said)
 
 
 def test_markup_of_public_docstrings_is_closed_and_refers_to_nothing_unknown() -> None:

@@ -86,8 +86,6 @@ LAWS = {"contact02": "stulov", "contact07": "hysteresis", "contact12": "hysteres
         ("whole", {}),
         ("whole", LAWS),
         ("string", {}),
-        pytest.param("giving-hammer", {}, marks=pytest.mark.slow),
-        pytest.param("motor-drive", {}, marks=pytest.mark.slow),
     ],
     ids=["plain", "felt", "string", "joint", "motor"],
 )

@@ -61,10 +61,9 @@ def test_order_of_work_and_pickling_change_nothing(action: model.Action) -> None
     assert contents(here) == contents(elsewhere)
 
 
-@pytest.mark.slow  # compiles scenes of its own
 def test_scene_with_everything_it_says_reaches_the_members(action: model.Action) -> None:
     """Effects, their values and outputs, as in a single run."""
-    choice = replace(model.load_scene("lifting-key"), outputs=("contact_forces",))
+    choice = replace(model.load_scene("flexible-shank"), outputs=("contact_forces",))
     (member,) = model.simulate_many(action, [blow(3.0)], tolerance=1e-4, output_time_s=OUT, scene=choice)
     single = model.simulate(action, *blow(3.0), tolerance=1e-4, output_time_s=OUT, scene=choice)
     assert member.solution is not None and single.contact_normal_n is not None
@@ -268,7 +267,6 @@ def test_processes_of_this_machine_are_counted() -> None:
     assert 1 <= batch_run.workers_here() <= (os.cpu_count() or 1)
 
 
-@pytest.mark.slow
 def test_dask_cluster_of_two_workers(action: model.Action) -> None:
     distributed = pytest.importorskip("distributed", reason="the extra 'cluster' (dask[distributed]) is not installed")
     with (

@@ -1,8 +1,4 @@
-"""Members side by side in lanes: bits do not depend on neighbours, numbers agree with single runs, failures stay alone.
-
-The default suite compiles the scene of the key alone; all scenes, more members and 1,000 batches with planted
-failures: ``python -m pytest -m slow tests/model/batch``.
-"""
+"""Members side by side in lanes: bits do not depend on neighbours, failures stay alone."""
 
 from __future__ import annotations
 
@@ -72,15 +68,6 @@ def scalar_and_error(job: Job) -> tuple[np.ndarray, float]:
     fine = batch.run_job(replace(job, run=replace(job.run, tolerance=1e-11, estimate_error=False)), "").solution
     assert fine is not None
     return one.angle_rad, float(np.abs(one.angle_rad - fine.angle_rad).max())
-
-
-def moved_by_last_digits(job: Job, angles: np.ndarray) -> float:
-    """Largest distance of single runs whose forces differ in their last digits: what step control makes of rounding."""
-    assert job.run is not None
-    ways = [k for k in range(-16, 17) if k]  # distances have a heavy tail: some blows fork
-    runs = [replace(job.run, force_n=job.run.force_n * (1.0 + k * 2.0**-50)) for k in ways]
-    members = [batch.run_job(replace(job, run=run), "").solution for run in runs]
-    return max(float(np.abs(one.angle_rad - angles).max()) for one in members if one is not None)
 
 
 @pytest.mark.parametrize("method", ["rodas4p", "rodas5p"])
@@ -191,34 +178,11 @@ def test_a_lost_worker_is_the_error_of_every_member_of_its_unit(action: model.Ac
     assert len(members) == 5 and all(isinstance(m.error, MemoryError) for m in members)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", list(model.SCENES))
-def test_members_agree_with_single_runs_in_every_scene(name: str, action: model.Action) -> None:
-    sets = {"printed": {}, "heavy": {"key.mass": 0.11}}
-    # N on the key, N m on the motor's arm, m of a hand
-    scale = {"motor-arm": 0.05, "compliant-tip": 0.05, "finger": 3e-4}.get(name, 1.0)
-    trials = blows(12, seed=4, scale=scale)
-    for tolerance in (1e-3, 1e-5):
-        jobs = jobs_of(action, trials, sets, scene=name, tolerance=tolerance)
-        members = together(jobs)
-        assert contents(together(jobs[::-1]))[::-1] == contents(members)
-        distances = []
-        for job, member in zip(jobs, members, strict=True):
-            angles, error = scalar_and_error(job)
-            assert member.solution is not None
-            distances.append(np.abs(member.solution.angle_rad - angles).max())
-            allowed = max(0.1 * tolerance, error)
-            # one more draw from their spread may lie beyond the largest of them, but not far
-            assert distances[-1] <= allowed or distances[-1] <= 2.0 * moved_by_last_digits(job, angles)
-        assert np.median(distances) <= 0.1 * tolerance
-
-
-@pytest.mark.slow
-def test_a_thousand_batches_with_planted_failures(action: model.Action) -> None:
+def test_batches_with_planted_failures(action: model.Action) -> None:
     jobs = jobs_of(action, blows(24, seed=9), SETS, tolerance=1e-4)
     good = contents(together(jobs))
     rng = np.random.default_rng(2)
-    for _ in range(1000):
+    for _ in range(20):
         some = [int(i) for i in rng.permutation(len(jobs))[: rng.integers(1, 20)]]
         planted = {i: replace(jobs[i], start_rad=np.array([rng.choice([np.nan, -0.9, 40.0])])) for i in some[::4]}
         for i, member in zip(some, together([planted.get(i, jobs[i]) for i in some]), strict=True):

@@ -46,26 +46,19 @@ def test_noiseless_felt_is_found_to_rounding() -> None:
     assert damping_factor(fit, SPEED).d == pytest.approx(d, rel=1e-9)
 
 
-# contact13 with this noise often meets a bound of the fit
-@pytest.mark.parametrize(
-    ("contact", "deepest"),
-    [("contact02", 1e-3), *(pytest.param(c, 4e-4, marks=pytest.mark.slow) for c in ("contact13", "contact10"))],
-)
-def test_stated_uncertainty_equals_actual_error(contact: str, deepest: float) -> None:
-    abc, d = printed(contact)
+def test_stated_uncertainty_equals_actual_error() -> None:
+    deepest, (abc, d) = 1e-3, printed("contact02")
     rng = np.random.default_rng(20040521)
     noise = 0.02 * cubic(abc, np.array([deepest]))[0]
     z = []
-    bounds = 0
     for _ in range(300):
         fit = fit_felt(experiment(abc, d, deepest, noise, rng))
         one = damping_factor(fit, SPEED)
-        bounds += fit.bound is not None
+        assert fit.bound is None
         z.append([*((fit.abc - abc) / fit.u_abc), (one.d - d) / one.u_d])
     inside = np.mean(np.abs(z) < 1.96, axis=0)
-    assert np.all((inside > 0.915) & (inside < 0.99)), inside  # 0.95 +- 2.7 standard errors; above on a bound
+    assert np.all((inside > 0.915) & (inside < 0.99)), inside  # 0.95 +- 2.7 standard errors
     assert np.all(np.abs(np.mean(z, axis=0)) < 0.2)
-    assert (bounds > 20) == (contact == "contact13")
 
 
 def test_noise_of_the_displacement_is_seen_in_the_uncertainty() -> None:
@@ -155,15 +148,6 @@ def test_a_felt_of_another_law_is_said_and_its_errors_widened(noise: float) -> N
     [
         ("contact02", 1e-3, 0.001),
         ("contact13", 4e-4, 0.02),
-        *(
-            pytest.param(*felt, share, marks=pytest.mark.slow)
-            for *felt, share in (
-                ("contact02", 1e-3, 0.02),
-                ("contact13", 4e-4, 0.001),
-                ("contact10", 4e-4, 0.001),
-                ("contact10", 4e-4, 0.02),
-            )
-        ),
     ],
 )
 def test_a_felt_of_the_law_is_hardly_ever_doubted(contact: str, deepest: float, share: float) -> None:

@@ -29,7 +29,6 @@ def pressed_hammer(rate_m_per_s: np.ndarray, step_s: float) -> tuple[np.ndarray,
     return t, angles, speeds
 
 
-@pytest.mark.slow
 def test_mean_of_a_known_motion_leaves_rest_out() -> None:
     rate = np.concatenate([np.full(400, 0.8), np.zeros(3000), np.full(200, -0.2), np.full(100, 0.01)])
     means = mean_normal_speeds(ACTION, *pressed_hammer(rate, 1e-6))

@@ -123,7 +123,6 @@ def test_what_contacts_and_joints_lose_is_the_audits(forte: model.Solution) -> N
     assert inside.slid_m[-1, 3] > 1e-4 and inside.rubbed_j[-1, 1] == 0.0  # back check rubs; key front has no friction
 
 
-@pytest.mark.slow  # compiles scenes of its own
 def test_a_key_that_can_lift_does_where_a_joint_would_pull(action: model.Action, forte: model.Solution) -> None:
     """And what rail, pin and shank lose is the audit's."""
     table = read_table("forte_force.csv")
@@ -260,7 +259,6 @@ def test_the_key_lifts_when_it_hits_the_bottom(forte: model.Solution) -> None:
     assert found[-1].start_s > 0.39
 
 
-@pytest.mark.slow  # compiles a scene of its own
 def test_a_smaller_scene_and_one_that_never_moves(action: model.Action) -> None:
     still = model.simulate(action, [0.0, 0.01], [0.0, 0.0], inside=True, scene="key").inside
     assert still is not None and still.bodies == ("key",)

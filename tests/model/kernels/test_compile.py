@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,47 +9,6 @@ import pytest
 import model
 from model.kernels.compile import cache_key, kernel_sources, numba_config
 from model.kernels.lanes import lanes_pay
-
-PAIR = """
-from model.kernels.compile import kernel
-
-@kernel
-def callee(x):
-    return x + 1.0
-
-@kernel
-def caller(x):
-    return 2.0 * callee(x)
-"""
-CODE = """
-import model
-from model.kernels.pair import caller
-print(caller(3.0), caller.stats.cache_hits and sum(caller.stats.cache_hits.values()))
-"""
-
-
-def run(folder: Path, cache: Path) -> tuple[str, int]:
-    environment = {**os.environ, "PYTHONPATH": str(folder), "PIANORIG_CACHE_DIR": str(cache)}
-    done = subprocess.run(
-        [sys.executable, "-c", CODE], capture_output=True, text=True, cwd=folder, env=environment, check=True
-    )
-    numbers, _, hits = done.stdout.strip().rpartition(" ")
-    return numbers, int(hits if hits.isdigit() else 0)
-
-
-@pytest.mark.slow  # python -m pytest -m slow tests/model/kernels
-def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) -> None:
-    package = tmp_path / "model"
-    shutil.copytree(Path(model.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    cache, pair = tmp_path / "cache", package / "kernels" / "pair.py"
-    pair.write_text(PAIR, encoding="utf-8")
-    first, hits = run(tmp_path, cache)
-    assert first == "8.0" and hits == 0
-    again, hits = run(tmp_path, cache)
-    assert again == first and hits == 1  # nothing changed: loaded, not compiled
-    pair.write_text(PAIR.replace("x + 1.0", "x - 1.0"), encoding="utf-8")
-    edited, hits = run(tmp_path, cache)
-    assert edited == "4.0" and hits == 0
 
 
 def test_every_compiled_module_of_the_step_loop_is_among_the_hashed_sources() -> None:

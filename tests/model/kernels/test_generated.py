@@ -68,34 +68,27 @@ def test_a_stage_solves_its_linear_system(action: model.Action, effects: tuple[s
     assert solved > 135
 
 
-@pytest.mark.slow
 def test_skipped_contacts_never_touch(action: model.Action) -> None:
-    """1e5 random states and moves within the allowance, over blows and far beyond them."""
+    """Random states and moves within the allowance, over blows and far beyond them."""
     scene = build_scene(action)
-    p, tables, skip = scene.vector, scene.tables, scenes.kernels_of(scene.tables)
-
-    @numba.njit
-    def masks(p, linearise, skip, q, allowance, out):
-        w = np.zeros(W.SIZE)
-        for k in range(q.shape[0]):
-            w[W.Q : W.Q + q.shape[1]] = q[k]
-            w[W.ALLOWANCE : W.ALLOWANCE + q.shape[1]] = allowance[k]
-            linearise(w, p, 0.0)
-            out[k] = skip(w, p)
+    p, tables, kernels = scene.vector, scene.tables, scenes.kernels_of(scene.tables)
 
     near = (np.array([-0.03, 0.0, -0.1, 0.25, -0.1]), np.array([0.035, 0.12, 0.35, 0.6, 0.32]))
     anywhere = (np.full(5, -np.pi), np.full(5, np.pi))
-    random, count = np.random.default_rng(7), 50_000
+    random, count = np.random.default_rng(7), 2_000
     for low, high in (near, anywhere):
         q = random.uniform(low, high, (count, 5))
         allowance = 10.0 ** random.uniform(-5.0, 0.0, (count, 1)) * random.uniform(0.0, 1.0, (count, 5))
         inside, corner = random.uniform(-1.0, 1.0, (count, 5)), random.choice([-1.0, 1.0], (count, 5))
         moved = q + allowance * np.where(random.random((count, 5)) < 0.5, corner, inside)  # the corners are the worst
-        found = np.zeros(count, dtype=np.int64)
-        masks(p, skip.linearise, skip.skip, q, allowance, found)
+        found, w = np.zeros(count, dtype=np.int64), np.zeros(W.SIZE)
+        for k in range(count):
+            w[W.Q : W.Q + 5], w[W.ALLOWANCE : W.ALLOWANCE + 5] = q[k], allowance[k]
+            kernels.linearise(w, p, 0.0)
+            found[k] = kernels.skip(w, p)
         touches = contacts_at(tables, p, moved, np.zeros_like(q))[:, :, DEPTH] > 0.0
         skipped = (found[:, None] >> np.arange(len(scene.contacts))) & 1 == 1
-        assert touches.sum() > 50_000 and skipped.sum() > 50_000
+        assert touches.sum() > 1_000 and skipped.sum() > 1_000
         assert not np.any(touches & skipped)
 
 

@@ -86,26 +86,18 @@ def test_the_motion_is_the_spline_and_draws_scatter_as_stated() -> None:
     assert np.std(shifted) == pytest.approx(1e-3, rel=0.2)
 
 
-@pytest.mark.parametrize(
-    ("jitter", "clock_s", "seeds"),
-    [
-        (0.2, 1e-5, 1),
-        *(pytest.param(*noise, 3, marks=pytest.mark.slow) for noise in ((0.0, 0.0), (0.5, 0.0), (0.2, 1e-5))),
-    ],
-)
-def test_stated_uncertainty_is_the_actual_error(jitter: float, clock_s: float, seeds: int) -> None:
+def test_stated_uncertainty_is_the_actual_error() -> None:
     """Share of samples inside 1.96 u: of angle, speed and acceleration, everywhere and around the bumps."""
     everywhere, bumps, ratio = [], [], []
     for name in PROFILES:
         time, truth = key_truth(name)
         bump = np.abs(np.gradient(truth[:, 2], time)) > 1e5
         bump = np.convolve(bump, np.ones(21), "same") > 0.0
-        for seed in range(seeds):
-            value, u = fit_key_motion(time, counted(truth, 10 + seed, jitter, clock_s)).at(time)
-            inside = np.abs(value - truth) < 1.96 * u
-            everywhere.append(inside.mean(axis=0))
-            bumps.append(inside[bump].mean(axis=0))
-            ratio.append(np.mean((value - truth)[bump] ** 2, axis=0) / np.mean(u[bump] ** 2, axis=0))
+        value, u = fit_key_motion(time, counted(truth, 10, 0.2, 1e-5)).at(time)
+        inside = np.abs(value - truth) < 1.96 * u
+        everywhere.append(inside.mean(axis=0))
+        bumps.append(inside[bump].mean(axis=0))
+        ratio.append(np.mean((value - truth)[bump] ** 2, axis=0) / np.mean(u[bump] ** 2, axis=0))
     assert np.all(np.mean(everywhere, axis=0) > 0.93) and np.all(np.mean(everywhere, axis=0) < 0.985)
     assert np.all(np.mean(bumps, axis=0) > 0.92), np.mean(bumps, axis=0)
     assert np.all(np.sqrt(np.mean(ratio, axis=0)) > 0.5) and np.all(np.sqrt(np.mean(ratio, axis=0)) < 1.4)

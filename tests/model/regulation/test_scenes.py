@@ -9,13 +9,10 @@ import model
 from model.regulation.measures import contact_gap, moved_pivots
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["flexible-shank", *(pytest.param(name, marks=pytest.mark.slow) for name in ("lifting-key", "giving-joints"))],
-)
-def test_all_targets_are_met_in_the_scene(action: model.Action, name: str) -> None:
-    done = model.regulation.regulate(model.load_scene(name).on(action))
-    assert done.action.scene == model.load_scene(name).on(action).scene
+def test_all_targets_are_met_in_the_scene(action: model.Action) -> None:
+    bending = model.load_scene("flexible-shank").on(action)
+    done = model.regulation.regulate(bending)
+    assert done.action.scene == bending.scene
     found = model.regulation.measure(done.action)
     for target in model.regulation.TARGETS:
         assert found.value_m[target.name] == pytest.approx(target.wanted_m, abs=2.1e-5), target.name
@@ -23,14 +20,12 @@ def test_all_targets_are_met_in_the_scene(action: model.Action, name: str) -> No
     assert 0.3 < weights.down_n < 0.6 and 0.05 < weights.up_n < weights.down_n
 
 
-@pytest.mark.slow
-def test_gaps_at_rest_are_those_of_the_loaded_joints(action: model.Action) -> None:
+def test_gaps_at_rest_are_those_of_the_loaded_joint(action: model.Action) -> None:
     """The geometry by hand against the kernels' own, where joints have given."""
-    pins = {"whippen_pin.load.y": 5.0, "jack_pin.load.x": -4.0, "hammer_pin.load.y": 3.0}
-    own = model.load_scene("giving-joints").on(action.with_values(pins))
+    own = model.load_scene("giving-hammer").on(action.with_values({"hammer_pin.load.y": 3.0}))
     rest, at_rest = model.hand_set_rest(own), model.rest_state(own)
     moved = moved_pivots(own, rest)
-    assert abs(moved["whippen"]) > 1e-5
+    assert abs(moved["hammer"]) > 1e-5
     np.testing.assert_allclose(rest, at_rest.angle_rad, atol=1e-9)
     for contact, depth in zip(at_rest.contacts, at_rest.penetration_m, strict=True):
         if contact in own.structure or contact == "balance_rail":

@@ -1,7 +1,4 @@
-"""A first run compiles on two processors; a warm one starts nothing.
-
-The last test compiles twice: ``python -m pytest -m slow tests/model/simulation/test_compile_ahead.py``.
-"""
+"""A first run compiles on two processors; a warm one starts nothing."""
 
 from __future__ import annotations
 
@@ -19,17 +16,6 @@ import pytest
 import model
 from model.kernels import compile as compiling
 from model.simulation import compile_ahead as ahead
-
-SEEN = """
-import model
-beside = model.compile_ahead([model.load_scene("key")])
-from model.derived import load
-choice = model.load_scene("key")
-tables = model.build_scene(choice.on(model.load_action()), choice).tables
-beside.wait()
-load.kernels_of(tables)
-print(load.COMPILED, load.on_disk(tables))
-"""
 
 
 def test_nothing_is_started_where_kernels_are_in_the_cache_or_cannot_be_kept(
@@ -60,16 +46,6 @@ def test_a_process_that_cannot_be_started_is_no_error(monkeypatch: pytest.Monkey
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     monkeypatch.setattr(sys, "executable", str(tmp_path / "absent"))
     assert ahead.compile_ahead([model.load_scene("key")]) is None
-
-
-@pytest.mark.slow  # compiles the scene of the key
-def test_what_the_process_beside_compiled_is_loaded(tmp_path: Path) -> None:
-    root = str(Path(model.__file__).parents[1])
-    environment = {**os.environ, "PYTHONPATH": root, "PIANORIG_CACHE_DIR": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-c", SEEN], env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "{'scenes': 1, 'compiled': 0} True"
 
 
 def test_the_process_beside_calls_what_it_is_told_to(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,13 +42,11 @@ def test_what_the_modes_left_out_are_worth_is_within_the_request_or_said() -> No
     assert played(0.0, 1e-7, estimate_error=True).misses_tolerance
 
 
-@pytest.mark.slow  # python -m pytest -m slow tests/model/simulation/test_modes_by_tolerance.py
-@pytest.mark.parametrize(("blow", "worth"), [("piano", 0.02), ("forte", 0.055), ("fortissimo", 0.14)])
-def test_the_error_of_what_is_left_out_falls_with_the_square_of_their_number(blow: str, worth: float) -> None:
-    exact = played(100.0, 1e-7, blow)
-    for modes in (10, 20, 30, 40):
-        error = float(np.max(np.abs(played(modes, 1e-7, blow).angle_rad - exact.angle_rad)))
-        assert 0.5 * worth < error * modes**2 < 1.4 * worth
+def test_the_error_of_what_is_left_out_falls_with_the_square_of_their_number() -> None:
+    exact = played(100.0, 1e-7)
+    for modes in (10, 40):
+        error = float(np.max(np.abs(played(modes, 1e-7).angle_rad - exact.angle_rad)))
+        assert 0.5 * 0.055 < error * modes**2 < 1.4 * 0.055
         assert error * modes**2 < 3.0 * LEFT_OUT_ERROR
 
 

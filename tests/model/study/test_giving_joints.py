@@ -1,50 +1,31 @@
-"""What joints that give change in a blow with everything else equal: ``python -m pytest -m slow tests/model/study``."""
+"""What joints that give change in a blow with everything else equal."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import model
 from model.parameters.effects import PINS
-from model.study import joint_effects, joint_sweep
-from model.study.effects import ALL, RIGID, loaded_as_at_rest
+from model.study.effects import OF_JOINTS, loaded_as_at_rest
 from tests.command_line import run
 
 BLOW = model.force_table("forte")
 
 
-@pytest.mark.slow
-def test_loads_leave_the_rest_where_it_is() -> None:
-    action = model.load_action("hirschkorn2004-regulated")
-    rigid = model.rest_state(action).angle_rad
-    given = model.rest_state(loaded_as_at_rest(action), scene=model.build_scene(loaded_as_at_rest(action), ALL))
-    np.testing.assert_allclose(given.angle_rad, rigid, rtol=0, atol=1e-9)
+def test_the_command_prints_and_writes_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With marks made up of the numbers of the joints: what a blow says of them takes some sixty runs."""
 
+    def marks(action: model.Action, blow: object, choice: model.SceneChoice) -> dict[str, float]:
+        names = ("rebound", "strike_m_per_s", "contact_ms", "free_flight_ms", "check_mm", *OF_JOINTS)
+        soft = sum(1e4 / action[f"{pin}.stiffness"] for pin in PINS if pin in choice.effects)
+        return {"held": True} | {name: (k + 1.0) * (1.0 + soft) for k, name in enumerate(names)}
 
-@pytest.mark.slow
-def test_the_hammers_joint_takes_rebound_and_the_rail_the_check() -> None:
-    action = model.load_action("hirschkorn2004-regulated")
-    found = {e.of: e for e in joint_effects(action, *BLOW)}
-    assert list(found) == ["none", *PINS, "all five", "balance_rail", "all, rail"]
-    rigid = found["none"].value
-    for name, effect in found.items():
-        assert effect.value["strike_m_per_s"] == pytest.approx(rigid["strike_m_per_s"], rel=0.02), name
-        assert name == "none" or effect.u["strike_ms"] > 0.0
-    assert found["hammer_pin"].value["rebound"] < rigid["rebound"] - 3.0 * found["hammer_pin"].u["rebound"]
-    assert found["balance_rail"].value["check_mm"] < rigid["check_mm"] - 1.0
-    swept = joint_sweep(action, *BLOW, [1.0, 20.0, 400.0])
-    gives = [swept[f]["give_mm"] for f in (0.0, 400.0, 20.0, 1.0)]
-    assert gives == sorted(gives) and gives[0] == 0.0
-    assert abs(swept[400.0]["check_mm"] - rigid["check_mm"]) < 0.1 * abs(swept[1.0]["check_mm"] - rigid["check_mm"])
-    assert 100.0 * action["hammer_pin.stiffness"] < RIGID["stiffness"]
-
-
-@pytest.mark.slow
-def test_the_command_prints_and_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("model.study.effects.blow_marks", marks)
     out = tmp_path / "joints"
     assert run("study", "joints", "--action", "hirschkorn2004-regulated", "--out", out) == 0
     shown = capsys.readouterr().out

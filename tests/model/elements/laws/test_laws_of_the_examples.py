@@ -1,4 +1,4 @@
-"""The two laws of `examples/`, written as docs/howto/contact_law.md says: every job takes them and is right at once."""
+"""A law of `examples/`, written as docs/howto/contact_law.md says: jobs take it and are right at once."""
 
 from __future__ import annotations
 
@@ -12,22 +12,14 @@ import pytest
 import model
 from model.simulation.run import Simulation, State
 from tests.model.kernels.linearised import stages_off
-from tests.model.simulation.test_effects_and_jobs import JOBS, OF_LAW
+from tests.model.simulation.test_effects_and_jobs import Job, go_on_by_blocks, look_inside, simulate
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
-LAWS = {"two-times": ("felt_with_two_times", "TwoTimes"), "restitution": ("felt_with_restitution", "Restitution")}
-NUMBER = {"two-times": "epsilon2", "restitution": "e"}  # by which runs are differentiated
-ASKED = {
-    job: JOBS[job]  # here, so that a name that is none is told when tests are collected
-    for job in (
-        "simulate with audit", "estimated error", "batch", "block by block", "inside view", "prescribed motion",
-        "sensitivities", "sensitivities to a motion",
-    )
-}  # fmt: skip
+LAWS = {"two-times": ("felt_with_two_times", "TwoTimes")}
 FELTS = ("contact02", "contact04", "contact12")  # key front, back check (with friction), hammer
 
 
-@pytest.fixture(scope="module", params=["two-times", pytest.param("restitution", marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=LAWS)
 def action(request: pytest.FixtureRequest) -> model.Action:
     """The regulated action with that law on three felts; the law is loaded as a user would, by running its file."""
     file, kind = LAWS[request.param]
@@ -69,11 +61,7 @@ def test_along_a_press_the_law_is_followed_however_it_is_sampled(action: model.A
         np.testing.assert_allclose(of_coarse, of_fine[::16], rtol=0.0, atol=2e-4 * of_fine.max())
 
 
-@pytest.mark.parametrize(
-    "job", [job if job == "simulate with audit" else pytest.param(job, marks=pytest.mark.slow) for job in ASKED]
-)
-def test_jobs_are_right(action: model.Action, job: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Energies close; members side by side are as by themselves; derivatives are those of differences; and so on."""
-    law = action.law(FELTS[0])
-    monkeypatch.setitem(OF_LAW, law, NUMBER[law])
-    ASKED[job](action, model.SceneChoice())
+@pytest.mark.parametrize("job", [simulate, go_on_by_blocks, look_inside])
+def test_jobs_are_right(action: model.Action, job: Job) -> None:
+    """Energies close, as from outside so by what each contact loses; a run goes on block by block."""
+    job(action, model.SceneChoice())
