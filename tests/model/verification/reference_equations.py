@@ -1,7 +1,7 @@
 """The equations of motion once more, in plain NumPy, read straight from an `Action`: slow and obviously right.
 
 An independent check of the compiled kernels (they must agree to 1e-12) and the right-hand side a user would write by
-hand, which benchmarks compare with. Bodies are points with Jacobians, M = sum m JtJ + I jjt; forces act through
+hand. Bodies are points with Jacobians, M = sum m JtJ + I jjt; forces act through
 virtual work. Nothing of ``kernels`` or ``scene`` is used. With effects the key's pivot rises by one more coordinate,
 and the hammer is two bodies with a spring between them.
 """
