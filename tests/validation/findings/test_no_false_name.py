@@ -14,7 +14,6 @@ from validation import write_report
 from validation.findings.finding import KINDS
 
 
-@pytest.mark.slow
 def test_inputs_are_drawn_on_a_sound_trial(make, tmp_path):
     session, truth = make.session(tmp_path / "right", n_trials=3, filmed=())
     broken = Session.create(tmp_path / "broken", make.info())
@@ -24,11 +23,9 @@ def test_inputs_are_drawn_on_a_sound_trial(make, tmp_path):
         if trial.number == 1:  # that of median peak force
             count[:, 2] = count[0, 2]
         broken.add_trial(replace(data, encoder_count=count))
-    for one in (session, broken):
-        result = compare_session(one, truth.action, keep_predictions=False, rivals=(), suspect=False)
-        hammer = result.quantities.set_index("quantity").loc["hammer_in_attack"]
-        assert np.isfinite(hammer.low)
-        assert hammer.n_trials == (3 if one is session else 2)
+    result = compare_session(broken, truth.action, keep_predictions=False, rivals=(), suspect=False)
+    hammer = result.quantities.set_index("quantity").loc["hammer_in_attack"]
+    assert np.isfinite(hammer.low) and hammer.n_trials == 2
     assert "no motion" in set(result.findings["kind"])
 
 

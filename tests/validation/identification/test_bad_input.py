@@ -14,6 +14,7 @@ import pytest
 
 import model
 from rig.session import Session
+from rig.session.info import ActionInfo
 from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
@@ -22,7 +23,7 @@ from validation.identification.force_runs import Own
 from validation.identification.identify import bounds_not_run, identify, look_before
 from validation.identification.observations import observe, observe_driven
 from validation.identification.problem import Columns, Problem
-from validation.identification.sources import IdentifyOptions, _names, _refuse_other_actions, collect
+from validation.identification.sources import IdentifyOptions, _names, collect
 from validation.identification.unknowns import expand, unknowns
 from validation.pipeline.compare_session import compare as compare_session
 from validation.prediction.positions import of_null
@@ -108,15 +109,15 @@ def test_an_encoder_that_stands_still_is_refused_by_name(see: Callable[..., Any]
 
 
 @pytest.mark.parametrize("what", ["name", "key"])
-def test_sessions_of_different_actions_are_refused(what: str) -> None:
-    def session(place: str, value: str) -> SimpleNamespace:
-        about = {"name": "grand", "key": "52"} | {what: value}
-        return SimpleNamespace(path=Path(place), info=SimpleNamespace(action=SimpleNamespace(**about)))
-
-    _refuse_other_actions([session("a", "one"), session("b", "one"), session("c", "unknown")])  # type: ignore[list-item]
+def test_sessions_of_different_actions_are_refused(what: str, make: SimpleNamespace, tmp_path: Path) -> None:
+    folders = [tmp_path / "a", tmp_path / "b", tmp_path / "c"]
+    for folder, value in zip(folders, ("one", "unknown", "two"), strict=True):
+        about = ActionInfo(**{"name": "grand", "key": "52"} | {what: value})
+        Session.create(folder, make.info(name="try", action=about))
+        shutil.copy(SESSIONS / "example_forte" / "trial_0001.h5", folder)
     with pytest.raises(ValidationInputError, match="sessions of different actions") as error:
-        _refuse_other_actions([session("a", "one"), session("b", "two")])  # type: ignore[list-item]
-    assert "'one' in a" in refused(error) and "'two' in b" in refused(error)
+        collect(folders, ACTION, IdentifyOptions())
+    assert "'one' in a" in refused(error) and "'two' in c" in refused(error)
 
 
 def made(n: int = 3) -> Problem:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import signal
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +14,6 @@ import pytest
 import model
 from validation.errors import ValidationInputError
 from validation.identification.force_runs import ForceRuns, spread
-from validation.identification.identify import identify
 from validation.identification.motion_runs import response_to
 from validation.identification.observations import ObservedTrial
 from validation.identification.sources import IdentifyOptions, collect
@@ -67,7 +63,6 @@ def test_errors_of_the_model_stay_what_they_are() -> None:
             spread(executor, refuse, [1])
 
 
-@pytest.mark.slow  # starts processes, which load the kernels
 def test_another_process_gives_the_same_columns(trials: list[ObservedTrial]) -> None:
     free = unknowns(model.load_action(), ASKED, ["*"])
     zero = np.zeros(2)
@@ -76,28 +71,3 @@ def test_another_process_gives_the_same_columns(trials: list[ObservedTrial]) -> 
         there = response_to(model.load_action(), free.asked, trials, executor=pool)
         found = [runs.jacobian(zero, range(2), driven=True)[0] for runs in (there, here)]
         np.testing.assert_array_equal(*found)
-
-
-@pytest.mark.slow  # two fits, a scheduler and two processes
-def test_a_worker_that_is_killed_midway_changes_no_number() -> None:
-    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
-    options = {"fixed": ("*",), "phases": 20, "profiles": ASKED[:1]}
-    alone = identify([EXAMPLE], ASKED, **options)  # type: ignore[arg-type]
-    with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        first = list(client.run(os.getpid).values())
-        killed: list[int] = []
-
-        def kill(line: str) -> None:
-            if not killed and line.startswith("step"):
-                killed.append(first[0])
-                os.kill(first[0], signal.SIGKILL)
-
-        told = SimpleNamespace(executor=client.get_executor(), progress=kill)
-        together = identify([EXAMPLE], ASKED, executor=told.executor, progress=told.progress, **options)  # type: ignore[arg-type]
-        assert killed and killed[0] not in client.run(os.getpid).values()
-    for a, b in zip(alone.estimates, together.estimates, strict=True):
-        assert (a.z, a.z_u, a.low, a.high) == (b.z, b.z_u, b.low, b.high)
-    np.testing.assert_array_equal(alone.details.fitted.covariance, together.details.fitted.covariance)

@@ -44,21 +44,6 @@ def test_truth_comes_out_within_its_uncertainty() -> None:
         assert e.interval == "two-sided" and e.profiled
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("lack", [0.0, 2e-3])
-def test_intervals_hold_as_often_as_they_say(lack: float) -> None:
-    inside = total = 0
-    for seed in range(12):
-        rng = np.random.default_rng([seed, 3])
-        z = np.clip(rng.standard_normal(3), -1.5, 1.5)
-        p = toy.problem(toy.made(z, 5, rng, lacking=lack))
-        found = fit(p)
-        for e, true, q in zip(estimate_all(p, found, (), silent), z, p.unknowns.asked, strict=True):
-            inside += e.low <= q.physical(p.action, true) <= e.high
-            total += 1
-    assert inside / total >= 0.84, inside / total  # binomial: 0.95 less three standard deviations
-
-
 def test_what_the_model_lacks_is_learnt_and_widens() -> None:
     rng = np.random.default_rng(5)
     right = fit(toy.problem(toy.made(TRUTH, 6, rng)))

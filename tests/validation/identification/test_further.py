@@ -92,7 +92,6 @@ def test_a_fixed_law_acts_in_a_stroke_to_come_as_it_does_where_the_fit_ended() -
     assert np.max(np.abs(block.held[:, 0] - there)) < 0.03 * size < 0.1 * size < np.max(np.abs(before - there))
 
 
-@pytest.mark.slow
 def test_what_is_predicted_is_realised_within_a_fifth() -> None:
     rng = np.random.default_rng(11)
     p, before = first(rng)
@@ -113,7 +112,6 @@ def test_what_is_predicted_is_realised_within_a_fifth() -> None:
         assert low < found < high and 1.1 < high / low < 10.0  # the strokes teach about the scatter, too
 
 
-@pytest.mark.slow
 def test_limits_close_where_the_sizes_of_noise_are_known() -> None:
     """Twenty-four trials know the scatter that three do not."""
     wide = []

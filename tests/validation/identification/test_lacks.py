@@ -7,7 +7,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
 import model
 from tests.validation.identification import toy
@@ -69,7 +68,6 @@ def test_what_a_film_lost_does_not_say_where_a_lack_shows() -> None:
     assert shows_in(filmed, 3 * [lack]) == plain
 
 
-@pytest.mark.slow
 def test_the_stroke_in_which_fits_differ_most_tells_best_what_is_lacking() -> None:
     first, second, *_ = collect([EXAMPLE], ACTION, IdentifyOptions(phases=20)).fitted
     soft = replace(second, force_n=second.preload_n + 0.5 * (second.force_n - second.preload_n))

@@ -23,9 +23,7 @@ def two_kinds(other: float) -> tuple[Problem, Fitted]:
     return problem, fit(problem)
 
 
-@pytest.mark.parametrize(
-    ("other", "least", "most"), [pytest.param(0.5, 0.0, 0.05, marks=pytest.mark.slow), (0.9, 0.1, 0.4)]
-)
+@pytest.mark.parametrize(("other", "least", "most"), [(0.5, 0.0, 0.05), (0.9, 0.1, 0.4)])
 def test_sessions_that_pull_apart_are_seen(other: float, least: float, most: float) -> None:
     problem, fitted = two_kinds(other)
     u = jackknife_over_strokes(fitted)

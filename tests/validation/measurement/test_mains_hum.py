@@ -60,12 +60,11 @@ def test_the_mains_frequency_is_found_when_not_told():
         assert fit_hum(time, force).frequency_hz == pytest.approx(nominal - 0.04, abs=0.02)
 
 
-@pytest.mark.slow
 def test_a_baseline_without_hum_is_left_alone_at_the_stated_rate():
     rng = np.random.default_rng(5)
     time = np.arange(1750) / RATE_HZ
-    accepted = sum(fit_hum(time, rng.normal(0.1, 0.02, time.size), 60.0).accepted for _ in range(120))
-    assert accepted <= 2  # one in a thousand by the F test, a few more because the frequency is searched
+    accepted = sum(fit_hum(time, rng.normal(0.1, 0.02, time.size), 60.0).accepted for _ in range(40))
+    assert accepted <= 1  # one in a thousand by the F test, a few more because the frequency is searched
 
 
 def test_a_refused_fit_subtracts_the_offset_only():
@@ -99,7 +98,6 @@ def test_a_constant_baseline_has_no_hum_and_no_error():
     assert fit.offset_n == pytest.approx(0.25)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("with_hum", [True, False])
 def test_the_uncertainty_of_the_baseline_covers_the_truth(with_hum):
     rng = np.random.default_rng(11)

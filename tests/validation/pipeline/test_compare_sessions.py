@@ -26,7 +26,6 @@ def page(side_written):
     return side_written.files["report.html"].read_text(encoding="utf-8")
 
 
-@pytest.mark.slow
 def test_the_page_repeats_the_figures_of_chapter_4(page):
     anchors = re.findall(r'class="anchor">(As thesis Figs?\.? [^<]*)\.</span>', page)
     named = {number for text in anchors for number in re.findall(r"4\.\d+", text)}

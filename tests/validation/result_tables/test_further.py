@@ -72,18 +72,6 @@ def test_what_the_uncertainties_come_from_is_in_the_key_of_what_is_stored(monkey
     assert runs == [1, 1, 2]
 
 
-@pytest.mark.slow
-def test_a_scene_shows_what_it_moves_and_where_its_energy_goes(recorded):
-    action = model.load_scene("string").on(recorded[1].action)
-    result = compare_session(
-        recorded[0], action, budget=False, suspect=False, rivals=(), keep_predictions=False, further=True
-    )
-    parts = result.tables["inside"].set_index("part")
-    assert parts.loc["string where it is struck", "largest_m"] > 1e-4
-    assert parts.loc["lost in the string", "energy_j"] > 0.0
-    assert parts["u_largest_n"].isna().all() and set(parts["draws"]) == {0}
-
-
 def test_a_comparison_without_a_report_looks_at_nothing_inside(recorded, monkeypatch):
     monkeypatch.setitem(FURTHER, "inside", lambda *_: pytest.fail("made, though nobody asked"))
     result = compare_session(
@@ -101,16 +89,3 @@ def test_a_faulty_trial_stands_for_no_other(monkeypatch):
     compare_session(shipped, **options, further=True)
     numbers = {m.number for m in asked}
     assert 1 in numbers and not numbers & {2, 3, 4, 7}
-
-
-@pytest.mark.slow
-def test_losses_of_joints_that_give_are_friction_and_bushings(recorded):
-    action = model.load_scene("giving-hammer").on(recorded[1].action)
-    result = compare_session(
-        recorded[0], action, budget=False, suspect=False, rivals=(), keep_predictions=False, further=True
-    )
-    inside = result.tables["inside"]
-    energy, joints = inside.set_index("part")["energy_j"], inside[inside["kind"] == "joint"]
-    lost = energy["lost by friction of joints"] + energy["lost in bushings of joints that give"]
-    assert joints["energy_j"].sum() == pytest.approx(lost, rel=1e-3)
-    assert inside.set_index("part").loc["joint of the hammer", "largest_m"] > 1e-5

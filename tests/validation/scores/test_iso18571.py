@@ -101,7 +101,6 @@ def test_the_magnitude_is_that_of_the_cheapest_path_of_all_cells(seed, size):
     assert score.magnitude == pytest.approx(max(0.0, 1.0 - error / 0.5), abs=1e-12)
 
 
-@pytest.mark.slow  # the oracle compiles for some seconds in every process
 @pytest.mark.parametrize("seed", range(4))
 def test_equal_to_an_independent_implementation(seed):
     rating = pytest.importorskip(

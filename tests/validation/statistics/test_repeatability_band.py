@@ -80,7 +80,7 @@ def test_length_of_a_known_path():
     assert roughness_length(noisy, 0.02) == pytest.approx(2 * np.pi, rel=0.2)
 
 
-@pytest.mark.parametrize("n", [5, pytest.param(10, marks=pytest.mark.slow), 20])
+@pytest.mark.parametrize("n", [5, 20])
 @pytest.mark.parametrize("kind", ["even", "rig-like", "counts"])
 def test_the_band_holds_the_true_curve_at_its_stated_rate(kind, n):
     share = coverage(kind, n, 400)

@@ -1,4 +1,7 @@
-"""Level, coverage and power of the verdict's estimates, by Monte Carlo on distributions that are known."""
+"""Level, coverage and power of the verdict's estimates, by Monte Carlo on distributions that are known.
+
+Other numbers of trials: ``python -m benchmarks verdict_coverage``.
+"""
 
 from __future__ import annotations
 
@@ -42,15 +45,14 @@ def session(
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("n", "skewed"), [(1, False), (2, False), (5, False), (5, True), (30, False)])
+@pytest.mark.parametrize(("n", "skewed"), [(1, False), (5, True)])
 def test_a_right_model_is_resolved_in_one_session_of_twenty_whatever_the_distribution(n: int, skewed: bool) -> None:
     rng = np.random.default_rng([1, n, skewed])
     hits = sum(estimate_errors(session(rng, n, skewed=skewed)).resolved.any() for _ in range(SESSIONS))
     assert 0.02 < hits / SESSIONS < 0.08  # 5 %; three standard deviations are 2.7 %
 
 
-@pytest.mark.parametrize("n", [1, 2, 5])
-@pytest.mark.parametrize("error", [0.0, 3.0])
+@pytest.mark.parametrize(("n", "error"), [(2, 3.0), (5, 0.0)])
 def test_individual_intervals_hold_the_error(n: int, error: float) -> None:
     rng = np.random.default_rng([2, n, int(error)])
     found = [estimate_errors(session(rng, n, error)) for _ in range(SESSIONS)]

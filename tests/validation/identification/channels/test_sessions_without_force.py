@@ -1,4 +1,4 @@
-"""Sessions without a force, with films, and several in one fit, from disk to the file that is written."""
+"""Sessions without a force and with films: what is compared of each, and what is not used."""
 
 from __future__ import annotations
 
@@ -14,14 +14,9 @@ import model
 from rig.session import Session, TrialData
 from rig.session.info import NO_FORCE
 from validation.errors import ValidationInputError
-from validation.identification.identify import identify
 from validation.identification.observations import ENCODERS, FILM
-from validation.identification.result import FITTED
 from validation.identification.sources import IdentifyOptions, collect
-from validation.identification.write import write_reading
 from validation.measurement.trial import quiet_of_motion
-
-ASKED = ["contact04.friction"]
 
 
 def without_force(data: TrialData) -> TrialData:
@@ -74,20 +69,3 @@ def test_a_trial_that_does_not_begin_at_rest_is_refused(counts: Callable[[np.nda
     time = np.arange(0.0, 0.3, 2e-4)
     with pytest.raises(ValidationInputError, match=said):
         quiet_of_motion(time, np.asarray(counts(time), dtype=np.int64)[:, None])
-
-
-@pytest.mark.slow  # 20 s of runs
-def test_both_kinds_with_films_find_the_truth_in_one_fit(two: list[Path], tmp_path: Path) -> None:
-    start = model.load_action()
-    held = (3,)
-    found = identify(two, ASKED, start, fixed=("*",), film=True, phases=30, profiles=(), hold_out_trials=held)
-    (estimate,) = found.estimates
-    assert estimate.low < 0.6 < estimate.high and estimate.z_u < 0.3
-    assert found.provenance["driven_by_the_key"] == ["driven, trial 1", "driven, trial 2"]
-    scores = found.scores["driven, held out"]
-    assert set(scores["identified"]) == {"whippen", "hammer", "jack", "repetition"}
-    assert scores["identified"]["hammer"] < scores["before"]["hammer"] and scores["null model"] is None
-    assert set(found.scores[FITTED]["identified"]) == {"key", "whippen", "hammer", "jack", "repetition"}
-    assert "driven, held out" not in found.events and "test forte, held out" in found.events
-    page = write_reading(found, tmp_path / "identified.toml")["page"].read_text("utf-8")
-    assert "Predicted under the measured motion of the key" in page and "jack, driven" in page

@@ -275,7 +275,6 @@ EVENLY = [-0.4 * k for k in range(6)]  # 5 % of a gain is one: 2 % per trial
     [
         (EVENLY, "force gain drifts by −2 % per trial, × 0.90", "force gain", None),
         ([0.0, 0.0, 0.0, 0.8, 0.0, 0.0], "force gain × 1.04", "force gain", 4),
-        pytest.param([0.0, 0.0, 0.0, 0.8, 0.8, 0.8], "force gain × 1.04", "force gain", 4, marks=pytest.mark.slow),
     ],
 )
 def test_a_fault_of_some_trials_is_a_finding_whatever_the_model_lacks(

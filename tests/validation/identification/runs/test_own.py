@@ -25,7 +25,7 @@ EVERY = (*FREE.moved, *(p for p in FREE.held if p.name in HELD))  # of all that 
 AT = np.array([0.3, -0.2, *np.zeros(P - 2)])
 
 
-@pytest.fixture(scope="module", params=[False, pytest.param(True, marks=pytest.mark.slow)], ids=["by force", "by key"])
+@pytest.fixture(scope="module", params=[False, True], ids=["by force", "by key"])
 def response(request: pytest.FixtureRequest) -> Response:
     """Two strokes, of few phases."""
     options = IdentifyOptions(phases=20, motion_driven=request.param)
