@@ -186,11 +186,10 @@ def inner(x):
 def outer(x):
     return 2.0 * inner(x)
 
-print(outer(1.0), inner(3))
+print(outer(1.0))
 """
 
 
-@pytest.mark.slow
 def test_compiling_is_said_once_and_not_when_kernels_are_found(tmp_path: Path) -> None:
     def said(cached: bool) -> list[str]:
         script = tmp_path / f"kernels_{cached}.py"
@@ -198,25 +197,13 @@ def test_compiling_is_said_once_and_not_when_kernels_are_found(tmp_path: Path) -
             script.write_text(KERNELS.replace("CACHED", str(cached)))
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
         done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=True)
-        assert done.stdout.split() == ["4.0", "4.0"]
+        assert done.stdout.split() == ["4.0"]
         return done.stderr.splitlines()
 
     assert said(cached=True) == ["compiling kernels (once, up to half a minute) ..."]
     assert said(cached=True) == []
     (line_of_every_call,) = said(cached=False)
     assert "at every call" in line_of_every_call and "PIANORIG_CACHE_DIR" in line_of_every_call
-
-
-@pytest.mark.slow
-def test_simulate_says_that_it_compiles_also_where_nothing_can_be_kept(tmp_path: Path) -> None:
-    line = [sys.executable, "-m", "pianorig", "simulate", "--scene", "key", "--out", "o.csv", "--force", "force.csv"]
-    (tmp_path / "force.csv").write_text("time_s,force_n\n0,0\n0.01,1\n")
-    (tmp_path / "a_file").touch()
-    for cache, wanted in (("cache", "once"), ("cache", None), ("a_file", "at every call")):
-        environment = {**os.environ, "PIANORIG_CACHE_DIR": str(tmp_path / cache)}
-        done = subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
-        told = [text for text in done.stderr.splitlines() if "compiling" in text]
-        assert len(told) == (wanted is not None) and all(wanted in text for text in told if wanted), done.stderr
 
 
 def test_what_an_encoding_lacks_is_spelt(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,9 @@ from scipy.stats import chi2
 
 import model
 import validation
+from pianorig import workflows
 from rig.simulated.bench.plant import load_plant
+from tests.command_line import run
 from tests.system.conftest import BENCH, FINE, Closed, fine_height
 
 ENCODED = {"key": 0, "whippen": 1, "hammer": 4}
@@ -174,6 +176,23 @@ def test_report_and_results_are_whole(closed: Closed) -> None:
     scores = pd.read_csv(files["report.html"].parent / "tables" / "scores.csv")
     assert set(scores["channel"]) == {"key", "whippen", "hammer", "jack", "repetition"}
     assert scores["trial"].nunique() == 5
+
+
+def test_the_demo_ends_with_what_was_seen_and_what_to_do_next(
+    closed: Closed, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(workflows, "run_demo", lambda out, **options: closed.demo)
+    assert run("demo", "--out", "s") == 0
+    said = capsys.readouterr().out
+    for words in (
+        "What you just saw",
+        "5 times",
+        "What to do next",
+        f"pianorig open {closed.demo.session.path}",
+        "report: ",
+    ):
+        assert words in said, words
+    assert max(map(len, said[said.index("What you just saw") :].splitlines()[:9])) <= 100
 
 
 def test_second_validation_simulates_nothing_again(closed: Closed, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 import model
 import rig
@@ -65,15 +64,3 @@ def test_what_is_wrong_about_the_pad_is_in_the_uncertainty() -> None:
 def test_weights_known_to_nothing_are_refused(tmp_path: Path, refused: Callable[..., None]) -> None:
     pad = ("--load", "0.1", "--u-load", "inf", "--radius", "0.012")
     refused("finite", "calibrate", "contact", "--contact", "contact04", *pad, "--out", tmp_path / "a.toml")
-
-
-@pytest.mark.slow
-def test_errors_are_as_large_as_stated() -> None:
-    pairs = (("contact01", 0.155), ("contact04", 0.36), ("contact07", 0.165), ("contact10", 0.28))
-    off = [
-        measured_off(contact, planted, 10 * seed + k, load_n=load, radius_m=0.012)
-        for seed, load in enumerate((0.08, 0.12, 0.16))
-        for k, (contact, planted) in enumerate(pairs)
-    ]
-    print("error over u:", " ".join(f"{one:+.2f}" for one in off))
-    assert 0.5 < np.sqrt(np.mean(np.square(off))) < 1.5

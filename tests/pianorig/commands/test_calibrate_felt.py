@@ -11,7 +11,6 @@ import pytest
 
 import model
 from model.files.force_library import force_table
-from pianorig.commands.calibrate_felt import _blow_speeds
 from pianorig.errors import CommandInputError
 from pianorig.workflows import read_driving_force
 from tests.command_line import run
@@ -102,14 +101,13 @@ def test_bad_input_is_one_line(arguments: list[str], words: str, felt: Path, ref
     refused(words, "calibrate", "felt", *[a.replace("{felt}", str(felt)) for a in arguments])
 
 
-@pytest.mark.slow
 def test_several_presses_give_each_law_its_held_out_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     action = model.load_action()
     law = model.felt.HuntCrossley(*(action[f"contact02.normal.{k}"] for k in "abc"), 0.7)
     rng = np.random.default_rng(6)
     paths = []
-    for depth in (3e-4, 5e-4, 8e-4):
-        for speed in (0.005, 0.02, 0.08):
+    for depth in (3e-4, 8e-4):
+        for speed in (0.005, 0.08):
             time_s = np.linspace(0.0, 2.0 * depth / speed, 61)
             depth_m = depth - speed * np.abs(time_s - time_s[30])
             force_n = law.response(time_s, depth_m).force_n + rng.normal(0.0, 0.01, 61)
@@ -118,27 +116,26 @@ def test_several_presses_give_each_law_its_held_out_error(tmp_path: Path, capsys
             paths[-1].write_text("time_s,displacement_m,force_n\n" + rows)
     out, figure = tmp_path / "mine.toml", tmp_path / "laws.svg"
     named = [str(path) for path in paths]
-    arguments = [*named, "--contact", "contact02", "--out", str(out), "--figure", str(figure), "--json"]
-    assert run("calibrate", "felt", *arguments) == 0
+    arguments = ["--contact", "contact02", "--out", str(out), "--figure", str(figure), "--json"]
+    assert run("calibrate", "felt", str(tmp_path / "*_0.0*.csv"), *arguments) == 0
     facts = json.loads(capsys.readouterr().out)["felt_laws"]
     errors = {law: np.mean(list(one["held_out_error"].values())) for law, one in facts["laws"].items()}
     assert set(errors) == set(model.felt.LAWS) and min(errors, key=errors.__getitem__) == "hunt-crossley"
     d, u = (facts["laws"]["hunt-crossley"][k]["D"] for k in ("values", "u"))
-    assert abs(d - 0.7) < 5.0 * u and u < 0.03
+    assert abs(d - 0.7) < 5.0 * u and u < 0.05
     assert model.load_action(out)["contact02.normal.D"] == pytest.approx(d)
     assert figure.read_text().startswith("<?xml")
     assert run("calibrate", "felt", *named, "--speed", "0.1") == 2
     assert "D of one curve" in capsys.readouterr().err
     assert run("calibrate", "felt", *named[:2]) == 2
     assert "found 2 presses, allowed 3 or more" in capsys.readouterr().err
-    assert run("calibrate", "felt", str(tmp_path / "*_0.0[28]*.csv"), "--contact", "contact02", "--json") == 0  # six
-    pattern = json.loads(capsys.readouterr().out)["felt_laws"]["laws"]["hunt-crossley"]["values"]["D"]
-    assert pattern != d and abs(pattern - 0.7) < 0.1
     assert run("calibrate", "felt", str(tmp_path / "none*.csv"), "--contact", "contact02") == 2
     assert "none*.csv: cannot be read" in capsys.readouterr().err
 
 
-def test_a_blow_of_a_trial_starts_at_rest_under_the_arms_preload(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_blow_of_a_trial_starts_at_rest_under_the_arms_preload(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     starts = []
 
     def simulate(*given: object, initial: model.RestState) -> None:
@@ -147,8 +144,7 @@ def test_a_blow_of_a_trial_starts_at_rest_under_the_arms_preload(monkeypatch: py
 
     monkeypatch.setattr(model, "simulate", simulate)
     action, trial = model.load_action(), Path(__file__).parents[3] / "sessions" / "example_forte" / "trial_0001.h5"
-    with pytest.raises(CommandInputError, match="seen"):
-        _blow_speeds(action, [trial], [])
+    assert run("calibrate", "felt", "--force", trial) == 2 and "seen" in capsys.readouterr().err
     loaded = model.rest_state(action, force_n=read_driving_force(trial).preload_n)
     np.testing.assert_array_equal(starts[0], loaded.angle_rad)
     assert np.abs(loaded.angle_rad - model.rest_state(action).angle_rad).max() > 1e-6

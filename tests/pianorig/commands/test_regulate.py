@@ -55,11 +55,6 @@ def test_without_out_it_measures(capsys: pytest.CaptureFixture[str]) -> None:
         (["hirschkorn2004", "--target-mm", "letoff=1.5"], "'letoff': unknown; did you mean let_off"),
         (["hirschkorn2004", "--target-mm", "let_off=0.0015"], "let_off: found 0.0015 mm, allowed 0.2 to 20 mm"),
         (["hirschkorn2004", "--target-mm", "let_off"], "allowed name=mm, for example let_off=1.5"),
-        pytest.param(  # the search first tries all it can; its words are those of `tests/model/regulation`
-            ["hirschkorn2004-regulated", "--set", "contact02.first.y=-0.014", "--out", "o.toml"],
-            "key-dip washers",
-            marks=pytest.mark.slow,
-        ),
     ],
 )
 def test_what_cannot_be_done_is_one_line(arguments: list[str], words: str, refused: Callable[..., None]) -> None:

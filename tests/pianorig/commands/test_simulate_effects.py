@@ -54,7 +54,6 @@ def test_what_would_have_no_meaning_is_refused(
     refused(message, "simulate", "--force", blow, "--out", "out.csv", *words)
 
 
-@pytest.mark.slow  # compiles its own structure
 def test_the_motor_presses_with_its_torque_over_its_length(tmp_path: Path) -> None:
     path, out = tmp_path / "torque.csv", tmp_path / "out.csv"
     path.write_text("time_s,torque_nm\n0,0\n0.05,0.02\n0.5,0.02\n")

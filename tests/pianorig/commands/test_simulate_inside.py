@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.command_line import modules_after, run
+from tests.command_line import run
 from tests.pianorig.test_commands import DATA
 
 FORTE = str(DATA / "forte_force.csv")
@@ -97,10 +97,3 @@ def test_drawings_that_cannot_be_are_refused_first(
     option: str, name: str, words: str, refused: Callable[..., None]
 ) -> None:
     refused(words, "simulate", "--force", FORTE, option, name, "--out", "o.csv")
-
-
-@pytest.mark.slow
-def test_only_the_sheet_needs_matplotlib(short_force: Path, tmp_path: Path) -> None:
-    out, moving = str(tmp_path / "o.csv"), str(tmp_path / "a.html")
-    loaded = modules_after(("simulate", "--force", str(short_force), "--inside", "--animation", moving, "--out", out))
-    assert "pianorig.player.animation" in loaded and "matplotlib" not in loaded

@@ -199,7 +199,7 @@ def writing(folder: Path) -> Iterator[Page]:
     yield from serve(folder, control=True)
 
 
-@pytest.fixture(scope="module")  # while it lives, no other event loop runs in this thread
+@pytest.fixture(scope="package")  # while it lives, no other event loop runs in this thread
 def browser() -> Iterator[Any]:
     if CHROMIUM is None:
         pytest.skip("no Chromium found: install chromium to look at the page in a browser")

@@ -54,7 +54,6 @@ def test_events_follow_what_was_turned() -> None:
     assert given["second_strike"] is None  # what does not happen has no value
 
 
-@pytest.mark.slow
 def test_a_scene_is_that_of_simulate_and_its_numbers_can_be_turned() -> None:
     own = "[string]\nmodes = 20\n[contact02]\nlaw = 'hysteresis'\n"
     found = live_blow(NAME, ["contact02.hysteresis.beta=0.4"], "forte", own)

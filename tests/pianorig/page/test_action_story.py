@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 import model
 from tests.pianorig.page.conftest import Page
 from tests.pianorig.page.stories import opened, until
@@ -21,7 +19,6 @@ def speed(tab: Any) -> list[float]:
     return [float(cell.split()[0]) for cell in row.locator("td").all_inner_texts()]
 
 
-@pytest.mark.slow
 def test_turn_undo_reload_save(browser: Any, looking: Page, tmp_path: Path) -> None:
     with opened(browser, looking, f"{looking.address}#action", accept_downloads=True) as tab:
         tab.locator("main[data-ready]").wait_for()
@@ -63,7 +60,6 @@ def test_turn_undo_reload_save(browser: Any, looking: Page, tmp_path: Path) -> N
         )
 
 
-@pytest.mark.slow
 def test_what_the_technicians_step_does(browser: Any, looking: Page) -> None:
     with opened(browser, looking, f"{looking.address}#action?action=hirschkorn2004-regulated") as tab:
         tab.locator("main[data-ready]").wait_for()
@@ -76,7 +72,6 @@ def test_what_the_technicians_step_does(browser: Any, looking: Page) -> None:
         tab.get_by_text("down weight").wait_for()
 
 
-@pytest.mark.slow
 def test_choose_a_scene_and_turn_it(browser: Any, looking: Page) -> None:
     def shown(tab: Any) -> None:
         tab.locator("main[data-ready]").wait_for()

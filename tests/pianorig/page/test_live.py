@@ -153,19 +153,25 @@ def test_a_scale_that_was_typed_stays_from_trial_to_trial(browser: Any, folder: 
         assert tab.get_by_label("Force, upper end, N").input_value() == "70"
 
 
+def wait_for(folder: Path, pattern: str) -> None:
+    """Wait until a recorder has made such a file."""
+    for _ in range(1200):
+        if any(folder.glob(pattern)):
+            return
+        time.sleep(0.05)
+    raise AssertionError(f"no {pattern} was recorded")
+
+
 def recorded(folder: Path, name: str, during: Any = None) -> list[Any]:
     """Arrays of the trials that a recorder of its own process records; `during()` once the first runs.
 
     By the virtual clock, which makes the same trials each time; by a real one the bench is stepped in other pieces.
     """
-    line = [sys.executable, "-m", "pianorig", "record", "--profile", "piano", "--trials", "16"]
+    line = [sys.executable, "-m", "pianorig", "record", "--profile", "piano", "--trials", "6"]
     recorder = subprocess.Popen([*line, "--backend", "sim://?seed=5", "--out", str(folder / name)])
     try:
         if during is not None:
-            for _ in range(1200):
-                if any((folder / name).glob("*.journal")):
-                    break
-                time.sleep(0.05)
+            wait_for(folder / name, "*.journal")
             during()
             assert recorder.poll() is None, "it was over before the page was"
         assert recorder.wait(120) == 0
@@ -173,32 +179,30 @@ def recorded(folder: Path, name: str, during: Any = None) -> list[Any]:
         recorder.kill()
         recorder.wait()
     trials = [trial.read() for trial in Session.open(folder / name).trials]
-    assert [trial.status for trial in trials] == ["complete"] * 16
+    assert [trial.status for trial in trials] == ["complete"] * 6
     return [(one.force_n, one.force_raw, one.encoder_count, one.motor_command_v) for one in trials]
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_no_sample_is_lost_with_the_page_open_stalled_or_killed(browser: Any, folder: Path) -> None:
+def test_no_sample_is_lost_with_the_page_open_stalled_and_killed(browser: Any, folder: Path) -> None:
     """The virtual bench plays the same trials from a seed, so every sample can be compared."""
-    alone = recorded(folder, "alone")
-    for name, how in (("open", None), ("stalled", signal.SIGSTOP), ("killed", signal.SIGKILL)):
-        with own_process(folder) as (server, page):
-            tab = browser.new_page()
-            tab.goto(f"{page.address}#live?session=example_forte")
-            tab.locator("main[data-ready]").wait_for()
+    with own_process(folder) as (server, page):
+        tab = browser.new_page()
+        tab.goto(f"{page.address}#live?session=example_forte")
+        tab.locator("main[data-ready]").wait_for()
 
-            def during(tab: Any = tab, server: Any = server, name: str = name, how: Any = how) -> None:
-                tab.evaluate(f"location.hash = 'live?session={name}'")
-                until(tab, "Number(document.querySelector('.scope')?.dataset.samples) > 100")
-                if how is not None:
-                    server.send_signal(how)
+        def during() -> None:
+            tab.evaluate("location.hash = 'live?session=watched'")
+            until(tab, "Number(document.querySelector('.scope')?.dataset.samples) > 100")
+            server.send_signal(signal.SIGSTOP)
+            wait_for(folder / "watched", "trial_0003.*")
+            server.send_signal(signal.SIGKILL)
 
-            found = recorded(folder, name, during)
-        tab.close()
-        for ours, theirs in zip(alone, found, strict=True):
-            for one, other in zip(ours, theirs, strict=True):
-                np.testing.assert_array_equal(one, other, err_msg=name)
+        watched = recorded(folder, "watched", during)
+    tab.close()
+    for ours, theirs in zip(recorded(folder, "alone"), watched, strict=True):
+        for one, other in zip(ours, theirs, strict=True):
+            np.testing.assert_array_equal(one, other)
 
 
 def test_a_session_without_force_is_sent_as_plain_json(folder: Path, looking: Page) -> None:

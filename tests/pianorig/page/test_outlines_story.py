@@ -51,7 +51,7 @@ def film_of(blow: model.Solution, path: Path) -> list[vision.Body]:
 
     rest = tuple(float(angle) for angle in blow.angle_rad[0, columns])
     geometry = ActionGeometry(whippen, jack, repetition, (rest[0], rest[1], rest[2]))
-    film_trial(path, START_S + (np.arange(150) + 0.5) / CAMERA.frame_rate_hz, angles_at, geometry, CAMERA, seed=1)
+    film_trial(path, START_S + (np.arange(60) + 0.5) / CAMERA.frame_rate_hz, angles_at, geometry, CAMERA, seed=1)
     return list(film_bodies(geometry, CAMERA))
 
 
@@ -64,7 +64,6 @@ def draw(user: User, points: np.ndarray) -> None:
         user.click(canvas, position=at)
 
 
-@pytest.mark.slow
 def test_from_a_foreign_film_to_three_angles(browser: Any, tmp_path: Path) -> None:
     times = np.linspace(0.0, 0.2, 1001)
     force = np.interp(times, *model.force_table("forte"))
@@ -175,7 +174,6 @@ def point_and_line(user: User, folder: Path, truth: list[vision.Body]) -> None:
     tab.get_by_text("point1 x ").wait_for()
 
 
-@pytest.mark.slow
 def test_points_are_added_moved_deleted_and_taken_back(browser: Any, filmed: Path, looking: Page) -> None:
     with opened(browser, looking, f"{looking.address}#outlines?film=example_forte&trial=1") as tab:
         tab.locator("main[data-ready]").wait_for()
@@ -211,7 +209,6 @@ def test_points_are_added_moved_deleted_and_taken_back(browser: Any, filmed: Pat
         assert tab.get_by_role("button", name="Save", exact=True).is_disabled()  # looking only
 
 
-@pytest.mark.slow
 def test_a_mark_drawn_anew_has_nothing_of_the_old_one(browser: Any, filmed: Path, looking: Page) -> None:
     session = filmed / "example_forte"
     (session / "marks.toml").write_text(

@@ -62,8 +62,7 @@ def test_frames_events_and_curves_by_keys(tab: Any) -> None:
     assert tab.evaluate(red) == 0
 
 
-@pytest.mark.slow
-def test_a_point_in_a_plot_is_a_time(tab: Any) -> None:
+def test_a_point_in_a_plot_is_a_time_and_playing_stops_at_the_end(tab: Any) -> None:
     plot = tab.locator(".plot").nth(1).bounding_box()
     tab.mouse.click(plot["x"] + 0.5 * plot["width"], plot["y"] + 0.5 * plot["height"])
     until(tab, f"Math.abs({NOW} - 0.63) < 0.05")
@@ -71,10 +70,7 @@ def test_a_point_in_a_plot_is_a_time(tab: Any) -> None:
     tab.reload()  # the time is in the address
     tab.locator("main[data-ready]").wait_for()
     until(tab, f"Math.abs({NOW} - 0.63) < 0.05")
-
-
-@pytest.mark.slow
-def test_playing_runs_through_the_film_and_stops_at_the_end(tab: Any) -> None:
+    # from there it plays through the film and stops at the end
     tab.get_by_label("Speed").select_option("0.25")
     tab.evaluate("window.benchPlayer.go(window.benchFilm.film.time_s[0])")
     settled(tab, 0)
@@ -88,7 +84,6 @@ def test_playing_runs_through_the_film_and_stops_at_the_end(tab: Any) -> None:
     settled(tab, FRAMES - 1)
 
 
-@pytest.mark.slow
 def test_two_models_side_by_side_and_measured_beside_model(tab: Any) -> None:
     tab.get_by_label("beside model").select_option("hirschkorn2004-regulated")
     tab.locator(".values", has_text="hirschkorn2004-regulated").first.wait_for()
@@ -102,7 +97,6 @@ def test_two_models_side_by_side_and_measured_beside_model(tab: Any) -> None:
     assert tab.evaluate("document.documentElement.scrollWidth") <= 1280
 
 
-@pytest.mark.slow
 def test_two_trials_side_by_side_and_an_animation_to_keep(tab: Any, browser: Any, tmp_path: Path) -> None:
     tab.get_by_label("beside trial of").select_option("example_forte")
     tab.get_by_role("heading", name="example_forte, trial 2").wait_for()

@@ -58,7 +58,6 @@ def test_find_read_reject_reload(browser: Any, folder: Path) -> None:
     assert Session.open(folder / "second").trial(2).rejected == "cable <b>touched</b> the whippen"
 
 
-@pytest.mark.slow
 def test_sorting_by_keyboard(browser: Any, folder: Path, looking: Page) -> None:
     add(folder, "another")
     Session.open(folder / "another").annotate(1, "reject", "x")
@@ -78,17 +77,25 @@ def test_sorting_by_keyboard(browser: Any, folder: Path, looking: Page) -> None:
         assert tab.get_by_role("button", name="Write").count() == 0
 
 
-@pytest.mark.slow
-def test_two_sessions_side_by_side(browser: Any, folder: Path) -> None:
+def test_several_sessions_are_ticked_and_what_was_compared_is_shown(
+    browser: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[list[str]] = []
+    monkeypatch.setattr(
+        "pianorig.page.jobs.Jobs.begin", lambda self, subject, words: begun.append([subject, *words]) or {}
+    )
     add(folder, "second")
+    made = folder / "comparisons" / "2026-11-22T100000Z"
+    made.mkdir(parents=True)
+    (made / "report.html").write_text("<p>example_forte and second</p>")
     for page in serve(folder, control=True):
         with opened(browser, page, page.address) as tab:
             tab.get_by_label("Compare second").check()
             tab.get_by_role("button", name="Compare ticked sessions").click()
             tab.get_by_text("tick at least two").wait_for()
-            tab.get_by_label("Compare example_forte").check()
-            tab.get_by_role("button", name="Compare ticked sessions").press("Enter")
-            made = tab.get_by_label("Comparisons").get_by_role("button", name="20")
-            made.wait_for(timeout=300_000)
-            made.press("Enter")
+            tab.get_by_label("Comparisons").get_by_role("button", name="20").press("Enter")
             tab.frame_locator("iframe.report").get_by_text("second").first.wait_for()
+        page.ask("/api/comparisons", "POST", {"sessions": ["second", "example_forte"]})
+    ((name, *words),) = begun
+    out = str(folder / "comparisons" / name)
+    assert words == ["validate", str(folder / "second"), str(folder / "example_forte"), "--out", out]
