@@ -26,6 +26,7 @@ def test_marked_intervals_are_the_true_lifts(tmp_path: Path) -> None:
         trials=2,
         after_trial=lambda trial: truth.__setitem__(trial.number, bench.plant.truth()),
     )
+    bench.close()
     session = Session.open(tmp_path / "session")
     assert session.info.simulated
     marked = validation.compare(session, "hirschkorn2004", keep_predictions=False).marked
