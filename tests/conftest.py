@@ -16,7 +16,6 @@ import stat
 import subprocess
 import sys
 import tempfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -46,23 +45,6 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     watched = option.collectonly or option.usepdb or option.capture == "no"
     if not named and not watched and option.numprocesses is None and option.dist == "no":
         option.numprocesses, option.dist = min(PROCESSES, os.cpu_count() or 1), "worksteal"
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--turn", metavar="K/N", help="only the tests whose turn it is: part K of N, K = 0 … N-1")
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out tests whose turn it is not, by a digest of their names: together the parts are the whole."""
-    turn = config.getoption("--turn")
-    if not turn:
-        return
-    part, _, parts = turn.partition("/")
-    if not (part.isdigit() and parts.isdigit() and int(part) < int(parts)):
-        raise pytest.UsageError(f"--turn {turn}: expected K/N with K from 0 to N-1, as in 2/7")
-    chosen = [item for item in items if zlib.crc32(item.nodeid.encode()) % int(parts) == int(part)]
-    config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
-    items[:] = chosen
 
 
 def _copies_can_be_written() -> None:

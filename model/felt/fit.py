@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
+from model.arrays import ArrayRecord
 from model.elements.laws.known import LAWS as KNOWN
 from model.errors import InputError
 from model.felt.laws_as_numbers import LONGEST_REACH, FeltLaw, HuntCrossley, Hysteresis, NamedLaw, Stulov
@@ -43,7 +44,7 @@ class Search(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LawFit:
+class LawFit(ArrayRecord):
     """A law fitted to presses.
 
     Attributes
