@@ -226,7 +226,8 @@ def _fit_strain(
     expected = template.columns[3].astype(float)
     turn, at = float(pose[0]), pose[1:3] + template.centre_px - np.array([box[2], box[0]], dtype=float)
     ratio = (1.0 + value) / (1.0 - value)
-    for step in range(STEPS):
+    steps = STEPS if value else 1  # the turn of a body that does not turn is noise, like its shear
+    for step in range(steps):
         c, s = math.cos(turn), math.sin(turn)
         # a turn of the body, seen in the stretched picture
         x, y = at[0] + c * dx - s * ratio * dy, at[1] + s / ratio * dx + c * dy
@@ -237,7 +238,7 @@ def _fit_strain(
             return None
         amplitude, covariance = fitted[0] * scale, fitted[1] * scale[:, None] * scale
         back, along, across = amplitude[-COLUMNS : 3 - COLUMNS]
-        if step == STEPS - 1 or abs(back) < SMALL_TURN:
+        if step == steps - 1 or abs(back) < SMALL_TURN:
             break
         turn -= float(back)
         at = at - np.array([c * along - s * ratio * across, s / ratio * along + c * across])
