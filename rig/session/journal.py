@@ -683,11 +683,11 @@ class LiveView(ArrayRecord):
     trial: int
     trials: int
     state: str  # ``recording``, or the status of a sealed trial
-    condition: str  # str
+    condition: str
     # time_s, force_n: (n,), of a trial in progress the last 30 s
     time_s: NDArray[np.float64]
     force_n: NDArray[np.float64]
-    angle_rad: NDArray[np.float64]  # ndarray, shape (n, len(names)), of the bodies ``names`` from the first sample on
+    angle_rad: NDArray[np.float64]  # (n, len(names)), of the bodies ``names`` from the first sample on
     names: tuple[str, ...]
     sealed: int  # trials sealed so far
 

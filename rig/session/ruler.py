@@ -199,13 +199,13 @@ class Position:
 
     name: str  # of the channel
     ruler: RulerInfo  # body, calibrated point and place of the sensor
-    time_s: Array  # ndarray, shape (n,)
+    time_s: Array  # (n,)
     # (n,), of the calibrated point, m; where ``flag`` is set the end of the ruler, beyond which nothing is known
     displacement_m: Array
     # (n,), standard uncertainty of the calibration, m: the same error wherever the reading is the same
     u_calibration_m: Array
     u_noise_m: Array  # (n,), standard uncertainty of one sample's noise, m
-    flag: NDArray[np.uint8]  # ndarray of uint8, shape (n,), 0, `BELOW` or `ABOVE`
+    flag: NDArray[np.uint8]  # (n,), 0, `BELOW` or `ABOVE`
     judgement: str  # how well the ruler's points lie on a smooth curve
 
     @property

@@ -111,7 +111,7 @@ def first_after(times: list[float], after_s: float) -> float | None:
     return next((t for t in times if t >= after_s), None)
 
 
-def with_level_uncertainty(
+def read_level_with_uncertainty(
     find: Callable[[float], float | None], level: float, u_level: float, u_time_s: float = 0.0
 ) -> tuple[float | None, float]:
     """Value of a finder at a level and its standard uncertainty, by moving the level up and down by its own.
@@ -148,10 +148,8 @@ def with_level_uncertainty(
 LevelReading = Callable[[Callable[[float], float | None], float, float], tuple[float | None, float]]
 
 
-def without_uncertainty(
-    find: Callable[[float], float | None], level: float, u_level: float
-) -> tuple[float | None, float]:
-    """Value of a finder at a level, with no uncertainty: in place of `with_level_uncertainty` where none is needed."""
+def read_level(find: Callable[[float], float | None], level: float, u_level: float) -> tuple[float | None, float]:
+    """Value of a finder at a level, and 0; for `read_level_with_uncertainty` where no uncertainty is asked for."""
     return find(level), 0.0
 
 
@@ -528,7 +526,7 @@ REST_LASTS_S = 0.05
 DOUBTFUL_TIME_S = 0.01
 
 
-def key_bottom(motion: Motion, read: LevelReading = with_level_uncertainty) -> Event:
+def key_bottom(motion: Motion, read: LevelReading = read_level_with_uncertainty) -> Event:
     """First time the key dip rises through the dip at which the key front touches its felt."""
 
     def find(level: float) -> float | None:
@@ -616,7 +614,7 @@ def _held(
 
 
 def check(
-    motion: Motion, hold: Hold | None, *, struck: bool = True, read: LevelReading = with_level_uncertainty
+    motion: Motion, hold: Hold | None, *, struck: bool = True, read: LevelReading = read_level_with_uncertainty
 ) -> tuple[Event, Event]:
     """Time and height at which the hammer is caught.
 
@@ -649,7 +647,7 @@ def check(
     return when, Event("check_height", hold.height_m, u_height, status, hold.note)
 
 
-def key_release(motion: Motion, read: LevelReading = with_level_uncertainty) -> Event:
+def key_release(motion: Motion, read: LevelReading = read_level_with_uncertainty) -> Event:
     """Last fall of the key dip through half the touching dip, when the key stays up to the end of the record."""
     time, dip = motion.time_s, motion.key_dip_m
 
@@ -664,7 +662,7 @@ def key_release(motion: Motion, read: LevelReading = with_level_uncertainty) -> 
     return _timed("key_release", value, u)
 
 
-def rest(motion: Motion, quiet_stop: int, read: LevelReading = with_level_uncertainty) -> Event:
+def rest(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> Event:
     """Time from which height and dip stay within 0.1 mm of their mean over the first `quiet_stop` samples."""
     time = motion.time_s
     height = np.abs(motion.hammer_height_m - float(np.mean(motion.hammer_height_m[:quiet_stop])))
@@ -703,7 +701,7 @@ LANDED_M = 0.3e-3
 TURN_S = 0.6e-3
 
 
-def onset(motion: Motion, quiet_stop: int, read: LevelReading = with_level_uncertainty) -> Event:
+def onset(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> Event:
     """Key dip first rises through 0.1 mm above its rest."""
     dip = motion.key_dip_m - float(np.mean(motion.key_dip_m[:quiet_stop]))
 
@@ -716,7 +714,7 @@ def onset(motion: Motion, quiet_stop: int, read: LevelReading = with_level_uncer
     return _at("onset", value, u, motion.time_s, dip)
 
 
-def let_off(motion: Motion, strike: Strike | None, read: LevelReading = with_level_uncertainty) -> Event:
+def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_level_with_uncertainty) -> Event:
     """Last time before the impact at which the hammer is 0.1 mm off the path of its free flight."""
     if strike is None or not math.isfinite(strike.arrival.speed):
         return absent("let_off", "no string impact")
@@ -782,7 +780,7 @@ def drop(
     hold: Hold | None,
     check_s: float,
     release_s: float,
-    read: LevelReading = with_level_uncertainty,
+    read: LevelReading = read_level_with_uncertainty,
 ) -> Event:
     """Hammer first is 0.5 mm further from the string than the height it was held at, after the key was let go."""
     if hold is None or not math.isfinite(check_s):
@@ -842,7 +840,7 @@ def _at(name: str, value: float, u: float, time: Array, signal: Array) -> Event:
     return crossing(name, value, math.hypot(u, bend_uncertainty_s(time, np.nan_to_num(signal), value)))
 
 
-def find_events(motion: Motion, quiet_stop: int, read: LevelReading = with_level_uncertainty) -> dict[str, Event]:
+def find_events(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> dict[str, Event]:
     """Find every event of `validation.events.definitions.EVENTS` in one keystroke.
 
     Parameters
@@ -852,7 +850,7 @@ def find_events(motion: Motion, quiet_stop: int, read: LevelReading = with_level
     quiet_stop : int
         Number of samples before the blow during which the action is at rest.
     read : callable
-        How a time at a level is read; `without_uncertainty` gives the same values in half the time.
+        How a time at a level is read; `read_level` gives the same values in half the time.
 
     Returns
     -------

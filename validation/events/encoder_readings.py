@@ -39,7 +39,7 @@ APART_S = 0.06  # a leap forth and one back within this belong together
 class ReadingFault:
     """A jump or standstill of one encoder."""
 
-    channel: str  # str
+    channel: str
     at_s: float  # of the first wrong sample
     until_s: float  # of the sample that is right again; NaN after a leap that stays
     # size of the first leap with its sign; of a standstill that ends in a leap, of that one; 0 without one

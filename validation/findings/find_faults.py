@@ -73,7 +73,7 @@ class SessionFindings:
         return unusable_data(self.faults)
 
     @property
-    def without_rest(self) -> frozenset[int]:
+    def trials_without_rest(self) -> frozenset[int]:
         """Trials whose angles have no zero, so that nothing else is said of them."""
         return frozenset(int(f.trial) for f in self.faults if f.kind == NO_REST)
 
@@ -129,13 +129,9 @@ def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: M
         forces = forces + force_stands_still(m)
         readings = encoder_readings(m, p)
         encoders = [*readings, *_keep_other_channels(stuck_bits(m), readings)]
-        encoders += (
-            []
-            if wrong
-            else _keep_other_channels(
-                find_miswired_encoders(m, p) + find_motionless_encoders(m, p) + encoder_return(m, p), readings
-            )
-        )
+        if not wrong:
+            others = find_miswired_encoders(m, p) + find_motionless_encoders(m, p) + encoder_return(m, p)
+            encoders += _keep_other_channels(others, readings)
         sound = not any(f.channel in ("whippen", "") for f in encoders)
         films = film_wiring(m, p, whippen_sound=sound)
         films += camera_clock(m) if sound and not films else []

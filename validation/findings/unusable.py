@@ -22,7 +22,7 @@ FORCE, FILM, WHOLE_TRIAL = "force", "film", ""
 class UnusableData:
     """A trial, or one channel of it, that is left out."""
 
-    trial: int  # int
+    trial: int
     channel: str  # ``key``, ``whippen``, ``hammer``, ``force``, ``film``, or empty for the whole trial
     kind: str  # kind of the finding that says so, of `validation.findings.finding.KINDS`
     reason: str  # the sentence of that finding

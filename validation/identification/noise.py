@@ -67,7 +67,7 @@ class Sizes:
     families: NDArray[np.intp]  # (p + h,) place in `FAMILIES` of what moves and of fixed laws, -1 where it is no law
     by_family: Array  # (5,) standard deviation from trial to trial, in prior standard uncertainties
     own: Array  # (sessions, c) of a trial's own wandering, of the size of the response, by channel
-    # (sessions, 4 c + 1) of the discrepancy, of the size of the response: of each channel at each of, `SCALES_S`, then
+    # (sessions, 4 c + 1) of the discrepancy, of the size of the response: of each channel at each of `SCALES_S`, then
     # of each channel in proportion to the force, then of the part that is like laws
     common: Array
 

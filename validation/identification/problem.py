@@ -25,7 +25,7 @@ class Problem:
 
     action: model.Action  # model.Action
     unknowns: Unknowns  # Unknowns
-    trials: tuple[ObservedTrial, ...]  # tuple of ObservedTrial
+    trials: tuple[ObservedTrial, ...]
     response: Response  # Response
     held: tuple[Array, ...] = ()  # columns (m, 3, h) of each trial, of laws that are fixed
 

@@ -31,7 +31,7 @@ DIP_M = 0.010
 class Free:
     """A free parameter."""
 
-    name: str  # str
+    name: str
     meaning: str  # for the report
     paths: tuple[str, ...]  # parameters of the action it changes; empty for one of a sensor
     # standard deviation of the prior: m for a screw (``adds``), 1 for the logarithm of a factor or a sensor's shape

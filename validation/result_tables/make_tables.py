@@ -142,7 +142,7 @@ def make_tables(
         trials=trial_table(predicted),
         scores=with_repeatability(scored.scores, channels, without),
         scorecard=card,
-        marked=lift_table({n: found for n, found in events.lifts.items() if n not in findings.without_rest}),
+        marked=lift_table({n: found for n, found in events.lifts.items() if n not in findings.trials_without_rest}),
         findings=pd.DataFrame([asdict(f) for f in findings.faults], columns=FINDING_COLUMNS),
         compatible_changes=pd.DataFrame(changes, columns=CHANGE_COLUMNS),
         channels=with_scores(channels, scored.scores, card, without),
@@ -184,7 +184,7 @@ def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterato
     few = few_trials_warning(len(predicted.trials))
     if few:
         yield few
-    for m in (m for m in predicted.trials if m.number not in findings.without_rest):
+    for m in (m for m in predicted.trials if m.number not in findings.trials_without_rest):
         notes = (*m.notes, *predicted.predictions[m.number].notes)
         yield from (f"trial {m.number}: {text}" for text in notes)
     yield from (f"trial {number} is not used: {reason}" for number, reason in predicted.refused.items())

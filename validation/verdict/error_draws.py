@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from validation.cache.content_hash import sha256_of
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
-from validation.events.detect import find_events, without_uncertainty
+from validation.events.detect import find_events, read_level
 from validation.events.session_events import SessionEvents
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
@@ -317,7 +317,7 @@ class _TrialDrawing:
             hammer_way_m=motion.hammer_way_m + hammer,
             key_dip_m=motion.key_dip_m + key,
         )
-        events = find_events(motion, m.quiet.stop, without_uncertainty)
+        events = find_events(motion, m.quiet.stop, read_level)
         return event_values(motion, events), branch_of(events)
 
 

@@ -40,7 +40,7 @@ ZIGZAG = sorted(
 class Compression:
     """How a film was compressed."""
 
-    # ndarray, shape (8, 8), or None, steps of the luminance table, grey, lowest frequency first; None when frames are
+    # (8, 8), steps of the luminance table, grey, lowest frequency first; None when frames are
     # predicted from others, or stored with a loss that the file does not tell
     steps: NDArray[np.float64] | None
 

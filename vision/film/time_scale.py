@@ -52,10 +52,10 @@ Kind = Literal["even", "gaps", "variable", "ramp"]
 class Spacing:
     """How stamps follow one another."""
 
-    kind: Kind  # {"even", "gaps", "variable", "ramp"}
+    kind: Kind
     # from a frame to the next where none is missing: the mean of evenly spaced stamps, else the median
     interval_s: float
-    # ndarray of int, shape (n - 1,), frames left out after each frame; zero where the intervals are not whole multiples
+    # (n - 1,), frames left out after each frame; zero where the intervals are not whole multiples
     missing: NDArray[np.int64]
 
 

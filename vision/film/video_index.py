@@ -63,14 +63,14 @@ class VideoIndex:
     width: int
     height: int
     n_frames: int
-    # ndarray of int, shape (n_frames,), of films whose frames stand alone: the packet of each frame, counted as they
+    # (n_frames,), of films whose frames stand alone: the packet of each frame, counted as they
     # lie in the file
     packet_of: NDArray[np.int64]
     # packet by its place in the file, stamp and size; None where two are the same
     packet_number: dict[tuple[Any, ...], int | None]
-    seek_ticks: NDArray[np.int64]  # ndarray of int, shape (n_packets,)
+    seek_ticks: NDArray[np.int64]  # (n_packets,)
     is_standalone: bool  # every packet is one frame, decoded without any other
-    stamp_s: NDArray[np.float64] | None  # ndarray, shape (n_frames,), or None
+    stamp_s: NDArray[np.float64] | None  # (n_frames,)
     spacing: Spacing | None
     tick_s: float
     rate_hz: float | None

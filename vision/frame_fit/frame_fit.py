@@ -56,9 +56,9 @@ class FrameFit:
         motion, standards = Motion.of(templates, parents), Standards.of(templates)
         self.states = _empty_states(motion, standards, n, occlusion.distances[0].size)
         self.found = _empty_found(len(count))
-        self._bodies = self._packed(occlusion, n)
+        self._bodies = self._pack_bodies(occlusion, n)
 
-    def _packed(self, occlusion: Occlusion, n: int) -> Bodies:
+    def _pack_bodies(self, occlusion: Occlusion, n: int) -> Bodies:
         templates, m = self.templates, len(self.templates)
         offset, columns = np.zeros(2 * n, dtype=np.float32), np.zeros(4 * n, dtype=np.float32)
         for start, template in zip(self._start, templates, strict=True):
@@ -112,12 +112,12 @@ class FrameFit:
         size: tuple[int, int] = self._bodies.distance.shape[1:]
         found = self.found
         is_inside = expect_bodies(self.states.motion, step, self._bodies.box, size, found.expected, found.region, box)
-        return _as_box(box) if is_inside else None
+        return _make_box(box) if is_inside else None
 
     def region(self, body: int) -> Box | None:
         """The rectangle of the frame in which a body is expected; None where too little of it is inside."""
         region = self.found.region[body]
-        return None if region[0] == NO_REGION else _as_box(region)
+        return None if region[0] == NO_REGION else _make_box(region)
 
     def covered(self, body: int) -> NDArray[np.uint8]:
         """Template pixels of the body at which `go_on` has stopped that those in front hide, (n,), 1 is hidden."""
@@ -170,7 +170,7 @@ def _starts_and_counts(sizes: Sequence[int], rows: int) -> NDArray[np.int64]:
     return np.column_stack([ends[:-1], np.array(sizes) // rows]).astype(np.int64)
 
 
-def _as_box(four: NDArray[np.int64]) -> Box:
+def _make_box(four: NDArray[np.int64]) -> Box:
     y0, y1, x0, x1 = four.tolist()
     return y0, y1, x0, x1
 

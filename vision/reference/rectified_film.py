@@ -77,7 +77,7 @@ class RectifiedFilm(Corrected):
         points = (np.asarray(rectified_px, dtype=float) + 0.5) / self.stretch - 0.5
         return points if self.projection is None else self.projection.seen(points)
 
-    def to_rectified(self, film_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rectify(self, film_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rectified points, shape (..., 2)."""
         points = np.asarray(film_px, dtype=float)
         if self.projection is not None:
@@ -86,7 +86,7 @@ class RectifiedFilm(Corrected):
 
     def rectified_bodies(self, bodies: Sequence[Body]) -> list[Body]:
         """The outlines in rectified points."""
-        return [replace(body, polygon_px=self.to_rectified(body.polygon_px)) for body in bodies]
+        return [replace(body, polygon_px=self.rectify(body.polygon_px)) for body in bodies]
 
     def field_difference(self, index: int) -> NDArray[np.float32]:
         """What rows interpolated between those of the field differ by from the other field, (height, width)."""

@@ -22,7 +22,7 @@ REACH = 5.0
 class BlobTexture:
     """Sum of Gaussian blobs, each with its own place, height, widths and direction, on a mean grey."""
 
-    mean_grey: float  # float
+    mean_grey: float
     # x, y: (n,), centres
     x: NDArray[np.float64]
     y: NDArray[np.float64]

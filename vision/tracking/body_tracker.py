@@ -238,7 +238,7 @@ class BodyTracker:
         self.place(step, fit.pose)
         return fit
 
-    def fitted(self, fit: Callable[[], Fit], flag: int) -> None:
+    def take_fit(self, fit: Callable[[], Fit], flag: int) -> None:
         """Take over a fit that is believed and placed already; it is made when it is asked for."""
         self._fit, self.flag, self.lost_in_a_row = fit, FrameFlag(flag) if flag else GOOD, 0
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from vision.angles import turn_matrix
 from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.bspline import coefficients
+from vision.fitting.robust_fit import fit_robustly
 from vision.fitting.template import Template, thinned
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import MARGIN_PX, sample_spline
@@ -37,6 +38,9 @@ SURE_U = 0.05
 """Standard uncertainty of the lag up to which `BETWEEN` is five of them away."""
 LEAST_PX = 0.02
 """Motion per frame, at the rim of a body, of the rows that tell."""
+PIXELS_PER_COLUMN = 20
+MOST_CONDITION = 1e14
+"""Condition number of the normal matrix, its columns as they are: beyond it doubles do not invert it."""
 OUTLYING = 4.0
 """Pixels whose residual is beyond this many times the usual one are covered or doubled by the other field."""
 
@@ -141,29 +145,16 @@ def _difference(
         field = np.ascontiguousarray(picture[start::2])
         seen = np.empty((1, x.size), dtype=np.float32)
         sample_spline(coefficients(field), field, x[None] - left, (y[None] - top - start) / 2.0, white, seen)
-        found = _step(design, seen[0].astype(float) - expected, seen[0] < white)
+        found = fit_robustly(
+            design,
+            seen[0].astype(float) - expected,
+            seen[0] < white,
+            outlying=OUTLYING,
+            pixels_per_column=PIXELS_PER_COLUMN,
+            most_condition=MOST_CONDITION,
+        )
         if found is None:
             return None
-        steps.append(found[0])
-        covariance += found[1]
+        steps.append(-found[0][:3])  # what a picture is behind its template has moved on
+        covariance += found[1][:3, :3]
     return steps[1] - steps[0], np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-
-
-def _step(
-    design: NDArray[np.float64], residual: NDArray[np.float64], kept: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Step of the pose (3,) that a residual (n,) asks for, and its covariance."""
-    for _ in range(2):
-        if np.count_nonzero(kept) < 20 * len(design):
-            return None
-        some = design[:, kept]
-        normal = some @ some.T
-        if np.linalg.cond(normal) > 1e14:
-            return None
-        inverse = np.linalg.inv(normal)
-        amplitude = inverse @ (some @ residual[kept])
-        rest = residual - amplitude @ design
-        spread = max(1.4826 * float(np.median(np.abs(rest[kept]))), 1e-3)
-        kept = kept & (np.abs(rest) <= OUTLYING * spread)
-    # what a picture is behind its template has moved on
-    return -amplitude[:3], np.asarray(inverse[:3, :3] * spread**2, dtype=np.float64)

@@ -109,7 +109,7 @@ class FilmTracker:
     def _fitted(self, bodies: Sequence[int]) -> None:
         """Let trackers know of fits that compiled code has accepted."""
         for i in bodies:
-            self.trackers[i].fitted(partial(self._together.fit_of, i), int(self._together.found.flag[i]))
+            self.trackers[i].take_fit(partial(self._together.fit_of, i), int(self._together.found.flag[i]))
 
     def walk(self, table: PoseTable, rows: range, first_step: int, watch: Watch, search: bool = True) -> int:
         """Track and store rows of a table in compiled code; returns how many are done.

@@ -28,6 +28,7 @@ from scipy.special import ndtri
 from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.base import region_of
 from vision.fitting.bspline import coefficients
+from vision.fitting.robust_fit import fit_robustly
 from vision.fitting.template import Template, thinned
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import sample_spline
@@ -51,7 +52,9 @@ PIXELS = 6000
 REFINEMENTS = 4
 LINEAR_STRETCH = 0.002
 """Up to this one a body of 60 px changes its shape by a tenth of a pixel."""
-ROUNDS = 2
+PIXELS_PER_COLUMN = 10
+MOST_CONDITION = 1e10
+"""Condition number of the normal matrix, its columns of one length, up to which stretch and shear are told apart."""
 STEPS = 4
 """Of Gauss and Newton from the tracked pose to that in the stretched picture."""
 SMALL_TURN = 2e-4
@@ -177,7 +180,7 @@ def _strains(
             continue
         amplitude, covariance, turn = found
         part = covariance[-2:, -2:]
-        if not np.all(np.isfinite(part)) or np.linalg.cond(part) > 1e10:
+        if not np.all(np.isfinite(part)) or np.linalg.cond(part) > MOST_CONDITION:
             continue
         if not np.isfinite(speed[row]):
             continue
@@ -233,7 +236,14 @@ def _fit_strain(
         x, y = at[0] + c * dx - s * ratio * dy, at[1] + s / ratio * dx + c * dy
         sample_spline(spline, picture, x[None], y[None], top, seen)
         target = seen[0].astype(float) - template.mean_grey
-        fitted = _fit_robustly(design, target - expected, seen[0] < top)
+        fitted = fit_robustly(
+            design,
+            target - expected,
+            seen[0] < top,
+            outlying=OUTLYING,
+            pixels_per_column=PIXELS_PER_COLUMN,
+            most_condition=MOST_CONDITION,
+        )
         if fitted is None:
             return None
         amplitude, covariance = fitted[0] * scale, fitted[1] * scale[:, None] * scale
@@ -243,23 +253,3 @@ def _fit_strain(
         turn -= float(back)
         at = at - np.array([c * along - s * ratio * across, s / ratio * along + c * across])
     return amplitude, covariance, turn
-
-
-def _fit_robustly(
-    design: NDArray[np.float64], difference: NDArray[np.float64], usable: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Amplitudes of the columns of ``design`` (p, n) in a difference of grey values (n,), and their covariance."""
-    kept = usable
-    for _ in range(ROUNDS):
-        if np.count_nonzero(kept) < 10 * len(design):
-            return None
-        some = design[:, kept]
-        normal = some @ some.T
-        if np.linalg.cond(normal) > 1e10:
-            return None
-        inverse = np.linalg.inv(normal)
-        amplitude = inverse @ (some @ difference[kept])
-        rest = difference - amplitude @ design
-        spread = 1.4826 * float(np.median(np.abs(rest[kept])))
-        kept = usable & (np.abs(rest) <= OUTLYING * spread)
-    return np.asarray(amplitude, dtype=np.float64), np.asarray(inverse * max(spread, 1e-3) ** 2, dtype=np.float64)

@@ -99,7 +99,7 @@ def retrack_frames(
                     raise VisionInputError(f"{film.path}: frame {frame}: no place given for body {template.name}")
                 angle, x, y = there.tolist()
                 if ready.rectified_film is not None:
-                    x, y = ready.rectified_film.to_rectified(np.array([x, y])).tolist()
+                    x, y = ready.rectified_film.rectify(np.array([x, y])).tolist()
                 phi = float(ccw_to_picture(angle)) + zero_rad
                 pose.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
             start[int(frame)] = pose

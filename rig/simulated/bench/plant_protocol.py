@@ -45,7 +45,7 @@ class PlantBlock:
     force_n: NDArray[np.float64]
     angle_rad: NDArray[np.float64]  # (n, 3), absolute angles of key, whippen and hammer, rad
     motor_rad: NDArray[np.float64]  # (n,), angle of the motor arm, rad
-    # ndarray, shape (n,), optional, height of the key's pivot above where it rests, m; None for a plant whose key
+    # (n,), height of the key's pivot above where it rests, m; None for a plant whose key
     # cannot leave its rail
     key_lift_m: NDArray[np.float64] | None = None
 

@@ -39,8 +39,7 @@ def control_task(device: DeviceState, task: SimulatedTask, request: Any) -> None
 def await_task_end(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
     """Answer when a task has ended, or refuse after the timeout with NI's code."""
     wait_until_done(device, task, request.time_to_wait)
-    is_task_done(device, task, request)
-    if not task.done:
+    if not is_task_done(device, task, request)["is_task_done"]:
         raise DaqStatusError(Code.WAIT_UNTIL_DONE_DOES_NOT_INDICATE_DONE, f"Task: {task.name}")
     return {}
 

@@ -12,8 +12,8 @@ from validation.events.detect import (
     find_hold,
     key_bottom,
     key_release,
+    read_level,
     rest,
-    without_uncertainty,
 )
 from validation.measurement.geometry import Motion
 
@@ -223,7 +223,7 @@ def test_events_have_the_same_values_where_no_uncertainty_is_asked_for(reference
     solution = model.simulate(action, time, make.force(time, onset_s=0.05))
     change = (solution.angle_rad - solution.angle_rad[0])[:, [0, 1, 4]]
     moving = motion_of(geometry_of(action, solution.angle_rad[0]), time, change, np.full(3, 1e-6))
-    found, plain = find_events(moving, 200), find_events(moving, 200, without_uncertainty)
+    found, plain = find_events(moving, 200), find_events(moving, 200, read_level)
     happened = [name for name, event in found.items() if event.status != "absent"]
     assert len(happened) > 9
     assert [name for name, event in plain.items() if event.status != "absent"] == happened

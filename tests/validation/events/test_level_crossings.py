@@ -11,8 +11,8 @@ from validation.events.detect import (
     bend_uncertainty_s,
     down_crossings,
     first_after,
+    read_level_with_uncertainty,
     up_crossings,
-    with_level_uncertainty,
 )
 
 
@@ -51,7 +51,9 @@ def test_lost_samples_are_never_interpolated_over():
 
 def test_the_uncertainty_of_a_crossing_is_that_of_its_level_over_the_slope():
     time = np.linspace(0, 1, 101)
-    value, u = with_level_uncertainty(lambda level: first_after(up_crossings(time, 4 * time, level), 0.0), 2.0, 0.2)
+    value, u = read_level_with_uncertainty(
+        lambda level: first_after(up_crossings(time, 4 * time, level), 0.0), 2.0, 0.2
+    )
     assert value == pytest.approx(0.5)
     assert u == pytest.approx(0.05)
 
@@ -63,14 +65,16 @@ def test_a_crossing_that_jumps_to_the_next_swing_gets_a_large_uncertainty():
     def last(level):
         return max(up_crossings(time, signal, level), default=None)
 
-    value, u = with_level_uncertainty(last, 0.28, 0.02)
+    value, u = read_level_with_uncertainty(last, 0.28, 0.02)
     assert value == pytest.approx(1.2, abs=0.05)
     assert u == pytest.approx(value - up_crossings(time, signal, 0.30)[0])  # a whole swing earlier
 
 
 def test_a_grazed_level_has_no_known_uncertainty():
     time = np.arange(0, 1, 1e-3)
-    value, u = with_level_uncertainty(lambda x: first_after(up_crossings(time, np.sin(6 * time), x), 0.0), 0.99, 0.02)
+    value, u = read_level_with_uncertainty(
+        lambda x: first_after(up_crossings(time, np.sin(6 * time), x), 0.0), 0.99, 0.02
+    )
     assert value is not None
     assert np.isnan(u)
 
@@ -88,4 +92,4 @@ def test_a_bent_signal_is_missed_by_no_more_than_its_bend():
 
 
 def test_nothing_found_is_none():
-    assert with_level_uncertainty(lambda level: None, 1.0, 0.1)[0] is None
+    assert read_level_with_uncertainty(lambda level: None, 1.0, 0.1)[0] is None

@@ -33,7 +33,7 @@ def test_every_pixel_is_the_films_value_at_its_place(aspect: float, field: int |
     inside = (slice(12, -12), slice(12, -12))
     expected = 200.0 * _grey(at[..., 0], at[..., 1])
     assert np.abs(whole - expected)[inside].max() < (4.0 if field is None else 150.0)
-    np.testing.assert_allclose(film.to_rectified(at[5, 7]), [7.0, 5.0])
+    np.testing.assert_allclose(film.rectify(at[5, 7]), [7.0, 5.0])
     part = film.read_region(0, 20, 41, 15, 50)
     np.testing.assert_allclose(part[8:-8, 8:-8], whole[28:33, 23:42], rtol=1e-4)
 

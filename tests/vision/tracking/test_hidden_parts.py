@@ -33,7 +33,7 @@ STILL, N = 14, 60
 
 
 @cache
-def covered() -> KnownFilm:
+def film_with_slat() -> KnownFilm:
     """A turning bar of 110 px over whose end a textured slat of 24 px slides until it hides a fifth."""
     (bar,), picture = bar_scene("speckle").bodies, background(HEIGHT, WIDTH, 6)
     slat = SyntheticBody("slat", box(-12.0, -60.0, 12.0, 60.0), speckle((-16.0, -64.0, 16.0, 64.0), 9))
@@ -43,7 +43,7 @@ def covered() -> KnownFilm:
 
 
 def test_a_slat_that_slides_over_needs_no_flag() -> None:
-    film = covered()
+    film = film_with_slat()
     result = quietly_tracked(film.film, film.bodies[:1])
     z = z_of(result, film.pose)[STILL:]
     assert result.info["rows_uncovered"] > 10
@@ -52,7 +52,7 @@ def test_a_slat_that_slides_over_needs_no_flag() -> None:
 
 
 def test_a_doubted_body_keeps_its_flag_and_a_wrong_pose_widens() -> None:
-    film = covered()
+    film = film_with_slat()
     with warnings.catch_warnings(action="ignore", category=VisionWarning):
         ready = prepare(film.film, film.bodies[:1], n_still=STILL)
     table = PoseTable.empty(np.arange(N), 1)

@@ -52,7 +52,7 @@ CLIENTS_OWN = {
 """What the table has for programs of the client's own."""
 
 
-def asked(call: str, request: Any) -> str:
+def name_call(call: str, request: Any) -> str:
     """Name a call, or the property that it gets or sets."""
     if match := ATTRIBUTE.fullmatch(call):
         return f"{match[2]} {property_name(match[2], enum(request, 'attribute'))}"
@@ -68,7 +68,7 @@ def seen(make_backend, intercept) -> Iterator[Callable[[str], tuple[Any, RigConf
         def make(rig: str) -> tuple[Any, RigConfig, set[str]]:
             config = load_rig(rig).config
             backend = make_backend(config)
-            stack.enter_context(intercept(backend, lambda call, request: names.add(asked(call, request))))
+            stack.enter_context(intercept(backend, lambda call, request: names.add(name_call(call, request))))
             backend.identify(config)
             return backend, config, names
 
