@@ -24,9 +24,9 @@ class Problem:
     """What is fitted to what."""
 
     action: model.Action  # model.Action
-    unknowns: Unknowns  # Unknowns
+    unknowns: Unknowns
     trials: tuple[ObservedTrial, ...]
-    response: Response  # Response
+    response: Response
     held: tuple[Array, ...] = ()  # columns (m, 3, h) of each trial, of laws that are fixed
 
     @property

@@ -75,7 +75,7 @@ class TrialErrors:
 class SessionErrors:
     """Comparison errors of a session."""
 
-    sample: ErrorSample  # ErrorSample
+    sample: ErrorSample
     travel: Mapping[str, float]  # measured range of each channel in the window, rad, mean over trials
     values: Array  # (V,) measured events, mean over trials, NaN for angles
     trials: tuple[int, ...]  # numbers of the trials on the branch that most of them take

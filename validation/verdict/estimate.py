@@ -160,9 +160,8 @@ def draw_trial_scatter(
     variance = (PRIOR_FREEDOM * (declared**2).sum(axis=0) + (seen**2).sum(axis=0)) / freedom
     combined = np.sqrt(PRIOR_FREEDOM) * rng.standard_normal((n_draws, len(declared))) @ declared
     combined += rng.standard_normal((n_draws, len(seen))) @ seen
-    chi_square = 2.0 * gammaincinv(
-        0.5 * freedom, rng.uniform(size=(n_draws, 1))
-    )  # `scipy.stats` loads for half a second
+    # start-up: `scipy.stats.chi2` loads for half a second
+    chi_square = 2.0 * gammaincinv(0.5 * freedom, rng.uniform(size=(n_draws, 1)))
     student = np.sqrt(freedom / chi_square)
     count = np.sqrt(np.maximum(n_trials, 1))
     return combined * student / np.sqrt(freedom) / count, np.sqrt(variance) / count
