@@ -281,7 +281,7 @@ def test_a_body_that_turns_in_frames_given_as_still_is_named() -> None:
 
 def _predicted(tmp_path: Path, frames: Frames) -> Any:
     """The film by a codec that predicts frames from their neighbours."""
-    # x264 weighs blocks by what lies beyond the picture's edge, which PyAV leaves as it finds it: another film each time
+    # x264 weighs blocks by what lies beyond the picture, which PyAV leaves as it is: another film each time
     options = {"crf": "18", "threads": "1", "x264-params": "no-mbtree=1"}
     path = write_video(tmp_path / "film.mp4", frames, "libx264", pixels="yuv420p", options=options)
     with pytest.warns(VisionWarning, match="predicts frames"):
