@@ -3,7 +3,7 @@
 Cells: ``nothing``: the specimen is the model; what is free and the errors of force and encoders are drawn from
 their priors, all frictions scatter from trial to trial. ``lacking``: the same on the bench with motor arm, balance
 rail and shank, which the model lacks. ``shank``, ``form``, ``felt``: the specimen has a shank, a felt with memory, or
-another felt than the model, which was not freed; what is called known in spite of it (`identification.lacks`) is
+another felt than the model, which was not freed; what is called known in spite of it (`infer.lacks`) is
 counted beside what the right model's fit knows. ``--free N``: N laws drawn at random for each experiment are free, and
 all else is as the model has it; ``--free 0``: those of ``--asked``, and all else is free, drawn, and fitted beside
 them. One randomly drawn asked parameter is profiled in each experiment.
@@ -31,23 +31,23 @@ from rig.session import EncoderInfo, ForceInfo, TrialData
 from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.conventions import Array
 from validation.errors import ValidationError
-from validation.identification.blocks import INSTRUMENT, Block
-from validation.identification.difference.responses import ADDED, addable
-from validation.identification.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
-from validation.identification.fit import Fitted
-from validation.identification.force_runs import ForceRuns
-from validation.identification.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
-from validation.identification.identify import LEAST_EFFECT_RAD
-from validation.identification.lacks import SIZE_U, fit_with, supported
-from validation.identification.minima import search
-from validation.identification.noise import Sizes, likeliest
-from validation.identification.observations import (
+from validation.infer.blocks import INSTRUMENT, Block
+from validation.infer.causes.responses import ADDED, addable
+from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
+from validation.infer.fit import Fitted
+from validation.infer.force_runs import ForceRuns
+from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
+from validation.infer.identify import LEAST_EFFECT_RAD
+from validation.infer.lacks import SIZE_U, fit_with, supported
+from validation.infer.minima import search
+from validation.infer.noise import Sizes, likeliest
+from validation.infer.observations import (
     ObservedTrial,
     observe,
 )
-from validation.identification.problem import Columns, Problem, at_start, linear_residuals
-from validation.identification.scatter import factors, lacking
-from validation.identification.unknowns import (
+from validation.infer.problem import Columns, Problem, at_start, linear_residuals
+from validation.infer.scatter import factors, lacking
+from validation.infer.unknowns import (
     FORCE_DELAY,
     FORCE_GAIN,
     FORCE_LEVEL,
@@ -531,7 +531,7 @@ def record_next_sizes(run: Run) -> bool:
 
     There is no fit: what it shows is how well sizes of noise are known, not where a fit ends. ``told``: parameters
     whose u is to shrink by more than a tenth; all others are easily right. ``linear``: these by the Fisher information
-    alone, without the rehearsal (`validation.identification.further`); ``clear``: those of ``told`` where after the
+    alone, without the rehearsal (`validation.infer.further`); ``clear``: those of ``told`` where after the
     first trials the model is not said to lack anything.
     """
     same = [getattr(run, name) for name in SAME_NEXT]

@@ -43,8 +43,8 @@ from benchmarks.runner import Key, Run, Table, may_be
 from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo
 from rig.simulated.bench.plant import load_plant
-from validation.identification.difference.explain import Explained, explain_difference
-from validation.identification.difference.responses import (
+from validation.infer.causes.explain import Explained, explain_difference
+from validation.infer.causes.responses import (
     ADDED,
     ALL,
     CLOCK,
@@ -55,7 +55,7 @@ from validation.identification.difference.responses import (
     TREND,
     addable,
 )
-from validation.identification.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, lead_of, single_names
+from validation.infer.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, lead_of, single_names
 from validation.measurement.measure_session import measure_session
 from validation.prediction.model_under_test import ModelUnderTest
 

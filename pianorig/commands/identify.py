@@ -24,7 +24,7 @@ from pianorig.errors import CommandInputError
 from validation.report.files import check_target
 
 if TYPE_CHECKING:
-    from validation.identification.further import Prospect
+    from validation.infer.further import Prospect
 
 CLUSTER_TIMEOUT_S = 10
 DASK_LOGGERS = ("distributed.client", "distributed.core", "distributed.utils")
@@ -203,7 +203,7 @@ def next_strokes(found: validation.Identification) -> tuple[list[Prospect], list
     pianorig.errors.CommandInputError
         No trial of a session was fitted that a force drives.
     """
-    from validation.identification.further import prospects, shelf  # start-up: --help needs none of it
+    from validation.infer.further import prospects, shelf  # start-up: --help needs none of it
 
     sources = found.details.sources
     if not sources.measured:
@@ -240,8 +240,8 @@ def ranked_next(found: validation.Identification) -> tuple[list[Prospect], list[
         Empty where a stroke can be recommended.
     """
     # start-up: --help needs none of it
-    from validation.identification.further import best_stroke
-    from validation.identification.page import together
+    from validation.infer.further import best_stroke
+    from validation.infer.page import together
 
     try:
         ranked, refused = next_strokes(found)
@@ -260,9 +260,9 @@ def ranked_next(found: validation.Identification) -> tuple[list[Prospect], list[
 def write_next(found: validation.Identification, ranked: list[Prospect], plan: Path) -> Path:
     """Write the best stroke as a trial plan; its path."""
     # start-up: --help needs none of it
-    from validation.identification.estimates import LACKING
-    from validation.identification.further import write_plan
-    from validation.identification.scatter import lacking
+    from validation.infer.estimates import LACKING
+    from validation.infer.further import write_plan
+    from validation.infer.scatter import lacking
 
     fitted = found.details.fitted
     doubts = [] if fitted.converged else ["the fit it is predicted from did not settle"]
@@ -276,7 +276,7 @@ def reading_lines(
 ) -> list[str]:
     """The plain sentences and the ranking, if there is one, as lines for the terminal."""
     # start-up: --help needs none of it
-    from validation.identification.page import plain_sentences, prospect_words, together
+    from validation.infer.page import plain_sentences, prospect_words, together
 
     said = plain_sentences(found, ranked)
     if not ranked:

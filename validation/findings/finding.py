@@ -55,7 +55,7 @@ KINDS = {
     "force level": Kind(PREDICTION, "Zero the load cell, check its mounting; loosen nothing in the action for this."),
 }
 """Every kind of finding: what is seen, and causes that the search names among those it compared. Those above are of the
-search (`validation.identification.difference`); the checks of this folder enter theirs by `finds`."""
+search (`validation.infer.causes`); the checks of this folder enter theirs by `finds`."""
 Check = TypeVar("Check", bound=Callable[..., Any])
 OF_TRIAL: list[Callable[[MeasuredTrial], list[SessionFinding]]] = []
 OF_TRIALS: list[Callable[[Sequence[MeasuredTrial]], list[SessionFinding]]] = []

@@ -11,8 +11,8 @@ from collections.abc import Collection, Mapping, Sequence
 from validation.findings.find_faults import urgent_first
 from validation.findings.finding import SessionFinding
 from validation.findings.unusable import name_unusable, unusable_data
-from validation.identification.difference.explain import CompatibleChange, Explained
-from validation.identification.difference.responses import ALL
+from validation.infer.causes.explain import CompatibleChange, Explained
+from validation.infer.causes.responses import ALL
 from validation.measurement.trial import trials_in_words
 from validation.result import AGREES
 from validation.statistics.rivals import Rivals

@@ -15,7 +15,7 @@ from rig.session import Session
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.events.strikes import EVENTS, PHASES, find, phases
-from validation.identification.positions import FILE, Identified, example_of, read_identified
+from validation.infer.positions import FILE, Identified, example_of, read_identified
 from validation.measurement.positions import Stroke, measure_positions
 from validation.pipeline.advice import IDENTIFY, USE, beyond, nearer
 from validation.prediction.black_boxes import BlackBox, left_out_boxes

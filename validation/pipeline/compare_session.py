@@ -23,7 +23,7 @@ from validation.events.definitions import EVENTS
 from validation.events.session_events import SessionEvents, Window, find_session_events
 from validation.findings.find_faults import SessionFindings, find_faults
 from validation.findings.finding import SessionFinding, sound_trials
-from validation.identification.difference.explain import Explained, explain_difference
+from validation.infer.causes.explain import Explained, explain_difference
 from validation.measurement.measure_session import measure_session, open_session, representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import CompareOptions, ComparisonOptions

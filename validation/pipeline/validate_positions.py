@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 import model
 from rig.session import Session
 from validation.events.strikes import EVENTS, phases
-from validation.identification.scatter import jackknife_u
+from validation.infer.scatter import jackknife_u
 from validation.measurement.positions import Stroke
 from validation.pipeline.compare_positions import ENDING, PositionComparison, Predicted, compare_positions
 from validation.prediction.positions import FREE, values_of

@@ -1,6 +1,6 @@
 """What an identification knows of an action's parameters together: their covariance, and the trials it comes from.
 
-Conventions: everything in prior standard uncertainties, as in `validation.identification.unknowns`: a law moves
+Conventions: everything in prior standard uncertainties, as in `validation.infer.unknowns`: a law moves
 by a factor exp(u z), all else by u z in SI. The covariance of z is the identity but for a few directions in which the
 strokes said something; those are kept, each with the share of the prior's variance that is left in it. An action file
 holds them in its table ``[identification.posterior]`` (docs/explanation/identification.md).

@@ -16,10 +16,10 @@ import validation
 from pianorig.commands import identify as command
 from pianorig.errors import CommandInputError
 from tests.command_line import run
-from tests.validation.identification import toy
-from validation.identification.estimates import NOT_IDENTIFIABLE, Estimate
-from validation.identification.fit import fit
-from validation.identification.further import Prospect
+from tests.validation.infer import toy
+from validation.infer.estimates import NOT_IDENTIFIABLE, Estimate
+from validation.infer.fit import fit
+from validation.infer.further import Prospect
 from validation.prediction.posterior import make_posterior
 
 WARNING = "intervals are provisional"
@@ -109,7 +109,7 @@ def test_everything_that_was_asked_for_is_written_and_said(
     assert "0.90  key encoder known twice as well" in said and "not considered: forte x 1.4, double: too strong" in said
     assert "plan: none is written: no profile could be predicted within the limits" in said  # and all else is kept
     assert {"identified.toml", "identified.html"} == {p.name for p in tmp_path.iterdir()}
-    monkeypatch.setattr("validation.identification.write.render_identification", lambda *given: "a page")
+    monkeypatch.setattr("validation.infer.write.render_identification", lambda *given: "a page")
     assert run("identify", "session", "--parameters", "friction", "--json") == 0
     told = json.loads(capsys.readouterr().out)
     assert told["files"]["page"] == "identified.html" and told["explained"] == ["which part: none"]

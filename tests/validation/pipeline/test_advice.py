@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from validation.findings.finding import KINDS, SessionFinding
-from validation.identification.difference.explain import CompatibleChange, Explained
+from validation.infer.causes.explain import CompatibleChange, Explained
 from validation.pipeline import advice
 from validation.pipeline.compare_positions import _advice
 from validation.result import AGREES, DIFFERS

@@ -22,7 +22,7 @@ from rig.foreign.mapping import ImportMapping
 from rig.session.info import RulerInfo
 from rig.session.ruler import ruler_curve
 from validation.conventions import HAMMER
-from validation.identification.positions import read_identified
+from validation.infer.positions import read_identified
 from validation.pipeline.compare_positions import PositionComparison, compare_positions
 from validation.prediction.positions import (
     NAMES,

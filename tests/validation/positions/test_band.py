@@ -9,7 +9,7 @@ import pytest
 
 from tests.validation.positions.test_measured import PRESS_M, RATE, TIME_S, trial
 from validation.events.strikes import HOLD, PHASES, RELEASE, STRIKE, find, phases
-from validation.identification.positions import SCATTER, fit, misfit
+from validation.infer.positions import SCATTER, fit, misfit
 from validation.measurement.positions import measure_stroke
 from validation.prediction.positions import Mixture
 from validation.statistics.bands import (

@@ -18,7 +18,7 @@ from rig.session import Session
 from tests.command_line import run
 from validation.errors import ValidationInputError
 from validation.events.strikes import find
-from validation.identification.positions import read_identified, write_identified
+from validation.infer.positions import read_identified, write_identified
 from validation.measurement.positions import measure_stroke
 from validation.measurement.sample_fingerprints import sample_fingerprints
 from validation.pipeline.compare_positions import compare_positions

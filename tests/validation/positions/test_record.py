@@ -10,7 +10,7 @@ import pytest
 
 from tests.validation.positions.test_measured import trial
 from validation.errors import ValidationInputError
-from validation.identification.positions import MODELS, Identified, read_identified, sensors_of, write_identified
+from validation.infer.positions import MODELS, Identified, read_identified, sensors_of, write_identified
 from validation.measurement.positions import measure_stroke
 from validation.prediction.positions import NAMES, SENSORS, Mixture
 from validation.statistics.bands import PredictionBand

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.identification.identifiability import directions
+from validation.infer.identifiability import directions
 from validation.prediction.posterior import largest_first, make_posterior, principal_axes
 
 NAMES = ("a", "b", "c")

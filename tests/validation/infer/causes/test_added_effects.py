@@ -1,0 +1,98 @@
+"""Effects that the model lacks, as causes: what is run is the model in the scene that has so much of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import model
+from tests.validation.infer import toy
+from validation.events.key_lift import SCALE_RADIUS_M
+from validation.infer.causes import explain
+from validation.infer.causes.responses import ADDED, JOINTS, Point, Responses, addable
+from validation.prediction.model_under_test import ModelUnderTest
+
+ACTION = model.load_action()
+BY_NAME = {source.name: source for source in addable(ACTION)}
+SHANK, RAIL = BY_NAME[f"{ADDED}shank.frequency_hz"], BY_NAME[f"{ADDED}balance_rail.normal.c"]
+PRELOAD_N = 0.05
+
+
+@pytest.fixture(scope="module")
+def responses() -> Responses:
+    """A short forte without noise."""
+    (made,) = toy.made(np.zeros(3), 1, np.random.default_rng(1))
+    time_s, force_n = model.force_table("forte")
+    inside = time_s < 0.16
+    out = np.linspace(0.02, 0.15, 40)
+    trial = replace(
+        made, force_time_s=time_s[inside], force_n=PRELOAD_N + force_n[inside], preload_n=PRELOAD_N,
+        time_s=out, change_rad=np.zeros((out.size, 3)),
+    )  # fmt: skip
+    return Responses(ModelUnderTest(ACTION), [trial], (SHANK, RAIL, BY_NAME[JOINTS]))
+
+
+def test_half_the_stiffness_is_twice_the_effect() -> None:
+    sized = {"added hammer_pin.stiffness": 5e4, "added string.tension": 335.0, "added contact12.stulov.tau": 1e-4}
+    for name, value in sized.items():
+        assert BY_NAME[name].size(2.0, 0.02) == pytest.approx((value, 0.01 * value))
+        scene = BY_NAME[name].scene(ACTION, 2.0)
+        assert scene is not None and dict(scene.values)[name.removeprefix(ADDED)] == pytest.approx(value)
+    assert BY_NAME[JOINTS].size(2.0, 0.02) == pytest.approx((0.5, 0.01))
+
+
+def test_what_the_action_has_is_not_added() -> None:
+    strung = model.scene_of({"effects": ["string"], "contact12": {"law": "stulov"}}, "mine").on(ACTION)
+    names = {source.name for source in addable(strung)}
+    assert not any("string" in name or "contact12" in name for name in names) and SHANK.name in names
+    assert RAIL.scene(model.load_scene("giving-joints").on(ACTION), 1.0) is None
+
+
+def test_an_identified_damping_keeps_no_law_from_being_added() -> None:
+    damped = ACTION.with_values({f"contact{i:02d}.normal.D": 0.1 + 0.02 * i for i in range(1, 14)})
+    memories = [source for source in addable(damped) if source.laws]
+    assert len(memories) > 4
+    for source in memories:
+        scene = source.scene(damped, 1.0)
+        assert scene is not None
+        ((contact, law),) = source.laws
+        assert model.build_scene(scene.on(damped)).contacts and scene.on(damped).law(contact) == law
+
+
+def test_an_amount_runs_its_scene_and_the_key_is_read_with_its_lift(responses: Responses) -> None:
+    (trial,), base = responses.trials, responses.base
+    none, some = responses.differences([Point(((0, 0.01),)), Point(((1, 2.0),))])
+    assert base is not None and none is not None and some is not None
+    assert np.array_equal(none, base)
+    scene = RAIL.scene(ACTION, 2.0)
+    assert scene is not None
+    lifting = scene.on(ACTION)
+    rest = model.rest_state(lifting, force_n=PRELOAD_N)
+    solution = model.simulate(
+        lifting, trial.force_time_s, trial.force_n, initial=rest, output_time_s=trial.time_s, tolerance=1e-6
+    )
+    turn = np.asarray(solution.angle_rad) - rest.angle_rad
+    key = turn[:, 0] + turn[:, 5] / SCALE_RADIUS_M
+    assert np.abs(turn[:, 5]).max() / SCALE_RADIUS_M > 1e-3
+    expected = -np.concatenate([key, turn[:, 1], turn[:, 4]])
+    assert some[0] == pytest.approx(expected, abs=3e-4)
+
+
+def test_effects_that_exclude_each_other_cannot_be_run(responses: Responses) -> None:
+    assert responses.differences([Point(((1, 1.0), (2, 1.0)))]) == [None]
+
+
+@pytest.mark.parametrize(("effects", "added"), [(True, True), (False, False)])
+def test_effects_are_candidates_only_where_they_are_asked_for(responses, monkeypatch, effects, added) -> None:
+    listed = []
+    monkeypatch.setattr(explain, "Responses", lambda tested, trials, these: listed.extend(these) or Silent())
+    found = explain.explain_observed(ModelUnderTest(ACTION), responses.trials, effects)
+    assert not found.changes and any(source.added for source in listed) == added and len(listed) > len(BY_NAME)
+
+
+class Silent:
+    """Responses of a model that cannot follow."""
+
+    base = None

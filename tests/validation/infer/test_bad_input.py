@@ -1,0 +1,209 @@
+"""What cannot be identified is refused in one clear line, before any work and with nothing half-written."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import model
+from rig.session import Session
+from rig.session.info import ActionInfo
+from tests.validation.infer import toy
+from validation.conventions import Array
+from validation.errors import ValidationInputError
+from validation.infer.fit import fit
+from validation.infer.force_runs import Own
+from validation.infer.identify import bounds_not_run, identify, look_before
+from validation.infer.observations import observe, observe_driven
+from validation.infer.problem import Columns, Problem
+from validation.infer.sources import IdentifyOptions, _names, collect
+from validation.infer.unknowns import expand, unknowns
+from validation.pipeline.compare_session import compare as compare_session
+from validation.prediction.positions import of_null
+from validation.report.files import check_target
+
+SESSIONS = Path(__file__).parents[3] / "sessions"
+ACTION = model.load_action()
+
+
+def refused(error: pytest.ExceptionInfo[ValidationInputError]) -> str:
+    """The message, which is one line."""
+    said = str(error.value)
+    assert "\n" not in said
+    return said
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("contact07.second.shape", "fixed by the geometry .it says 'hybrid'"),
+        ("contact04.second.normal.x", "fixed by the geometry, as one component of a direction"),
+        ("hammer.parent", "fixed by the geometry"),
+        ("contact99.friction", "no such parameter"),
+        ("contact02.friction", "no prior"),
+    ],
+)
+def test_a_parameter_that_cannot_be_free_is_refused_by_name(name: str, said: str) -> None:
+    with pytest.raises(ValidationInputError, match=said) as error:
+        unknowns(ACTION, [name])
+    assert name in refused(error)
+
+
+@pytest.mark.processor
+def test_a_set_without_a_rest_state_is_refused_in_one_line() -> None:
+    floating = ACTION.with_values({"gravity.g": 0.0})
+    with pytest.raises(ValidationInputError, match="the model cannot run .*; use other values with --set") as error:
+        identify([SESSIONS / "example_forte"], ["hammer.joint_friction"], floating, fixed=("*",), phases=5)
+    said = refused(error)
+    with pytest.raises(ValidationInputError) as error:  # a comparison says the same
+        compare_session(Session.open(SESSIONS / "example_forte"), floating, budget=False, suspect=False)
+    assert refused(error) == said
+    with pytest.raises(ValidationInputError, match="hirschkorn2004: the model cannot run .*; use another action"):
+        of_null(floating)
+
+
+def test_tables_are_refused_by_a_set_without_a_rest_state_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tables are read without the action: it is asked first for the derivatives of laws that are held."""
+
+    def stuck(*_: object) -> None:
+        raise model.StaticsError("rest state: none")
+
+    monkeypatch.setattr("validation.infer.identify.at_start", stuck)
+    with pytest.raises(ValidationInputError, match="identify: hirschkorn2004: rest state: none; use other") as error:
+        identify([SESSIONS / "example_forte"], ["hammer.joint_friction"], fixed=("*",), phases=5)
+    refused(error)
+
+
+def test_a_pattern_leaves_out_what_the_geometry_fixes_and_fix_does_not() -> None:
+    assert "contact04.second.normal.x" not in expand(ACTION, ["contact04.*"])
+    assert "contact04.second.x" in expand(ACTION, ["contact04.*"])
+    assert "contact04.second.normal.x" in expand(ACTION, ["*"], "--fix")
+
+
+def test_trials_with_neither_force_nor_key_motion_are_refused_with_the_reason() -> None:
+    with pytest.raises(
+        ValidationInputError, match="no usable trial to fit .*neither force nor measured key motion"
+    ) as error:
+        identify([SESSIONS / "kawai_kg3c"], ["hammer.joint_friction"], fixed=("*",))
+    said = refused(error)
+    assert "a fit needs measured key, whippen and hammer angles" in said
+    assert said.count("neither force") == 1 and "trials 2, 3" in said  # one reason is said once
+
+
+@pytest.mark.parametrize("see", [observe, observe_driven])
+def test_an_encoder_that_stands_still_is_refused_by_name(see: Callable[..., Any]) -> None:
+    """A broken cable ended in an index that was out of bounds."""
+    first, second, *_ = collect([SESSIONS / "example_forte"], ACTION, IdentifyOptions(phases=5)).measured
+    for place, channel in enumerate(("key", "whippen", "hammer")):
+        dead = replace(second, change_rad=second.change_rad * (np.arange(3) != place))
+        with pytest.raises(ValidationInputError, match=f"one, trial 2: the {channel} encoder stands still") as error:
+            see("one", 0, [first, dead], 5)
+        refused(error)
+
+
+@pytest.mark.parametrize("what", ["name", "key"])
+def test_sessions_of_different_actions_are_refused(what: str, make: SimpleNamespace, tmp_path: Path) -> None:
+    folders = [tmp_path / "a", tmp_path / "b", tmp_path / "c"]
+    for folder, value in zip(folders, ("one", "unknown", "two"), strict=True):
+        about = ActionInfo(**{"name": "grand", "key": "52"} | {what: value})
+        Session.create(folder, make.info(name="try", action=about))
+        shutil.copy(SESSIONS / "example_forte" / "trial_0001.h5", folder)
+    with pytest.raises(ValidationInputError, match="sessions of different actions") as error:
+        collect(folders, ACTION, IdentifyOptions())
+    assert "'one' in a" in refused(error) and "'two' in c" in refused(error)
+
+
+def made(n: int = 3) -> Problem:
+    """A toy problem."""
+    return toy.problem(toy.made(np.zeros(3), n, np.random.default_rng(1)))
+
+
+def test_fewer_data_than_parameters_are_refused() -> None:
+    p = made(1)
+    short = replace(p.trials[0], time_s=toy.TIME[:0], change_rad=np.zeros((0, 3)))
+    with pytest.raises(ValidationInputError, match="found 0 data for 3 parameters; record more trials") as error:
+        look_before(replace(p, trials=(short,)), Columns(p))
+    refused(error)
+
+
+class Stuck(toy.Toy):
+    """A model that cannot run where the first parameter is large, or anywhere."""
+
+    limit = 2.0
+
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
+        """As in `Response`."""
+        found = super().curves(points, own)
+        return [None if z[0] >= self.limit else one for z, one in zip(points, found, strict=True)]
+
+
+def test_a_model_that_cannot_run_at_the_start_is_refused() -> None:
+    p = made()
+    nowhere = Stuck(p.trials)
+    nowhere.limit = -np.inf
+    with pytest.raises(ValidationInputError, match="cannot run these strokes; use other values") as error:
+        look_before(replace(p, response=nowhere), Columns(p))
+    refused(error)
+    with pytest.raises(ValidationInputError, match="cannot run at the start"):
+        fit(replace(p, response=nowhere))
+
+
+def test_an_end_of_the_range_at_which_the_model_cannot_run_is_named() -> None:
+    p = made()
+    assert bounds_not_run(p) == []
+    (line,) = bounds_not_run(replace(p, response=Stuck(p.trials)))
+    assert line.startswith("key.joint_friction.A: the model cannot run at the upper end of its range (0.04")
+
+
+def test_where_the_file_would_go_is_checked_first(tmp_path: Path) -> None:
+    (tmp_path / "folder.toml").mkdir()
+    for name, said in (
+        ("found.json", "allowed .toml"), ("none/found.toml", "there is no folder"), ("folder.toml", "is a folder")
+    ):  # fmt: skip
+        with pytest.raises(ValidationInputError, match=said) as error:
+            check_target(tmp_path / name)
+        refused(error)
+
+
+def test_a_folder_that_takes_no_file_is_found_out_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: Path, *given: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "touch", full)
+    with pytest.raises(ValidationInputError, match="cannot be written .No space left on device.; choose") as error:
+        check_target(tmp_path / "found.toml")
+    refused(error)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("held", "said"),
+    [((2, 77), "--hold-out-trials 77: no session to fit has .*; found 1, 2, 3"), ((1, 2, 3), "3 held out by --hold")],
+)
+def test_trials_to_hold_out_must_be_there_and_not_all_of_them(held: tuple[int, ...], said: str) -> None:
+    with pytest.raises(ValidationInputError, match=said) as error:
+        collect([SESSIONS / "example_forte"], ACTION, IdentifyOptions(hold_out_trials=held))
+    refused(error)
+
+
+def test_a_copy_of_a_session_is_the_same_strokes_to_fit_or_to_hold_out(tmp_path: Path) -> None:
+    copy = shutil.copytree(SESSIONS / "example_forte", tmp_path / "copy")
+    with pytest.raises(ValidationInputError, match="is the same stroke as example_forte .*, trial 1 .by") as error:
+        collect([copy], ACTION, IdentifyOptions(hold_out=(SESSIONS / "example_forte",)))
+    refused(error)
+
+
+def test_sessions_of_one_name_keep_their_hashes_apart() -> None:
+    def session(place: str) -> SimpleNamespace:
+        return SimpleNamespace(path=Path(place), info=SimpleNamespace(name="try"))
+
+    assert _names([session("a/one"), session("a/two")]) == ["try (one)", "try (two)"]  # type: ignore[list-item]
+    assert len(set(_names([session("a/one"), session("b/one")]))) == 2  # type: ignore[list-item]
+    assert _names([session("a/one")]) == ["try"]  # type: ignore[list-item]

@@ -1,0 +1,154 @@
+"""Trials whose scatter bends the model: each is followed to where its own laws took it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.validation.infer import toy
+from validation.conventions import Array
+from validation.infer import minima
+from validation.infer.estimates import profiles
+from validation.infer.fit import fit
+from validation.infer.force_runs import Own, nothing_own
+from validation.infer.minima import bends, refine
+from validation.infer.problem import Problem, curves_at, residuals_there
+
+TRUTH = np.array([0.8, -0.5, 0.3])
+
+
+class Bent(toy.Toy):
+    """A toy that bends ten times as far."""
+
+    def curve(self, z: Array) -> Array:
+        """Curves (m, 3)."""
+        total = self.parts(z).sum(axis=2)
+        return np.asarray(0.1 * np.sin(12 * toy.TIME)[:, None] + total + 20.0 * total**2)
+
+    def slope(self, z: Array) -> Array:
+        """Derivatives (m, 3, p) of `curve`."""
+        return np.asarray(self.parts(np.ones(z.size)) * (1.0 + 40.0 * self.parts(z).sum(axis=2)[:, :, None]))
+
+
+def played(seed: int, scatter: float = 0.3) -> tuple[Problem, list[Array]]:
+    """Six trials, and where the laws of each were."""
+    rng = np.random.default_rng(seed)
+    own = [scatter * rng.standard_normal(3) for _ in range(6)]
+    trials = [
+        toy.trial(k + 1, Bent([]).curve(TRUTH + d) + 1e-5 * rng.standard_normal((toy.M, 3))) for k, d in enumerate(own)
+    ]
+    return replace(toy.problem(trials), response=Bent(trials)), own
+
+
+def test_scatter_that_bends_the_model_is_found_and_no_noise_is_made_of_it() -> None:
+    problem, own = played(0)
+    before = fit(problem)
+    assert bends(problem, before)
+    after = refine(problem, before)
+    assert after.own is not None
+    assert after.converged and after.badness < before.badness - 100.0
+    assert after.marginal.sizes.own[:, :3].max() < 0.5 * before.marginal.sizes.own[:, :3].max()
+    found = np.array([o.laws for o in after.own])
+    assert np.abs(found + after.z - own - TRUTH).max() < 0.02
+    curves = curves_at(problem, after.z, after.own) or []
+    left = residuals_there(problem, after.marginal.blocks, curves, after.own)
+    assert after.marginal.objective(left, after.z) == pytest.approx(after.objective, rel=1e-9)
+
+
+def test_trials_that_do_not_bend_the_model_are_left_as_they_are() -> None:
+    problem = toy.problem(toy.made(TRUTH, 4, np.random.default_rng(1)))
+    found = fit(problem)
+    assert not bends(problem, found)
+
+
+def test_a_trial_that_the_model_cannot_follow_leaves_the_fit_unsettled() -> None:
+    class Lost(Bent):
+        def curves(
+            self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None
+        ) -> list[list[Array] | None]:
+            return super().curves(points) if own is None else [None for _ in points]
+
+    problem, _ = played(1)
+    found = refine(replace(problem, response=Lost(problem.trials)), fit(problem))
+    assert found.own is None and not found.converged
+
+
+def test_steps_to_and_fro_end_a_fit_whatever_each_of_them_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, _ = played(0)
+    way_on, look, sides, last = minima._way_on, minima._look, cycle((0.15, -0.15)), []
+
+    def gaining(*asked: Any) -> Any:
+        last.append(way_on(*asked) or last[-1])
+        return *last[-1][:2], 5.0
+
+    def beside(*asked: Any) -> Any:
+        place = look(*asked)
+        assert place is not None
+        return replace(place, z=last[-1][0] + next(sides) * np.sqrt(np.diag(place.marginal.covariance)[:3]))
+
+    monkeypatch.setattr(minima, "_way_on", gaining)
+    monkeypatch.setattr(minima, "_look", beside)
+    found = refine(problem, fit(problem))
+    assert found.converged and found.steps < minima.MOST_STEPS
+
+
+def test_a_profile_and_a_sampler_see_each_trial_where_it_was() -> None:
+    problem, _ = played(0)
+    after = refine(problem, fit(problem))
+    width = np.sqrt(after.covariance[1, 1])
+    (made,) = profiles(problem, after, {1: 1.96})
+    assert made.rise.min() > -0.05 and made.interval == "two-sided"
+    # held at the trials' common values the model would miss every trial, and the profile rise a hundredfold
+    assert made.high - made.low == pytest.approx(2 * 1.96 * width, rel=0.3)
+
+
+def test_what_a_trial_does_after_a_fork_is_left_out_and_the_rest_settles_on_the_truth() -> None:
+    first = 2
+
+    class Forked(Bent):
+        """The second trial meets a stop in the stroke, or misses it, by where a value just is."""
+
+        def curves(
+            self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None
+        ) -> list[list[Array] | None]:
+            out = super().curves(points, own)
+            for i, (z, curves) in enumerate(zip(points, out, strict=True)):
+                laws = 0.0 if own is None else own[i][1].laws[0]
+                if curves is not None and z[0] + laws > met:
+                    curves[1] = curves[1] + 5e-3 * (np.arange(toy.M) >= first)[:, None]
+            return out
+
+    problem, own = played(0)
+    met = TRUTH[0] + own[1][0] - 0.02  # it passed by the stop that the model meets
+    found = refine(replace(problem, response=Forked(problem.trials)), fit(problem))
+    assert found.forks == {1: first} and found.converged
+    assert np.all(np.abs(found.z - TRUTH) < 3.0 * np.sqrt(np.diag(found.covariance)))
+
+
+def test_no_more_than_a_third_of_the_trials_have_an_early_fork_found_at_once_or_in_turn() -> None:
+    problem, _ = played(0)
+    found = fit(problem)
+
+    class Forked(Bent):
+        """The fourth trial meets a stop in its first half just where the fit ended."""
+
+        def curves(
+            self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None
+        ) -> list[list[Array] | None]:
+            out = super().curves(points, own)
+            for z, curves in zip(points, out, strict=True):
+                if curves is not None and z[0] != found.z[0]:
+                    curves[3] = curves[3] + 5e-3 * (np.arange(toy.M) >= 5)[:, None]
+            return out
+
+    here = [r - b.moved @ found.z for r, b in zip(found.linear, found.marginal.blocks, strict=True)]
+    own = nothing_own(found.marginal.blocks)
+    place = minima._Place(found.z, own, here, found.linear, here, found.marginal, np.ones(6))
+    forked = replace(problem, response=Forked(problem.trials))
+    assert minima._forks(forked, place, {0: 5}) == {0: 5, 3: 5}
+    assert minima._forks(forked, place, {0: 5, 1: 5}) == {0: 5, 1: 5}  # a third stop would be the model's fault

@@ -1,0 +1,112 @@
+"""Lines of the page and the terminal: sentences, one line for one reason; whether a fit predicts and fits better."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.validation.infer import toy
+from validation.infer import scores
+from validation.infer.further import Candidate, Prospect
+from validation.infer.identify import MOST_ASKED, of_many
+from validation.infer.page import (
+    as_sentence,
+    breakable,
+    plain_sentences,
+    prospect_words,
+    residuals_table,
+    together,
+)
+from validation.infer.scores import CEILING, NULL, EventScore, why_it_rises
+
+
+def test_a_line_becomes_a_sentence_and_names_stay_as_they_are() -> None:
+    assert as_sentence("the model lacks something") == "The model lacks something."
+    assert as_sentence("hammer.mass: the fit stands there.") == "hammer.mass: the fit stands there."
+    assert as_sentence("3 trials fitted") == "3 trials fitted."
+
+
+def test_a_long_name_breaks_where_its_words_end() -> None:
+    assert breakable("jack.joint_friction") == "jack.<wbr>joint_<wbr>friction" and "&lt;" in breakable("<b>")
+
+
+def test_scatter_of_trials_is_about_the_mean_of_each_session(monkeypatch) -> None:
+    monkeypatch.setattr(scores, "response_to", lambda *_: SimpleNamespace(curves=lambda _: [None]))
+    monkeypatch.setattr(scores, "_null", lambda *_: None)
+    rng, shape = np.random.default_rng(3), np.sin(np.linspace(0.0, 3.0, 400))
+
+    def session(place: int, n: int, size: float) -> list[SimpleNamespace]:
+        curves = size * np.outer(shape, [0.05, 0.08, 0.8]) + np.array([1e-4, 2e-4, 3e-4]) * rng.normal(size=(n, 400, 3))
+        return [SimpleNamespace(session=place, change_rad=c, channels=(0, 1, 2)) for c in curves]
+
+    trials = [*session(0, 4, 1.0), *session(1, 3, 0.6), *session(2, 1, 0.3)]  # one trial alone says nothing
+    found = scores.score(trials, {"before": object()}, 1e-5)["scatter of trials"]  # type: ignore[arg-type,dict-item]
+    assert list(found.values()) == pytest.approx([1e-4, 2e-4, 3e-4], rel=0.06)
+
+
+def test_what_to_record_is_said_in_words() -> None:
+    stroke = Candidate("forte x 1.4", None, object())  # type: ignore[arg-type]
+    more = Candidate("more of try", None)  # type: ignore[arg-type]
+    assert prospect_words(Prospect("forte x 1.4", {}, stroke, 5)) == "5 trials of forte x 1.4"
+    assert prospect_words(Prospect("more of try", {}, more, 5)) == "5 more of try"
+    assert prospect_words(Prospect("key encoder known twice as well", {})) == "key encoder known twice as well"
+
+
+def test_one_reason_is_said_once() -> None:
+    assert together(["a: rig x: no arm", "b: too strong", "c: rig x: no arm"]) == [
+        "a, c: rig x: no arm",
+        "b: too strong",
+    ]
+
+
+@pytest.mark.parametrize(("after", "said"), [(4.9e-3, "no better"), (2e-3, "better"), (7e-3, "worse")])
+def test_a_fit_that_predicts_no_better_says_so(after: float, said: str) -> None:
+    speeds = {
+        who: {"hammer_speed": EventScore(0.0, rms, 2, 3)} for who, rms in (("identified", 0.01), ("before", 0.02))
+    }
+    nothing = {"hammer_speed": EventScore(0.0, float("nan"), 0, 3)}
+    problem = SimpleNamespace(trials=(1,), seen=(0,))
+    found = SimpleNamespace(
+        estimates=(SimpleNamespace(verdict="", name="a"),),
+        undetermined=(),
+        details=SimpleNamespace(
+            problem=problem, fitted=SimpleNamespace(converged=True), explained=("Which part: none.",)
+        ),
+        scores={"double": {"before": {"hammer": 5e-3}, "identified": {"hammer": after}, "null model": None}},
+        events={"double": {**speeds, NULL: nothing, CEILING: nothing}},
+    )
+    lines = plain_sentences(found)  # type: ignore[arg-type]
+    assert lines[0].startswith("1 parameter was asked of 1 trial of 1 session") and lines[1] == "Which part: none."
+    assert (
+        "0.010 m/s with the identified values (where it strikes: 2 of 3 trials), 0.020 m/s with those before"
+        in lines[2]
+    )
+    assert f"The identified values predict the curve {said} than those before." in lines[2] and "null" not in lines[2]
+
+
+def test_the_page_shows_in_mrad_how_far_the_model_was_from_the_trials_before_and_after_the_fit() -> None:
+    trials = toy.made(np.zeros(3), 2, np.random.default_rng(1))
+    # above one trial and below the other: the mean difference is none, its root mean square is not
+    before, after = ([t.change_rad + s * off for t, s in zip(trials, (1, -1), strict=True)] for off in (2e-3, 5e-4))
+    table = residuals_table(trials, before, after)
+    assert table.head == ["session", "phase", "key", "whippen", "hammer"] and ", mrad: before → after" in table.caption
+    assert table.rows == [["toy 0", phase, *["2.0 → 0.50"] * 3] for phase in ("until the hammer is up", "after")]
+
+
+def test_an_rmse_that_rises_is_said_with_what_it_is_beside_the_errors_found() -> None:
+    before, found = {"key": 1e-3, "hammer": 2e-3, "whippen": 1e-3}, {"key": 1.5e-3, "hammer": 1e-3, "whippen": 2e-3}
+    lines = why_it_rises(before, found, {"key": 4e-4, "hammer": 1e-3, "whippen": 1.9e-3})
+    assert len(lines) == 2  # of those that rise
+    assert (
+        lines[0].startswith("the key's RMSE rises from 1 to 1.5 mrad") and "it is 0.4 mrad: values and err" in lines[0]
+    )
+    assert "it is 1.9 mrad: the fit weighs each phase" in lines[1] and lines[1].startswith("the whippen's")
+    assert why_it_rises(before, before, before) == []
+
+
+def test_more_values_than_were_tried_at_once_are_warned_of() -> None:
+    assert of_many([f"law{k}" for k in range(MOST_ASKED)]) == []
+    (line,) = of_many([f"law{k}" for k in range(60)])
+    assert "60 values at once" in line and "ask for fewer" in line

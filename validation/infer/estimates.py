@@ -1,0 +1,306 @@
+"""From a fit to the estimate of each asked parameter: value, interval, verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from validation.conventions import Array
+from validation.infer.fit import Fitted
+from validation.infer.force_runs import Own
+from validation.infer.identifiability import HALF
+from validation.infer.noise import OwnModes
+from validation.infer.problem import Problem, residuals_there
+from validation.infer.scatter import (
+    LEAST_TRIALS,
+    factors,
+    jackknife,
+    jackknife_over_strokes,
+    of_lacking,
+    widened,
+)
+
+IDENTIFIED = "identified"
+DOUBTFUL = "not identified: the model lacks more than the parameter does"
+NOT_SETTLED = "not identified: the fit did not settle"
+TOO_FEW = "not identified: fewer than three trials say nothing of their scatter"
+NOT_IDENTIFIABLE = "not identifiable from these strokes"
+AT_BOUND = "at the end of what was allowed"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter that was asked for.
+
+    Conventions: ``value`` is SI, or a factor of the printed stiffness where a, b and c move together; ``u`` is the
+    standard uncertainty of the value; intervals are 95 %. ``z`` and its uncertainty are in prior standard
+    uncertainties.
+
+    Attributes
+    ----------
+    name : as in `naming`
+    unit : of the value
+    prior, prior_u : value and relative or SI standard uncertainty before
+    basis : where the prior's u comes from
+    z, z_u : most probable value and standard uncertainty, in prior standard uncertainties
+    value, u : the same in SI or as a factor
+    low, high : 95 % interval of the value; by profile where one was made
+    profiled : whether the interval is from a profile
+    interval : ``two-sided``, ``open above``, ``open below`` or ``open``: what the strokes alone, without the prior, say
+    u_jackknife : of z, from leaving out one trial after the other; NaN with fewer than 3
+    u_form : part of ``z_u`` that comes from what the model lacks
+    verdict : `IDENTIFIED`, or why not: `NOT_IDENTIFIABLE`, `AT_BOUND`, `DOUBTFUL`,
+        `NOT_SETTLED`, `TOO_FEW`
+    u_strokes : of z, from leaving out one session, which is one kind of stroke, after the other; NaN with one
+    """
+
+    name: str
+    unit: str
+    prior: float
+    prior_u: float
+    basis: str
+    z: float
+    z_u: float
+    value: float
+    u: float
+    low: float
+    high: float
+    profiled: bool
+    interval: str
+    u_jackknife: float
+    u_form: float
+    verdict: str
+    u_strokes: float = math.nan
+
+
+CORRECTIONS = 6
+GAINED = 0.05  # of the objective: less ends the corrections
+REACH = (-4.0, -2.5, -1.25, 1.25, 2.5, 4.0)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One profile.
+
+    Attributes
+    ----------
+    name : of the parameter
+    z : (k,) held values, in increasing order, the most probable one among them
+    rise : (k,) of the objective
+    low, high : 95 % interval of z
+    interval : ``two-sided``, ``open above``, ``open below`` or ``open``, without the parameter's own prior
+    """
+
+    name: str
+    z: Array
+    rise: Array
+    low: float
+    high: float
+    interval: str
+
+
+def profiles(problem: Problem, fitted: Fitted, factors: Mapping[int, float]) -> list[Profile]:
+    """Profiles of moved parameters, by their place in z; with each the Student factor of its 95 % interval.
+
+    Conventions: the objective is twice the negative log posterior; at each held value the others go where the linear
+    model says, and are corrected by runs of the model itself until that gains nothing. The 95 % interval is where it
+    has risen by the square of the Student factor. The same without the parameter's own prior says what the strokes
+    alone allow: open where it does not rise enough within `priors.BOX`. All points of all profiles run side by side.
+    """
+    low, high = problem.box()
+    width = np.sqrt(np.diag(fitted.covariance))
+    points: list[tuple[int, Array]] = []
+    for j, factor in factors.items():
+        at = fitted.z[j] + width[j] * factor / 2.0 * np.array(REACH)
+        held = [float(v) for v in np.unique(np.clip(at, low[j], high[j])) if abs(v - fitted.z[j]) > 1e-9]
+        points += [(j, _conditional(problem, fitted, j, v)) for v in held]
+    least, made = _least(problem, fitted, points), []
+    for j, factor in factors.items():
+        best, level = float(fitted.z[j]), factor**2
+        found = [
+            (best, 0.0),
+            *((float(z[j]), up - fitted.objective) for (i, z), up in zip(points, least, strict=True) if i == j),
+        ]
+        at, rise = np.array(sorted(pair for pair in found if np.isfinite(pair[1]))).T
+        below, above = _crossings(at, rise, best, level, float(width[j]))
+        alone = rise - (at**2 - best**2)
+        ends = max(below, float(low[j])), min(above, float(high[j]))
+        made.append(Profile(problem.unknowns.moved[j].name, at, rise, *ends, _open(at, alone, best, level)))
+    return made
+
+
+def _conditional(problem: Problem, fitted: Fitted, j: int, value: float) -> Array:
+    """Most probable others of the linear model where parameter j has a value."""
+    low, high = problem.box()
+    cov = fitted.covariance
+    z = fitted.z + cov[:, j] / cov[j, j] * (value - fitted.z[j])
+    z = np.clip(z, low, high)
+    z[j] = value
+    return z
+
+
+def _least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Array]]) -> list[float]:
+    """Least objective from each point on, the parameter of this place held; infinite where the model cannot run."""
+    best, at = [math.inf] * len(points), [z for _, z in points]
+    own = [fitted.own_at(z) for z in at]
+    active = list(range(len(points)))
+    for _ in range(CORRECTIONS + 1):
+        found = _look(problem, fitted, [at[i] for i in active], [own[i] for i in active])
+        before, active, asked = best.copy(), [], active
+        for i, (objective, linear) in zip(asked, found, strict=True):
+            best[i] = min(objective, best[i])
+            if linear is None or objective > before[i] - GAINED:
+                continue
+            at[i] = _corrected(problem, fitted, points[i][0], at[i], linear)
+            own[i] = None if fitted.own is None else OwnModes(fitted.marginal, linear, at[i]).most
+            active.append(i)
+        if not active:
+            break
+    return best
+
+
+def _corrected(problem: Problem, fitted: Fitted, j: int, z: Array, linear: list[Array]) -> Array:
+    """One Gauss–Newton step of the others from runs of the model, with the columns of the fit."""
+    low, high = problem.box()
+    cov = fitted.covariance
+    mean = fitted.marginal.mean(linear)[: fitted.marginal.p]
+    new = np.clip(mean + cov[:, j] / cov[j, j] * (z[j] - mean[j]), low, high)
+    new[j] = z[j]
+    return np.asarray(new)
+
+
+def _look(
+    problem: Problem, fitted: Fitted, points: Sequence[Array], own: Sequence[Sequence[Own] | None]
+) -> list[tuple[float, list[Array] | None]]:
+    """Of each z its objective, and residuals that the linear model of the fit would have at z = 0.
+
+    Infinite, and None, where the model cannot run.
+    """
+    blocks = fitted.marginal.blocks
+    out: list[tuple[float, list[Array] | None]] = []
+    with_own = None if fitted.own is None else [o for o in own if o is not None]
+    for z, o, curves in zip(points, own, problem.response.curves(points, with_own), strict=True):
+        if curves is None:
+            out.append((math.inf, None))
+            continue
+        here = residuals_there(problem, blocks, curves, o)
+        linear = [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
+        out.append((fitted.marginal.objective(here, z), linear))
+    return out
+
+
+def _crossings(z: Array, rise: Array, best: float, level: float, width: float) -> tuple[float, float]:
+    """Where the root of the rise, signed, crosses the root of the level on each side; beyond the last point, linear."""
+    root = np.sqrt(np.maximum(rise, 0.0))
+    want = float(np.sqrt(level))
+    edges = []
+    for sign in (-1.0, 1.0):
+        side = sign * (z - best) >= 0
+        x, y = sign * (z[side] - best), np.maximum.accumulate(root[side][:: int(sign)])[:: int(sign)]
+        order = np.argsort(x)
+        x, y = x[order], y[order]
+        if y[-1] > want:
+            i = int(np.argmax(y > want))
+            edge = x[i - 1] + (want - y[i - 1]) / (y[i] - y[i - 1]) * (x[i] - x[i - 1])
+        else:
+            edge = x[-1] * want / y[-1] if y[-1] > 0.0 else want * width
+        edges.append(best + sign * max(float(edge), 0.0))
+    return edges[0], edges[1]
+
+
+def _open(z: Array, alone: Array, best: float, level: float) -> str:
+    """On which sides the strokes alone do not end the interval."""
+    below = not bool(np.any(alone[z < best] > level)) if np.any(z < best) else True
+    above = not bool(np.any(alone[z > best] > level)) if np.any(z > best) else True
+    if below and above:
+        return "open"
+    return "open below" if below else "open above" if above else "two-sided"
+
+
+NEAR_BOUND = 0.02
+NORMAL = 1.96
+LACKING = 0.01
+"""Size of the discrepancy, of what all laws together could do, above which the model is said to lack something."""
+
+
+def estimate_all(
+    problem: Problem,
+    fitted: Fitted,
+    wanted: Sequence[str] | None,
+    say: Callable[[str], None],
+    keep: Callable[[Profile], None] | None = None,
+) -> list[Estimate]:
+    """Estimates of all asked parameters.
+
+    Parameters
+    ----------
+    wanted : names to make a profile of; None for all asked
+    say : called with a line of text
+    keep : called with each profile
+    """
+    factor, jack, lack = factors(fitted), jackknife(fitted), of_lacking(fitted)
+    strokes = jackknife_over_strokes(fitted)
+    width = widened(np.sqrt(np.diag(fitted.covariance)), jack, len(problem.trials))
+    if fitted.wanted is not None:
+        width = np.hypot(width, fitted.wanted)
+    names = [p.name for p in problem.unknowns.asked]
+    chosen = {j: float(factor[j]) for j, name in enumerate(names) if wanted is None or name in wanted}
+    made: dict[int, Profile] = {}
+    if chosen:
+        say(f"profiles of {', '.join(names[j] for j in chosen)}")
+        made = dict(zip(chosen, profiles(problem, fitted, chosen), strict=True))
+    if keep is not None:
+        for one in made.values():
+            keep(one)
+    out = []
+    for j in range(len(names)):
+        spread = float(factor[j]), float(width[j]), float(jack[j]), float(lack[j])
+        out.append(replace(_estimate(problem, fitted, j, spread, made.get(j)), u_strokes=float(strokes[j])))
+    return out
+
+
+def _estimate(
+    problem: Problem, fitted: Fitted, j: int, spread: tuple[float, float, float, float], made: Profile | None
+) -> Estimate:
+    """One estimate; ``spread`` is Student factor, u, jackknife u, and u from what the model lacks."""
+    parameter, action = problem.unknowns.asked[j], problem.action
+    factor, width, jack, lack = spread
+    z = float(fitted.z[j])
+    low, high = z - factor * width, z + factor * width
+    if made is not None:  # a profile made of few points is not taken to be narrower than the linear model
+        low, high = min(low, made.low), max(high, made.high)
+    least, most = (float(edge[j]) for edge in problem.box())
+    interval = "two-sided" if made is None else made.interval
+    value = parameter.physical(action, z)
+    verdict = IDENTIFIED
+    if not fitted.converged:
+        verdict = NOT_SETTLED
+    elif len(problem.trials) < LEAST_TRIALS:
+        verdict = TOO_FEW
+    elif min(z - least, most - z) < NEAR_BOUND:
+        verdict = AT_BOUND
+    elif (high - low) / (2.0 * NORMAL) >= HALF or interval != "two-sided":
+        else_u = float(np.sqrt(max(width**2 - lack**2, 0.0)))
+        verdict = DOUBTFUL if interval == "two-sided" and factor * else_u < HALF * NORMAL else NOT_IDENTIFIABLE
+    ends = sorted(parameter.physical(action, v) for v in (max(low, least), min(high, most)))
+    return Estimate(
+        name=parameter.name,
+        unit=parameter.unit(action),
+        prior=parameter.physical(action, 0.0),
+        prior_u=parameter.u,
+        basis=parameter.basis,
+        z=z,
+        z_u=width,
+        value=value,
+        u=abs(value) * parameter.u * width if parameter.factor else parameter.u * width,
+        low=ends[0],
+        high=ends[1],
+        profiled=made is not None,
+        interval=interval,
+        u_jackknife=jack,
+        u_form=lack,
+        verdict=verdict,
+    )

@@ -1,0 +1,556 @@
+"""What the model says of all trials that a force drives, and how it changes with what may move: a `Response`.
+
+Conventions: curves are changes since the model's own rest under the preload, (m, c) rad, of the channels a trial has;
+derivatives are per prior standard uncertainty. Each trial is at a place of its own: a value of every parameter, what z
+moves, and after that laws which are fixed, but may be others in single trials. A soft stroke near a fork of its motion
+does not answer a scatter of 2 % linearly, so each trial is computed where its own laws and its own force most probably
+were, and is linear around that (Lindstrom and Bates 1990). Exact derivatives are integrated beside each stroke
+(`model.sensitivities`), those by the force at its knots among them: together they cost some five runs, and have no step
+to choose; a parameter that does nothing in the scene has a column of zeros. The noise of a force changes linearly
+between knots.
+
+Runs are made on threads of this process or on the workers of an executor; answers come in the order of the jobs, so
+that whatever is made of them is the same wherever they were computed, and what is lost there is said.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+import numpy as np
+
+import model
+from model.errors import InputError, ModelError
+from model.scene.string_terms import with_modes
+from model.sensitivity.parameter_names import directions
+from model.simulation.options import ForceDrivenOptions
+from validation.conventions import BODIES, WORKERS, Array
+from validation.errors import ValidationInputError
+from validation.infer.blocks import MOVED_RAD, Block
+from validation.infer.observations import FILM, ObservedTrial
+from validation.infer.unknowns import (
+    FORCE_DELAY,
+    FORCE_GAIN,
+    FORCE_LEVEL,
+    KEY_SCALE,
+    KEY_ZERO,
+    Parameter,
+)
+
+Job = TypeVar("Job")
+Found = TypeVar("Found")
+
+
+def lost(error: Exception) -> ValidationInputError:
+    """What is said of a computation that did not come back."""
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    return ValidationInputError(
+        f"identify: a run was lost where it was computed ({what}); nothing was written; run again"
+    )
+
+
+def spread(executor: Executor | None, one: Callable[[Job], Found], jobs: Sequence[Job]) -> list[Found]:
+    """``one`` of every job, in their order, on the executor's workers or threads of this process.
+
+    Raises
+    ------
+    model.errors.ModelError
+        What ``one`` raises.
+    ValidationInputError
+        A worker was lost, and with it the job.
+    """
+    if executor is None:
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return list(pool.map(one, jobs))
+    try:
+        return list(executor.map(one, jobs))
+    except ModelError:
+        raise
+    except Exception as error:
+        raise lost(error) from error
+
+
+@dataclass(frozen=True)
+class Own:
+    """What one trial has of its own."""
+
+    # (p + h,) by how much what moves and what is fixed differs in this trial, in prior standard uncertainties
+    laws: Array
+    drive: Array  # (k,) of what drives the trial, in standard deviations
+
+    def towards(self, other: Own, share: float) -> Own:
+        """A share of the way to another."""
+        return Own(self.laws + share * (other.laws - self.laws), self.drive + share * (other.drive - self.drive))
+
+    def apart(self, other: Own, scatter: Array) -> float:
+        """Root mean square distance in standard deviations; ``scatter`` (p + h,) is that of the laws."""
+        there = scatter > 0.0
+        laws = (self.laws - other.laws)[there] / scatter[there]
+        return float(np.sqrt(np.mean(np.concatenate([laws, self.drive - other.drive]) ** 2)))
+
+
+def nothing_own(blocks: Sequence[Block]) -> list[Own]:
+    """Of each trial: it is as all are."""
+    return [Own(np.zeros(b.moved.shape[1] + b.held.shape[1]), np.zeros(b.driven)) for b in blocks]
+
+
+def without_own(blocks: Sequence[Block], residuals: Sequence[Array], own: Sequence[Own]) -> list[Array]:
+    """Residuals that the linear model would have if no trial had anything of its own."""
+    return [
+        r + np.hstack([b.moved, b.held]) @ o.laws + b.own[:, : b.driven] @ o.drive
+        for r, b, o in zip(residuals, blocks, own, strict=True)
+    ]
+
+
+SEGMENTS = 36  # of a trial, between which its force noise is taken to change linearly
+EVENLY = 0.15  # share of them that is spread evenly over time
+BEFORE_S = 2e-3  # before the force acts it is the preload, without noise; over so long the noise comes up
+
+
+def noise_knots(trial: ObservedTrial) -> Array:
+    """Times (SEGMENTS + 1,) between which the noise of the force is taken to change linearly.
+
+    They begin where the force first differs from the preload: a soft stroke's first phase is later. Between two of them
+    the action moves equally far, but for the share that is spread over time: where a stroke rises twice, noise
+    of the second rise in long parts went into friction and felt.
+    """
+    end = float(trial.force_time_s[-1])
+    acts = np.flatnonzero(trial.force_n != trial.force_n[0])
+    first = min(float(trial.time_s[0]), float(trial.force_time_s[acts[0]] if acts.size else end))
+    at = np.unique(np.concatenate([[first], trial.time_s[trial.time_s < end], [end]]))
+    passed = (1.0 - EVENLY) * np.linspace(0.0, 1.0, at.size) + EVENLY * (at - first) / (end - first)
+    return np.concatenate([[first - BEFORE_S], np.interp(np.linspace(0.0, 1.0, SEGMENTS), passed, at)])
+
+
+def slow_noise_n(trial: ObservedTrial) -> Array:
+    """Standard deviation of white force noise, averaged around each knot but the first, N."""
+    step = float(np.median(np.diff(trial.force_time_s)))
+    knots = noise_knots(trial)
+    length = 0.5 * (np.append(knots[2:], knots[-1]) - knots[:-1])
+    return np.asarray(trial.noise_n * np.sqrt(step / length))
+
+
+def own_units(trial: ObservedTrial) -> Array:
+    """Standard deviations (2 + SEGMENTS,) of what a trial has of its own: N of its force, s of its film's clock."""
+    return np.concatenate([[trial.u_offset_n], slow_noise_n(trial), [trial.u_film_time_s]])
+
+
+TOLERANCE = 2e-7
+MODES_RAD = 3e-5  # error of an angle by which a fit chooses a string's modes: the runs' own asks for all there are
+MOTION, TANGENT = 1e-7, 1e-4
+FINER = 0.1  # times the tolerance, of runs whose differences are derivatives: a run's error is divided by the step
+KEPT = 200  # actions, with their rests and curves, that are kept from run to run
+PROBE, PROBED_RAD = 0.01, 1e-5  # prior standard uncertainties, and angle: the step that checks the derivatives
+MISSED = 0.2  # of the change: derivatives that miss it by more are not used
+STEP = 0.015  # of a prior standard uncertainty: half a percent of a friction; after an impact larger steps bend
+SMALL_STEP = 0.02  # of what is known well; strokes of several kinds tell the force's level to a hundredth of its prior
+ERROR_STEP = 1e-3  # standard uncertainties: a difference of tables of forces, no run
+
+
+@dataclass(frozen=True)
+class Case:
+    """One member: values of the action that differ, and errors of the force."""
+
+    changed: dict[str, float] = field(default_factory=dict, hash=False)  # values of the action
+    # gain, level, delay: errors of the force that all trials share, in standard uncertainties
+    gain: float = 0.0
+    level: float = 0.0
+    delay: float = 0.0
+    # key_scale, key_zero: errors of the key's encoder, likewise
+    key_scale: float = 0.0
+    key_zero: float = 0.0
+    offset_n: float = 0.0  # of each trial's force once it acts, N
+    noise_n: tuple[float, ...] = ()  # force noise at each knot of `noise_knots`, N; empty where there is none
+    film_late_s: float = 0.0  # error of a film's clock
+
+    def felt_n(self, trial: ObservedTrial) -> Array:
+        """Force on the key in this case at the times of the trial's table; held before and after what was recorded."""
+        when, force = trial.force_time_s, trial.force_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
+        if self.delay:
+            force = np.interp(when, when + self.delay * trial.u_delay_s, force)
+        if self.noise_n:
+            force = force + np.interp(when, noise_knots(trial), self.noise_n)
+        return force
+
+    def preload_n(self, trial: ObservedTrial) -> float:
+        """Force under which the action rests."""
+        return trial.preload_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
+
+    def with_noise(self, trial: ObservedTrial, weights: Array) -> Case:
+        """The same with the trial's own force and clock, by weights in standard deviations."""
+        if not weights.any():
+            return self
+        found = own_units(trial)[: weights.size] * weights
+        late = float(found[1 + SEGMENTS]) if weights.size > 1 + SEGMENTS else 0.0
+        noise = (0.0, *(float(v) for v in found[1 : 1 + SEGMENTS]))
+        return replace(self, offset_n=float(found[0]), noise_n=noise, film_late_s=late)
+
+    def read(self, trial: ObservedTrial, turn_rad: Array) -> Array:
+        """Channels (m, c) of a trial from the model's turns (k, 5): what its sensors read."""
+        seen = trial.seen(turn_rad, self.film_late_s)
+        if trial.key_moves and trial.channels[0] == 0:
+            turned = seen[:, 0]
+            zero = self.key_zero * trial.u_key_rad * -np.expm1(-np.abs(turned) / MOVED_RAD)
+            seen[:, 0] = turned * (1.0 + self.key_scale * trial.u_key_scale) + zero
+        return seen
+
+    def _level_n(self, trial: ObservedTrial) -> float:
+        return self.level * trial.u_preload_n + self.offset_n
+
+
+class Response(Protocol):
+    """What the fit asks of a model.
+
+    ``own`` is what each trial has of its own, nothing by default; of `curves` it is one such sequence for each point.
+    """
+
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
+        """Curves of every trial at each point z (p,); None where the model cannot run."""
+
+    def jacobian(
+        self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
+    ) -> list[Array]:
+        """Derivatives (m, c, len(which) + k) of every trial with respect to some of z, and of fixed laws after them.
+
+        ``driven``: followed by those with respect to the k numbers that a trial has of its own drive: force offset,
+        parts of force noise, a film's clock. Else k is 0.
+        """
+
+
+Member = TypeVar("Member")
+
+
+class PlacedRuns(ABC, Generic[Member]):
+    """The project's model as a `Response`, whatever drives it; a member is what the run of one trial does.
+
+    Parameters
+    ----------
+    action : model.Action
+        Its values are z = 0.
+    parameters : sequence of Parameter
+        What z moves, and after that laws which are fixed, but may be others in single trials.
+    trials : sequence of ObservedTrial
+    tolerance : float, optional
+        Largest error of any angle of a run, rad.
+    executor : Executor, optional
+        Where to compute; by default threads of this process.
+    """
+
+    errors: ClassVar[frozenset[str]]
+    """Names of the errors of what drives, or reads."""
+    tangents: ClassVar[Any]
+    """Derivatives (m, c, n) of a trial by an action, names, a member, the trial, pairs close to it, its own drive."""
+    by_runs: ClassVar[bool]
+    """Whether runs tell what errors and what drives a trial do; else tangents do."""
+    drive_steps: ClassVar[Array]
+    """Steps of differences, of what a trial has of its own drive but its film's clock, in standard deviations."""
+
+    def __init__(
+        self,
+        action: model.Action,
+        parameters: Sequence[Parameter],
+        trials: Sequence[ObservedTrial],
+        tolerance: float | None = None,
+        executor: Executor | None = None,
+    ) -> None:
+        self.action = with_modes(action, MODES_RAD)
+        self.parameters = tuple(parameters)
+        self.trials: tuple[ObservedTrial, ...] = tuple(trials)
+        self.tolerance, self.executor = TOLERANCE if tolerance is None else tolerance, executor
+        filmed = any(t.film_time_s is not None for t in trials)
+        self.own_steps = np.append(self.drive_steps, np.ones(int(filmed)))
+        self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
+        self._known: dict[tuple[float, ...], _Known] = {}
+
+    @abstractmethod
+    def cases(self, at: Array, own: Sequence[Own] | None) -> list[Member]:
+        """The member of each trial where it is, (trials, n)."""
+
+    @abstractmethod
+    def run(self, members: Sequence[Sequence[Member]]) -> list[list[Array] | None]:
+        """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
+
+    def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
+        """Curves at each point; see `Response`."""
+        every = zip(points, len(points) * [None] if own is None else own, strict=True)
+        return self.run([self.cases(self.places(z, o), o) for z, o in every])
+
+    def places(self, z: Array, own: Sequence[Own] | None) -> Array:
+        """Where each trial is, (trials, n) of all parameters; those z does not reach are as the action has them."""
+        at = np.zeros((len(self.trials), len(self.parameters)))
+        at[:, : z.size] = z
+        for k, o in enumerate(own or ()):
+            at[k, : o.laws.size] += o.laws
+        return at
+
+    def jacobian(
+        self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
+    ) -> list[Array]:
+        """Derivatives, see `Response`; differences of runs where tangents do not hold."""
+        at, n = self.places(z, own), len(self.parameters)
+        columns = [*which, *(range(n, n + self.own_steps.size) if driven else ())]
+        laws = [j for j in columns if j in self.acting]
+        rest = [j for j in columns if j >= n or self.parameters[j].name in self.errors]
+        told = laws if self.by_runs else [*laws, *rest]
+        try:
+            found = self.differences(at, own, columns, rest if self.by_runs else [])
+            if told:
+                for out, here, column in zip(found, at, self._by_tangents(at, own, laws, told), strict=True):
+                    unit = [self.parameters[j].per_u(self.action, float(here[j])) for j in laws]
+                    out[:, :, [columns.index(j) for j in told]] = column * np.append(
+                        unit, np.ones(len(told) - len(laws))
+                    )
+        except ModelError:  # differences of runs go on where a tangent cannot
+            return self.differences(at, own, columns, [*laws, *rest])
+        wrong = self._wrong(at, own, columns, found)
+        if wrong:
+            some = copy(self)
+            some.trials = tuple(self.trials[k] for k in wrong)
+            those = None if own is None else [own[k] for k in wrong]
+            again = some.differences(at[np.array(wrong)], those, columns, [*laws, *rest])
+            for k, redone in zip(wrong, again, strict=True):
+                found[k] = redone
+        return found
+
+    def _by_tangents(
+        self, at: Array, own: Sequence[Own] | None, laws: Sequence[int], told: Sequence[int]
+    ) -> list[Array]:
+        """Derivatives (m, c, n) of every trial that tangents tell: by ``laws``, then by the rest ``told``."""
+        names, n = tuple(self.parameters[j].name for j in laws), at.shape[1]
+        ends = [
+            [self.cases(at + step * (np.arange(n) == j), own) for step in (ERROR_STEP, -ERROR_STEP)]
+            for j in told[len(laws) :]
+            if j < n
+        ]
+        drives = [j - n for j in told if j >= n]
+        tasks = [
+            (self.action, names, case, trial, [(plus[k], minus[k]) for plus, minus in ends], drives)
+            for k, (case, trial) in enumerate(zip(self.cases(at, own), self.trials, strict=True))
+        ]
+        return spread(self.executor, type(self).tangents, tasks)
+
+    def moved(self, at: Array, own: Sequence[Own] | None, step: Array) -> list[Member]:
+        """The member of each trial a step (trials, n + k) further, in parameters and in its own drive."""
+        further, drive = np.split(np.broadcast_to(step, (len(self.trials), step.shape[-1])), [at.shape[1]], axis=1)
+        if drive.any():
+            each = [Own(np.empty(0), np.empty(0)) for _ in self.trials] if own is None else own
+            own = [replace(o, drive=(o.drive if o.drive.size else 0.0) + d) for o, d in zip(each, drive, strict=True)]
+        return self.cases(at + further, own)
+
+    def differences(
+        self, at: Array, own: Sequence[Own] | None, columns: Sequence[int], asked: Sequence[int]
+    ) -> list[Array]:
+        """Derivatives (m, c, len(columns)) of every trial; those asked for by differences of runs, of the others 0.
+
+        Raises
+        ------
+        ModelError
+            The model cannot run here, or a step away.
+        """
+        out = [np.zeros((*t.change_rad.shape, len(columns))) for t in self.trials]
+        if not asked:
+            return out
+        fine = copy(self)
+        fine.tolerance = FINER * self.tolerance
+        steps = np.append([STEP if p.factor else SMALL_STEP for p in self.parameters], self.own_steps)
+        members = [self.moved(at, own, steps * (np.arange(steps.size) == j)) for j in asked]
+        base, *ends = fine.run([self.cases(at, own), *members])
+        if base is None:
+            raise ModelError("identification: the model cannot run where the fit stands; start from other values")
+        for j, curves in zip(asked, ends, strict=True):
+            if curves is None:
+                what = self.parameters[j].name if j < at.shape[1] else "what drives a trial"
+                raise ModelError(f"identification: the model cannot run with a small change of {what}; --fix it")
+            for derivative, curve, here in zip(out, curves, base, strict=True):
+                derivative[:, :, columns.index(j)] = (curve - here) / steps[j]
+        return out
+
+    def _wrong(self, at: Array, own: Sequence[Own] | None, columns: list[int], jacobian: Sequence[Array]) -> list[int]:
+        """Trials in which a small step in all that moves at once does not do what the derivatives say.
+
+        A tangent that steps over a layer in which friction turns round may grow without bound; a difference shows it.
+        """
+        step = np.zeros(at.shape[1] + self.own_steps.size)
+        step[columns] = PROBE * np.where(np.arange(len(columns)) % 2, 1.0, -1.0)
+        said = [derivative @ step[columns] for derivative in jacobian]
+        # many columns at once bend a stroke: what moves it further than this is no small step
+        share = [min(1.0, PROBED_RAD / max(float(np.sqrt(np.mean(d**2))), 1e-300)) for d in said]
+        here, moved = self.run([self.cases(at, own), self.moved(at, own, np.outer(share, step))])
+        if here is None or moved is None:
+            return list(range(len(self.trials)))
+        missed = []
+        for k, (a, b, d) in enumerate(zip(here, moved, said, strict=True)):
+            if np.sqrt(np.mean((b - a - share[k] * d) ** 2)) > MISSED * np.sqrt(np.mean((b - a) ** 2)) + self.tolerance:
+                missed.append(k)
+        return missed
+
+
+def acting(action: model.Action, parameter: Parameter) -> bool:
+    """Whether a parameter changes any number of the scene."""
+    if not parameter.paths:
+        return False
+    try:
+        found = model.sensitivity.find_parameters(action, [parameter.name])
+        directions(action, model.choice_of(action), found)
+    except InputError:
+        return False
+    return True
+
+
+def tangents(
+    task: tuple[model.Action, tuple[str, ...], Case, ObservedTrial, Sequence[tuple[Case, Case]], Sequence[int]],
+) -> Array:
+    """Derivatives (m, c, n) of a trial's channels: by names, then between pairs of cases, then by its own drive.
+
+    Per SI unit or per relative change; a pair lies `ERROR_STEP` to both sides of the case, in the force or in what
+    sensors read, and its derivative is per unit; of the trial's own drive some of `own_units` are told, by their place.
+
+    Raises
+    ------
+    model.errors.ModelError
+        The derivatives cannot be carried on.
+    """
+    action, names, case, trial, pairs, drives = task
+    width, late, when = 2.0 * ERROR_STEP, case.film_late_s, trial.force_time_s
+    knots, unit = noise_knots(trial), own_units(trial)
+    of_force = [i for i in drives if i <= SEGMENTS]
+    force = [(a.felt_n(trial) - b.felt_n(trial)) / width for a, b in pairs]
+    force += [
+        unit[i] * np.interp(when, knots, np.arange(SEGMENTS + 1) == i) if i else unit[0] + 0 * when for i in of_force
+    ]
+    rest = [(a.preload_n(trial) - b.preload_n(trial)) / width for a, b in pairs]
+    rest += [0.0 if i else unit[0] for i in of_force]
+    found = model.sensitivities(
+        action.with_values(case.changed),
+        (when, case.felt_n(trial)),
+        names,
+        options=tangent_options(trial, case.preload_n(trial), trial.model_time_s(late)),
+        inputs=(np.column_stack(force), np.array(rest)) if force else None,
+    )
+    turn, speed = (found.angles_rad - found.rest_rad)[:, : len(BODIES)], found.speeds[:, : len(BODIES)]
+    moves = np.moveaxis((found.d_angles - found.d_rest)[:, : len(BODIES)], -1, 0)
+    out = [trial.seen(d, late) for d in moves]
+    for k, ends in enumerate(pairs, len(names)):
+        a, b = (end.read(trial, turn) for end in ends)
+        out[k] += (a - b) / width
+    if len(of_force) < len(drives):  # the film's clock: its frames see the motion later
+        film = np.isin(trial.channels, FILM)
+        out.append(unit[1 + SEGMENTS] * film * trial.seen(speed, late))
+    return np.stack(out, axis=-1)
+
+
+def tangent_options(trial: ObservedTrial, preload_n: float, time_s: Array) -> model.SensitivityOptions:
+    """How the derivatives of a trial's angles are integrated, from rest under a preload, N, and when they are given."""
+    return model.SensitivityOptions(
+        tolerance=MOTION,
+        relative_tolerance=TANGENT,
+        output_time_s=time_s,
+        rest_input=preload_n,
+        events=False,
+        allow_idle=True,
+    )
+
+
+_Run = tuple[Case, float, int]
+"""Which run: of a case, to a tolerance, of a trial by its `id`."""
+
+
+@dataclass(frozen=True)
+class _Known:
+    """An action, its rests by preload, and curves of its runs; None of one that could not run."""
+
+    action: model.Action
+    rests: dict[float, model.RestState]
+    curves: dict[_Run, Array | None]
+
+
+class ForceRuns(PlacedRuns[Case]):
+    """The project's model under the force of each trial; see `PlacedRuns` for the parameters."""
+
+    errors = frozenset((FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, KEY_SCALE, KEY_ZERO))
+    tangents = staticmethod(tangents)
+    by_runs = False
+    drive_steps = np.ones(
+        1 + SEGMENTS
+    )  # of a force's offset, of noise at each knot but the first, which is the preload
+
+    def cases(self, at: Array, own: Sequence[Own] | None) -> list[Case]:
+        """The member of each trial where it is."""
+        places = {place.tobytes(): place for place in at}
+        made = {key: self.case(place) for key, place in places.items()}
+        here = [made[place.tobytes()] for place in at]
+        if own is None:
+            return here
+        return [case.with_noise(trial, o.drive) for case, trial, o in zip(here, self.trials, own, strict=True)]
+
+    def case(self, z: Array) -> Case:
+        """The member at z, of all parameters."""
+        changed: dict[str, float] = {}
+        bench: dict[str, float] = {}
+        for parameter, value in zip(self.parameters, z, strict=True):
+            changed |= parameter.values(self.action, float(value))
+            if not parameter.paths:
+                bench[parameter.name] = float(value)
+        gain, level, delay, scale, zero = (
+            bench.get(name, 0.0) for name in (FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, KEY_SCALE, KEY_ZERO)
+        )
+        return Case(changed, gain, level, delay, scale, zero)
+
+    def run(self, members: Sequence[Sequence[Case]]) -> list[list[Array] | None]:
+        """Curves of every trial in each of several cases of all trials; None where one of them cannot run.
+
+        What was run before is not run again.
+        """
+        if len(self._known) > KEPT:
+            self._known.clear()
+        jobs: list[model.batch.Job] = []
+        waiting: dict[_Run, tuple[_Known, ObservedTrial, model.RestState]] = {}
+        places: list[list[tuple[_Known, _Run]] | None] = []
+        for cases in members:
+            rests = self._rests(cases)
+            if rests is None:
+                places.append(None)
+                continue
+            keys = [(case, self.tolerance, id(trial)) for case, trial in zip(cases, self.trials, strict=True)]
+            places.append([(known, key) for (known, _), key in zip(rests, keys, strict=True)])
+            for (known, rest), key, trial in zip(rests, keys, self.trials, strict=True):
+                if key not in known.curves and key not in waiting:
+                    waiting[key] = known, trial, rest
+                    when = trial.model_time_s(key[0].film_late_s)
+                    chosen = ForceDrivenOptions(tolerance=self.tolerance, output_time_s=when)
+                    table = {trial.label: (trial.force_time_s, key[0].felt_n(trial))}
+                    jobs += model.batch.make_jobs(known.action, table, {"": {}}, chosen, rest)
+        done = model.batch.run_jobs(model.batch.lanes.choose(jobs, None), executor=self.executor)
+        for (key, (known, trial, rest)), member in zip(waiting.items(), done, strict=True):
+            if member.error is not None and not isinstance(member.error, ModelError):
+                raise lost(member.error)  # a run that was lost is not a model that cannot run
+            known.curves[key] = None
+            if member.solution is not None:
+                turn = np.asarray(member.solution.angle_rad)[:, :5] - rest.angle_rad[:5]
+                known.curves[key] = key[0].read(trial, turn)
+        out = []
+        for row in places:
+            curves = [known.curves[key] for known, key in row or ()]
+            out.append(None if row is None or any(c is None for c in curves) else [c for c in curves if c is not None])
+        return out
+
+    def _rests(self, cases: Sequence[Case]) -> list[tuple[_Known, model.RestState]] | None:
+        """What is known of the action of each trial, and its rest; None where one of them has no rest."""
+        out = []
+        try:
+            for case, trial in zip(cases, self.trials, strict=True):
+                values, preload = tuple(case.changed.values()), case.preload_n(trial)
+                known = self._known.get(values)
+                if known is None:
+                    known = self._known[values] = _Known(self.action.with_values(case.changed), {}, {})
+                if preload not in known.rests:
+                    known.rests[preload] = model.rest_state(known.action, force_n=preload)
+                out.append((known, known.rests[preload]))
+        except ModelError:
+            return None
+        return out

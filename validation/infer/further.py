@@ -1,0 +1,447 @@
+"""What to record next: which further trials, or which sensor known better, would shrink which interval.
+
+In: an identification, strokes that could be played (`shelf`). Out: `Prospect`, ranked, and a trial plan for ``record
+--plan``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from model.errors import ModelError
+from rig import (
+    PredictedBlow,
+    Profile,
+    RigConfig,
+    RigError,
+    dry_run,
+    load_plan,
+    load_profile,
+    motor_command,
+    parse_profile,
+)
+from rig.configuration.profile import built_in_profiles
+from validation.conventions import Array
+from validation.errors import ValidationInputError
+from validation.infer.blocks import INSTRUMENT, Block, make_blocks, rows
+from validation.infer.fit import LAST_ROUNDS, Fitted
+from validation.infer.force_runs import ForceRuns, Response
+from validation.infer.noise import (
+    FAMILIES,
+    FLOOR,
+    NOT_SEEN,
+    SCALES_S,
+    Marginal,
+    law_columns,
+    likeliest,
+    own_parts,
+    scores,
+)
+from validation.infer.observations import ObservedTrial, observe
+from validation.infer.problem import Problem
+from validation.infer.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
+from validation.measurement.force_correction import Quiet
+from validation.measurement.trial import MeasuredTrial
+from validation.report.files import check_target, write_files
+
+LEVELS = (0.7, 1.0, 1.4)
+REST_S = 0.1  # of rest before the blow
+STARTS = 0.01  # of the largest change of the force
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A stroke that could be recorded."""
+
+    name: str  # what it is, in words
+    trial: ObservedTrial  # as it would be observed
+    profile: Profile | None = None  # what the motor would play; None for more of a session's own
+
+
+def shelf(
+    config: RigConfig,
+    predict: Callable[[Profile], PredictedBlow],
+    like: MeasuredTrial,
+    phases: int,
+    levels: Sequence[float] = LEVELS,
+) -> tuple[list[Candidate], list[str]]:
+    """Every shipped profile at every level that the bench allows.
+
+    What the bench's limits forbid is left out, with the reason. The blow is predicted by the identified action on the
+    arm of the rig file (a callable, as for the rig's dry run), and read as the bench's sensors would read it, without
+    noise.
+
+    Parameters
+    ----------
+    predict : the blow that a profile gives
+    like : a trial of the bench; sensors and preload are taken from it
+    phases : how many times of a trial are compared
+    levels : factors of the force
+
+    Returns
+    -------
+    candidates, refused : lists
+        The second says why a profile is not among the first.
+    """
+    found: list[Candidate] = []
+    refused: list[str] = []
+    for name in built_in_profiles():
+        for level in levels:
+            profile = at_level(load_profile(name), level)
+            kept: list[PredictedBlow] = []
+
+            def remember(one: Profile, kept: list[PredictedBlow] = kept) -> PredictedBlow:
+                kept.append(predict(one))
+                return kept[0]
+
+            try:
+                motor_command(profile, config)
+                dry_run(profile, config, remember)
+                (trial,) = observe(profile.name, 0, [as_measured(kept[0], like)], phases)
+            except (RigError, ValidationInputError) as error:
+                refused.append(f"{profile.name}: {error}")
+                continue
+            found.append(Candidate(profile.name, trial, profile))
+    return found, refused
+
+
+def at_level(profile: Profile, level: float) -> Profile:
+    """The profile with its force multiplied; itself at level 1."""
+    if level == 1.0:
+        return profile
+    points = ", ".join(
+        f"{{ time_s = {float(t)!r}, force_n = {float(level * f)!r} }}"
+        for t, f in zip(profile.time_s, profile.force_n, strict=True)
+    )
+    name = f"{profile.name} x {level:g}"
+    text = f'name = "{name}"\ninterpolation = "{profile.interpolation}"\npoints = [{points}]\n'
+    return parse_profile(text, name)
+
+
+def as_measured(blow: PredictedBlow, like: MeasuredTrial) -> MeasuredTrial:
+    """The blow as the bench would measure it: sensors of another trial, no noise."""
+    step = float(np.median(np.diff(blow.time_s)))
+    rest = int(np.ceil(REST_S / step))
+    time = np.concatenate([blow.time_s[0] + step * np.arange(-rest, 0), blow.time_s])
+    force = np.concatenate([np.zeros(rest), blow.force_n - blow.force_n[0]]) + like.force.preload_n
+    change = np.vstack([np.zeros((rest, blow.angle_rad.shape[1])), blow.angle_rad - blow.angle_rad[0]])
+    away = np.abs(force - force[0])
+    onset = int(np.argmax(away > STARTS * away.max()))
+    return replace(
+        like,
+        number=0,
+        time_s=time,
+        raw_force_n=force,
+        force=replace(like.force, time_s=time, force_n=force, u_force_n=np.zeros(time.size)),
+        quiet=Quiet(onset, float(time[0]), float(time[onset]), float(time[onset])),
+        change_rad=change,
+        film=None,
+        seal="",
+    )
+
+
+Play = Callable[[Sequence[Array]], Sequence[Array | None]]
+"""Curves (m, c) of the stroke at points (p + h,): everything that moves, then fixed laws; None where it cannot run."""
+SEED = 163
+
+
+def rehearsed(fitted: Fitted, planned: Marginal, block: Block, play: Play, trials: int) -> Marginal | None:
+    """The model of the fit with rehearsed trials of one stroke beside those at hand, sizes of noise learnt from all.
+
+    The Fisher information takes a stroke to answer a scatter of its laws linearly. Near a fork of its motion it does
+    not: what is not linear is taken for something the model lacks, and widens every interval. So the stroke is played
+    with laws that scatter as learnt, read with the sensors' errors and noise, put beside the strokes at hand, and the
+    sizes of noise are learnt again from all of them, on the linear model.
+
+    Parameters
+    ----------
+    fitted : the identification
+    planned : the same with the new trials, sizes as learnt so far; their session is its last
+    block : linear model of one such trial
+    play : what the model does with other laws
+    trials : how many
+
+    Returns
+    -------
+    Marginal or None
+        None where the model cannot run the stroke with its laws scattered.
+    """
+    rng, sizes = np.random.default_rng(SEED), planned.sizes
+    new = replace(block, session=len(sizes.common) - 1)
+    here = np.concatenate([fitted.z, np.zeros(len(sizes.families) - fitted.z.size)])
+    drawn = rng.standard_normal((trials, here.size))
+    away = sizes.scatter * drawn / np.sqrt(np.mean(drawn**2, axis=0))  # as large as said: a rehearsal is no die
+    curves = [None if c is None else rows(np.asarray(c)) for c in play([here, *(here + step for step in away)])]
+    still, moved = curves[0], [c for c in curves[1:] if c is not None]
+    if still is None or len(moved) < trials:
+        return None
+    lacking, own = _lacking(planned, new), own_parts(new, sizes)
+    wander = (own.columns * np.exp(sizes.log())[own.place])[:, own.place >= len(FAMILIES)]
+    steady = np.hstack([new.moved, new.instrument]) @ fitted.marginal.mean(fitted.linear)[: planned.shared]
+    steady = steady - still + lacking @ rng.standard_normal(lacking.shape[1])
+    columns = np.hstack([wander, new.own, np.diag(np.sqrt(new.white))])
+    linear = [c + steady + columns @ rng.standard_normal(columns.shape[1]) for c in moved]
+    blocks = [*fitted.marginal.blocks, *trials * [new]]
+    return likeliest(blocks, [*fitted.linear, *linear], sizes, LAST_ROUNDS, anew=False)
+
+
+def _lacking(planned: Marginal, new: Block) -> Array:
+    """Columns of the discrepancy, as large as learnt: without its floor, which no stroke has shown."""
+    sizes, part = planned.sizes, planned.parts[0][new.session]
+    common = sizes.common[new.session].copy()
+    smooth = slice(0, len(SCALES_S) * sizes.channels)
+    common[smooth] = np.sqrt(np.maximum(common[smooth] ** 2 - FLOOR**2 / len(SCALES_S), 0.0))
+    size = np.exp(sizes.log())
+    first = size.size - sizes.common[new.session :].size
+    size[first : first + common.size] = common
+    columns, laws = part.columns * size[part.place], law_columns(new, sizes)
+    return np.asarray(columns[laws.shape[1] :] + laws @ columns[: laws.shape[1]])
+
+
+TRIALS = 5
+TOLD, MOST_TOLD = 3, 8  # strokes that are rehearsed: at least; until the best of all is one of them, at most
+OF_ANOTHER_KIND = 0.2
+"""Standard deviation of the logarithm of a shrink by a kind of stroke not played so far, beside all that is computed:
+measured (`python -m benchmarks record_next_sizes`, seed 1, the first six experiments of seed 2)."""
+NORMAL = 1.96
+HALF_KNOWN = 0.5
+SENSORS = {
+    "load cell's gain": (FORCE_GAIN,),
+    "load cell's preload": (FORCE_LEVEL,),
+    "load cell's delay": (FORCE_DELAY,),
+    "key encoder": ("key encoder scale", "key encoder zero"),
+    "whippen encoder": ("whippen encoder scale", "whippen encoder zero"),
+    "hammer encoder": ("hammer encoder scale", "hammer encoder zero"),
+}
+Respond = Callable[[Sequence[ObservedTrial]], Response]
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """One thing that could be done next."""
+
+    name: str  # in words
+    shrink: Mapping[str, float]  # name of a parameter -> its u after, divided by its u now
+    candidate: Candidate | None = None  # the stroke to record; None for a sensor
+    trials: int = 0  # how many of it
+    # name of a parameter -> standard deviation of the logarithm of its shrink, from what the new strokes may teach
+    # about the sizes of noise, from how far the rehearsal is from the Fisher information, and `OF_ANOTHER_KIND`; empty
+    # where the stroke was not rehearsed
+    u_sizes: Mapping[str, float] = field(default_factory=dict)
+    # the shrink by the Fisher information alone; empty where the stroke was not rehearsed
+    fisher: Mapping[str, float] = field(default_factory=dict)
+
+    def range(self, name: str) -> tuple[float, float]:
+        """95 % interval of a parameter's shrink."""
+        far = float(np.exp(NORMAL * self.u_sizes.get(name, 0.0)))
+        return self.shrink[name] / far, self.shrink[name] * far
+
+    @property
+    def mean(self) -> float:
+        """Geometric mean of the shrinks: what the prospects are ranked by, the smallest first."""
+        return float(np.exp(np.mean(np.log(list(self.shrink.values())))))
+
+
+def prospects(
+    problem: Problem,
+    fitted: Fitted,
+    candidates: Sequence[Candidate],
+    trials: int = TRIALS,
+    respond: Respond | None = None,
+) -> tuple[list[Prospect], list[str]]:
+    """What each candidate and each sensor known twice as well would do, the best first.
+
+    From the Fisher information at the identified values: the covariance of the fit with the columns of the new trials
+    beside those it has (`noise.Marginal`), sizes of noise as learnt. A further session has a discrepancy of its own, as
+    large as those learnt so far. The best strokes are played by the model (`rehearsal`), for which the sizes are learnt
+    again. How far these may yet move is told as an interval (`of_sizes`); how far the values move it cannot know: it is
+    a prediction of u, not of the value.
+
+    Parameters
+    ----------
+    problem, fitted : the identification
+    candidates : strokes that could be recorded; more of each session's own kind are added
+    trials : how many of each
+    respond : what makes the model's response to some trials; by default the project's model
+
+    Returns
+    -------
+    prospects, refused : lists
+    """
+    held = problem.unknowns.held[: problem.held[0].shape[2] if problem.held else 0]
+    make = respond or (lambda some: ForceRuns(problem.action, (*problem.unknowns.moved, *held), some))
+    names = [p.name for p in problem.unknowns.asked]
+    found: list[Prospect] = []
+    made: dict[str, Block] = {}
+    again: set[str] = set()
+    refused: list[str] = []
+
+    def ratio(marginal: Marginal) -> dict[str, float]:
+        now, then = (np.sqrt(np.diag(m.covariance)[: len(names)]) for m in (fitted.marginal, marginal))
+        return {name: float(x) for name, x in zip(names, then / now, strict=True)}
+
+    blocks = fitted.marginal.blocks
+    own = {b.session: (t, b) for t, b in zip(problem.trials[::-1], blocks[::-1], strict=True)}
+    for t, b in own.values():
+        more = Candidate(f"more of {t.label.rpartition(', trial')[0]}", t)
+        made[more.name] = b
+        again.add(more.name)
+        found.append(Prospect(more.name, ratio(further(fitted, b, trials)), more, trials))
+    for one in candidates:
+        try:
+            block = block_of(problem, fitted.z, one.trial, make)
+        except ModelError as error:
+            refused.append(f"{one.name}: {error}")
+            continue
+        made[one.name] = block
+        found.append(Prospect(one.name, ratio(further(fitted, block, trials)), one, trials))
+    for sensor, columns in SENSORS.items():
+        found.append(Prospect(f"{sensor} known twice as well", ratio(_known_better(problem, fitted, columns))))
+
+    def told(p: Prospect) -> Prospect:
+        """A stroke as it is after a rehearsal, with limits."""
+        assert p.candidate is not None
+        block = made[p.name]
+        planned = further(fitted, block, trials)
+        then = rehearsed(fitted, planned, block, _player(make([p.candidate.trial])), trials) or planned
+        shrink = ratio(then)
+        apart = [np.log(shrink[name] / p.shrink[name]) for name in names]
+        other = 0.0 if p.name in again else OF_ANOTHER_KIND
+        u = np.sqrt(of_sizes(fitted, then)[: len(names)] ** 2 + np.square(apart) + other**2)
+        return replace(p, shrink=shrink, fisher=p.shrink, u_sizes=dict(zip(names, u.tolist(), strict=True)))
+
+    return _with_the_best_told(found, told), refused
+
+
+def _with_the_best_told(found: Sequence[Prospect], told: Callable[[Prospect], Prospect]) -> list[Prospect]:
+    """Prospects, the best first; the best strokes as rehearsed, until one of these is the best of all strokes."""
+    ranked = sorted(found, key=lambda p: p.mean)
+    done = 0
+    while True:
+        strokes = [i for i, p in enumerate(ranked) if p.candidate is not None]
+        waiting = [i for i in strokes if not ranked[i].u_sizes]
+        enough = done >= TOLD and bool(ranked[strokes[0]].u_sizes)
+        if not waiting or enough or done >= MOST_TOLD:
+            return ranked
+        ranked[waiting[0]] = told(ranked[waiting[0]])
+        ranked.sort(key=lambda p: p.mean)
+        done += 1
+
+
+def _player(response: Response) -> Play:
+    """What the model does in one stroke, with what moves and fixed laws elsewhere."""
+    return lambda points: [None if curves is None else curves[0] for curves in response.curves(points)]
+
+
+def of_sizes(fitted: Fitted, marginal: Marginal) -> Array:
+    """Standard deviation (p,) of the logarithm of u after, from how far the sizes of noise may move with new strokes.
+
+    What the strokes so far do not know of the sizes, less what will still not be known, is how far they may move; what
+    that does to a u is the size's share in its variance.
+    """
+    sizes, now, then = marginal.sizes, scores(fitted.marginal).information, scores(marginal)
+    old = fitted.marginal.sizes
+    f, c, k = len(sizes.by_family), sizes.channels, sizes.common.shape[1]
+    n, s = len(sizes.own), len(old.own)
+    place = np.concatenate(
+        [np.arange(f), f + np.arange(s * c), f + n * c + np.arange(s * k)]  # of families, own, common of old sessions
+    )
+    known = np.zeros_like(then.information)
+    known[np.ix_(place, place)] = now
+    believed = np.diag(1.0 / sizes.belief()[1] ** 2)
+    moves = np.linalg.inv(known + believed) - np.linalg.inv(then.information + believed)
+    return np.asarray(np.sqrt(np.maximum(np.einsum("pi,ij,pj->p", then.shares, moves, then.shares), 0.0)))
+
+
+def block_of(problem: Problem, z: Array, trial: ObservedTrial, respond: Respond) -> Block:
+    """The linear model of a trial that has not been recorded."""
+    p, every = z.size, problem.families.size
+    (found,) = respond([trial]).jacobian(z, range(every), driven=True)
+    columns, held, force = np.split(found, [p, every], axis=2)
+    return make_blocks([trial], [columns], [force], problem.laws[:p], (held,))[0]
+
+
+def further(fitted: Fitted, block: Block, trials: int) -> Marginal:
+    """The model of the fit with so many more trials like one, in a session of their own."""
+    sizes, new = fitted.marginal.sizes, len(fitted.marginal.sizes.common)
+    more = replace(sizes, own=_with_typical(sizes.own), common=_with_typical(sizes.common))
+    return Marginal([*fitted.marginal.blocks, *trials * [replace(block, session=new)]], more)
+
+
+def _with_typical(of_sessions: Array) -> Array:
+    """Sizes by session and channel with a row for one more session: the root mean square of those that have one."""
+    there = np.maximum((of_sessions > NOT_SEEN).sum(axis=0), 1)
+    return np.vstack([of_sessions, np.sqrt((of_sessions**2).sum(axis=0) / there)])
+
+
+def _known_better(problem: Problem, fitted: Fitted, columns: Sequence[str]) -> Marginal:
+    """The model of the fit with errors of sensors half as large: of the force, which it moves, and of encoders."""
+    moved = np.array([HALF_KNOWN if p.name in columns else 1.0 for p in problem.unknowns.moved])
+    instrument = np.array([HALF_KNOWN if name in columns else 1.0 for name in INSTRUMENT])
+    blocks = [replace(b, moved=b.moved * moved, instrument=b.instrument * instrument) for b in fitted.marginal.blocks]
+    return Marginal(blocks, fitted.marginal.sizes)
+
+
+SHOWN = 8
+
+
+def best_stroke(ranked: Sequence[Prospect]) -> Prospect | None:
+    """The best of those that are strokes of a profile; None where the bench allows or the model predicts none."""
+    strokes = (p for p in ranked if p.candidate is not None and p.candidate.profile is not None)
+    return next(strokes, None)
+
+
+def write_plan(ranked: Sequence[Prospect], path: str | Path, doubts: Sequence[str] = ()) -> dict[str, Path]:
+    """Write the best stroke as a plan, beside it its profile, whole or not at all.
+
+    Parameters
+    ----------
+    ranked : what `validation.infer.further.prospects` found
+    path : plan file to write, ending in .toml
+    doubts : why the numbers may not come true; said in the file
+
+    Returns
+    -------
+    dict
+        Relative name -> path of what was written.
+
+    Raises
+    ------
+    ValidationInputError
+        Another ending, a folder that is not there, or nothing to recommend.
+    """
+    target = check_target(path)
+    best = best_stroke(ranked)
+    profile = None if best is None or best.candidate is None else best.candidate.profile
+    if best is None or profile is None:
+        raise ValidationInputError(f"{target}: no profile can be recommended, so that there is no plan to write")
+    condition = re.sub(r"[^A-Za-z0-9.-]+", "_", profile.name).strip("_.-")
+    built_in = profile.name in built_in_profiles()
+    named = profile.name if built_in else f"{target.stem}_{condition}.toml"
+    limits = {name: best.range(name) for name in best.shrink}
+    lines = [
+        "# What to record next, by pianorig identify: u of each parameter after, divided by u now, as predicted at the",
+        "# identified values, and 95 % limits: the strokes teach about the noise, too.",
+        *(f"# In doubt: {line}." for line in doubts),
+        *(f"# {name}: {x:.2f} ({limits[name][0]:.2f} to {limits[name][1]:.2f})" for name, x in best.shrink.items()),
+        "#",
+        "# What else was looked at, geometric mean of the same:",
+        *(f"# {p.mean:.2f}  {p.name}" for p in ranked[:SHOWN]),
+        'schema = "piano-action-rig plan 1"',
+        f'name = "record next: {profile.name}"',
+        'order = "listed"',
+        "[[conditions]]",
+        f'name = "{condition}"',
+        f'profile = "{named}"',
+        f"repeats = {best.trials}",
+    ]
+    texts: dict[str, str | bytes] = {} if built_in else {named: profile.text}
+    texts[target.name] = "\n".join(lines) + "\n"
+    written = write_files(target.parent, texts)
+    load_plan(target)  # what was written can be played
+    return written

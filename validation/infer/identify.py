@@ -1,0 +1,254 @@
+"""Identification from sessions to result: one stage after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+
+import model
+from model.errors import ModelError
+from rig.session import Session
+from validation.cache.content_hash import code_sha256
+from validation.conventions import Array
+from validation.errors import ValidationInputError
+from validation.infer.estimates import AT_BOUND, LACKING, Profile, estimate_all
+from validation.infer.fit import Fitted
+from validation.infer.identifiability import EXPECTED, directions, warnings_before, warnings_of
+from validation.infer.minima import search
+from validation.infer.motion_runs import response_to
+from validation.infer.noise import Marginal, Sizes
+from validation.infer.observations import CHANNEL_NAMES, with_errors_of_what_drives
+from validation.infer.problem import Columns, Problem, at_start
+from validation.infer.result import FITTED, Details, Identification, joint_posterior
+from validation.infer.scatter import lacking
+from validation.infer.scores import by_channel, score, score_events, why_it_rises
+from validation.infer.sources import IdentifyKeywords, IdentifyOptions, Sources, collect
+from validation.infer.unknowns import Unknowns, unknowns
+from validation.prediction.model_under_test import action_sha256
+from validation.prediction.posterior import EARLIER, TRIALS, posterior_of
+
+LEAST_EFFECT_RAD = 1e-8
+EVENT_TOLERANCE = 1e-5
+PROVISIONAL = (
+    "intervals are provisional: how often they hold the truth is known from few virtual experiments "
+    "(docs/explanation/identification.md)"
+)
+MOST_ASKED = 25  # values at once: how often intervals of more hold the truth was not counted
+SAME = 6.0  # of twice the log likelihood: starts that end this close have found the same minimum
+
+
+def identify(
+    sessions: Sequence[Session | str | Path],
+    parameters: Sequence[str],
+    action: model.Action | str | Path = "hirschkorn2004",
+    **keywords: Unpack[IdentifyKeywords],
+) -> Identification:
+    """Find the parameter values that explain the measured strokes, and say how well they are known.
+
+    Parameters
+    ----------
+    sessions : sequence of Session or path
+        Sessions of one action; one kind of stroke each.
+    parameters : sequence of str
+        Names as ``--set`` and ``--scale`` know them, ``felt:contact02``, or groups: ``friction``, ``joint_friction``,
+        ``damping``, ``stiffness``, ``springs``.
+    action : model.Action, name or path
+        Values to start from; their uncertainties are the prior.
+    **keywords
+        See `validation.infer.sources.IdentifyOptions`.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    ValidationInputError
+        A parameter is unknown, has no prior or no effect, sessions cannot be used together, or the model cannot run.
+
+    Notes
+    -----
+    A fit factors thousands of small matrices, which the threads of a BLAS library only slow down: twenty times beside
+    another busy process. The command sets one thread; a program should set ``OPENBLAS_NUM_THREADS=1`` (or
+    ``MKL_NUM_THREADS``) before it imports numpy.
+
+    Examples
+    --------
+    >>> import validation
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
+    >>> found.estimates[0].name
+    'hammer.joint_friction.A'
+    """
+    options = IdentifyOptions(**keywords)
+    start = model.load_action(action) if isinstance(action, str | Path) else action
+    asked = unknowns(start, parameters, options.fixed, options.priors)
+    sources = collect(sessions, start, options)
+    asked = with_errors_of_what_drives(asked, sources.fitted)
+    every = (*asked.moved, *asked.held)
+    response = response_to(start, every, sources.fitted, options.tolerance, options.executor)
+    try:
+        problem, columns = at_start(start, asked, sources.fitted, response)
+    except ModelError as error:
+        why = str(error).removeprefix("identification: ")
+        raise ValidationInputError(f"identify: {start.name}: {why}; use other values with --set") from None
+    before = look_before(problem, columns)
+    stuck = bounds_not_run(problem)
+    for line in [*stuck, *before]:
+        options.say(f"before the fit: {line}")
+    fits = search(problem, options.starts, options.say, columns)
+    best = fits[0]
+    found = action_at(start, asked, best.z)
+    profiles: list[Profile] = []
+    estimates = estimate_all(problem, best, options.profiles, options.say, profiles.append)
+    covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
+    names = [p.name for p in asked.asked]
+    undetermined, determined = directions(names, covariance)
+    both, of = {"before": start, "identified": found}, {FITTED: sources.fitted, **sources.held}
+    scores = {name: score(trials, both, options.tolerance) for name, trials in of.items()}
+    events = {name: score_events(some, both, EVENT_TOLERANCE) for name, some in sources.measured_held.items()}
+    fitted, risen = scores[FITTED], []
+    if fitted["before"] is not None and fitted["identified"] is not None:
+        risen = why_it_rises(fitted["before"], fitted["identified"], by_channel(sources.fitted, best.curves))
+    width = np.sqrt(np.diag(covariance))
+    sizes = best.marginal.sizes.scatter
+    scatter = {p.name: float(sizes[j] * p.u) for j, p in enumerate(asked.asked) if problem.laws[j]}
+    bound = [f"{e.name}: {AT_BOUND}; its prior is too narrow, or the model lacks something" for e in estimates]
+    said = of_many(names) + [line for line, e in zip(bound, estimates, strict=True) if e.verdict == AT_BOUND]
+    return Identification(
+        action=found,
+        estimates=tuple(estimates),
+        correlation=covariance / np.outer(width, width),
+        undetermined=tuple(undetermined),
+        determined=tuple(determined),
+        warnings=(*_of_fit(best, fits, sources), *risen, *stuck, *said, *warnings_of(names, covariance)),
+        starts=tuple(f.alike for f in fits),
+        scatter=scatter,
+        scores=scores,
+        events=events,
+        provenance=_provenance(start, asked, sources, best, options),
+        posterior=joint_posterior(problem, best, estimates, sources),
+        details=Details(problem, best, tuple(profiles), sources),
+    )
+
+
+def look_before(problem: Problem, columns: Columns) -> list[str]:
+    """What derivatives at the start say before anything is fitted.
+
+    Raises
+    ------
+    ValidationInputError
+        A parameter has no effect in these strokes, or there are fewer data than parameters.
+    """
+    data = sum(t.change_rad.size for t in problem.trials)
+    names = [p.name for p in problem.unknowns.asked]
+    if data < len(names):
+        raise ValidationInputError(f"identify: found {data} data for {len(names)} parameters; record more trials")
+    zero = np.zeros(len(problem.unknowns.moved))
+    curves = problem.response.curves([zero])[0]
+    if curves is None:
+        raise ValidationInputError(
+            f"identify: the model {problem.action.name} cannot run these strokes; use other values with --set"
+        )
+    blocks = columns.blocks(zero)
+    effect = np.max([np.abs(b.moved).max(axis=0) for b in blocks], axis=0)
+    for name, size in zip(names, effect, strict=False):
+        if size < LEAST_EFFECT_RAD:
+            raise ValidationInputError(
+                f"--parameters {name}: has no effect in these strokes (no angle moves by {LEAST_EFFECT_RAD:g} rad); "
+                "leave it out, or record a stroke in which it acts"
+            )
+    tight, n = Sizes.tight(problem.families, problem.seen), len(names)
+    usual = tight.grown(EXPECTED / float(tight.discrepancy.max()))
+    at_best, expected = (Marginal(blocks, sizes).covariance[:n, :n] for sizes in (tight, usual))
+    return warnings_before(names, at_best, expected)
+
+
+def bounds_not_run(problem: Problem) -> list[str]:
+    """A line for each end of an asked parameter's range at which the model cannot run these strokes."""
+    asked, (low, high) = problem.unknowns.asked, problem.box()
+    ends = [(j, side, edge[j]) for j in range(len(asked)) for side, edge in (("lower", low), ("upper", high))]
+    points = [at * np.eye(low.size)[j] for j, _, at in ends]
+    return [
+        f"{asked[j].name}: the model cannot run at the {side} end of its range "
+        f"({asked[j].physical(problem.action, at):.3g} {asked[j].unit(problem.action)}); what its interval says beyond "
+        "the last value that ran is extrapolated"
+        for (j, side, at), curves in zip(ends, problem.response.curves(points), strict=True)
+        if curves is None
+    ]
+
+
+def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:
+    """The action with all moved parameters at z."""
+    values: dict[str, float] = {}
+    for parameter, at in zip(asked.moved, z, strict=True):
+        values |= parameter.values(start, float(at))
+    return start.with_values(values, "identify")
+
+
+def of_many(names: Sequence[str]) -> list[str]:
+    """What is said where more values are asked for at once than were tried."""
+    if len(names) <= MOST_ASKED:
+        return []
+    return [
+        f"{len(names)} values at once: beyond {MOST_ASKED} a fit that settles may be in one of several minima, "
+        "its values several u off; ask for fewer"
+    ]
+
+
+def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]:
+    said = [PROVISIONAL, *sources.refused, *sources.notes]
+    if not best.converged:
+        said.insert(0, "the fit did not settle: its last step was not small; treat the intervals as too narrow")
+    if best.forks:
+        where = [
+            f"{sources.fitted[k].label} from {1e3 * (t := sources.fitted[k].time_s)[i] - 1e3 * t[0]:.0f} ms on"
+            for k, i in sorted(best.forks.items())
+        ]
+        said.append(
+            f"left out, at a fork of the motion (a third of a u turns it by more than twice the noise): "
+            f"{', '.join(where)}, counted from the first phase compared"
+        )
+    share = lacking(best)
+    if share > LACKING:
+        said.append(
+            f"the model lacks something: trials differ from it alike by {100 * share:.0f} % of what all its laws "
+            "together could do; intervals hold what that may do to a value"
+        )
+    apart = [f.alike - best.alike for f in fits]
+    if max(apart) > SAME:
+        other = sum(a > SAME for a in apart)
+        better = "" if best.settled else "; more starts (--starts) may find a better one"
+        said.append(f"{other} of {len(fits)} fits ended in a worse minimum and are not used{better}")
+    if len(sources.fitted) < 5:
+        said.append(
+            f"{len(sources.fitted)} trials fitted: scatter between trials is poorly known; five or more are advised"
+        )
+    return said
+
+
+def _provenance(
+    start: model.Action, asked: Unknowns, sources: Sources, best: Fitted, options: IdentifyOptions
+) -> dict[str, Any]:
+    before = posterior_of(start)
+    return {
+        "created_utc": options.now().strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "start": start.name,
+        "start_sha256": action_sha256(start),
+        "model_sha256": code_sha256("model"),
+        TRIALS: dict(sources.seals),
+        EARLIER: [] if before is None else list(before.trials.values()),
+        "fitted_beside": [p.name for p in asked.beside],
+        "fitted_small": len(asked.small),
+        "fixed": list(options.fixed),
+        "paths": {p.name: list(p.paths) for p in asked.asked},
+        "steps": best.steps,
+        "converged": best.converged,
+        "driven_by_the_key": [t.label for t in sources.fitted if t.key is not None],
+        "discrepancy": {
+            f"session {s + 1}": {CHANNEL_NAMES[c]: float(best.marginal.sizes.discrepancy[s, c]) for c in channels}
+            for s, channels in {b.session: b.channels for b in best.marginal.blocks}.items()
+        },
+    }

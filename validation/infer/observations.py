@@ -1,0 +1,398 @@
+"""What is compared: angles of encoders and films of each trial, thinned to phases that the trials of a session share.
+
+Conventions: phases are times relative to the moment the hammer first came 90 % of its way; they are spaced so that the
+action moves equally far between them, from just before the force acts until it ends, before the key goes up: later
+differences grow of themselves. The force is trimmed to that, starts at its declared preload, and is not changed else.
+A film has a clock of its own: of each phase its nearest frame is compared, at its time (`film_channels`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import ModelError
+from model.motion_driven.spline_fit import KeyFit, fit_key_motion
+from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
+from validation.errors import ValidationInputError
+from validation.infer.unknowns import FORCE, KEY, Parameter, Unknowns
+from validation.measurement.trial import FilmAngles, MeasuredTrial
+
+NEAR = 0.75  # of the time between two frames: how far a frame may be from its phase
+OUTSIDE_S = 1e-3  # a frame may be beyond the first and last phase by this
+
+
+@dataclass(frozen=True)
+class FilmSeen:
+    """What a film says at m phases."""
+
+    time_s: Array  # (m,) of the frames; of the phase itself where there is none
+    # change_rad, u_white_rad: (m, 2) since rest, and from frame to frame; NaN where lost
+    change_rad: Array
+    u_white_rad: Array
+    # u_zero_rad, u_scale: (2,) of the reference, rad; of what grows with the angle, relative
+    u_zero_rad: Array
+    u_scale: Array
+    u_time_s: float  # of the film's clock
+
+
+def film_seen(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
+    """What a trial's film says at times (m,); all lost without a film.
+
+    Conventions: relative to the whippen and to rest, rad; a phase without a frame of its own is lost (NaN): frames may
+    be further apart than phases, and one frame counts once. Noise differs from frame to frame; the reference, an
+    average of the frames at rest, errs alike in all frames of a film; what camera, shutter and codec add is taken to
+    grow with the angle.
+    """
+    n, size = len(FILM_CHANNELS), phase_s.size
+    lost = np.full((size, n), np.nan)
+    if m.film is None or m.film.time_s.size < 2:
+        return FilmSeen(phase_s, lost, lost, np.zeros(n), np.zeros(n), 0.0)
+    film = m.film
+    frame, there = _own_frames(film.time_s, phase_s)
+    change, white = lost.copy(), lost.copy()
+    zero, scale = np.zeros(n), np.zeros(n)
+    still = max(int(np.sum(film.time_s < m.quiet.end_s)), 1)
+    for c, name in enumerate(FILM_CHANNELS):
+        noise = film.u_noise_rad.get(name, film.u_rad[name])
+        change[there, c], white[there, c] = film.change_rad[name][frame[there]], noise[frame[there]]
+        known = np.isfinite(film.change_rad[name]) & np.isfinite(noise) & np.isfinite(film.u_rad[name])
+        if known.any():
+            zero[c] = float(np.median(noise[known])) / np.sqrt(still)
+            scale[c] = _grows(film, name, noise, known)
+    change[~np.isfinite(white)] = np.nan
+    return FilmSeen(np.where(there, film.time_s[frame], phase_s), change, white, zero, scale, film.u_time_s)
+
+
+def _own_frames(frame_s: Array, phase_s: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Index of the frame nearest to each phase (m,), and whether the phase has it for itself."""
+    frame = np.clip(np.round(np.interp(phase_s, frame_s, np.arange(frame_s.size))), 0, frame_s.size - 1).astype(int)
+    away = np.abs(frame_s[frame] - phase_s)
+    there = away <= NEAR * float(np.median(np.diff(frame_s)))
+    there &= (frame_s[frame] >= phase_s[0] - OUTSIDE_S) & (frame_s[frame] <= phase_s[-1] + OUTSIDE_S)
+    for k in np.unique(frame):
+        same = np.flatnonzero(frame == k)
+        there[np.delete(same, int(np.argmin(away[same])))] = False
+    return frame, there
+
+
+def _grows(film: FilmAngles, name: str, noise: Array, known: NDArray[np.bool_]) -> float:
+    """Relative standard uncertainty of what the total has beside noise, where the body has turned most."""
+    beside = np.sqrt(np.maximum(film.u_rad[name][known] ** 2 - noise[known] ** 2, 0.0))
+    turned = np.abs(film.change_rad[name][known])
+    far = turned > 0.5 * turned.max()
+    return float(np.median(beside[far] / turned[far])) if far.any() and turned.max() > 0.0 else 0.0
+
+
+PHASES = 60
+LEAD_S = 0.02  # rest kept before the force acts
+HELD = 0.15  # of the peak force: below it for good, the key is being let go
+EVEN = 0.15  # share of the phases that is spread evenly over time
+APART = 1.5  # samples between neighbouring phases, at least: each is the nearest sample of every trial
+CHANNEL_NAMES = (*ENCODER_CHANNELS, *FILM_CHANNELS)
+ENCODERS, FILM = (0, 1, 2), (3, 4)
+"""Channels by their place in `CHANNEL_NAMES`."""
+BODY = tuple(BODIES.index(name) for name in CHANNEL_NAMES)
+
+
+@dataclass(frozen=True)
+class ObservedTrial:
+    """One trial as the fit sees it."""
+
+    label: str  # session and number, for messages
+    # session, number: which session of the fit (from 0), number of the trial in it
+    session: int
+    number: int
+    # force_time_s, force_n: (k,) what drives the model; the first value is the preload; empty where the key does
+    force_time_s: Array
+    force_n: Array
+    time_s: Array  # (m,) when angles are compared
+    change_rad: Array  # (m, c) of ``channels`` since rest; NaN where a film lost a body
+    u_white_rad: Array  # (c,) or (m, c) from sample to sample
+    u_zero_rad: Array  # (c,) of the trial's own zero: its rounding; of a film its reference
+    # u_steady_rad, u_scale: (c,) alike in all trials: not growing with the angle; relative
+    u_steady_rad: Array
+    u_scale: Array
+    # preload_n, u_preload_n, u_offset_n, u_gain, u_delay_s: of the force
+    preload_n: float
+    u_preload_n: float
+    u_offset_n: float
+    u_gain: float
+    u_delay_s: float
+    noise_n: float  # standard deviation of one force sample
+    channels: tuple[int, ...] = ENCODERS  # what is compared, as places in `CHANNEL_NAMES`
+    film_time_s: Array | None = None  # (m,) times of the frames that film channels are compared at; None without a film
+    u_film_time_s: float = 0.0  # of the film's clock
+    # the fitted motion of the key that drives the model, since rest; None where the force does
+    key: KeyFit | None = None
+    # u_key_rad, u_key_scale: errors of the key's encoder, of the motion that drives
+    u_key_rad: float = 0.0
+    u_key_scale: float = 0.0
+    # whether the errors of the key's encoder are fitted (with a trial that the key drives), not linear
+    key_moves: bool = False
+
+    def column(self, name: str) -> Array:
+        """Change (m,) of one channel."""
+        return np.asarray(self.change_rad[:, self.channels.index(CHANNEL_NAMES.index(name))])
+
+    def model_time_s(self, film_late_s: float = 0.0) -> Array:
+        """Times (k,) at which the model is needed: phases and frames."""
+        if self.film_time_s is None:
+            return self.time_s
+        return np.unique(np.concatenate([self.time_s, self.film_time_s + film_late_s]))
+
+    def seen(self, turn_rad: Array, film_late_s: float = 0.0) -> Array:
+        """Channels (m, c) of the model's turns (k, 5) of all bodies at `model_time_s`."""
+        when = self.model_time_s(film_late_s)
+        phase = np.searchsorted(when, self.time_s)
+        frame = phase if self.film_time_s is None else np.searchsorted(when, self.film_time_s + film_late_s)
+        return np.column_stack([turn_rad[frame if c in FILM else phase, BODY[c]] for c in self.channels])
+
+
+@dataclass(frozen=True)
+class Span:
+    """What of a trial is compared; ``top_s`` is when the hammer first came 90 % of its way."""
+
+    start_s: float
+    top_s: float
+    end_s: float
+
+
+_SpanOf = Callable[[MeasuredTrial], Span]
+_Seen = Callable[[str, int, MeasuredTrial, Span, Array], ObservedTrial]
+
+
+def observe(
+    name: str, session: int, trials: Sequence[MeasuredTrial], phases: int = PHASES, film: bool = False
+) -> list[ObservedTrial]:
+    """Thin the trials of one session to common phases.
+
+    Parameters
+    ----------
+    name : of the session, for messages
+    session : its index in the fit
+    trials : of one kind of stroke
+    phases : how many times of each trial are compared
+    film : compare the angles of films, too; those of trials without one are lost
+
+    Raises
+    ------
+    ValidationInputError
+        The trials have no span in common: they are not of one kind of stroke; or an encoder stands still.
+    """
+    return _thinned(name, session, trials, (_span, _observed), phases, film)
+
+
+def _thinned(
+    name: str, session: int, trials: Sequence[MeasuredTrial], ways: tuple[_SpanOf, _Seen], phases: int, film: bool
+) -> list[ObservedTrial]:
+    """Trials as `observe` has them, by what tells their spans, and what sees them at common phases."""
+    for m in trials:
+        still = np.flatnonzero(np.ptp(m.change_rad, axis=0) == 0.0)
+        if still.size:
+            raise ValidationInputError(
+                f"{name}, trial {m.number}: the {ENCODER_CHANNELS[still[0]]} encoder stands still; reject the trial "
+                "(pianorig annotate), or check the encoder's cable and record again"
+            )
+    spans = [ways[0](m) for m in trials]
+    at = common_phases(name, trials, spans, phases)
+    seen = [ways[1](name, session, m, s, at) for m, s in zip(trials, spans, strict=True)]
+    return [with_film(t, m) for t, m in zip(seen, trials, strict=True)] if film else seen
+
+
+def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Span], phases: int) -> Array:
+    """Times (m,) from the moment the hammer is up, for all trials of one session.
+
+    Raises
+    ------
+    ValidationInputError
+        The trials have no span in common.
+    """
+    before = min(s.top_s - s.start_s for s in spans)
+    after = min(s.end_s - s.top_s for s in spans)
+    if before <= 0.0 or after <= 0.0:
+        raise ValidationInputError(
+            f"{name}: in some trials the hammer does not rise while the key is pressed; reject them (pianorig "
+            "annotate), or give sessions of one kind of stroke each"
+        )
+    fine = np.arange(-before, after, 1e-3)
+    lead, first = trials[0], spans[0]
+    curve = _at(lead, first.top_s + fine)
+    way = np.abs(np.gradient(curve, axis=0)) / np.ptp(lead.change_rad, axis=0)
+    density = way.sum(axis=1) / way.sum() * (1.0 - EVEN) + EVEN / fine.size
+    passed = np.concatenate([[0.0], np.cumsum(density)[:-1]])
+    at = np.unique(np.interp((np.arange(phases) + 0.5) / phases, passed, fine))
+    return _apart(at, APART * max(float(np.median(np.diff(m.time_s))) for m in trials))
+
+
+def with_film(trial: ObservedTrial, m: MeasuredTrial) -> ObservedTrial:
+    """The trial with jack and repetition lever as its film shows them; lost throughout without one."""
+    seen: FilmSeen = film_seen(m, trial.time_s)
+    white = np.broadcast_to(trial.u_white_rad, trial.change_rad.shape)
+    return replace(
+        trial,
+        change_rad=np.hstack([trial.change_rad, seen.change_rad]),
+        u_white_rad=np.hstack([white, seen.u_white_rad]),
+        u_zero_rad=np.append(trial.u_zero_rad, seen.u_zero_rad),
+        u_steady_rad=np.append(trial.u_steady_rad, np.zeros(len(FILM))),
+        u_scale=np.append(trial.u_scale, seen.u_scale),
+        channels=(*trial.channels, *FILM),
+        film_time_s=seen.time_s,
+        u_film_time_s=seen.u_time_s,
+    )
+
+
+def sampled(m: MeasuredTrial, span: Span, phases: Array) -> Array:
+    """Indices (m,) of samples nearest to the phases: between samples a straight line misses an impact by 1e-4 rad."""
+    nearest = np.round(np.interp(span.top_s + phases, m.time_s, np.arange(m.time_s.size)))
+    return np.asarray(np.clip(nearest, 0, m.time_s.size - 1), dtype=int)
+
+
+def encoder_noise(m: MeasuredTrial) -> dict[str, Any]:
+    """Standard uncertainties (3,), rad, of one sample (its rounding, jitter), of the zero, and alike in all trials."""
+    zero = np.abs(np.asarray(m.resolution_rad, dtype=float)) / np.sqrt(12.0)
+    white = np.hypot(zero, m.change_rad[: m.quiet.stop].std(axis=0, ddof=1))
+    steady = np.sqrt(np.maximum(np.asarray(m.u_rad) ** 2 - white**2 - zero**2, 0.0))
+    return {"u_white_rad": white, "u_zero_rad": zero, "u_steady_rad": steady}
+
+
+def _apart(times: Array, least_s: float) -> Array:
+    """Those of increasing times that are at least so far from the last one kept."""
+    kept = [float(times[0])]
+    for t in times[1:]:
+        if t - kept[-1] >= least_s:
+            kept.append(float(t))
+    return np.array(kept)
+
+
+def _span(m: MeasuredTrial) -> Span:
+    hammer = np.abs(m.change_rad[:, 2])
+    top = float(m.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))])
+    force = m.force.force_n - m.force.preload_n
+    acts = np.flatnonzero(force > HELD * force.max())
+    end = min(float(m.force.time_s[acts[-1]]), float(m.time_s[-1]))
+    return Span(max(m.quiet.onset_s - 2e-3, float(m.force.time_s[0]) + LEAD_S), top, end)
+
+
+def _at(m: MeasuredTrial, time_s: Array) -> Array:
+    return np.column_stack([np.interp(time_s, m.time_s, column) for column in m.change_rad.T])
+
+
+def _observed(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
+    index = sampled(m, span, phases)
+    time = m.time_s[index]
+    f = m.force
+    # from where it begins to act, not from the first phase, which may be later: what moved the key till then counts
+    inside = (f.time_s > span.start_s - LEAD_S) & (f.time_s <= time[-1] + 2e-3)
+    force_s, force_n = f.time_s[inside], f.force_n[inside].copy()
+    force_n[force_s < m.quiet.onset_s - 2e-3] = f.preload_n  # the baseline's mean; its noise is not force
+    offset = f.hum.u_offset_n if np.isfinite(f.hum.u_offset_n) else 0.0
+    return ObservedTrial(
+        label=f"{name}, trial {m.number}",
+        session=session,
+        number=m.number,
+        force_time_s=force_s,
+        force_n=force_n,
+        time_s=time,
+        change_rad=m.change_rad[index],
+        **encoder_noise(m),
+        u_scale=np.asarray(m.scale_relative_u, dtype=float),
+        preload_n=f.preload_n,
+        u_preload_n=f.channel.u_preload_n,
+        u_offset_n=float(offset),
+        u_gain=f.channel.gain_relative_u,
+        u_delay_s=f.channel.u_group_delay_s,
+        noise_n=float(f.noise_n),
+    )
+
+
+MOVES, DOWN = 0.01, 0.5  # of the key's largest turn: from where on it moves; below it for good, it goes up
+AFTER_S = 2e-3
+WITHOUT_KEY = (1, 2)
+
+
+def observe_driven(
+    name: str, session: int, trials: Sequence[MeasuredTrial], phases: int = PHASES, film: bool = False
+) -> list[ObservedTrial]:
+    """Thin the trials of one session to common phases, each driven by its own key; as `observations.observe`.
+
+    Conventions: whippen and hammer (and a film's bodies) are compared, at phases as in `observations`, from just before
+    the key moves until it goes up again. The key's motion is a differentiable curve fitted to its encoder, since rest;
+    the model adds its own rest angle under the arm's preload. Errors of the key's encoder are errors of what drives:
+    they move like parameters, in the trials that a force drives, too.
+
+    Raises
+    ------
+    ValidationInputError
+        The trials have no span in common, an encoder stands still, or a key's angles are no motion.
+    """
+    return _thinned(name, session, trials, (_driven_span, _observed_driven), phases, film)
+
+
+def _driven_span(m: MeasuredTrial) -> Span:
+    key, hammer = (np.abs(m.change_rad[:, c]) for c in (0, 2))
+    moves = int(np.argmax(key > MOVES * key.max()))
+    top = float(m.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))])
+    down = np.flatnonzero(key > DOWN * key.max())
+    return Span(max(float(m.time_s[moves]) - 2e-3, float(m.time_s[0]) + LEAD_S), top, float(m.time_s[down[-1]]))
+
+
+def _observed_driven(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
+    index = sampled(m, span, phases)
+    time = m.time_s[index]
+    inside = (m.time_s > span.start_s - LEAD_S) & (m.time_s <= time[-1] + AFTER_S)
+    try:
+        key = fit_key_motion(m.time_s[inside], m.change_rad[inside, 0], resolution_rad=float(m.resolution_rad[0]))
+    except ModelError as error:
+        raise ValidationInputError(f"{name}, trial {m.number}: {error}") from None
+    noise, measured = encoder_noise(m), list(WITHOUT_KEY)
+    scale = np.asarray(m.scale_relative_u, dtype=float)
+    force = m.force.channel
+    return ObservedTrial(
+        label=f"{name}, trial {m.number}",
+        session=session,
+        number=m.number,
+        force_time_s=np.empty(0),
+        force_n=np.empty(0),
+        time_s=time,
+        change_rad=m.change_rad[index][:, measured],
+        **{name: u[measured] for name, u in noise.items()},
+        u_scale=scale[measured],
+        preload_n=force.preload_n,
+        u_preload_n=force.u_preload_n,
+        u_offset_n=0.0,
+        u_gain=0.0,
+        u_delay_s=0.0,
+        noise_n=0.0,
+        channels=WITHOUT_KEY,
+        key=key,
+        u_key_rad=float(noise["u_steady_rad"][0]),
+        u_key_scale=float(scale[0]),
+        key_moves=True,
+    )
+
+
+def sharing_the_key(trials: Sequence[ObservedTrial]) -> list[ObservedTrial]:
+    """All trials, with errors of the key's encoder that move where they move in any of them."""
+    if all(t.key is None for t in trials):
+        return list(trials)
+    return [
+        t
+        if t.key is not None
+        else replace(t, key_moves=True, u_key_rad=float(t.u_steady_rad[0]), u_key_scale=float(t.u_scale[0]))
+        for t in trials
+    ]
+
+
+def with_errors_of_what_drives(asked: Unknowns, trials: Sequence[ObservedTrial]) -> Unknowns:
+    """The unknowns with errors of the force, of the key's encoder, or of both, as the trials are driven."""
+    errors: tuple[Parameter, ...] = ()
+    if any(t.key is None for t in trials):
+        errors += FORCE
+    if any(t.key is not None for t in trials):
+        errors += KEY
+    return replace(asked, force=errors)

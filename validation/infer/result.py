@@ -1,0 +1,187 @@
+"""What an identification found, as plain records: every parameter with its interval and what may be said of it.
+
+Conventions: ``value`` is SI, or a factor of the printed stiffness where a, b and c move together; ``u`` is the standard
+uncertainty of the value; intervals are 95 %. ``z`` and its uncertainty are in prior standard uncertainties.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+import model
+from model.arrays import ArrayRecord
+from validation.conventions import Array
+from validation.infer.causes.explain import (
+    MOST_TRIALS,
+    Explained,
+    explain_difference,
+    explain_observed,
+)
+from validation.infer.estimates import Estimate, Profile
+from validation.infer.fit import Fitted
+from validation.infer.identifiability import Combination
+from validation.infer.lacks import Supported, supported
+from validation.infer.observations import ObservedTrial
+from validation.infer.problem import Problem
+from validation.infer.scores import EventScore
+from validation.infer.sources import Sources
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.black_boxes import fit_black_boxes
+from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.posterior import Posterior, make_posterior, posterior_of
+from validation.statistics.rivals import stroke_example, stroke_features
+
+TITLE = "Which part of the model explains the difference"
+NOT_LOOKED_FOR = "nothing was looked for, the difference is a few thousandths of the motion or the model cannot run"
+SAMPLES = 2.5
+BY_MOTION = f"{TITLE} is not asked where the key's motion drives the model; strokes with a recorded force tell."
+
+
+def explained_lines(action: model.Action, sources: Sources) -> tuple[str, ...]:
+    """One sentence for each session whose trials a force drives; one alone where none does.
+
+    The question and the rule are those of `validate` (`validation.infer.causes`), so that page and report
+    say the same of the same strokes. What the fit held or moved plays no part: everything that may be wrong is a
+    candidate (docs/explanation/differences.md).
+
+    Parameters
+    ----------
+    action : values before the fit
+    sources : what was fitted
+    """
+    tested = ModelUnderTest(action)
+    found = [(_name(trials[0][0]), _explained(tested, trials)) for trials in driven_by_force(sources)]
+    lines = tuple(
+        f"{TITLE}, {name}: {'; '.join([*(f.text for f in e.findings), e.sentence or NOT_LOOKED_FOR])}."
+        for name, e in found
+    )
+    return lines or (BY_MOTION,)
+
+
+Trials = list[tuple[ObservedTrial, MeasuredTrial | None]]
+
+
+def driven_by_force(sources: Sources) -> list[Trials]:
+    """Trials of each session that a force drives, as they are compared and as measured: None for those of tables."""
+    observed = [t for t in sources.fitted if t.key is None]
+    tables = len(observed) - len(sources.measured)  # their trials come first
+    out: dict[int, Trials] = {}
+    for t, m in zip(observed, (*tables * [None], *sources.measured), strict=True):
+        out.setdefault(t.session, []).append((t, m))
+    return list(out.values())
+
+
+def _explained(tested: ModelUnderTest, trials: Trials) -> Explained:
+    measured = [m for _, m in trials if m is not None]
+    if measured:
+        return explain_difference(tested, measured)
+    observed = [t for t, _ in trials]
+    return explain_observed(tested, [t for t in observed if _same_phases(t, observed[0])][:MOST_TRIALS])
+
+
+def _same_phases(a: ObservedTrial, b: ObservedTrial) -> bool:
+    """Whether two trials are compared at the same phases, each at the nearest of its samples."""
+    sample_s = float(np.median(np.diff(b.force_time_s)))
+    return a.time_s.size == b.time_s.size and float(np.ptp(a.time_s - b.time_s)) < SAMPLES * sample_s
+
+
+def _name(trial: ObservedTrial) -> str:
+    return trial.label.rpartition(", trial")[0] or trial.label
+
+
+def joint_posterior(problem: Problem, fitted: Fitted, estimates: Sequence[Estimate], sources: Sources) -> Posterior:
+    """Posterior of every parameter the fit moved, without the force's errors; the asked ones as wide as stated.
+
+    Correlations stay. With it what a comparison needs to know of the fit: the values before, what the strokes were
+    like (with those of an earlier fit that these values started from), and the black boxes fitted to them.
+
+    Parameters
+    ----------
+    problem, fitted : the fit
+    estimates : of the asked parameters
+    sources : what was fitted
+    """
+    wider = np.ones(fitted.covariance.shape[0])
+    for j, e in enumerate(estimates):
+        wider[j] = e.z_u / np.sqrt(fitted.covariance[j, j])
+    kept = [j for j, p in enumerate(problem.unknowns.moved) if p.paths]  # errors of the force are the bench's
+    moved = [(p.name, p.paths, p.u, p.factor) for p in problem.unknowns.moved if p.paths]
+    made = make_posterior(moved, (fitted.covariance * np.outer(wider, wider))[np.ix_(kept, kept)], sources.seals)
+    earlier = posterior_of(problem.action)
+    strokes = {} if earlier is None else {f"before: {label}": one for label, one in earlier.strokes.items()}
+    by_force = [(t, m) for trials in driven_by_force(sources) for t, m in trials if m is not None]
+    for observed, m in by_force:
+        strokes[observed.label] = stroke_features(m)
+    samples = {} if earlier is None else {f"before: {label}": one for label, one in earlier.samples.items()}
+    boxes = fit_black_boxes([stroke_example(m) for _, m in by_force]) if by_force else {}
+    return replace(
+        made,
+        before={path: float(problem.action[path]) for path in sorted(made.moved)},
+        strokes=strokes,
+        samples=samples | {label: list(found) for label, found in sources.samples.items()},
+        black_boxes={kind: box.plain() for kind, box in boxes.items()},
+    )
+
+
+@dataclass(frozen=True)
+class Details:
+    """The fit behind an `Identification`."""
+
+    problem: Problem  # what was fitted to what
+    fitted: Fitted  # where it ended
+    profiles: tuple[Profile, ...]  # those that were made
+    sources: Sources  # the trials, measured
+
+    @cached_property
+    def explained(self) -> tuple[str, ...]:
+        """Sentences on which part of the model explains the difference; found when first asked for, in seconds."""
+        lines = () if self.supported is None else self.supported.lines
+        return (*explained_lines(self.problem.action, self.sources), *lines)
+
+    @cached_property
+    def supported(self) -> Supported | None:
+        """What is known in spite of what the model lacks; found when first asked for, in up to a minute."""
+        return supported(self.problem, self.fitted, lambda line: None)
+
+
+FITTED = "fitted trials"
+
+
+@dataclass(frozen=True)
+class Identification(ArrayRecord):
+    """What was found.
+
+    Attributes
+    ----------
+    action : with the most probable values of everything that was asked for
+    estimates : one for each asked parameter, in the order asked
+    correlation : (n, n) of the asked parameters
+    undetermined, determined : directions among the asked parameters
+    warnings : sentences, the most important first
+    starts : twice the negative log likelihood of every fit that was made, the best first
+    scatter : name -> standard deviation from trial to trial, relative
+    scores : name of a set of trials -> scores of printed and identified values and of the null model
+    events : name of a set of trials that were not fitted -> how their events are met, see `held_out`
+    provenance : what it was made from
+    posterior : joint uncertainty of everything the fit moved
+    details : the fit itself, with the trials
+    """
+
+    action: model.Action
+    estimates: tuple[Estimate, ...]
+    correlation: Array
+    undetermined: tuple[Combination, ...]
+    determined: tuple[Combination, ...]
+    warnings: tuple[str, ...]
+    starts: tuple[float, ...]
+    scatter: Mapping[str, float]
+    scores: Mapping[str, Any]
+    events: Mapping[str, Mapping[str, Mapping[str, EventScore]]]
+    provenance: Mapping[str, Any]
+    posterior: Posterior
+    details: Details = field(repr=False, compare=False)
