@@ -132,7 +132,7 @@ def judged(kind: str, n: int, k: int, seed: int, effect: str, exact: bool) -> di
     for row in verdict.quantities.itertuples():
         true = float(error[next(i for i, q in enumerate(QUANTITIES) if q.name == row.quantity)])
         if np.isfinite(row.low) and np.isfinite(true):
-            numbers = float(row.detectable), float(true), float(row.limit)
+            numbers = max(-row.detectable_low, row.detectable_high), float(true), float(row.limit)
             rows[row.quantity] = [bool(row.low <= true <= row.high), bool(row.resolved), *numbers]
     return {
         "outcome": verdict.outcome, "p": float(verdict.facts.get("p", np.nan)), "rows": rows,

@@ -378,6 +378,11 @@ def flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m: fl
     expected = DECELERATION_M_PER_S2 if side < 0 else FALL_M_PER_S2
     length, clean = _undisturbed(stretch, sigma, expected)
     path = _path(*stretch(0.0, length), sigma, expected)
+    if side < 0 and not clean and path.value[1] > 0:  # a string lower than the geometry says brakes the last samples
+        touch = NEAR_MISS_M / float(path.value[1])
+        length, clean = _undisturbed(lambda begin, end: stretch(touch + begin, touch + end), sigma, expected)
+        if clean:
+            path = _path(*stretch(touch, touch + length), sigma, expected)
     speed, u_speed, note = float(path.value[1]), path.u(1), f"free flight over {1e3 * length:.0f} ms"
     gap, u_gap, slowing = float(path.value[0]), path.u(0), float(path.value[2])
     if not clean:
@@ -722,25 +727,24 @@ def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_lev
     age = contact - motion.time_s
     near = (age > 0) & (age < FREE_FOR_S)
 
-    def distance_from_path(speed: float) -> Array:
+    def behind_path(speed: float) -> Array:
         path = speed * age + DECELERATION_M_PER_S2 * age**2 / 2
         return np.where(near, motion.hammer_way_m - path, np.nan)
 
-    def off_path(speed: float) -> Array:
-        return np.abs(distance_from_path(speed))
-
     # the deceleration of the path is part of the definition; the speed is not, and tilts it
     speed, u_speed = strike.arrival.speed, strike.arrival.u_speed
-    off = off_path(speed)
-    # a jack pushes the hammer from one side of its path; one that is off on the other side vibrates about it
-    swing = float(np.nanmax(np.where(age < SWINGS_S, distance_from_path(speed), np.nan), initial=0.0))
+    behind = behind_path(speed)
+    # a jack pushes the hammer from one side of its path; one that is off on the other side vibrates about it, unless it
+    # is as near as a string that is lower than the geometry says
+    in_flight = (age < SWINGS_S) & (speed * age > NEAR_MISS_M)
+    swing = float(np.nanmax(np.where(in_flight, behind, np.nan), initial=0.0))
     vibrates = swing > OFF_PATH_M
     level = OFF_PATH_M + (SWINGS_BY * swing if vibrates else 0.0)
-    value, u = read(lambda level: last_fall(motion.time_s, off, level), level, motion.u_height_m)
+    value, u = read(lambda level: last_fall(motion.time_s, -behind, level), level, motion.u_height_m)
     if value is None:
         return absent("let_off", "hammer is in free flight for longer than 50 ms, or never")
-    _, u_tilt = read(lambda v: last_fall(motion.time_s, off_path(v), level), speed, u_speed)
-    event = _at("let_off", value, math.hypot(u, u_tilt), motion.time_s, off)
+    _, u_tilt = read(lambda v: last_fall(motion.time_s, -behind_path(v), level), speed, u_speed)
+    event = _at("let_off", value, math.hypot(u, u_tilt), motion.time_s, behind)
     if not vibrates:
         return event
     note = f"the hammer vibrates by {1e3 * swing:.2f} mm about the path of its flight"

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import model
 from model.errors import ModelError
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
-from validation.measurement.trial import MeasuredTrial
+from validation.measurement.trial import FilmAngles, MeasuredTrial
 from validation.prediction.input_sampling import parameter_draws
 from validation.prediction.many_runs import Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
@@ -189,22 +189,35 @@ def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution
     out = np.full((time_s.size, len(CHANNELS)), np.nan)
     for i, name in enumerate(CHANNELS):
         angle = turn[:, BODIES.index(name)]
-        moved = 1.0 - np.exp(-np.abs(angle) / MOVED_RAD)
         if name in FILM_CHANNELS:
             if m.film is None:
                 continue
-            u = float(np.nanmedian(m.film.u_rad[name])) / np.sqrt(2.0)  # half of its square common, half white
+            common, u_frame = film_errors(m.film, name, time_s)
             clock = np.gradient(angle, time_s) * m.film.u_time_s * draw.z_scale[FILM_CLOCK]
-            out[:, i] = angle + clock + u * draw.z_change[i] * moved
+            out[:, i] = angle + clock + common * draw.z_change[i]
             if draw.has_own_errors:
-                out[:, i] += u * rng.standard_normal(angle.size)
+                out[:, i] += np.interp(time_s, m.film.time_s, u_frame * rng.standard_normal(m.film.time_s.size))
             continue
+        moved = 1.0 - np.exp(-np.abs(angle) / MOVED_RAD)
         white = abs(float(m.resolution_rad[i])) / np.sqrt(12.0)
         steady = float(np.sqrt(max(float(m.u_rad[i]) ** 2 - 2.0 * white**2, 0.0)))
         out[:, i] = angle * (1 + float(m.scale_relative_u[i]) * draw.z_scale[i]) + steady * draw.z_change[i] * moved
         if draw.has_own_errors:
             out[:, i] += white * (rng.standard_normal(angle.size) + rng.standard_normal())
     return out
+
+
+def film_errors(film: FilmAngles, name: str, time_s: Array) -> tuple[Array, float]:
+    """Standard uncertainties of a filmed angle: what all frames share, at times (n,), and what each has for itself.
+
+    All frames share the reference, which is as noisy as one frame at most, at rest too, and camera, shutter and codec.
+    """
+    noise = film.u_noise_rad.get(name, film.u_rad[name])
+    u_frame = float(np.nanmedian(noise)) / np.sqrt(2.0)
+    beside = film.u_rad[name] ** 2 - noise**2
+    known = np.isfinite(beside)
+    of_film = np.interp(time_s, film.time_s[known], np.sqrt(np.maximum(beside[known], 0.0))) if known.any() else 0.0
+    return np.asarray(np.hypot(u_frame, of_film)) + np.zeros(time_s.size), u_frame
 
 
 def _inside(m: MeasuredTrial, draw: JointDraw, time_s: Array) -> NDArray[np.bool_]:

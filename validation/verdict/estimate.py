@@ -6,8 +6,7 @@ that E and N draws are exchangeable if the model is right: whatever the form of 
 E − e₍ₖ₎ holds δ at its level, and a statistic of rank k is exceeded at its level (Monte Carlo test, Besag and Clifford
 1989). A standard uncertainty is half the central 68 %: a few draws far away do not widen it. The simultaneous test
 measures each quantity in the distance from its median to the end of its central 95 %, each side by itself, so that a
-quantity whose draws have a long tail (let-off: some 3 % lie beyond six standard uncertainties) does not decide alone
-how far all others must lie.
+quantity whose draws have a long tail does not decide alone how far all others must lie.
 What differs between trials is one variance component, scaled inverse χ²: the declared one counts as `PRIOR_FREEDOM`
 degrees of freedom, the trials add n − 1 (Gelman et al., Bayesian Data Analysis, 3rd ed., Section 3.2).
 """
@@ -69,7 +68,9 @@ class Estimates:
     ratio: Array  # |E − median of the draws| over the distance of the end of their central 95 % on its side
     ratio_limit: float  # ratio that the largest one exceeds in 5 % of right models' sessions
     resolved: NDArray[np.bool_]  # whether the simultaneous test resolves this quantity
-    detectable: Array  # error that is resolved in 80 % of sessions
+    # detectable_low, detectable_high: least error of either sign that is resolved in 80 % of sessions
+    detectable_low: Array
+    detectable_high: Array
     p: float  # of the simultaneous test
     n_draws: int  # draws on the branch that was observed
     share: float  # of the draws on that branch
@@ -117,6 +118,7 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
     shares, other = divide_variance(inside - noise[here], sample.inputs[here], middle, lower, upper)
     with np.errstate(invalid="ignore"):
         resolved = sample.primary & (reached > limit)
+    detectable = detectable_errors(inside, middle, below, above, float(limit))
     low, high = interval_by_rank(sample.found, inside, INTERVAL)
     low_90, high_90 = interval_by_rank(sample.found, inside, EQUIVALENCE)
     return Estimates(
@@ -131,7 +133,8 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
         ratio=reached,
         ratio_limit=float(limit),
         resolved=resolved,
-        detectable=detectable_error(inside, middle, below, above, float(limit)),
+        detectable_low=detectable[0],
+        detectable_high=detectable[1],
         p=float(p),
         n_draws=n,
         share=n / n_all if n_all else float("nan"),
@@ -221,16 +224,15 @@ def rare_branches(branch: NDArray[np.int64], found: int) -> tuple[NDArray[np.boo
     return np.asarray(p[:-1] <= RARE_BRANCH), float(p[-1])
 
 
-def detectable_error(drawn: Array, middle: Array, lower: Array, upper: Array, limit: float) -> Array:
-    """Error of either sign that the test resolves in 80 % of sessions, (V,)."""
-    if not np.isfinite(limit) or not len(drawn):
-        return np.full(middle.size, np.nan)
+def detectable_errors(drawn: Array, middle: Array, lower: Array, upper: Array, limit: float) -> Array:
+    """Least negative and least positive error that the test resolves in 80 % of sessions, (2, V)."""
+    out = np.full((2, middle.size), np.nan)
     known = np.isfinite(drawn).any(axis=0)
-    out = np.full(middle.size, np.nan)
+    if not np.isfinite(limit) or not known.any():
+        return out
     least, most = np.nanquantile(drawn[:, known], [1.0 - POWER, POWER], axis=0)
-    above = middle[known] + limit * upper[known] - least
-    below = most - (middle[known] - limit * lower[known])
-    out[known] = np.maximum(above, below)
+    out[0, known] = middle[known] - limit * lower[known] - most
+    out[1, known] = middle[known] + limit * upper[known] - least
     return out
 
 

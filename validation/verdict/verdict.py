@@ -32,7 +32,7 @@ MOST_NAMED = 3
 COLUMNS = [
     "quantity", "title", "channel", "phase", "unit", "primary", "travel", "n_trials", "difference", "plain_low",
     "plain_high", "low", "high", "low_90", "high_90", "limit", "ratio", "ratio_limit", "resolved", "alone",
-    "detectable", "u", "u_force", "u_sensors", "u_parameters", "u_repeat", "main_input", "state",
+    "detectable_low", "detectable_high", "u", "u_force", "u_sensors", "u_parameters", "u_repeat", "main_input", "state",
 ]  # fmt: skip
 FORCE_INPUTS = 3
 PARAMETERS, SCATTER = "parameters of the model as declared", "scatter of the trials"
@@ -132,8 +132,8 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
             q.name, q.title, q.channel, q.phase, q.unit, q.is_primary, errors.travel.get(q.channel, math.nan),
             int(sample.n_trials[i]), found,
             found - plain[i], found + plain[i], e.low[i], e.high[i], e.low_90[i], e.high_90[i], limit, e.ratio[i],
-            e.ratio_limit, bool(e.resolved[i]), bool(e.alone[i]), e.detectable[i], e.u[i], of_force[i], of_sensors[i],
-            e.u_other[i], e.u_repeat[i], main, _state(q, errors, e, i),
+            e.ratio_limit, bool(e.resolved[i]), bool(e.alone[i]), e.detectable_low[i], e.detectable_high[i], e.u[i],
+            of_force[i], of_sensors[i], e.u_other[i], e.u_repeat[i], main, _state(q, errors, e, i),
         )  # fmt: skip
         rows.append(dict(zip(COLUMNS, values, strict=True)))
     return pd.DataFrame(rows, columns=COLUMNS)
@@ -226,7 +226,7 @@ def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Est
     if outcome == AGREES:
         parts.append(f"agrees within {_largest_ends(ordered)}")
     elif outcome == CANNOT_TELL:
-        parts.append(f"cannot tell{_why_not(ordered, errors, e)}")
+        parts.append(f"cannot tell{_why_not(ordered)}")
     elif e.is_branch_resolved:
         parts.append(
             f"differs: in the trials {branch_words(errors.branch)}, which a right model does in {_percent(e.share)} of "
@@ -257,21 +257,33 @@ def _largest_ends(ordered: pd.DataFrame) -> str:
     return ", ".join(words)
 
 
-def _why_not(ordered: pd.DataFrame, errors: SessionErrors, e: Estimates) -> str:
-    """What could be shown, which input makes it so much, and what would halve it."""
-    open_rows = ordered[~is_within_limit(ordered)]
-    if not len(open_rows):
+def _why_not(ordered: pd.DataFrame) -> str:
+    """What could be shown, which input makes it so much, what would halve it, and what agrees all the same."""
+    inside = is_within_limit(ordered)
+    if inside.all():
         return ": no quantity of the claim has an interval"
-    row = next(
-        open_rows.assign(far=open_rows["detectable"] / open_rows["limit"]).sort_values("far").iloc[::-1].itertuples()
-    )
+    far = ordered[["detectable_low", "detectable_high"]].abs().max(axis=1) / ordered["limit"]
+    row = next(ordered[~inside].assign(far=far).sort_values("far").iloc[::-1].itertuples())
     q = QUANTITIES[INDEX[str(row.quantity)]]
-    joined = "" if q.unit_shown == "°" else " "
-    unit = f"{joined}{q.unit_shown}"
-    return (
-        f": in {q.title} an error of {q.factor * row.detectable:.2g}{unit} would be shown in 80 % of sessions "
+    unit = q.unit_shown if q.unit_shown == "°" else f" {q.unit_shown}"
+    text = (
+        f": in {q.title} an error of {detectable_words(row)}{unit} would be shown in 80 % of sessions "
         f"(limit {q.factor * row.limit:.2g}{unit}); most of it comes from {row.main_input}, and {halving(row)}"
     )
+    if inside.any():
+        share = f"{int(inside.sum())} of {len(ordered)}"
+        text += f". {share} primary quantities agree within {_largest_ends(ordered[inside])}"
+    return text
+
+
+def detectable_words(row: Any) -> str:
+    """Least error of a quantity that would be shown: of both signs where they differ by more than a tenth."""
+    q = QUANTITIES[INDEX[str(row.quantity)]]
+    sign = float(SIGN[q.channel]) if q.channel else 1.0
+    low, high = sorted(sign * q.factor * y for y in (row.detectable_low, row.detectable_high))
+    if max(-low, high) < 1.1 * min(-low, high):
+        return f"{max(-low, high):.2g}"
+    return f"−{-low:.2g} or +{high:.2g}"
 
 
 def halving(row: Any) -> str:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from validation.events.detect import find_strikes, flight
+from validation.events.detect import find_strikes, flight, let_off
 from validation.measurement.geometry import Motion
 
 RATE_HZ = 5000.0
@@ -56,6 +56,18 @@ def test_time_and_both_speeds_of_a_clean_strike():
     assert abs(strike.arrival.speed - SPEED) < min(strike.arrival.u_speed, 3e-4 * SPEED)
     assert strike.rebound.speed == pytest.approx(REBOUND, rel=1e-3)
     assert strike.arrival.note in ("free flight over 4 ms", "free flight over 5 ms")  # it flies freely for 5
+
+
+@pytest.mark.parametrize("lower_m", [0.2e-3, 0.4e-3, 0.9e-3])
+def test_a_string_that_stands_lower_than_the_geometry_says_moves_neither_speed_nor_let_off(lower_m):
+    plain, low = (motion(flight_m(times(), string_m=by), times(), 2e-6) for by in (0.0, lower_m))
+    (usual,), (early,) = find_strikes(plain), find_strikes(low)
+    assert early.arrival.note.startswith("free flight")
+    assert early.arrival.speed == pytest.approx(SPEED, rel=5e-3)
+    assert early.arrival.contact_s == pytest.approx(IMPACT_S + lower_m / SPEED, abs=1e-5)
+    event = let_off(low, early)
+    assert event.status == "found"
+    assert event.value == pytest.approx(let_off(plain, usual).value, abs=1e-4)
 
 
 def quantised(rng, jitter_counts=0.0):

@@ -79,26 +79,48 @@ def test_a_draw_without_errors_reads_what_is_predicted(trials, tested):
     assert np.isnan(found[:, 3:]).all()  # not filmed
 
 
-def test_a_film_scatters_by_its_declared_u_and_its_clock_moves_all_its_bodies():
-    time_s, turn = np.linspace(0.0, 0.4, 200), np.zeros((200, 5))
-    turn[:, 2:4] = 0.1 + np.outer(time_s, [2.0, 3.0])
+FRAMES_S = np.linspace(0.0, 0.4, 161)
+
+
+def film_readings(u_rad, u_noise_rad, u_time_s, n, time_s=FRAMES_S, own=True):
+    """Errors of jack and repetition lever in ``n`` draws, (n, times, 2); they rest at first and turn from 0.2 s on."""
+    turn = np.zeros((time_s.size, 5))
+    turn[:, 2:4] = np.outer(np.maximum(time_s - 0.2, 0.0), [2.0, 3.0])
     rest, force = SimpleNamespace(angle_rad=np.zeros(5)), SimpleNamespace(time_s=np.array([-1.0, 1.0]))
     force.channel = SimpleNamespace(u_group_delay_s=0.0)
     still = np.zeros(3)
-    action = model.load_action("hirschkorn2004")
+    total, noise = (dict.fromkeys(("jack", "repetition"), u * np.ones(FRAMES_S.size)) for u in (u_rad, u_noise_rad))
+    film = SimpleNamespace(time_s=FRAMES_S, u_rad=total, u_noise_rad=noise, u_time_s=u_time_s)
+    m = SimpleNamespace(number=1, film=film, force=force, resolution_rad=still, u_rad=still, scale_relative_u=still)
+    found = []
+    for draw in joint_draws(model.load_action("hirschkorn2004"), 7, n, parameters=False):
+        drawn = SimpleNamespace(draw=replace(draw, has_own_errors=own), rest=rest)
+        read = drawn_readings(m, drawn, time_s, SimpleNamespace(angle_rad=turn))
+        found.append((read - turn[:, [0, 1, 4, 2, 3]])[:, 3:])
+    return np.array(found)
 
-    def readings(u_rad, u_time_s, n):
-        film = SimpleNamespace(u_rad=dict.fromkeys(("jack", "repetition"), np.full(9, u_rad)), u_time_s=u_time_s)
-        m = SimpleNamespace(number=1, film=film, force=force, resolution_rad=still, u_rad=still, scale_relative_u=still)
-        for draw in joint_draws(action, 7, n, parameters=False):
-            drawn = SimpleNamespace(draw=draw, rest=rest)
-            yield (drawn_readings(m, drawn, time_s, SimpleNamespace(angle_rad=turn)) - turn[:, [0, 1, 4, 2, 3]])[:, 3:]
 
-    noise = np.array(list(readings(1e-3, 0.0, 800)))
+def test_a_film_scatters_by_its_declared_u_and_its_clock_moves_all_its_bodies():
+    noise = film_readings(1e-3, 1e-3, 0.0, 800)
     assert noise.std(axis=0).mean(axis=0) == pytest.approx([1e-3, 1e-3], rel=0.05)
     assert noise.mean(axis=1).std(axis=0) == pytest.approx(2 * [1e-3 / np.sqrt(2)], rel=0.1)  # half is common
-    late = np.array(list(readings(0.0, 1e-3, 5))).mean(axis=1)
+    late = film_readings(0.0, 0.0, 1e-3, 5).mean(axis=1)
     assert late[:, 1] == pytest.approx(1.5 * late[:, 0]) and np.ptp(late) > 1e-4
+
+
+def test_what_all_frames_share_does_not_average_out_and_the_reference_errs_at_rest_too():
+    later = np.where(FRAMES_S < 0.2, 1e-3, np.sqrt(5.0) * 1e-3)  # camera and shutter: 2 mrad where the body turns
+    shared = film_readings(later, 1e-3, 0.0, 800, own=False)
+    assert shared[:, 10].std(axis=0) == pytest.approx(2 * [1e-3 / np.sqrt(2)], rel=0.1)
+    assert shared[:, 150].std(axis=0) == pytest.approx(2 * [1e-3 * np.sqrt(4.5)], rel=0.1)
+    assert np.corrcoef(shared[:, 100, 0], shared[:, 150, 0])[0, 1] == pytest.approx(1.0)
+    fine = np.linspace(0.0, 0.4, 1601)  # ten times as many samples of an encoder hold no more frames
+    averaged = [film_readings(1e-3, 1e-3, 0.0, 400, at).mean(axis=1) for at in (FRAMES_S, fine)]
+    apart = [
+        a - film_readings(1e-3, 1e-3, 0.0, 400, at, own=False).mean(axis=1)
+        for a, at in zip(averaged, (FRAMES_S, fine), strict=True)
+    ]
+    assert apart[1].std() == pytest.approx(apart[0].std(), rel=0.1)
 
 
 def test_gain_is_common_to_the_trials_and_noise_is_not(trials, tested):

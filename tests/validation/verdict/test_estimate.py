@@ -63,7 +63,7 @@ def test_individual_intervals_hold_the_error(n: int, error: float) -> None:
 
 def test_the_detectable_error_is_resolved_in_four_sessions_of_five() -> None:
     rng = np.random.default_rng(3)
-    size = float(np.mean([estimate_errors(session(rng)).detectable[0] for _ in range(60)]))
+    size = float(np.mean([estimate_errors(session(rng)).detectable_high[0] for _ in range(60)]))
     hits = sum(bool(estimate_errors(session(rng, error=size)).resolved[0]) for _ in range(SESSIONS))
     assert 0.74 < hits / SESSIONS < 0.88
 
@@ -73,12 +73,12 @@ def test_a_quantity_with_a_long_tail_does_not_hide_the_errors_of_the_others() ->
     ratios, hits = [], 0
     for _ in range(60):
         plain = session(rng)
-        far = rng.uniform(size=N + 1) < 0.04  # as of let-off, when the hammer leaves the jack early
+        far = rng.uniform(size=N + 1) < 0.04
         common, found = plain.common.copy(), plain.found.copy()
         common[far[:-1], 0] += 12.0
         found[0] += 12.0 * far[-1]
         tailed = estimate_errors(replace(plain, common=common, found=found))
-        ratios.append(tailed.detectable[1:] / estimate_errors(plain).detectable[1:])
+        ratios.append(tailed.detectable_high[1:] / estimate_errors(plain).detectable_high[1:])
         hits += bool(tailed.resolved.any())
     assert 0.95 < float(np.mean(ratios)) < 1.1
     assert hits <= 9  # of 60 at 5 %: more in 0.1 % of runs

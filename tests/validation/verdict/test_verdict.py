@@ -25,7 +25,7 @@ from validation.verdict.quantities import (
     phase_masks,
     relevance_limits,
 )
-from validation.verdict.verdict import decide, format_interval, halving, undecided_verdict
+from validation.verdict.verdict import decide, detectable_words, format_interval, halving, undecided_verdict
 
 
 def table(**rows: tuple[float, float, bool]) -> pd.DataFrame:
@@ -74,6 +74,19 @@ def test_what_would_halve_an_error_that_can_be_shown() -> None:
     assert halving(row(2.0, 0.0, 0.0, 0.0)) == "the uncertainty of the force divided by 2 would halve it"
     assert halving(row(0.0, 0.0, 0.0, 2.0)) == "16 trials instead of 4 would halve it"
     assert "only less of both" in halving(row(2.0, 0.0, 1.9, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("quantity", "low", "high", "words"),
+    [
+        ("check_height", -4.0e-3, 4.2e-3, "4.2"),
+        ("let_off_distance", -0.6e-3, 2.4e-3, "−0.6 or +2.4"),
+        ("key_in_check", -0.01, 0.02, "−1.1 or +0.57"),  # the thesis counts a key's turn downwards
+    ],
+)
+def test_an_error_that_would_be_shown_is_given_for_both_signs_where_they_differ(quantity, low, high, words) -> None:  # type: ignore[no-untyped-def]
+    row = SimpleNamespace(quantity=quantity, detectable_low=low, detectable_high=high)
+    assert detectable_words(row) == words
 
 
 @pytest.mark.parametrize(

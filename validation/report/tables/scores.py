@@ -16,7 +16,7 @@ from validation.report.tables.formatting import DASH, PageTable, between, cells,
 from validation.result import ValidationResult
 from validation.statistics.skill import CALLED, RIVALS
 from validation.verdict.quantities import QUANTITIES
-from validation.verdict.verdict import format_interval, reading_of, shown_interval
+from validation.verdict.verdict import detectable_words, format_interval, reading_of, shown_interval
 
 QUANTITY = {q.name: q for q in QUANTITIES}
 MOST_TRIALS = 10  # more columns than that nobody reads side by side
@@ -249,7 +249,7 @@ def quantity_table(result: ValidationResult) -> PageTable:
             "plain, 95 %": lambda r: shown(r, "plain_low", "plain_high"),
             "limit": lambda r: plain_number(r, "limit"),
             "reading": reading_of,
-            "Y": lambda r: plain_number(r, "detectable") if r.primary else DASH,
+            "Y": lambda r: detectable_words(r) if r.primary and math.isfinite(r.detectable_low) else DASH,
             "u": lambda r: plain_number(r, "u"),
             "u force": lambda r: plain_number(r, "u_force"),
             "u sensors": lambda r: plain_number(r, "u_sensors"),
