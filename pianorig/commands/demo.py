@@ -1,15 +1,52 @@
-"""``pianorig demo``: the main job on the virtual bench."""
+"""``pianorig demo``: the main job from end to end on the virtual bench: record, film, track, simulate, report.
+
+`run_demo` composes the public functions a notebook would call; `Figures` are the numbers it prints last, each measured
+in this very run against the known truth of the virtual bench.
+"""
 
 from __future__ import annotations
 
+import importlib
+import math
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from threading import Thread
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import model
+import validation
 from pianorig import workflows
+from pianorig.console.failures import Interrupted, how_stopped
 from pianorig.console.options import AsJson, Profile
 from pianorig.console.output import paragraphs, tell, verdict_lines
+from pianorig.console.progress import bar, recording_line, say, working
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    import rig
+    import vision
+    from rig.simulated import FilmTruth
+
+FILMED = 1
+# what tracking, comparison and report import, 2 s; nothing of ours: kernels are decorated on one thread at a time,
+# because where numba keeps them is a setting of the process
+FOLLOWS = (
+    "pandas",
+    "scipy.optimize",
+    "scipy.interpolate",
+    "scipy.ndimage",
+    "scipy.spatial",
+    "matplotlib.figure",
+    "jinja2",
+)
 
 
 def command(
@@ -25,15 +62,249 @@ def command(
     Example:  pianorig demo --out sessions/demo
     """
     target = out or workflows.new_session_folder("demo")
-    demo = workflows.run_demo(target, trials=trials, profile=profile, quiet=as_json)
+    demo = run_demo(target, trials=trials, profile=profile, quiet=as_json)
     report = demo.result.files["report.html"]
     facts = {"session": demo.session.path, "report": report, "verdict": demo.result.verdict}
     lines = [
         *("\nVerdict", *verdict_lines(demo.result.verdict_lines)),
-        *("\nMeasured in this run", *workflows.figure_lines(demo.figures)),
-        *("\nWhat you just saw", *paragraphs(workflows.seen_in_words(demo))),
+        *("\nMeasured in this run", *figure_lines(demo.figures)),
+        *("\nWhat you just saw", *paragraphs(seen_in_words(demo))),
         "\nWhat to do next",
-        *(f"  {line}\n      {what}" for line, what in workflows.next_commands(demo.session.path)),
+        *(f"  {line}\n      {what}" for line, what in next_commands(demo.session.path)),
         f"\nreport: {report}",
     ]
     tell(as_json, facts | demo.figures.facts(), lines)
+
+
+def _import_what_follows() -> None:
+    for name in FOLLOWS:
+        importlib.import_module(name)
+
+
+@dataclass(frozen=True)
+class TrackingError:
+    """Error of one tracked relative angle against the film's truth, rad, and its Cramer-Rao bound."""
+
+    body: str
+    rms_rad: float
+    bound_rad: float
+    stated_u_rad: float
+    lost: int
+
+    @property
+    def ratio(self) -> float:
+        """RMS error over the bound."""
+        return self.rms_rad / self.bound_rad
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What the demo measured of itself."""
+
+    tracking: tuple[TrackingError, ...]
+    tracking_frames_per_s: float
+    simulation_s: float
+    simulation_error_rad: float
+    simulation_steps: int
+    seconds: dict[str, float]
+    peak_memory_mib: float | None
+
+    def facts(self) -> dict[str, Any]:
+        """The figures by name, as plain data."""
+        return {
+            "simulation_ms": self.simulation_s * 1e3,
+            "simulation_error_rad": self.simulation_error_rad,
+            "tracking_frames_per_s": self.tracking_frames_per_s,
+            "tracking_ratio_to_bound": {t.body: t.ratio for t in self.tracking},
+            "seconds": self.seconds,
+            "peak_memory_mib": self.peak_memory_mib,
+        }
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What the demo made."""
+
+    session: rig.Session
+    film: FilmTruth
+    track: vision.TrackResult
+    result: validation.ValidationResult
+    figures: Figures
+
+
+def tracking_errors(result: vision.TrackResult, truth: FilmTruth) -> tuple[TrackingError, ...]:
+    """Compare tracked relative angles with the exposure-mean truth of the film.
+
+    Both are zeroed on the still frames, as the tracker does.
+    """
+    import numpy as np  # start-up: 0.1 s that --help does not need
+
+    out = []
+    rows = result.frame
+    for body in ("jack", "repetition"):
+        angle, u, _ = result.relative(body)
+        column = truth.bodies.index(body)
+        true = truth.mean_angle_rad[rows, column]
+        error = angle - (true - true[rows < result.n_still].mean())
+        good = np.isfinite(error)
+        out.append(
+            TrackingError(
+                body,
+                float(np.sqrt(np.mean(error[good] ** 2))) if good.any() else float("nan"),
+                float(truth.relative_crlb_rad[column]),
+                float(np.median(u[good])) if good.any() else float("nan"),
+                int((~good).sum()),
+            )
+        )
+    return tuple(out)
+
+
+def measure_simulation(
+    time_s: NDArray[np.float64], force_n: NDArray[np.float64], tolerance: float = 1e-5
+) -> tuple[float, float, int]:
+    """Warm run time (s, best of 5), error against a run at 1e-9 (rad), and steps of one simulation."""
+    action = model.load_action()
+    fine = model.simulate(action, time_s, force_n, tolerance=1e-9)
+    best = float("inf")
+    for _ in range(5):
+        start = time.perf_counter()
+        solution = model.simulate(action, time_s, force_n, tolerance=tolerance)
+        best = min(best, time.perf_counter() - start)
+    error = float(abs(solution.angle_rad - fine.angle_rad).max())
+    return best, error, int(solution.counters["n_steps"])
+
+
+def peak_memory_mib() -> float | None:
+    """Largest resident memory of this process so far, MiB; None where the system does not report it."""
+    try:
+        import resource  # platform: POSIX only
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 1024**2 if sys.platform == "darwin" else peak / 1024
+
+
+def run_demo(out: Path, *, trials: int = 5, profile: str = "forte", quiet: bool = True) -> Demo:
+    """Record five blows on the virtual bench, film one, track it, compare with the model, write the report.
+
+    Parameters
+    ----------
+    out : session folder to create
+    trials, profile : what is played
+    quiet : show no progress
+
+    Raises
+    ------
+    pianorig.console.failures.Interrupted : Ctrl-C; the message says what is kept
+    """
+    # on a first run the bench's own scene compiles here, and what comes after it on the other processor
+    whole = model.load_scene("whole")
+    beside = model.compile_ahead([whole], loop=True, then="pianorig.workflows.first_run:call_once")
+    seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(name: str, text: str) -> Iterator[None]:
+        say(text, quiet)
+        start = time.perf_counter()
+        yield
+        seconds[name] = time.perf_counter() - start
+
+    # compiled code draws the film meanwhile, which leaves Python to others
+    Thread(target=_import_what_follows, daemon=True).start()
+    words = f"recording {trials} {profile} blows on the virtual bench, filming trial {FILMED}"
+    with (
+        stage("record and film", words),
+        workflows.interrupts_told(out),
+        bar("filming", quiet) as filming,
+        recording_line(quiet) as recording,
+    ):
+        session, films = workflows.record(
+            out,
+            profile=profile,
+            trials=trials,
+            film=(FILMED,),
+            operator="pianorig demo",
+            action_name="virtual specimen (rig/simulated/bench.toml)",
+            progress=recording,
+            film_progress=filming,
+        )
+    film = session.trial(FILMED).film
+    if film is None:
+        raise RuntimeError("the demo's film was not written")
+    with _recording_is_kept(out):
+        if beside is not None:
+            with stage("compile", "compiling what the comparison needs"):
+                model.compile_lanes(whole)
+                beside.wait()  # for what tracking needs: compiled here as well it would take longer
+        with stage("track", f"tracking {film.name}"), bar("tracking", quiet) as tracking:
+            track = workflows.track_film_file(workflows.SessionFilm(film), progress=tracking)
+        with stage("validate", "comparing with the model"), working("comparing", quiet) as words_of:
+            result = validation.validate_session(session, "hirschkorn2004", progress=words_of, suspect="parts")
+        with (
+            stage("measure the simulation", "measuring speed and error of one simulation"),
+            working("simulating", quiet),
+        ):
+            trace = result.traces[FILMED]
+            trace = trace[trace["force_time_s"].between(0.3, 1.0)]  # 0.7 s around the blow
+            simulation = measure_simulation(trace["force_time_s"].to_numpy(), trace["force_n"].to_numpy())
+    errors, frames_per_s = tracking_errors(track, films[FILMED]), len(track.frame) / seconds["track"]
+    figures = Figures(errors, frames_per_s, *simulation, seconds, peak_memory_mib())
+    return Demo(session, films[FILMED], track, result, figures)
+
+
+@contextmanager
+def _recording_is_kept(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        raise Interrupted(
+            f"{how_stopped(interrupt)}; nothing was moving; every trial is sealed; session at {folder}; go on with  "
+            f"pianorig validate {folder}"
+        ) from interrupt
+
+
+def seen_in_words(demo: Demo) -> list[str]:
+    """What the demo did and found, in plain sentences."""
+    trials = len(demo.session.trials)
+    lost = sum(error.lost for error in demo.figures.tracking)
+    return [
+        f"The motor of a virtual bench struck the key of a piano action {trials} times. Force and the angles of key, "
+        f"whippen and hammer were recorded; the first blow was also filmed, and jack and repetition lever were tracked "
+        f"in {len(demo.track.frame)} frames, {lost or 'none'} of them lost.",
+        "The model was then driven with each blow's own force and its motion held against the measured one. The "
+        "virtual action differs from the model on purpose (friction, felt damping, string, sensor errors), by about "
+        "what is uncertain of a real one. The verdict above says whether that shows; agreement means that the chain "
+        "works, not that the model is right.",
+        "The report shows every curve, measured and predicted, with uncertainty and the scatter from blow to blow.",
+    ]
+
+
+def next_commands(session: Path) -> list[tuple[str, str]]:
+    """Commands to go on with, each with what it does."""
+    return [
+        (f"pianorig open {session}", "the report, in the browser"),
+        (f"pianorig info {session}", "what was recorded"),
+        ("pianorig examples try", "small files to try every other command with"),
+        ("pianorig --help", "all commands"),
+    ]
+
+
+def figure_lines(figures: Figures) -> list[str]:
+    """The figures as lines of text."""
+    mdeg = 1e3 * 180 / math.pi
+    lines = [
+        f"simulation   {figures.simulation_s * 1e3:.0f} ms for 0.7 s of trial 1 (warm), "
+        f"error {figures.simulation_error_rad:.1e} rad, {figures.simulation_steps} steps",
+        f"tracking     {figures.tracking_frames_per_s:.0f} frames/s for three bodies together",
+    ]
+    for t in figures.tracking:
+        lines.append(
+            f"             {t.body}: RMS error {t.rms_rad * mdeg:.1f} mdeg = {t.ratio:.2f} x Cramer-Rao bound "
+            f"({t.bound_rad * mdeg:.1f}), stated u {t.stated_u_rad * mdeg:.1f}, {t.lost} frames lost"
+        )
+    total = sum(figures.seconds.values())
+    parts = ", ".join(f"{name} {value:.1f}" for name, value in figures.seconds.items())
+    lines.append(f"run time     {total:.1f} s ({parts})")
+    if figures.peak_memory_mib is not None:
+        lines.append(f"peak memory  {figures.peak_memory_mib:.0f} MiB")
+    return lines

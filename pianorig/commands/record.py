@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Unpack
 
 import typer
 
+import model
+import rig
 from pianorig import workflows
 from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Profile, Rig, Selftests, Yes, refuse_beside
 from pianorig.console.output import tell
@@ -15,10 +19,12 @@ from pianorig.console.terminal import operator as operator_at_terminal
 from pianorig.errors import CommandInputError
 
 if TYPE_CHECKING:
-    from rig import FeltOrder, RoomInfo
+    from rig.recording.options import RecordingKeywords
 
-
-RECORDED = ("out", "trials", "backend", "rig", "operator", "action", "temperature", "humidity")
+SIMULATED = "sim://"
+BLOCK = "block"
+RIG_NAME = "rig_with_compliance.toml"
+RECORDED = ("out", "trials", "backend", "rig_name", "operator", "action", "temperature", "humidity")
 """What counts wherever no profile is played."""
 
 
@@ -32,7 +38,7 @@ def command(
         int | None, typer.Option("--trials", help="Number of trials; 5, with --passive until Ctrl-C.")
     ] = None,
     backend: Backend = "sim://",
-    rig: Rig = "virtual",
+    rig_name: Rig = "virtual",
     film: Annotated[
         list[int] | None, typer.Option("--film", help="Film this trial (virtual bench); may be repeated.")
     ] = None,
@@ -82,29 +88,27 @@ def command(
     if dry_run and resume is not None:
         raise CommandInputError("--dry-run: rehearses --profile or --plan; --resume rehearses what is left by itself")
     if dry_run and not passive:
-        found = workflows.rehearse(profile, rig, backend, plan)
+        found = workflows.rehearse(profile, rig_name, backend, plan)
         tell(as_json, found, workflows.rehearsal_lines(found))
         return
     if duration is not None and not passive:
         raise CommandInputError("--for: goes with --passive; a profile has its own duration")
-    access = workflows.BenchAccess(rig, backend, yes, operator_at_terminal(), selftest)
+    access = workflows.BenchAccess(rig_name, backend, yes, operator_at_terminal(), selftest)
     if felt is None and (speed or peak):
         raise CommandInputError("--speed, --peak: go with --felt; a profile has its own forces")
     if felt is not None:
         refuse_beside(ctx, "--felt", "presses no key", "felt", "speed", "peak", "yes", "selftest", *RECORDED)
-        order = workflows.felt_order(felt, speed, peak, trials)
+        order = felt_order(felt, speed, peak, trials)
         _press_felt(out, order, access, as_json, (operator, action), workflows.room_conditions(temperature, humidity))
         return
     if passive:
         refuse_beside(ctx, "--passive", "plays no profile", "passive", "duration", "yes", "selftest", *RECORDED)
         target, count = out or workflows.new_session_folder("passive"), ""
         title = f"waiting for strokes on {backend}, into {target}; Ctrl-C ends"
-        from rig import record_passive  # start-up: 0.5 s of h5py and pandas, which --help does not need
-
         with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
-            session = record_passive(
+            session = rig.record_passive(
                 target,
-                rig_config=rig,
+                rig_config=rig_name,
                 backend=backend,
                 strokes=trials,
                 duration_s=duration,
@@ -154,16 +158,140 @@ def command(
 
 def _press_felt(
     out: Path | None,
-    order: FeltOrder,
+    order: rig.FeltOrder,
     access: workflows.BenchAccess,
     as_json: bool,
     named: tuple[str, str],
-    room: RoomInfo | None,
+    room: rig.RoomInfo | None,
 ) -> None:
     target = out or workflows.new_session_folder(f"felt_{order.contact}")
     title = f"pressing {order.contact} on {access.backend} into {target}"
     with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
-        _, facts = workflows.press_felt(
+        _, facts = press_felt(
             target, order, access, operator=named[0], action_name=named[1], progress=progress, room=room
         )
-    tell(as_json, {"session": target, **facts}, [*workflows.felt_lines(order, facts), f"session: {target}"])
+    tell(as_json, {"session": target, **facts}, [*felt_lines(order, facts), f"session: {target}"])
+
+
+def press_felt(
+    out: Path, order: rig.FeltOrder, access: workflows.BenchAccess, **keywords: Unpack[RecordingKeywords]
+) -> tuple[rig.FeltSession, dict[str, Any]]:
+    """Press a felt, or the block, on a bench; on the virtual one it is mounted by itself.
+
+    Raises
+    ------
+    rig.RigError : bad rig file, order or path, no permission, a fault; readings that cannot be evaluated
+    """
+    # start-up: 0.5 s of NumPy and h5py, which --help does not need
+    from rig.atomic_write import write_text
+    from rig.felt_recording import checked
+    from rig.recording.options import RecordingKeywords
+
+    rig_file = rig.load_rig(access.rig)
+    felt = checked(order, rig_file.config, rig_file.source)
+    address = access.backend
+    if address.startswith(SIMULATED) and "felt=" not in address:
+        address += f"{'&' if '?' in address else '?'}felt={order.contact}"
+    with closing(rig.open_backend(address, rig_file.config)) as bench:
+        if bench.capabilities.hardware:
+            what = "a block of steel" if order.contact == BLOCK else f"the felt of {order.contact}"
+            question = f"Clamp {what} under the arm, the {felt.encoder}'s scale on the motor's shaft. Press Enter: "
+            if access.ask is None or access.ask(question) is None:
+                raise rig.NotPermitted(f"{access.backend}: nobody to mount {what}; run it in a terminal")
+        on_bench = RecordingKeywords(rig_config=rig_file, backend=bench, permission=access.permission(rig_file, bench))
+        done = rig.record_felt(out, order, **(keywords | on_bench))
+    if done.compliance is not None:
+        write_text(out / RIG_NAME, done.rig_text)
+        found = done.compliance
+        return done, {
+            "compliance_m_per_n": found.m_per_n,
+            "u_compliance_m_per_n": found.u_m_per_n,
+            "largest_deviation_m": found.crooked_m,
+            "rig": out / RIG_NAME,
+        }
+    rows = [_row(press) for press in done.presses]
+    return done, {"presses": rows, **_loop_at_rest(rows)}
+
+
+def _row(press: rig.FeltPress) -> dict[str, Any]:
+    curve, fit = press.curve, model.calibration.fit_felt(model.calibration.read_curve(press.file))
+    row: dict[str, Any] = {
+        "trial": press.trial,
+        "file": press.file,
+        "peak_n": curve.peak_n,
+        "deepest_m": curve.deepest_m,
+        "speed_m_per_s": curve.speed_m_per_s,
+        "u_speed_m_per_s": curve.u_speed_m_per_s,
+        "abc": fit.abc,
+        "u_abc": fit.u_abc,
+        "law_fits": fit.law_fits,
+    }
+    above = fit.loading.force_n(fit.mid_m) - fit.force_n(fit.mid_m)
+    if above.max() > 0:
+        one = model.calibration.damping_factor(fit, curve.speed_m_per_s, curve.u_speed_m_per_s)
+        row |= {"D": one.d, "u_D": one.u_d}
+    return row
+
+
+def _loop_at_rest(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """What of the loop does not grow with the speed: eq. 2.7 has none of it."""
+    import numpy as np  # start-up: 0.1 s that --help does not need
+
+    known = [row for row in rows if "D" in row and row["u_D"] > 0]
+    speeds = np.array([row["speed_m_per_s"] for row in known])
+    if len(known) < 3 or np.ptp(speeds) < 0.5 * speeds.max():
+        return {}
+    share = np.array([row["D"] for row in known]) * speeds
+    u = np.array([row["u_D"] for row in known]) * speeds
+    columns = np.column_stack([np.ones(speeds.size), speeds]) / u[:, None]
+    covariance = np.linalg.inv(columns.T @ columns)
+    rest, slope = covariance @ columns.T @ (share / u)
+    left = share / u - columns @ np.array([rest, slope])
+    widened = max(float(left @ left) / max(speeds.size - 2, 1), 1.0)
+    u_rest, u_slope = np.sqrt(np.diag(covariance) * widened)
+    return {"loop": {"at_rest": rest, "u_at_rest": u_rest, "per_speed_s_per_m": slope, "u_per_speed_s_per_m": u_slope}}
+
+
+def felt_lines(order: rig.FeltOrder, facts: dict[str, Any]) -> list[str]:
+    """Lines to print."""
+    if order.contact == BLOCK:
+        return [
+            f"compliance of arm and cell {1e6 * facts['compliance_m_per_n']:.4g} um/N  u "
+            f"{1e6 * facts['u_compliance_m_per_n']:.2g}; up to {1e6 * facts['largest_deviation_m']:.2g} um off a line",
+            f"{facts['rig']}: the rig file with it",
+        ]
+    lines = []
+    for row in facts["presses"]:
+        damping = f"D = {row['D']:.3g}  u {row['u_D']:.2g} s/m" if "D" in row else "no loop"
+        lines.append(
+            f"trial {row['trial']}: {row['peak_n']:.1f} N, {1e3 * row['deepest_m']:.3f} mm, "
+            f"{1e3 * row['speed_m_per_s']:.3g} mm/s, {damping}" + ("" if row["law_fits"] else ", the law does not fit")
+        )
+    if loop := facts.get("loop"):
+        certain = abs(loop["at_rest"]) > 3 * loop["u_at_rest"]
+        lines.append(
+            f"loop, as a share of the force: {loop['at_rest']:.2g}  u {loop['u_at_rest']:.1g} at no speed, "
+            f"{loop['per_speed_s_per_m']:.3g}  u {loop['u_per_speed_s_per_m']:.2g} s/m more with it: "
+            + ("eq. 2.7 leaves out what stays at no speed" if certain else "grows with the speed as eq. 2.7 has it")
+        )
+    last = facts["presses"][-1]
+    lines.append(
+        f"next: pianorig calibrate felt {last['file'].as_posix()} --contact {order.contact} "
+        f"--speed {last['speed_m_per_s']:.4g}+-{last['u_speed_m_per_s']:.1g} --out mine.toml"
+    )
+    return lines
+
+
+def felt_order(
+    contact: str, speeds: Sequence[float] | None, peaks: Sequence[float] | None, repeats: int | None
+) -> rig.FeltOrder:
+    """The order of the command line; what is not given is the built-in one."""
+    if contact != BLOCK and not (contact.startswith("contact") and contact[7:].isdigit()):
+        raise CommandInputError(f"--felt {contact}: allowed contact01 to contact13, or {BLOCK}")
+    usual = rig.FeltOrder(contact)
+    return rig.FeltOrder(
+        contact,
+        usual.speeds_m_per_s if speeds is None else speeds,
+        usual.peaks_n if peaks is None else peaks,
+        1 if repeats is None else repeats,
+    )

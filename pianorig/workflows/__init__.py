@@ -1,7 +1,7 @@
 """Work that joins several packages, one function per job; its names are imported when they are first used.
 
 In: paths and options; out: sessions, films, tables, reports on disk, and records of what was found.
-The groups ``bench``, ``film`` and ``model`` follow those of the commands; ``demo`` runs the main job from end to end.
+Here lies what several commands share, or command and page; what one command does stands in its own file.
 """
 
 import lazy_loader as _lazy

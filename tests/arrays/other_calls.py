@@ -155,7 +155,4 @@ CALLS: dict[str, Callable[[], Arguments]] = {
         "time_s": np.arange(512.0) / 2048.0, "force_n": np.maximum(np.arange(512.0) - 400.0, 0.0),
         "quiet": validation.find_quiet(np.arange(512.0) / 2048.0, np.maximum(np.arange(512.0) - 400.0, 0.0)),
     },
-    f"{WORKFLOWS}.felt_order": lambda: {
-        "contact": "contact02", "speeds": np.array([1.0]), "peaks": np.array([2.0, 3.0]), "repeats": None,
-    },
 }  # fmt: skip

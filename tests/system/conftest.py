@@ -12,8 +12,8 @@ import pytest
 
 import model
 import validation
+from pianorig.commands.demo import Demo, run_demo
 from pianorig.workflows import recording as bench_record
-from pianorig.workflows.demo import Demo, run_demo
 from rig.simulated import FilmTruth, film_trial
 from rig.simulated.bench.plant import PlantTruth, load_plant
 from tests.conftest import leave_out_figures

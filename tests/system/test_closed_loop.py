@@ -15,7 +15,6 @@ from scipy.stats import chi2
 
 import model
 import validation
-from pianorig import workflows
 from rig.simulated.bench.plant import load_plant
 from tests.command_line import run
 from tests.system.conftest import BENCH, FINE, Closed, fine_height
@@ -181,7 +180,7 @@ def test_report_and_results_are_whole(closed: Closed) -> None:
 def test_the_demo_ends_with_what_was_seen_and_what_to_do_next(
     closed: Closed, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(workflows, "run_demo", lambda out, **options: closed.demo)
+    monkeypatch.setattr("pianorig.commands.demo.run_demo", lambda out, **options: closed.demo)
     assert run("demo", "--out", "s") == 0
     said = capsys.readouterr().out
     for words in (
