@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from model.derived.load import kernels_of
+from model.derived.load import kernel_of, kernels_of
 from model.kernels import workspace as W
 from model.scene.build import Scene
 from model.simulation.run import Simulation
@@ -67,6 +67,27 @@ def states(count: int, scene: Scene, seed: int) -> list[tuple[np.ndarray, np.nda
         at, speeds = np.array(more).reshape(-1, 2).T
         out.append((np.append(q, at), np.append(v, speeds), 0.01 * u if "motor" in scene.bodies else u))
     return out
+
+
+def touched(scene: Scene, places: Iterable[int]) -> set[int]:
+    """Those of ``places`` of the workspace that the scene's kernels read or write, at some random state."""
+    kernels, energy = kernels_of(scene.tables), kernel_of(scene.tables, "energy")
+    found = set[int]()
+    for place in places:
+        for q, v, u in states(10, scene, 9):
+            ends = []
+            for value in (0.25, 0.5):
+                w = placed(scene, q, v)
+                w[place] = value
+                kernels.linearise(w, scene.vector, u)
+                kernels.prepare(w, 1e-5)
+                kernels.skip(w, scene.vector)
+                kernels.stage(w, scene.vector, np.zeros(64), np.zeros(64), 0, 1e-5, 2.5e4, u, 0.0, 0)
+                energy(w, scene.vector, u)
+                found |= {place} if w[place] != value else set()
+                ends.append(np.delete(w, place))
+            found |= set() if np.array_equal(*ends, equal_nan=True) else {place}
+    return found
 
 
 def off_differences(scene: Scene, where: Iterable[tuple[np.ndarray, np.ndarray, float]]) -> tuple[float, float]:

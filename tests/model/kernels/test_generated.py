@@ -24,7 +24,6 @@ from model.kernels.signatures import STEP
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
 from model.simulation import run as simulation
-from tests.model.compiler.machine import operations
 from tests.model.conftest import random_states, read_table
 from tests.model.kernels.linearised import Evaluation
 
@@ -105,20 +104,6 @@ def test_skipping_changes_no_bit_of_the_answer(action: model.Action, monkeypatch
     both = with_skips.counters["n_contacts_skipped"] + with_skips.counters["n_contact_evaluations"]
     assert both == without.counters["n_contact_evaluations"]
     assert with_skips.counters["n_contacts_skipped"] > 0.4 * both
-
-
-def test_a_changed_value_compiles_nothing_and_a_left_out_element_is_not_in_the_source(
-    action: model.Action,
-) -> None:
-    force = read_table("forte_force.csv")[:60]
-    model.simulate(action, force[:, 0], force[:, 1])
-    before = scenes.COMPILED["scenes"], len(integrate.signatures)
-    other = action.with_values({"contact04.friction.A": 0.2, "hammer.mass": 0.01})
-    model.simulate(other, force[:, 0], force[:, 1])
-    assert (scenes.COMPILED["scenes"], len(integrate.signatures)) == before
-    whole = operations(build_scene(action).tables)
-    less = operations(build_scene(action.with_values({"contact12": 0, "jack_spring": 0})).tables)
-    assert all(less[one] < whole[one] for one in ("fmul", "fadd", "fsub", "fdiv", "fcmp"))
 
 
 def test_a_switched_element_compiles_once_and_is_then_loaded(
