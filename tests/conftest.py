@@ -96,8 +96,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         if lanes_pay():
             loop_in_lanes(LANES)
     elif worker == "gw1":
+        from model import build_scene
         from model.derived.load import kernels_of, lane_kernels_of
-        from model.scene.build import build_scene
 
         tables = build_scene(model.load_action(), model.SceneChoice()).tables
         kernels_of(tables)

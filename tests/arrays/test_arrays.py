@@ -21,11 +21,11 @@ import pytest
 import model
 import vision
 from pianorig.errors import CommandInputError
-from rig.errors import RigInputError
+from rig import RigInputError
 from tests.arrays import model_calls, other_calls
 from tests.arrays.forms import DIMENSIONS, FORMS, REFUSED, Out, answer, changed, plain
 from tests.public_functions import ROOT, array_parameters, public_classes, with_methods
-from validation.errors import ValidationInputError
+from validation import ValidationInputError
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
 
 CALLS = model_calls.CALLS | other_calls.CALLS

@@ -16,7 +16,7 @@ import pytest
 
 import model
 from pianorig.console.column_file import write_columns
-from rig.session import Session
+from rig import Session
 from tests.command_line import run
 from validation import ValidationResult
 from validation.options import ComparisonOptions

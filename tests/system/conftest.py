@@ -14,8 +14,7 @@ import model
 import validation
 from pianorig.commands.demo import Demo, run_demo
 from pianorig.workflows import recording as bench_record
-from rig.simulated import FilmTruth, film_trial
-from rig.simulated.bench.plant import PlantTruth, load_plant
+from rig.simulated import FilmTruth, PlantTruth, film_trial, load_plant
 from tests.conftest import leave_out_figures
 
 BENCH = Path(__file__).parents[2] / "rig" / "simulated" / "bench.toml"

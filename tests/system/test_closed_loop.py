@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 import model
 import validation
-from rig.simulated.bench.plant import load_plant
+from rig.simulated import load_plant
 from tests.command_line import run
 from tests.system.conftest import BENCH, FINE, Closed, fine_height
 

@@ -7,11 +7,9 @@ from pathlib import Path
 import numpy as np
 
 import validation
-from rig.backend import open_backend
-from rig.configuration.rig_file import load_rig
-from rig.recording.recorder import record as record_session
-from rig.session import Session
-from rig.simulated.bench.plant import PlantTruth
+from rig import Session, load_rig, open_backend
+from rig import record as record_session
+from rig.simulated import PlantTruth
 
 
 def test_marked_intervals_are_the_true_lifts(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import validation
-from rig.session import Session
+from rig import Session
 
 SHIPPED = Path(__file__).parents[2] / "sessions" / "example_forte"
 

@@ -17,9 +17,8 @@ import pandas as pd
 
 import model
 import rig.simulated
-from rig.configuration.rig_file import load_rig
-from rig.session import CameraInfo, EncoderInfo, ForceInfo, TrialData
-from rig.simulated.bench.plant import ActionPlant, PlantTruth, load_plant
+from rig import CameraInfo, EncoderInfo, ForceInfo, TrialData, load_rig
+from rig.simulated import ActionPlant, PlantTruth, load_plant
 from rig.simulated.bench.sensors import EncoderSignals, ForceSignal, load_sensors
 
 BENCH = Path(rig.simulated.__file__).with_name("bench.toml")

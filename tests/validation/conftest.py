@@ -48,7 +48,7 @@ class Truth:
 
 
 def session_info(**changes):
-    from rig.session import SessionInfo
+    from rig import SessionInfo
     from rig.session.info import FileInfo
 
     values = {
@@ -63,7 +63,7 @@ def session_info(**changes):
 
 def trial_data(number, time_s, force_n, change_rad, *, status="complete", camera=None, reason="", names=None):
     """A recorded trial from true force (at the sample times) and true angle changes of three bodies."""
-    from rig.session import EncoderInfo, ForceInfo, TrialData
+    from rig import EncoderInfo, ForceInfo, TrialData
 
     rng = np.random.default_rng(1000 + number)
     # sample i of the channel shows the force of one group delay earlier
@@ -115,7 +115,7 @@ def motion_of_specimen(strength):
 def make_session(folder: Path, n_trials=5, filmed=(2,), strength=STRENGTH, **info):
     """Create a session on disk whose specimen differs from the model in friction; return it with truth."""
     import model
-    from rig.session import CameraInfo, Session
+    from rig import CameraInfo, Session
 
     action = model.load_action("hirschkorn2004")
     specimen, rest = rest_of_specimen()
@@ -152,7 +152,7 @@ def film_table(camera, solution, rest, noise_rad=4e-4, lost=(700, 701, 702)):
 @pytest.fixture(scope="session")
 def recorded(shared):
     """Five trials on disk, the second one filmed, and their truth; read only."""
-    from rig.session import Session
+    from rig import Session
 
     def make(folder):
         session, truth = make_session(folder / "forte")

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from model import InputError
 from model.calibration import damping_factor, fit_felt, read_curve
-from model.errors import InputError
 
 STIFFNESS = 2e4
 DEPTH = 1e-3

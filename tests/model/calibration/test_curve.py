@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from model import InputError
 from model.calibration import read_curve
-from model.errors import InputError
 
 IN = [(k * 1e-4, 0.5 * k) for k in range(11)]
 OUT = [(k * 1e-4, 0.3 * k) for k in range(10, -1, -1)]

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model import load_action
+from model import InputError, load_action
 from model.calibration import damping_factor, fit_felt
 from model.calibration.curve import LoadingCurve, check_curve
-from model.errors import InputError
 
 SPEED = 0.11  # m/s, mean normal speed of the imagined blow
 

@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from model import load_action
+from model import InputError, load_action
 from model.calibration import damping_from_rebound, fit_friction, inertia_from_pendulum
 from model.calibration.parts import peak_ratio
-from model.errors import InputError
 from model.null_model import restitution
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import model
+from model import InputError
 from model.calibration import mean_normal_speeds
-from model.errors import InputError
 
 ACTION = model.load_action()
 

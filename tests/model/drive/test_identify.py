@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import model
+from model import build_scene
 from model.drive.lumps import Windows, motor_torque
-from model.scene.build import build_scene
 from tests.model.drive.driven_log import EXACT, command_of, driven_log
 
 ACTION = model.load_action("hirschkorn2004-regulated")

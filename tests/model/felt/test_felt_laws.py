@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from model.errors import InputError
+from model import InputError
 from model.felt import FeltLaw, HuntCrossley, Hysteresis, Stulov
 
 CUBIC = (4.41e10, -1.02e7, 1.57e4)  # contact02 of Table A.8: a, b, c

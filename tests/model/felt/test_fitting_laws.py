@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from model import InputError, add_law
 from model.compiler.expressions import Expression
 from model.elements.laws.felt_law import Felt, Number
 from model.elements.laws.hunt_crossley import HuntCrossley as HuntCrossleyLaw
-from model.elements.laws.known import add_law
-from model.errors import InputError
 from model.felt import (
     LAWS,
     FeltLaw,

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import model
-from model.files.force_library import force_table
+from model import force_table
 from model.inside import draw_sheet
 from model.inside.seen_motion import see_motion
 from model.inside.side_view import side_view

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 import model
-from model.scene.build import build_scene
-from model.scene.key_motion import KeyMotion
+from model import KeyMotion, build_scene
 from model.simulation.statics import solve_rest
 
 END = 0.08

@@ -6,10 +6,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from model import Scene, Simulation
 from model.derived.load import kernel_of, kernels_of
 from model.kernels import workspace as W
-from model.scene.build import Scene
-from model.simulation.run import Simulation
 from tests.model.conftest import random_states
 
 

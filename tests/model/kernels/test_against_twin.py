@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 import model
+from model import SceneChoice, build_scene
 from model.derived.columns import FRICTION, NORMAL
 from model.derived.observe import contacts_at
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.scene.build import build_scene
-from model.scene.selection import SceneChoice
 from tests.model.conftest import random_states
 from tests.model.kernels.linearised import Evaluation, off_differences, states, touched
 from tests.model.verification.reference_equations import Twin

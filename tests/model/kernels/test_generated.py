@@ -13,16 +13,14 @@ import numpy as np
 import pytest
 
 import model
+from model import SceneChoice, build_scene
 from model.derived import load as scenes
 from model.derived.columns import DEPTH
 from model.derived.observe import contacts_at
-from model.integrators.rosenbrock import integrate
 from model.kernels import compile as compiling
 from model.kernels import workspace as W
 from model.kernels.kernel_value import Kernel
 from model.kernels.signatures import STEP
-from model.scene.build import build_scene
-from model.scene.selection import SceneChoice
 from model.simulation import run as simulation
 from tests.model.conftest import random_states, read_table
 from tests.model.kernels.linearised import Evaluation

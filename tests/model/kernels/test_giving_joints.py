@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 import model
+from model import build_scene
 from model.derived.load import kernels_of
 from model.kernels import workspace as W
-from model.scene.build import build_scene
 from tests.model.kernels.linearised import Evaluation, off_differences, placed, states
 from tests.model.verification.free_bodies import FreeBodies
 

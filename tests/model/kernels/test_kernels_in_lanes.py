@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 import model
+from model import Scene, build_scene, load_scene
 from model.derived.load import kernels_of, lane_kernels_of
 from model.integrators.methods import get_method
 from model.kernels import workspace as W
 from model.kernels.lanes import LANES
 from model.kernels.layout import MU_A
-from model.scene.build import Scene, build_scene
-from model.scene.selection import load_scene
 
 SCALES = {"key_lift": 1e-3, "shank": 1e-2}  # of the coordinates that effects add; angles of an action: 0.05
 

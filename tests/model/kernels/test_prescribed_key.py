@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import model
+from model import KeyMotion, Simulation, State, build_scene
 from model.kernels import workspace as W
 from model.motion_driven.prescribed_key import key_load
-from model.scene.build import build_scene
-from model.scene.key_motion import KeyMotion
-from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
 from tests.model.conftest import random_states
 from tests.model.kernels.linearised import Evaluation, touched

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from model.integrators.methods import METHODS
+from model import METHODS
 from model.motion_driven.prescribed_key import run_prescribed
 from tests.model.key_blows import blow, counted, key_truth
 

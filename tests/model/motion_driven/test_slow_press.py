@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import model
+from model import hand_set_rest
 from model.motion_driven.slow_press import Press, key_angle_at_dip, slow_press
-from model.simulation.hand_set_rest import hand_set_rest
 from tests.model.verification.energy import energy_terms
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import model
+from model import hand_set_rest
 from model.regulation import TARGETS, measure
 from model.regulation.measures import at_rest, first_touch_angle, medium_blow
-from model.simulation.hand_set_rest import hand_set_rest, slip_angle
+from model.simulation.hand_set_rest import slip_angle
 from tests.model.verification.reference_equations import Twin
 
 

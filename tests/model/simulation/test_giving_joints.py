@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import model
-from model.parameters.action import BODIES
+from model import BODIES
 from model.parameters.effects import PINS
 from model.simulation.giving_motion import giving_motion
 from model.simulation.run import Simulation, State

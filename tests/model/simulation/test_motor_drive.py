@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 import model
-from model.scene.build import build_scene
+from model import build_scene
 
 ACTION = model.load_action("hirschkorn2004-regulated")
 FORTE = model.force_table("forte")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import model
-from model.files.force_library import KNOTS, force_table
+from model import force_table
+from model.files.force_library import KNOTS
 from model.observables import hammer_height_from_angle
 from model.study import Variant, compare, measure_blow
 

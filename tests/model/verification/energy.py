@@ -14,9 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.errors import InputError
-from model.parameters.action import BODIES, Action
-from model.parameters.effects import KEY_LIFT, PINS, RAIL, SHANK
+from model import BODIES, KEY_LIFT, Action, InputError
+from model.parameters.effects import PINS, RAIL, SHANK
 from model.scene.effect_terms import ON_THE_HEAD, bending, parts_of_hammer, sink_m
 
 Array = NDArray[np.float64]

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model import Action
 from model.inside.observe_motion import integrate_panels, panel_edges
-from model.parameters.action import Action
 from tests.model.verification.energy import energy_terms
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters.action import BODIES, Action
+from model import BODIES, Action
 from tests.model.verification.reference_equations import Twin
 
 Vector = NDArray[np.float64]

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import InputError
-from model.parameters.action import BODIES, CONTACTS, USUAL, Action
+from model import BODIES, Action, InputError
+from model.parameters.action import CONTACTS, USUAL
 from model.parameters.effects import PINS
 
 Vector = NDArray[np.float64]

@@ -45,7 +45,7 @@ def test_a_planned_session_is_annotated_and_continued(
         (("record", "--resume", str(out), "--dry-run"), "rehearses --profile or --plan"),
     ):
         refused(words, *arguments)
-    from rig.session import Session
+    from rig import Session
 
     session = Session.open(out)
     assert session.info.room.temperature_c == 21 and session.info.room.relative_humidity_percent == "unknown"

@@ -10,19 +10,14 @@ import pytest
 
 from pianorig.commands.attach import HEADERS, attach_film
 from pianorig.errors import InputError
-from pianorig.workflows import recording
-from pianorig.workflows.session_film import SessionFilm
-from pianorig.workflows.session_paths import session_folder
-from rig.configuration.profile import load_profile
-from rig.configuration.rig_file import load_rig
-from rig.recording.recorder import record as record_session
-from rig.session import Session, Trial
+from pianorig.workflows import SessionFilm, recording, session_folder
+from rig import Session, Trial, load_profile, load_rig
+from rig import record as record_session
 from rig.session.film_record import read_record
 from tests.command_line import run
 from tests.vision.film.cine_file import write_cine
 from tests.vision.turning_bar import write_video
-from vision import VisionWarning, open_film
-from vision.film.mraw import write_mraw
+from vision import VisionWarning, open_film, write_mraw
 from vision.film.open import READERS
 
 STEP = Path(__file__).parents[2] / "rig" / "step.toml"

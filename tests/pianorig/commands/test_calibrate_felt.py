@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import model
-from model.files.force_library import force_table
+from model import force_table
 from pianorig.errors import CommandInputError
 from pianorig.workflows import read_driving_force
 from tests.command_line import run

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pianorig.workflows.force_input import read_driving_force
+from pianorig.workflows import read_driving_force
 from rig import Session
 from tests.command_line import run
 

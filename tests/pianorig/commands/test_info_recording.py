@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from rig.session import Session
+from rig import Session
 from tests.command_line import run
 
 N, RATE_HZ = 700, 4000

@@ -23,7 +23,7 @@ def test_a_recorded_forte_is_learned_and_played(tmp_path: Path, capsys: pytest.C
         path.name for path in out.iterdir()
     }
     # each command passed the dry run on the model before it was played
-    from rig.session import Session
+    from rig import Session
 
     blows = [Session.open(out / f"blow_{k:02d}").info for k in range(1, len(found["rms_percent_by_blow"]) + 1)]
     assert [blow.dry_run["profile_sha256"] for blow in blows] == [blow.profile.sha256 for blow in blows]

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import model
-from rig.session import Session
+from rig import Session
 from tests.command_line import run
 
 

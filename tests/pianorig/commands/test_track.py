@@ -13,10 +13,7 @@ import pytest
 
 from tests.command_line import run
 from tests.vision.known_films import smooth_step
-from vision.bodies.outlines import Body, save_bodies
-from vision.film.avi_writer import write_avi
-from vision.film.mraw import write_mraw
-from vision.film.open import open_film
+from vision import Body, open_film, save_bodies, write_avi, write_mraw
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
 
 

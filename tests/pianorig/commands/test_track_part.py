@@ -10,7 +10,7 @@ import pytest
 
 from tests.command_line import run
 from tests.vision.turning_bar import OUTLINES, smooth_turn, turning_bar, write_video
-from vision.film.mraw import write_mraw
+from vision import write_mraw
 
 
 @pytest.fixture

@@ -22,9 +22,9 @@ import pandas as pd
 import pytest
 
 import vision
+from rig import Session
 from rig.atomic_write import sha256_of_file
-from rig.session import Session
-from vision.film.mraw import write_mraw
+from vision import write_mraw
 from vision.results.flags import FAILURE
 
 Result = TypeVar("Result")

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.backend import Block
-from rig.session import Session, TrialData
+from rig import Block, Session, TrialData
 from rig.session.journal import JournalWriter, TrialHead
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.session import Session
+from rig import Session
 from rig.session.info import NO_FORCE
 from tests.pianorig.page.conftest import Page, heard, own_process
 from tests.pianorig.page.recordings import recording

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import vision
-from rig.session import Session
+from rig import Session
 from tests.command_line import run
 from tests.pianorig.page.conftest import FIRST_FRAME, FRAMES, HEIGHT, WIDTH, Page
-from vision.film.mraw import write_mraw
+from vision import write_mraw
 
 HERE = "/api/outlines/example_forte/1"
 SQUARE = [[10, 8], [40, 8], [40, 50], [10, 50]]

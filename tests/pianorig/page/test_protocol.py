@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import pytest
 
-from rig.session import Session
+from rig import Session
 from tests.pianorig.page.conftest import Page, heard
 
 ANNOTATIONS = "/api/sessions/example_forte/annotations"

@@ -12,11 +12,11 @@ import pytest
 
 import model
 from pianorig.page.review import trial_view
-from rig.session import Session
+from rig import Session
 from tests.pianorig.page.conftest import FRAMES, HEIGHT, WIDTH, Page, film_frames
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
-from vision.film.mraw import write_mraw
+from vision import write_mraw
 
 TRIAL = "/api/review/example_forte/1"
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from rig.session import Session
+from rig import Session
 from tests.pianorig.page.conftest import EXAMPLE, Page, serve
 from tests.pianorig.page.stories import opened
 

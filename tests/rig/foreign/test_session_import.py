@@ -8,7 +8,7 @@ import pytest
 from rig import InputError, Session, import_session
 from rig.foreign.mapping import parse_mapping
 from tests.command_line import run
-from validation.errors import TrialError
+from validation import TrialError
 from validation.measurement.trial import measure
 
 RATE = 4000.0

@@ -16,7 +16,7 @@ from rig.recording.trial_plan import parse_plan
 from rig.session.film_record import FilmRecord
 from tests.rig.foreign.test_session_import import MAPPING
 from tests.rig.fuzz.damage import Case, same_values, text
-from vision.camera.model import load_calibration
+from vision import load_calibration
 
 
 def _says(of: str = "") -> Any:

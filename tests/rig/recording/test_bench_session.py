@@ -20,7 +20,7 @@ import pytest
 from nidaqmx.errors import DaqError
 
 import rig
-from pianorig.workflows.recording import rehearse
+from pianorig.workflows import rehearse
 from rig import (
     HardwareFault,
     InputError,

@@ -30,7 +30,7 @@ from rig import HardwareFault, Profile, RecordingFault, Session, parse_profile
 from rig import record as record_session
 from rig import recover as recover_session
 from rig.session.journal import JournalWriter
-from rig.simulated.backend import SimulatedBackend
+from rig.simulated import SimulatedBackend
 from rig.simulated.device.state import FaultPlan, parse_faults
 from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.driver import reset_device

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pianorig.workflows.predict_blow import predictor
+from pianorig.workflows import predictor
 from rig import InputError, PredictedBlow, dry_run, load_profile, load_rig, parse_profile
 from rig import record as record_session
 from rig.safety.dry_run import free_arm

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, film_bodies, film_trial
 from rig.simulated.bench.camera import film_scene, poses
 from rig.simulated.device.state import FaultPlan, parse_faults
-from vision.bodies.masks import build_masks
-from vision.errors import InputError
+from vision import InputError, build_masks, open_film
+from vision import track as track_film
 from vision.film.mraw import MrawFilm
-from vision.film.open import open_film
-from vision.tracking.track_film import track as track_film
 
 REST = np.array([0.0251, 0.3198, 0.3523])
 N = 215

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import model
-from rig.session import Session
+from rig import Session
 from tests.validation.prediction.test_trial_prediction import SIMPLE, Counting
 from validation import compare as compare_session
 from validation.cache import result_store

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from validation.errors import TrialError
+from validation import TrialError
 from validation.measurement.force_correction import correct_force, encoder_change, find_quiet
 
 RATE_HZ = 5000.0
@@ -131,7 +131,7 @@ def test_jitter_seen_at_rest_enters_the_uncertainty():
 def test_budgets_of_scale_and_film_enter_the_uncertainties_of_the_trial(make):
     """The rig file's interpolation, pivot shift and eccentricity; the tracker's total where it states one."""
     import model
-    from rig.session import CameraInfo
+    from rig import CameraInfo
     from validation.measurement.geometry import geometry_of
     from validation.measurement.trial import measure
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from validation import InputError
 from validation.conventions import HAMMER, KEY
-from validation.errors import InputError
 from validation.measurement.geometry import geometry_of, touch_dip
 
 

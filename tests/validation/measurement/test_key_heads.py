@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 import model
 import rig
-from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
-from rig.simulated.bench.plant import ActionPlant
+from rig.simulated import ActionPlant, SimulatedBackend, build_device
+from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
 from rig.simulated.bench.sensors import load_sensors
 from validation.measurement.force_correction import Quiet

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rig.session import Session
+from rig import Session
 from rig.session.sealed_trial import Content
 from tests.validation.prediction.test_trial_prediction import SIMPLE
+from validation import InputError
 from validation import compare as compare_session
-from validation.errors import InputError
 
 QUICK = {"keep_predictions": False, **SIMPLE}
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation import InputError
+from validation import EVENTS, InputError, find_events
 from validation import compare as compare_session
-from validation.events.definitions import EVENTS
-from validation.events.detect import find_events
 from validation.measurement.geometry import geometry_of, motion_of
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from rig.session import Session
+from rig import Session
 from tests.validation.prediction.test_trial_prediction import SIMPLE
 from validation import InputError, validate_sessions
 from validation import compare_many as compare_sessions

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from validation.errors import ValidationInputError
+from validation import ValidationInputError
 from validation.prediction.black_boxes import (
     FIR,
     FIR_LAGS,

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import model
-from model.batch.job import make_jobs
+from model.batch import make_jobs, run_jobs
 from model.batch.lanes import choose
-from model.batch.run import run_jobs
 from model.force_driven import ForceDrivenOptions
 from validation.measurement.measure_session import measure_session
 from validation.measurement.trial import U_REST_LEVEL_M

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import model
-from model.errors import ModelError
+from model import ModelError
 from validation.prediction.many_runs import Run, run_many
 from validation.prediction.model_under_test import ModelUnderTest, StandIns
 

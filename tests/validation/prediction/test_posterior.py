@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import model
-from validation.errors import ValidationInputError
+from validation import ValidationInputError
 from validation.prediction.input_sampling import parameter_draws, uncertain_parameters
 from validation.prediction.posterior import Posterior, make_posterior, posterior_of
 

@@ -182,8 +182,7 @@ def test_rivals_are_driven_by_their_own_force_kept_and_scored_beside_the_model(s
 
 
 def test_a_rival_that_fails_is_named_and_takes_nothing_along(small, monkeypatch):
-    from model import null_model
-    from model.errors import StaticsError
+    from model import StaticsError, null_model
 
     session, truth = small
 
@@ -198,7 +197,7 @@ def test_a_rival_that_fails_is_named_and_takes_nothing_along(small, monkeypatch)
 
 
 def test_a_trial_the_model_cannot_predict_is_named_and_the_rest_is_compared(small):
-    from model.errors import IntegrationError
+    from model import IntegrationError
 
     session, truth = small
     good = Counting()

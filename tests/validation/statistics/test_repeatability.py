@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.events.definitions import EVENTS, Event
+from validation import EVENTS, Event
 from validation.events.detect import absent
 from validation.statistics.repeatability import (
     STANDS_OUT,

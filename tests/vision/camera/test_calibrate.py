@@ -176,7 +176,7 @@ def test_file_round_trip_and_damage(tmp_path: Path) -> None:
 
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., None]) -> None:
-    from vision.film.mraw import write_mraw
+    from vision import write_mraw
 
     lens = Projection(WIDTH, HEIGHT, tilted(math.radians(3.0), 0.5, 12.0 * WIDTH), 0.005)
     film, out = tmp_path / "target.mraw", tmp_path / "camera.toml"

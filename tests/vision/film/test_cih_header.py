@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vision.errors import FilmError
+from vision import FilmError
 from vision.film.mraw import FilmHeader, cihx_bytes, read_header
 
 CIH = """#Camera Information Header

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.vision.film.cine_file import write_cine
-from vision.errors import FilmError, VisionWarning
+from vision import FilmError, VisionWarning
 from vision.film.open import open_film
 from vision.film.source import CHANNELS
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.command_line import run
-from vision.errors import FilmError
+from vision import FilmError
 from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 from vision.film.source import CHANNELS

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from vision.errors import FilmError, VisionWarning
+from vision import FilmError, VisionWarning
 from vision.film.avi_writer import write_avi
 from vision.film.open import open_film
 

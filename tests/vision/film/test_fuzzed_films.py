@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tests.rig.fuzz.damage import damaged
 from tests.vision.film.cine_file import write_cine
 from tests.vision.turning_bar import write_video
-from vision.errors import FilmError, VisionWarning
+from vision import FilmError, VisionWarning
 from vision.film.avi_writer import write_avi
 from vision.film.mraw import write_mraw
 from vision.film.open import open_film

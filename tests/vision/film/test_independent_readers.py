@@ -14,7 +14,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from vision.errors import VisionWarning
+from vision import VisionWarning
 from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import vision.film.mmap_window
-from vision.errors import FilmError
+from vision import FilmError
 from vision.film.mraw import FilmHeader, MrawFilm, cihx_bytes, pack12, write_mraw
 from vision.film.open import open_film
 

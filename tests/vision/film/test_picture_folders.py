@@ -10,7 +10,7 @@ import pytest
 
 from tests.command_line import run
 from tests.vision.turning_bar import OUTLINES, smooth_turn, turning_bar
-from vision.errors import FilmError, VisionWarning
+from vision import FilmError, VisionWarning
 from vision.film.open import open_film
 
 

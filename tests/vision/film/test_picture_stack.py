@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vision.errors import FilmError
+from vision import FilmError
 from vision.film.open import open_film
 
 FRAMES = np.random.default_rng(3).integers(0, 4096, (12, 18, 26), dtype=np.uint16)

@@ -12,7 +12,7 @@ import pytest
 import tifffile
 
 from tests.command_line import run
-from vision.errors import FilmError, VisionWarning
+from vision import FilmError, VisionWarning
 from vision.film.open import open_film
 from vision.film.source import saturated_grey
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.vision.turning_bar import write_video
-from vision.errors import FilmError, VisionWarning
+from vision import FilmError, VisionWarning
 from vision.film.mraw import FilmHeader, cihx_bytes
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm, Repeats

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vision.errors import FilmError, VisionInputError, VisionWarning
+from vision import FilmError, VisionInputError, VisionWarning
 from vision.film.source import ArrayFilm
 from vision.film.time_scale import frame_times_at_rate, spacing_of, warn_of_uneven_times
 

@@ -16,10 +16,9 @@ import pytest
 
 from tests.command_line import run
 from tests.vision.turning_bar import BODY, OUTLINES, smooth_turn, turning_bar, write_video
-from vision.errors import FilmError, VisionWarning
+from vision import FilmError, VisionWarning, track
 from vision.film.open import open_film
 from vision.film.time_scale import frame_times_at_rate
-from vision.tracking.track_film import track
 
 ALL = np.arange(60)
 GAP = np.r_[0:30, 40:70]

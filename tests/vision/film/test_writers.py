@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from vision.errors import FilmError
+from vision import FilmError
 from vision.film.avi_writer import write_avi
 from vision.film.mraw import write_mraw
 from vision.film.open import open_film

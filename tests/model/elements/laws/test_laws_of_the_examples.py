@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import model
-from model.simulation.run import Simulation, State
+from model import Simulation, State
 from tests.model.kernels.linearised import stages_off
 from tests.model.simulation.test_effects_and_jobs import Job, go_on_by_blocks, look_inside, simulate
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 import model
+from model import Scene
 from model.integrators.tangents.nodes import linearise_node
 from model.kernels import workspace as W
-from model.scene.build import Scene
 from model.sensitivity.parameter_names import directions
 from model.sensitivity.tangents import _Run
 from model.simulation.statics import solve_rest
