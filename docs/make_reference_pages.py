@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import ast
-import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +19,7 @@ import make_results_page
 
 import model
 from pianorig import cli
+from validation import results_schema
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("model", "vision", "rig", "validation")
@@ -32,7 +32,7 @@ def write(folder: Path) -> None:
     A page that has not changed keeps its time, so that Sphinx does not read it again.
     """
     pages = {f"api_{face.replace('.', '_')}": _face_page(face) for face in faces()}
-    schema = json.loads(make_results_page.SCHEMA.read_text(encoding="utf-8"))
+    schema = results_schema()
     pages |= {"commands": commands_page(), "parameters": parameters_page()}
     pages |= {"results_fields": make_results_page.fields(schema)}
     folder.mkdir(parents=True, exist_ok=True)

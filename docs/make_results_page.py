@@ -1,6 +1,6 @@
 """Write `docs/results.md` from the schema of ``results.json``: its top level and its tables.
 
-Run after changing the schema:  python docs/make_results_page.py
+Run after changing a table:  python docs/make_results_page.py
 The page of every field with its meaning and unit is made with the site, by ``docs/make_reference_pages.py``.
 """
 
@@ -11,12 +11,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-SCHEMA = Path(__file__).parents[1] / "validation" / "report" / "results.schema.json"
+from validation import results_schema
+
 PAGE = Path(__file__).with_name("results.md")
 HEAD = """# results.json
 
 Beside every `report.html` stand `results.json` and, one file per table, `tables/*.csv` with the same columns. Type,
-unit and meaning of every field: JSON Schema `validation/report/results.schema.json`, and the site's page *Fields of
+unit and meaning of every field: JSON Schema `validation.results_schema()`, and the site's page *Fields of
 results.json*. SI units and radians; angles are changes since rest, counter-clockwise; times are on the DAQ clock. A
 number that does not exist is null in JSON and an empty cell in CSV.
 
@@ -91,4 +92,4 @@ def _table(rows: Iterator[tuple[str, str, str, str]]) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(json.loads(SCHEMA.read_text(encoding="utf-8"))), encoding="utf-8")
+    PAGE.write_text(page(results_schema()), encoding="utf-8")

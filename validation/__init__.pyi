@@ -27,4 +27,5 @@ from .pipeline.validate_positions import validate_positions as validate_position
 from .report.write import write_report as write_report
 from .result import ValidationResult as ValidationResult
 from .side_by_side import SideBySide as SideBySide
+from .tables.schema import results_schema as results_schema
 from .verdict.quantities import RELEVANT as RELEVANT

@@ -31,87 +31,13 @@ OUTCOMES = (DIFFERS, DIFFERS_LITTLE, DIFFERS_PERHAPS, AGREES, CANNOT_TELL)
 
 MOST_WARNINGS = 5  # shown in a notebook
 
-TABLES = (
-    "trials",
-    "scores",
-    "scorecard",
-    "marked",
-    "findings",
-    "compatible_changes",
-    "motion_driven",
-    "channels",
-    "quantities",
-    "events",
-    "event_summary",
-    "event_repeatability",
-    "uncertainty",
-    "rivals",
-)
-"""Tables that are also written as CSV files."""
-
-
-@dataclass(frozen=True)
-class SessionTables:
-    """Tables and traces of one session compared with one model.
-
-    Columns of the tables and their units: ``docs/results.md``, made from ``validation/report/results.schema.json``.
-    """
-
-    warnings: list[str]  # what a reader must know before using the numbers
-    window: Window  # the evaluation window of every score
-    # one row per trial: whether it was used or why not, what was done with its force, and how far it lies from the
-    # strokes that an identified set was fitted to
-    trials: pd.DataFrame
-    # one row per trial and channel: every score of the model, of the null model and of the model driven by the raw
-    # force
-    scores: pd.DataFrame
-    # one row per channel and score: of all trials, beside its ceiling, the score of a perfect model
-    scorecard: pd.DataFrame
-    marked: pd.DataFrame  # samples left out of the scores, because the key lifts
-    findings: pd.DataFrame  # faults of the session that were recognised
-    # Sets of changes of model or force that explain the difference, all of the smallest size; no faults. Empty where
-    # nothing was looked for, nothing need have changed, or no part of the model explains it
-    compatible_changes: pd.DataFrame
-    # one row per channel: RMSE, repeatability, and the share of the window in which model and trials differ
-    channels: pd.DataFrame
-    # one row per quantity of the verdict: interval of the model error, plain difference, limit, what resolves it
-    quantities: pd.DataFrame
-    events: pd.DataFrame  # one row per trial, source (trial or model) and event
-    # event_summary, event_repeatability: one row per event: model against trials, and trials among themselves
-    event_summary: pd.DataFrame
-    event_repeatability: pd.DataFrame
-    uncertainty: pd.DataFrame  # one row per trial and channel: stated uncertainty of one sample
-    # one row per trial and channel: RMSE of the model and of each of its rivals, and which is nearest
-    rivals: pd.DataFrame
-    # on the common time base inside the window: time_s, then <channel>_mean_rad, _s_r_rad, _band95_rad (half width of
-    # the simultaneous 95 % band of the mean), _difference_rad (mean paired difference), its _difference_u95_rad (1.96 u
-    # at each instant, of all declared uncertainties and the scatter of the trials)
-    spread: pd.DataFrame
-    # Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad, key_marked,
-    # <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force),
-    # <channel>_rad_per_s and <channel>_u_rad_per_s (measured speed, split at contacts, see `validation.scores.traces`)
-    traces: dict[int, pd.DataFrame]
-    # Trial → DataFrame of time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad
-    film_traces: dict[int, pd.DataFrame]
-    motion_driven: pd.DataFrame  # force predicted from the key's measured motion, in one row; empty when not requested
-    motion_trace: pd.DataFrame | None  # the same over time, see `validation.prediction.motion_driven.motion_driven`
-    # the simultaneous test of the quantities: whether it was made or why not, rejected, p, factor, draws, branch
-    judgement: dict[str, Any]
-    # Scores of each trial under drawn errors of force and sensors: trial, channel, draw, rmse_rad,
-    # before_impact_rmse_rad, iso_overall; the same draws for every model of a session. Empty for one model alone
-    nuisance: pd.DataFrame
-    # tables that only a report shows, by name (`validation.result_tables.further`); empty when not requested
-    further: dict[str, pd.DataFrame]
-
-    @property
-    def tables(self) -> dict[str, pd.DataFrame]:
-        """The tables that are also written as CSV files, by name."""
-        return {name: getattr(self, name) for name in TABLES} | self.further
-
 
 @dataclass(frozen=True, repr=False)
-class ValidationResult(SessionTables):
+class ValidationResult:
     """Result of comparing one session with one model: its tables and traces, and what is said of them.
+
+    Every table is an attribute, too: ``result.scores`` is ``result.tables["scores"]``. Tables, columns and units:
+    ``docs/results.md``.
 
     Attributes
     ----------
@@ -120,6 +46,29 @@ class ValidationResult(SessionTables):
         What was compared, how many trials, RMSE against repeatability, worst channel, events that disagree.
     provenance : dict
         Hashes, versions, tolerance and rules.
+    warnings : list of str
+        What a reader must know before using the numbers.
+    window : Window
+        The evaluation window of every score.
+    tables : dict of DataFrame
+        By name; the modules of `validation.tables` say what each holds.
+    spread : DataFrame
+        On the common time base inside the window: time_s, then <channel>_mean_rad, _s_r_rad, _band95_rad (half width of
+        the simultaneous 95 % band of the mean), _difference_rad (mean paired difference), its _difference_u95_rad
+        (1.96 u at each instant, of all declared uncertainties and the scatter of the trials).
+    traces : dict of DataFrame
+        Trial → time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad, key_marked,
+        <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force),
+        <channel>_rad_per_s and <channel>_u_rad_per_s (measured speed, split at contacts, `validation.scores.traces`).
+    film_traces : dict of DataFrame
+        Trial → time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad.
+    motion_trace : DataFrame or None
+        Force predicted from the key's motion over time, see `validation.prediction.motion_driven.motion_driven`.
+    judgement : dict
+        The simultaneous test of the quantities: whether it was made or why not, rejected, p, factor, draws, branch.
+    nuisance : DataFrame
+        Scores of each trial under drawn errors of force and sensors: trial, channel, draw, rmse_rad,
+        before_impact_rmse_rad, iso_overall; the same draws for every model of a session. Empty for one model alone.
     files : dict
         What was written: name → path.
     outcome : str
@@ -134,10 +83,32 @@ class ValidationResult(SessionTables):
     action_name: str
     verdict_lines: list[str]
     provenance: dict[str, Any]
+    warnings: list[str]
+    window: Window
+    tables: dict[str, pd.DataFrame]
+    spread: pd.DataFrame
+    traces: dict[int, pd.DataFrame]
+    film_traces: dict[int, pd.DataFrame]
+    motion_trace: pd.DataFrame | None
+    judgement: dict[str, Any]
+    nuisance: pd.DataFrame
     files: dict[str, Path] = field(default_factory=dict)
     outcome: str = CANNOT_TELL
     sentence: str = ""
     advice: tuple[str, ...] = ()
+
+    def __getattr__(self, name: str) -> pd.DataFrame:
+        try:
+            return self.__dict__["tables"][name]  # type: ignore[no-any-return]
+        except KeyError:
+            raise AttributeError(f"ValidationResult has no attribute or table {name!r}") from None
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.tables]
+
+    def with_tables(self, **changed: pd.DataFrame) -> ValidationResult:
+        """A copy with these tables in place of its own."""
+        return replace(self, tables={**self.tables, **changed})
 
     def __repr__(self) -> str:
         n = len(self.traces)

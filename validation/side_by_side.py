@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import pandas as pd
 
 from validation.result import ValidationResult
-from validation.statistics.model_comparison import evidence_table, paired_models
+from validation.tables.catalogue import all_tables
 
 
 @dataclass(frozen=True, repr=False)
@@ -25,8 +26,6 @@ class SideBySide:
         Each with its own names of session and model.
     refused : tuple of str
         One line for each session, or session with model, that could not be compared.
-    model_pairs : DataFrame
-        One row per session, channel, score and pair of models: see `validation.statistics.model_comparison`.
     notes : tuple of str
         What a reader must know about the sessions together.
     files : dict
@@ -35,7 +34,6 @@ class SideBySide:
 
     results: tuple[ValidationResult, ...]
     refused: tuple[str, ...]
-    model_pairs: pd.DataFrame
     notes: tuple[str, ...] = ()
     files: dict[str, Path] = field(default_factory=dict)
 
@@ -62,10 +60,20 @@ class SideBySide:
         compared = [*pair_lines(self.model_pairs), *evidence_lines(self.evidence)]
         return [*lines, *compared, *(f"Not compared: {text}" for text in self.refused), *self.notes]
 
+    @cached_property
+    def compared(self) -> dict[str, pd.DataFrame]:
+        """Tables of all results together by name: how the models compare."""
+        return {name: table.make(self.results) for name, table in all_tables().items() if table.of == "results"}
+
+    @property
+    def model_pairs(self) -> pd.DataFrame:
+        """One row per session, channel, score and pair of models: see `validation.statistics.model_comparison`."""
+        return self.compared["model_pairs"]
+
     @property
     def evidence(self) -> pd.DataFrame:
-        """One row per session and model, where there are several models: see `evidence_table`."""
-        return evidence_table(list(self.sessions.values()))
+        """One row per session and model, where there are several models."""
+        return self.compared["evidence"]
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -77,8 +85,7 @@ class SideBySide:
                 named.insert(0, "session", result.session_name)
                 named.insert(1, "model", result.action_name)
                 joined.setdefault(name, []).append(named)
-        tables = {name: _below(parts) for name, parts in joined.items()}
-        return {**tables, "model_pairs": self.model_pairs, "evidence": self.evidence}
+        return {name: _below(parts) for name, parts in joined.items()} | self.compared
 
     def with_files(self, files: dict[str, Path]) -> SideBySide:
         """A copy that names the files it was written to."""
@@ -99,7 +106,7 @@ def headline(result: ValidationResult) -> str:
 
 def alone(result: ValidationResult) -> SideBySide:
     """One result as the only one of its kind."""
-    return SideBySide((result,), (), paired_models([result]), files=result.files)
+    return SideBySide((result,), (), files=result.files)
 
 
 def pair_lines(pairs: pd.DataFrame) -> list[str]:

@@ -196,14 +196,13 @@ HOSTILE = 'recalibrated $\\frac{ <b> & "quoted" ' + "x" * 120
 def side(compared):
     """Two sessions and two models, of one comparison: other names, the second model's errors half as large again."""
     from validation.side_by_side import SideBySide
-    from validation.statistics.model_comparison import paired_models
 
     def other(session, model, factor):
         columns = [c for c in compared.scores.columns if c.endswith("rmse_rad")]
         scores = compared.scores.assign(**{c: compared.scores[c] * factor for c in columns})
         drawn = [c for c in columns if c in compared.nuisance]
         changed = {
-            "scores": scores,
+            "tables": {**compared.tables, "scores": scores},
             "nuisance": compared.nuisance.assign(**{c: compared.nuisance[c] * factor for c in drawn}),
             "traces": {number: compared.traces[number] for number in (1, 2)},  # curves cost most of the drawing
         }
@@ -214,7 +213,7 @@ def side(compared):
         for session in ("blow piano", "double </script><img src=x onerror=alert(1)>")
         for model, factor in (("calibrated", 1.0), (HOSTILE, 1.5))
     )
-    return SideBySide(results, ("nowhere: no such session folder",), paired_models(results))
+    return SideBySide(results, ("nowhere: no such session folder",))
 
 
 @pytest.fixture(scope="session")

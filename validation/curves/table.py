@@ -44,7 +44,7 @@ def trial_curves(base_s: Array, encoder: pd.DataFrame, film: pd.DataFrame | None
     Parameters
     ----------
     base_s : (n,) s
-    encoder, film : `validation.result.SessionTables.traces` and ``film_traces`` of the trial
+    encoder, film : `validation.result.ValidationResult.traces` and ``film_traces`` of the trial
     """
     out = {}
     for channel in BODIES:
@@ -87,7 +87,7 @@ def curve_table(
     Parameters
     ----------
     base_s : (n,) s
-    traces, films : mapping of trial to DataFrame, `validation.result.SessionTables.traces` and ``film_traces``
+    traces, films : mapping of trial to DataFrame, `validation.result.ValidationResult.traces` and ``film_traces``
     trials : only these
 
     Returns

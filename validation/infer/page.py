@@ -29,7 +29,8 @@ from validation.infer.scores import CEILING, NULL, SHOWN, EventScore, event_word
 from validation.infer.unknowns import Parameter
 from validation.report.figures.svg import STYLE, figure_svg
 from validation.report.page import style_text, templates
-from validation.report.tables.formatting import DASH, PageTable, number
+from validation.tables.numbers import DASH, number
+from validation.tables.table import PageTable
 
 SPEED = "hammer_speed"
 EVEN = 0.05  # of a ratio of two scores: closer than that is as good

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from datetime import datetime
 from importlib import metadata
@@ -32,9 +32,11 @@ from validation.pipeline.verdict import fitted_trials, identified_warnings, pred
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, predict_session
 from validation.result import AGREES, CANNOT_TELL, ValidationResult
-from validation.result_tables.make_tables import make_tables, with_rivals
 from validation.scores.score_session import ScoredSession, score_session
+from validation.statistics.repeatability import few_trials_warning
 from validation.statistics.rivals import beside_rivals
+from validation.tables.channels import summary
+from validation.tables.comparison import Comparison
 from validation.verdict.error_draws import session_errors
 from validation.verdict.quantities import relevance_limits
 from validation.verdict.verdict import Verdict, judge_model, undecided_verdict
@@ -187,15 +189,17 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     changes = [asdict(change) for change in explained.changes]
     rivals = beside_rivals(predicted, scored, tested, findings.left_out)
     verdict = _verdict(predicted, events, scored, findings, tested, chosen)
-    tables = make_tables(predicted, events, scored, findings, verdict, tested, chosen, changes)
-    tables = with_rivals(tables, rivals)
-    tables.warnings.extend(identified_warnings(action))
+    made = Comparison(predicted, events, scored, findings, verdict, rivals, tested, chosen, changes)
+    tables = made.tables
+    warnings = [*_warnings(predicted, findings), *scored.notes, *made.motion[2], *tested.store.save()]
+    warnings += identified_warnings(action)
     name = session.info.name or session.path.name
     if explained.sentence:
         finer = verdict.outcome in (AGREES, CANNOT_TELL) and not explained.nothing
-        tables.warnings.append(explained.sentence + (FINER if finer else ""))
+        warnings.append(explained.sentence + (FINER if finer else ""))
     advice = what_to_do(findings.faults, explained, rivals, verdict.outcome)
     head, *rest = verdict_lines(name, action.name, tables, verdict, findings.faults, rivals.nearer)
+    judgement = dict(verdict.facts)
     return ValidationResult(
         session_name=name,
         action_name=action.name,
@@ -208,12 +212,32 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
             *rivals.skills,
         ],
         provenance=provenance(session, tested, predicted.trials, events.window, chosen.now())
-        | {"judgement": tables.judgement, "cost": cost_of(predicted)},
+        | {"judgement": judgement, "cost": cost_of(predicted)},
+        warnings=warnings,
+        window=events.window,
+        tables=tables,
+        spread=summary(made)[1],
+        traces=scored.traces.encoder,
+        film_traces=scored.traces.film,
+        motion_trace=made.motion[1],
+        judgement=judgement,
+        nuisance=made.ceiling.nuisance,
         outcome=verdict.outcome,
         sentence=verdict.sentence,
         advice=advice,
-        **vars(tables),
     )
+
+
+def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterator[str]:
+    """What a reader must know before using the numbers, faults first."""
+    yield from (f.text for f in findings.faults)
+    few = few_trials_warning(len(predicted.trials))
+    if few:
+        yield few
+    for m in (m for m in predicted.trials if m.number not in findings.trials_without_rest):
+        notes = (*m.notes, *predicted.predictions[m.number].notes)
+        yield from (f"trial {m.number}: {text}" for text in notes)
+    yield from (f"trial {number} is not used: {reason}" for number, reason in predicted.refused.items())
 
 
 def _verdict(

@@ -27,7 +27,6 @@ from validation.report.files import check_folder
 from validation.report.write import write_side_by_side
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
-from validation.statistics.model_comparison import paired_models
 
 
 def by_condition(opened: Sequence[Session], condition: str | None) -> list[tuple[Session, str | None]]:
@@ -157,7 +156,7 @@ def compare_many(
         if len(failures) == 1:
             raise failures[0]
         raise ValidationInputError(f"no session can be compared: {'; '.join(lines)}")
-    return SideBySide(tuple(results), tuple(lines), paired_models(results), tuple(same_recordings(results)))
+    return SideBySide(tuple(results), tuple(lines), tuple(same_recordings(results)))
 
 
 def open_all(sessions: Sequence[Session | str | Path]) -> tuple[list[Session], list[tuple[str, Exception]]]:

@@ -18,7 +18,6 @@ from validation.findings.finding import SessionFinding, summary_line
 from validation.findings.unusable import name_unusable, unusable_data
 from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.posterior import altered, posterior_of
-from validation.result import SessionTables
 from validation.verdict.verdict import MOST_NAMED, Verdict, most_important, quantity_words
 
 
@@ -64,7 +63,7 @@ def identified_warnings(action: model.Action) -> list[str]:
 def verdict_lines(
     session: str,
     action: str,
-    tables: SessionTables,
+    tables: Mapping[str, pd.DataFrame],
     verdict: Verdict,
     findings: Sequence[SessionFinding] = (),
     nearer: str = "",
@@ -77,13 +76,13 @@ def verdict_lines(
     findings : of the session
     nearer : what is to be said where a rival is nearer, see `validation.statistics.skill`
     """
-    scored = tables.channels[tables.channels["rmse_rad"].notna()]
-    n_trials = int(tables.trials["used"].sum())
+    scored = tables["channels"][tables["channels"]["rmse_rad"].notna()]
+    n_trials = int(tables["trials"]["used"].sum())
     trials = "1 trial" if n_trials == 1 else f"{n_trials} trials"
     head = f"Model {action} against {trials} of {session}, each driven by its own measured force: {verdict.sentence}"
     if nearer:
         head += f" {nearer}"
-    events = tables.event_summary
+    events = tables["event_summary"]
     differing = int((~events["agree"].astype(bool)).sum())
     if differing:
         head += f" {differing} kind{'s' if differing > 1 else ''} of event happen in one but not in the other."

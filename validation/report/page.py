@@ -8,9 +8,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +23,12 @@ from validation.events.definitions import EVENTS
 from validation.events.key_lift import EXCESS_M
 from validation.report.figures.measured import all_figures
 from validation.report.figures.overlays import limit_of_trial, trial_words
-from validation.report.tables import scores as present
-from validation.report.tables.formatting import PageTable, described_sections, described_table
-from validation.report.tables.models import event_table, evidence_table, forest, heat_map, matrix, pair_tables
-from validation.report.tables.scores import area_table, quantity_table, scorecard_table
+from validation.report.overview import forest, heat_map
 from validation.report.view import SessionView, netcdf_names
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
+from validation.tables.catalogue import pages_of
+from validation.tables.table import SECTIONS, PageTable, made_table, page_table
 from validation.verdict.quantities import PHASES
 
 GLOSSARY: tuple[tuple[str, str], ...] = (
@@ -160,14 +156,6 @@ def session_section(view: SessionView) -> dict[str, Any]:
     Tables that depend on the model are made for each, their caption names it; ids lead with the session's prefix.
     """
     first = view.first
-
-    def each(make: Callable[[ValidationResult], PageTable]) -> list[PageTable]:
-        """A table of every model, told apart by caption and id."""
-        tables = [_called(make(r), view, "" if i == 0 else f"-m{i + 1}") for i, r in enumerate(view.results)]
-        if len(tables) == 1:
-            return tables
-        return [replace(t, caption=f"{t.caption}: {r.action_name}") for t, r in zip(tables, view.results, strict=True)]
-
     return dict(
         prefix=view.prefix,
         result=first,
@@ -177,30 +165,28 @@ def session_section(view: SessionView) -> dict[str, Any]:
         verdicts=[r.verdict_lines for r in view.results],
         warnings=_warnings(view),
         figures=all_figures(view),
-        scores=[*each(present.score_matrix), *each(present.rival_table)],
-        differences=each(present.resolution_table),
-        further=[
-            {"id": key, "title": title, "tables": [t for name in names for t in each(partial(described_table, name))]}
-            for (key, title), names in described_sections(view.first).items()
-        ],
-        scorecards=each(scorecard_table),
-        iso=each(present.iso_table),
-        events=[_called(event_table(view), view)],
-        quantities=each(quantity_table),
-        areas=each(area_table),
-        events_by_trial=each(present.event_by_trial_table),
-        repeatability=[_called(t, view) for t in present.repeatability_tables(first)],
-        trials=[_called(present.trial_page_table(first), view)],
+        tables={section: section_tables(view, section) for section in SECTIONS},
     )
+
+
+def section_tables(view: SessionView, section: str) -> list[PageTable]:
+    """Tables of a section that have rows, of all models of the session."""
+    made = (page_table(table, page, view.results, view.prefix) for table, page in pages_of(section))
+    return [table for table in made if table is not None]
+
+
+def compared_tables(side: SideBySide) -> list[PageTable]:
+    """Tables of all results together that have rows."""
+    made = (
+        made_table(table, page, [("", row) for row in side.compared[table.name].to_dict("records")])
+        for table, page in pages_of("models")
+    )
+    return [table for table in made if table is not None]
 
 
 def is_simulated(result: ValidationResult) -> bool:
     """Whether the session was recorded on the virtual bench."""
     return bool(result.provenance.get("session", {}).get("simulated", False))
-
-
-def _called(table: PageTable, view: SessionView, suffix: str = "") -> PageTable:
-    return replace(table, key=f"{view.prefix}{table.key}{suffix}")
 
 
 def _warnings(view: SessionView) -> list[str]:
@@ -270,9 +256,8 @@ def render_html(side: SideBySide, *, animation: bool = False) -> str:
         glossary=GLOSSARY,
         netcdf=netcdf_names(side),
         animation=ANIMATION if animation else "",
-        matrix=matrix(side) if len(side.results) > 1 else None,
-        pairs=pair_tables(side) if len(side.model_pairs) else None,
-        evidence=evidence_table(side) if len(side.evidence) else None,
+        compared=compared_tables(side),
+        titles=SECTIONS,
         definitions=[(kind.title, kind.definition) for kind in EVENTS.values()],
         limits=cannot_claim(side),
         provenance=[(f"{r.session_name}, {r.action_name}", _flat(r.provenance)) for r in side.results],

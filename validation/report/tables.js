@@ -1,6 +1,6 @@
-/* Tables: a click on a head sorts, a second one turns the order round; long tables are folded; print shows all. */
+/* Tables: a click on a head sorts, a second one turns the order round. Print shows what is folded. */
 for (const table of document.querySelectorAll("table.sorts")) {
-  const body = table.tBodies[0], rows = [...body.rows], KEPT = 10;
+  const body = table.tBodies[0], rows = [...body.rows];
   const value = (row, i) => {
     const text = row.cells[i]?.textContent.trim() ?? "";
     const number = text.replace(/\u2212/g, "-").match(/^<?\s*(-?\d+(?:\.\d+)?)(?=$|[\s%\u00b0(:])/);
@@ -21,24 +21,7 @@ for (const table of document.querySelectorAll("table.sorts")) {
       const keyed = [...body.rows].map((row) => [value(row, i), row]);
       const known = keyed.filter(([v]) => v !== null).sort((a, b) => sign * compare(a[0], b[0]));
       body.append(...known.map(([, row]) => row), ...keyed.filter(([v]) => v === null).map(([, row]) => row));
-      fold();
     });
-  }
-  let folded = rows.length > 16;
-  const fold = () => [...body.rows].forEach((row, i) => row.classList.toggle("folded", folded && i >= KEPT));
-  if (folded) {
-    const more = document.createElement("button");
-    more.type = "button";
-    more.className = "unfold";
-    const say = () => {
-      more.textContent = folded ? `Show all ${rows.length} rows` : `Show the first ${KEPT} rows`;
-      more.setAttribute("aria-expanded", String(!folded));
-    };
-    more.setAttribute("aria-controls", table.id);
-    more.addEventListener("click", () => { folded = !folded; say(); fold(); });
-    say();
-    fold();
-    table.closest(".scroll").after(more);
   }
 }
 const opened = [];

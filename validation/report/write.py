@@ -21,18 +21,15 @@ from validation.report.page import ANIMATION, render_html
 from validation.report.view import SessionView, netcdf_names, shown_trials
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide, alone
-
-SCHEMA = "piano-action-rig results"
-SCHEMA_VERSION = 7
+from validation.tables.schema import SCHEMA, SCHEMA_VERSION
 
 
 def results_json(side: SideBySide) -> str:
     """The results as JSON text.
 
     Conventions: SI units and radians. One of ``results`` for each session and model; ``tables`` hold the rows of all,
-    led by ``session`` and ``model``. Every field, its meaning and unit: ``results.schema.json`` beside this file (JSON
-    Schema 2020-12), as a page ``docs/results.md``. NaN and infinities become null, so that every JSON reader accepts
-    it.
+    led by ``session`` and ``model``. Every field, its meaning and unit: `validation.results_schema` (JSON Schema
+    2020-12), as a page ``docs/results.md``. NaN and infinities become null, so that every JSON reader accepts it.
     """
     content = {
         "schema": SCHEMA,

@@ -12,6 +12,8 @@ from rig.session import Session
 from validation import compare as compare_session
 from validation import write_report
 from validation.findings.finding import KINDS
+from validation.report.page import section_tables
+from validation.report.view import SessionView
 
 
 def test_inputs_are_drawn_on_a_sound_trial(make, tmp_path):
@@ -56,12 +58,14 @@ def test_what_explains_the_difference_is_named_with_its_size_and_is_no_finding(p
 
 
 def test_one_quantity_has_one_number_in_every_table(planted):
-    from validation.report.tables.scores import iso_table, resolution_table, score_matrix
-
-    scores = score_matrix(planted)
-    whole = {row[0].split(" (")[0]: row[scores.head.index("all")] for row in scores.rows}
-    for row in resolution_table(planted).rows:
-        assert row[2] == whole[row[0]], row[0]
-    overall = planted.channels.set_index("channel")["iso_overall"]
-    for row in iso_table(planted).rows:
-        assert row[1] == "—" or float(row[1]) == pytest.approx(float(overall[row[0]]), abs=6e-4), row[0]
+    card = planted.scorecard.set_index(["score", "channel"])["value"]
+    channels = planted.channels.set_index("channel")
+    for score in ("rmse_rad", "iso_overall"):
+        for channel, value in card[score].dropna().items():
+            assert channels.loc[channel, score] == pytest.approx(value, rel=1e-12)
+    pages = {page.key: page for page in section_tables(SessionView((planted,)), "scores")}
+    shown, whole = pages["scores-channels"], pages["scores-scorecard"]
+    at = shown.head.index("RMSE (°)")
+    rmse = {row[0]: row[at] for row in shown.rows}
+    titles = [row for row in whole.rows if row[1] == "RMSE (°)"]
+    assert titles and all(rmse[row[0]] == row[2] for row in titles)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import math
 import re
 from dataclasses import replace
 
@@ -15,8 +16,8 @@ from tests.validation.prediction.test_trial_prediction import SIMPLE
 from validation import InputError, validate_sessions
 from validation import compare_many as compare_sessions
 from validation.pipeline.compare_sessions import distinct, distinct_models, same_recordings
-from validation.report.tables.formatting import degrees
 from validation.report.view import compared_anchor, condition_of, measured_anchor
+from validation.tables.numbers import degrees
 
 QUICK = {"keep_predictions": False, **SIMPLE}
 
@@ -43,24 +44,19 @@ def test_verdict_matrix_and_files_name_session_and_model(side, side_written, pag
     content = json.loads(side_written.files["results.json"].read_text(encoding="utf-8"))
     (away,) = [r for r in content["tables"]["evidence"] if r["session"] == "blow piano" and r["model"] != r["against"]]
     assert f"blow piano, evidence for {side.models[1]} against calibrated: {away['reading']}" in lines[6]
-    assert away["log_bayes_factor"] == 0.0 and 'id="table-evidence"' in page  # copies, but for their scores
+    assert away["log_bayes_factor"] == 0.0 and 'id="table-models-evidence"' in page  # copies, but for their scores
     assert [(r["session"], r["model"]) for r in content["results"]] == [
         (r.session_name, r.action_name) for r in side.results
     ]
     scores = pd.read_csv(side_written.files["tables/scores.csv"])
     assert scores.groupby(["session", "model"]).size().nunique() == 1
     assert len(scores) == sum(len(r.scores) for r in side.results)
-    matrix = re.search(r'<table id="table-matrix".*?</table>', page, re.S)[0]
-    rows = [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row) for row in re.findall(r"<tr>(.*?)</tr>", matrix)][1:]
-    assert [row[:2] for row in rows[:4]] == [
-        ["blow piano", "calibrated"],
-        ["blow piano", html.escape(side.models[1], quote=False).replace('"', "&#34;")],
-        ["blow piano", "perfect model (ceiling)"],
-        ["blow piano", "null model"],
-    ]
-    key = next(r for r in content["tables"]["scorecard"] if r["channel"] == "key" and r["score"] == "rmse_rad")
-    assert rows[0][3] == degrees(key["value"])
-    assert rows[2][3] == degrees(key["ceiling"])
+    shown = re.search(r'<table id="table-s1-scores-channels".*?</table>', page, re.S)[0]
+    rows = [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row) for row in re.findall(r"<tr>(.*?)</tr>", shown)][1:]
+    name = html.escape(side.models[1], quote=False).replace('"', "&#34;")
+    assert {row[0] for row in rows} == {"calibrated", name}
+    key = next(r for r in content["tables"]["channels"] if r["channel"] == "key")
+    assert rows[0][:3] == ["calibrated", "key", degrees(key["rmse_rad"])]
 
 
 def test_numbers_of_captions_and_verdicts_are_those_of_the_file(side_written, page):
@@ -71,7 +67,7 @@ def test_numbers_of_captions_and_verdicts_are_those_of_the_file(side_written, pa
     assert len(said) == 6
     for channel, trial, value in said:
         row = scores.query(f"model == 'calibrated' and channel == '{channel}' and trial == {trial}").iloc[0]
-        assert value == degrees(row["rmse_rad"])
+        assert value == f"{math.degrees(row['rmse_rad']):.4f}"
     channels = pd.DataFrame(content["tables"]["channels"]).query("model == 'calibrated'").set_index("channel")
     line = next(text for text in content["results"][0]["verdict_lines"] if text.startswith("ISO 18571-style"))
     for channel in ("key", "whippen", "hammer"):

@@ -6,8 +6,8 @@ import base64
 import hashlib
 import io
 import json
+import math
 import re
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -23,12 +23,11 @@ from validation.report.figures.measured import rotation_of_all_trials
 from validation.report.figures.overlays import model_against_trial
 from validation.report.figures.svg import STYLE
 from validation.report.files import write_files
-from validation.report.page import cannot_claim, render_html
-from validation.report.tables import scores as present
-from validation.report.tables.models import event_table, forest, heat_map
-from validation.report.tables.scores import quantity_table
+from validation.report.overview import forest, heat_map
+from validation.report.page import cannot_claim, render_html, section_tables
 from validation.report.view import SessionView
 from validation.side_by_side import alone
+from validation.tables.numbers import number, with_u
 from validation.verdict.quantities import PHASES
 
 
@@ -62,8 +61,8 @@ def test_every_id_is_unique_and_every_reference_has_one(report, request):
 
 
 def test_every_figure_of_the_thesis_is_there_with_title_and_description(page):
-    for number in ("3.9", "3.10", "3.11", "3.12", "3.13", "4.1", "4.2", "4.3", "4.4"):
-        assert f"As thesis Fig. {number}." in page
+    for figure in ("3.9", "3.10", "3.11", "3.12", "3.13", "4.1", "4.2", "4.3", "4.4"):
+        assert f"As thesis Fig. {figure}." in page
     figures = len(re.findall("<svg [^>]*data-panels", page))
     assert figures == 9
     assert page.count("<desc") == figures
@@ -169,7 +168,7 @@ def test_one_trial_and_no_film_are_said(lonely):
     text = result.files["report.html"].read_text(encoding="utf-8")
     assert result.files["report.html"].parent == session.path
     assert "repeatability is not known" in text
-    assert "jack (not filmed)" in text
+    assert "<td>0 (not filmed)</td>" in text
     assert any("not filmed: nothing is said" in limit for limit in cannot_claim(alone(result)))
     assert np.isnan(result.channels["s_r_rad"].astype(float)).all()
     assert "against 1 trial of" in result.verdict
@@ -186,7 +185,7 @@ def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(
     assert channels.loc["jack", "state"] == "no frame tracked"
     assert np.isnan(channels.loc["jack", "rmse_rad"])
     assert np.isfinite(channels.loc["repetition", "rmse_rad"])
-    assert "jack (no frame tracked)" in render_html(alone(result))
+    assert "1 (no frame tracked)" in render_html(alone(result))
 
 
 def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tmp_path, without_figures):
@@ -270,7 +269,7 @@ def test_thinning_keeps_every_spike_and_every_gap():
     ],
 )
 def test_values_are_rounded_to_their_uncertainty(value, u, text):
-    assert present.with_u(value, u) == text
+    assert with_u(value, u) == text
 
 
 def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
@@ -280,7 +279,7 @@ def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
 
     def drawn(channel, marked):
         with rc_context(STYLE):
-            return model_against_trial(SessionView((replace(compared, marked=marked),)), channel)
+            return model_against_trial(SessionView((compared.with_tables(marked=marked),)), channel)
 
     shaded, without = drawn("key", marked), drawn("key", marked[:0])
     assert "1 interval, 10.0 ms in all" in shaded.caption
@@ -314,17 +313,33 @@ def test_an_animation_beside_the_page_is_linked_and_otherwise_said_how_to_make(c
 
 
 def test_every_table_gives_a_quantity_the_same_interval(compared):
-    rows = {row[0]: row for row in quantity_table(compared).rows}
+    (table,) = (t for t in section_tables(SessionView((compared,)), "scores") if t.source == "quantities")
+    interval, reading = table.head.index("model error, 95 %"), table.head.index("reading")
+    rows = {row[0]: row for row in table.rows}
     drawn = forest(alone(compared))
     assert {row["quantity"] for row in drawn} >= {"check height (mm)", "hammer speed at impact (m/s)"}
     for row in drawn:
-        assert row["difference"] == rows[row["quantity"]][1]
-        assert row["reading"] == rows[row["quantity"]][4]
+        assert row["difference"] == rows[row["quantity"]][interval]
+        assert row["reading"] == rows[row["quantity"]][reading]
         assert row["low"] <= row["at"] <= row["high"]
     (group,) = heat_map(alone(compared))
     for channel, cells in group["rows"]:
         for phase, cell in zip(PHASES, cells, strict=True):
-            assert cell["text"].rstrip("°") == rows[f"{channel} in {phase} (°)"][1]
-    without = replace(compared, quantities=compared.quantities.iloc[:0])
-    (note, *_) = event_table(SessionView((without,))).notes
-    assert "nothing was drawn" in note
+            assert cell["text"].rstrip("°") == rows[f"{channel} in {phase} (°)"][interval]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (4.6e-22, "0"),
+        (-1e-12, "0"),
+        (-0.0, "0"),
+        (0.00123456, "0.00123"),
+        (-12.345, "−12.3"),
+        (True, "–"),
+        (math.inf, "–"),
+    ],
+)
+def test_a_number_has_three_digits_and_no_minus_before_nothing(value, text):
+    assert number(value) == text
+    assert with_u(-0.001, 0.2) == "0.00 ± 0.20"

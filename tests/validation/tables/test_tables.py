@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -17,13 +16,16 @@ from validation.events.detect import absent
 from validation.events.session_events import Window, common_window
 from validation.findings.finding import counting_events
 from validation.pipeline.verdict import verdict_lines
-from validation.report.tables import models
-from validation.report.view import SessionView
-from validation.result_tables.channels import channel_tables, scorecard, with_repeatability, with_scores
-from validation.result_tables.events import event_summary, event_table
 from validation.scores.score_session import score_curves
 from validation.scores.traces import SessionTraces
 from validation.statistics.repeatability import on_common_base
+from validation.tables.channels import channel_tables, with_scores
+from validation.tables.event_summary import TABLE as SUMMARY
+from validation.tables.event_summary import event_summary as summarised
+from validation.tables.events import event_rows
+from validation.tables.scorecard import scorecard
+from validation.tables.scores import with_repeatability
+from validation.tables.table import made_table
 from validation.verdict.verdict import undecided_verdict
 
 WINDOW = Window(0.0, 1.0, "test", "test")
@@ -48,7 +50,7 @@ def tables(traces, u=1e-4):
     session = SessionTraces(traces, {}, WINDOW, {1: 0.25})
     channels, spread = channel_tables(session, {"key": u, "whippen": u, "hammer": u})
     scores = with_repeatability(score_curves(session, {n: np.full(3, u) for n in traces}, ResultStore()), channels)
-    card = scorecard(scores, session)
+    card = pd.DataFrame(scorecard(scores, session))
     return with_scores(channels, scores, card).set_index("channel"), scores, spread
 
 
@@ -99,21 +101,15 @@ def test_a_trial_that_does_not_reach_the_window_is_nan_there():
     assert np.isnan(out[[0, 2], 0]).all()
 
 
-class Judged(NamedTuple):
-    """The tables that a verdict's lines are written from."""
-
-    trials: pd.DataFrame
-    channels: pd.DataFrame
-    event_summary: pd.DataFrame
-
-
 NOT_DRAWN = undecided_verdict("the uncertainties were not drawn")
 
 
 def lines_of(channels, summary, n, verdict=NOT_DRAWN, nearer=""):
     """Verdict of ``n`` trials."""
     used = pd.DataFrame({"trial": range(1, n + 1), "used": True})
-    return verdict_lines("s", "m", Judged(used, channels, summary), verdict, (), nearer)
+    return verdict_lines(
+        "s", "m", {"trials": used, "channels": channels, "event_summary": summary}, verdict, (), nearer
+    )
 
 
 def test_draws_give_the_difference_its_uncertainty_at_each_instant():
@@ -147,6 +143,10 @@ def test_the_headline_is_the_sentence_of_the_verdict():
     assert "cannot tell: the uncertainties were not drawn." in head
 
 
+def event_summary(trial, model):
+    return pd.DataFrame(summarised(trial, model))
+
+
 def keystroke(**changes):
     found = {name: Event(name, 0.1 * (i + 1), 0.001, "found") for i, name in enumerate(EVENTS)}
     found["second_strike"] = absent("second_strike")
@@ -177,7 +177,7 @@ def test_event_differences_are_paired_and_their_uncertainty_holds_scatter_and_st
     assert row["difference_s"] == pytest.approx(0.1)
     assert row["trial_s"] == pytest.approx(1.0)
     assert row["u_difference"] == pytest.approx(np.hypot(0.03 * np.sqrt(2), 0.1 / np.sqrt(3)))
-    assert len(event_table(trials, models)) == 2 * 3 * len(EVENTS)
+    assert len(list(event_rows(trials, models))) == 2 * 3 * len(EVENTS)
 
 
 def test_absent_and_ambiguous_events_are_in_the_verdict():
@@ -199,17 +199,10 @@ def test_events_that_no_trial_counts_are_neither_absent_nor_in_agreement():
     channels, _, _ = tables(frames(np.arange(0, 1, 2e-4), 0.05))
     text = " ".join(lines_of(channels.reset_index(), summary, 3))
     assert "Not counted (encoder left out): let-off, " in text and "Absent in both" not in text
-    card = pd.DataFrame({"channel": ["key"], "score": ["rmse_rad"], "value": [0.1], "ceiling": [0.1], "null": [0.2]})
-    quantities = pd.DataFrame(columns=["quantity", "u"])
-    result = SimpleNamespace(
-        event_summary=summary, quantities=quantities, scorecard=card, traces=trials, action_name="m"
-    )
-    shown = {row[0]: row for row in models.event_table(SessionView((result,))).rows}
-    assert shown[EVENTS["let_off"].label][1:4:2] == ["not counted (encoder left out)", "–"]
-    assert shown[EVENTS["key_bottom"].label][1:4:2] == ["2 of 2", "2 of 2: both"]
-    whole = SimpleNamespace(results=(result,), sessions={"s": (result,)})
-    counted = sum(not {"hammer"} & set(kind.bodies) for kind in EVENTS.values())
-    assert models.matrix(whole).rows[0][-1] == f"{counted} of {counted}"
+    (page,) = SUMMARY.pages
+    shown = {row[0]: row for row in made_table(SUMMARY, page, [("m", row) for row in summary.to_dict("records")]).rows}
+    assert shown[EVENTS["let_off"].label][1] == "not counted (encoder left out)"
+    assert shown[EVENTS["key_bottom"].label][1] == "2 of 2"
 
 
 def measured(number, onset, start=0.0, end=1.2):

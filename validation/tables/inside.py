@@ -1,13 +1,8 @@
-"""Further tables: what only a report shows, made when one is to be written.
-
-A table is a function of the sound trials, named in `FURTHER`, and an entry of
-``validation/report/results.schema.json``: type, unit and meaning of each column, and by ``page`` and ``head`` how the
-report shows it. Nothing else names it.
-"""
+"""Table *inside*: forces, ways and energies inside the model's scene, made where a report is written."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -20,17 +15,46 @@ from model.parameters.effects import KEY_LIFT, SHANK
 from validation.conventions import Array
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
-from validation.options import ComparisonOptions
 from validation.prediction.joint_draws import JointDraw, drawn_action, drawn_run, joint_draws, session_seed
 from validation.prediction.many_runs import run_many
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
+from validation.tables.comparison import Comparison
+from validation.tables.table import Column, Page, Table
 
+COLUMNS = (
+    Column("part", "", "Contact, joint, or what an energy or a way is of", str, head="part"),
+    Column("kind", "", "energy, contact, joint or way", str),
+    Column("trial", "", "Trial whose force drives the model", int),
+    Column(
+        "largest_n",
+        "N",
+        "Largest force: of a contact along its normal, of a joint on its body",
+        head="largest force",
+        u="u_largest_n",
+    ),
+    Column("u_largest_n", "N", "Its standard uncertainty, from the draws; of contacts only"),
+    Column("at_s", "s", "When the force, or the way, is largest", head="at", digits=4),
+    Column(
+        "largest_m",
+        "m",
+        "Largest depth of a contact's felt, way of a joint that gives, of the string, of the key above its rail",
+        head="depth, way",
+    ),
+    Column("slid_m", "m", "Way rubbed in a contact, both directions added", head="rubbed"),
+    Column(
+        "energy_j",
+        "J",
+        "Energy: of its name, or lost in a contact, or in a joint by its friction and bushing",
+        head="energy",
+        u="u_energy_j",
+    ),
+    Column("u_energy_j", "J", "Its standard uncertainty, from the draws; of whole energies only"),
+    Column("friction_j", "J", "Part of it lost by friction; of contacts only", head="by friction"),
+    Column("felt_j", "J", "Part of it lost in the felt; of contacts only", head="in felt"),
+    Column("draws", "", "Draws of force and parameters that could be run; 0 without a budget", int),
+)
 DRAWS = 20
-INSIDE = [
-    "part", "kind", "trial", "largest_n", "u_largest_n", "at_s", "largest_m", "slid_m", "energy_j", "u_energy_j",
-    "friction_j", "felt_j", "draws",
-]  # fmt: skip
 ENERGIES = {
     "work_in": "work of the force on the key",
     "stored_change": "stored in the action, change since rest",
@@ -45,23 +69,27 @@ ENERGIES = {
 }
 
 
-def inside_table(predicted: PredictedSession, tested: ModelUnderTest, options: ComparisonOptions) -> pd.DataFrame:
-    """Forces, ways and energies inside the model's scene, in the blow of the trial of median peak force.
+def rows(comparison: Comparison) -> list[dict[str, Any]]:
+    """Forces, ways and energies inside the model's scene, in the blow of the sound trial of median peak force."""
+    return inside_rows(comparison.sound, comparison.tested, is_drawn=comparison.options.budget)
 
-    Standard uncertainties, where there is a budget, are those of `DRAWS` draws of force and parameters
-    (`validation.prediction.joint_draws`). No rows for a stand-in: what happens inside is not known of it.
+
+def inside_rows(predicted: PredictedSession, tested: ModelUnderTest, *, is_drawn: bool) -> list[dict[str, Any]]:
+    """The same of a prediction; no rows for a stand-in: what happens inside is not known of it.
+
+    Standard uncertainties, where they are drawn, are those of `DRAWS` draws of force and parameters
+    (`validation.prediction.joint_draws`).
     """
-    rows: list[dict[str, Any]] = []
-    if tested.own_model:
-        m = representative(predicted.trials)
-        seed = session_seed(predicted.trials)
-        draws = joint_draws(tested.action, seed, DRAWS, parameters=True) if options.budget else []
-        rows = tested.store.value(
-            "inside the action",
-            (tested.identity, m.number, m.time_s, m.force, draws),
-            lambda: list(_inside(tested, m, draws)),
-        )
-    return pd.DataFrame(rows, columns=INSIDE)
+    if not tested.own_model:
+        return []
+    m = representative(predicted.trials)
+    draws = joint_draws(tested.action, session_seed(predicted.trials), DRAWS, parameters=True) if is_drawn else []
+    found: list[dict[str, Any]] = tested.store.value(
+        "inside the action",
+        (tested.identity, m.number, m.time_s, m.force, draws),
+        lambda: list(_inside(tested, m, draws)),
+    )
+    return found
 
 
 def _inside(tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw]) -> Iterator[dict[str, Any]]:
@@ -132,6 +160,17 @@ def _parts(action: model.Action, blow: model.Solution) -> Iterator[tuple[str, di
         yield part, {"kind": "way", "part": part, "largest_m": float(abs(way[k])), "at_s": float(time[k])}
 
 
-FURTHER: dict[str, Callable[[PredictedSession, ModelUnderTest, ComparisonOptions], pd.DataFrame]] = {
-    "inside": inside_table,
-}
+NOTES = (
+    "The blow that the force of trial {trial} (median peak) makes in the model’s scene: largest forces of contacts "
+    "(along the normal) and joints, how deep felt is pressed, what joints and string give way, and where the energy "
+    "goes from rest to the end of the record. ±: standard uncertainty from {draws} draws of force and parameters as "
+    "declared; none without a budget. It is a prediction: nothing here was measured.",
+)
+TABLE = Table(
+    "inside",
+    "energy, contact, joint or way inside the model's scene, in the predicted blow of one trial; in a report only",
+    COLUMNS,
+    rows,
+    (Page("inside", "Forces, ways and energies inside the model, trial {trial}", NOTES),),
+    of="report",
+)

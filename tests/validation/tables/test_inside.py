@@ -7,14 +7,13 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import model
 from validation import compare as compare_session
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.result_tables import further
-from validation.result_tables.further import DRAWS, FURTHER, inside_table
+from validation.tables import inside as module
+from validation.tables.inside import DRAWS, inside_rows
 
 
 @pytest.fixture(scope="module")
@@ -60,10 +59,10 @@ def test_what_the_uncertainties_come_from_is_in_the_key_of_what_is_stored(monkey
         runs.append(m.number)
         return [{"trial": m.number, "u_energy_j": float(np.std([draw.changed[path] for draw in draws]))}]
 
-    monkeypatch.setattr(further, "_inside", made)
+    monkeypatch.setattr(module, "_inside", made)
 
     def u(changed, m):
-        return inside_table(SimpleNamespace(trials=[m]), changed, SimpleNamespace(budget=True))["u_energy_j"].item()
+        return inside_rows(SimpleNamespace(trials=[m]), changed, is_drawn=True)[0]["u_energy_j"]
 
     q = action.quantities[path]
     wider = replace(action, quantities={**action.quantities, path: replace(q, u=3 * q.u)})
@@ -73,7 +72,7 @@ def test_what_the_uncertainties_come_from_is_in_the_key_of_what_is_stored(monkey
 
 
 def test_a_comparison_without_a_report_looks_at_nothing_inside(recorded, monkeypatch):
-    monkeypatch.setitem(FURTHER, "inside", lambda *_: pytest.fail("made, though nobody asked"))
+    monkeypatch.setattr(module, "inside_rows", lambda *_, **__: pytest.fail("made, though nobody asked"))
     result = compare_session(
         recorded[0], recorded[1].action, budget=False, suspect=False, rivals=(), keep_predictions=False
     )
@@ -83,7 +82,7 @@ def test_a_comparison_without_a_report_looks_at_nothing_inside(recorded, monkeyp
 def test_a_faulty_trial_stands_for_no_other(monkeypatch):
     """Of the shipped session those with a sign flipped, encoders swapped, a shifted film, and the soft blow."""
     asked = []
-    monkeypatch.setitem(FURTHER, "inside", lambda sound, *_: asked.extend(sound.trials) or pd.DataFrame())
+    monkeypatch.setattr(module, "inside_rows", lambda sound, *_, **__: asked.extend(sound.trials) or [])
     shipped = Path(__file__).parents[3] / "sessions" / "planted_faults"
     options = {"budget": False, "suspect": False, "rivals": (), "keep_predictions": False}
     compare_session(shipped, **options, further=True)

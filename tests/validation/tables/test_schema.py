@@ -1,4 +1,4 @@
-"""`results.json` against its schema: every field is described, and none is missing, added or of another kind."""
+"""`results.json` against the schema made from the tables: every field is described, none is missing or added."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from validation.report.write import SCHEMA, SCHEMA_VERSION, results_json
+from validation import results_schema
+from validation.report.write import results_json
 from validation.side_by_side import SideBySide, alone
+from validation.tables.schema import SCHEMA, SCHEMA_VERSION
 
 ROOT = Path(__file__).parents[3]
-FILE = ROOT / "validation" / "report" / "results.schema.json"
 PLAIN = {"string", "integer", "number", "boolean", "null"}
 
 
 @pytest.fixture(scope="module")
 def schema():
-    return json.loads(FILE.read_text(encoding="utf-8"))
+    return results_schema()
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def test_a_trial_that_is_not_used_and_what_is_not_known_are_null(check, compared
     refused = {"trial": 9, "used": False, "reason": "rejected: fell off"}
     trials = pd.concat([compared.trials, pd.DataFrame([refused])], ignore_index=True)
     scores = compared.scores.assign(rmse_rad=[math.inf, -math.inf, math.nan] + [0.1] * (len(compared.scores) - 3))
-    side = alone(replace(compared, trials=trials, scores=scores))
+    side = alone(compared.with_tables(trials=trials, scores=scores))
     assert check(side) == []
     rows = json.loads(results_json(side))["tables"]
     assert rows["trials"][-1]["peak_force_n"] is None
@@ -57,9 +58,9 @@ def test_a_trial_that_is_not_used_and_what_is_not_known_are_null(check, compared
 
 def test_the_schema_refuses_what_it_does_not_describe(check, compared):
     """A column that is added, or leaves, is found: so the schema stays in step."""
-    more = replace(compared, channels=compared.channels.assign(new=1.0))
+    more = compared.with_tables(channels=compared.channels.assign(new=1.0))
     assert any("'new' was unexpected" in text for text in check(alone(more)))
-    less = replace(compared, scores=compared.scores.drop(columns="n_lost"))
+    less = compared.with_tables(scores=compared.scores.drop(columns="n_lost"))
     assert any("'n_lost' is a required property" in text for text in check(alone(less)))
     other = replace(compared, provenance={**compared.provenance, "tolerance_rad": np.nan})
     assert any("tolerance_rad" in text for text in check(alone(other)))

@@ -1,0 +1,86 @@
+"""Table *compatible_changes*: sets of changes of model or session that explain the difference."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from validation.tables.comparison import Comparison
+from validation.tables.numbers import with_u
+from validation.tables.table import Column, Page, Row, Table
+
+
+def _change(row: Row) -> str:
+    if row["unit"] == "1":
+        return f"× {with_u(row['change'], row['change'] * row['u'])}"
+    return f"{with_u(row['change'], row['u'])} {row['unit']}"
+
+
+COLUMNS = (
+    Column(
+        "set",
+        "",
+        "Number of the set, smaller sets first, then by evidence; each set by itself explains the difference",
+        int,
+        head="set",
+    ),
+    Column("changes", "", "How many changes the set has", int),
+    Column(
+        "cause",
+        "",
+        "What is changed: a parameter path, a felt, or an error of the session: gain, level or delay of the force, the "
+        "clock's rate, an encoder's scale (0.9 of a gain reads 0.9 of what acted)",
+        str,
+        head="cause",
+    ),
+    Column(
+        "change",
+        "factor or unit of the row",
+        "Factor, or what is added, in the row's unit",
+        head="change",
+        text=_change,
+    ),
+    Column("u", "1 or unit of the row", "Standard uncertainty of the change; relative where it is a factor"),
+    Column("unit", "", "Unit of the change; 1 means a factor", str),
+    Column("log_odds", "1", "Natural logarithm of the set's evidence over that of the best of the smallest sets"),
+    Column(
+        "left",
+        "1",
+        "Share of the squared difference that is left with the set: of the trials' mean, or of what they differ by "
+        "among themselves where not all have the change",
+        head="difference left",
+        shown=("%", 100.0),
+    ),
+    Column(
+        "profile",
+        "",
+        "Which trials have the change: all, one, a trend that grows evenly from the first to the last, all from one on",
+        str,
+        values=("all", "one", "trend", "step"),
+        head="trials",
+    ),
+    Column("first", "", "Number of the first trial that has the change; of a trend the last one before it", int),
+    Column("last", "", "Number of the last trial that has the change", int),
+)
+
+
+def rows(comparison: Comparison) -> Sequence[Mapping[str, Any]]:
+    """What the search for causes found."""
+    return comparison.changes
+
+
+NOTES = (
+    "Each set by itself explains the difference until the key is let go; sets that the trials do not tell apart stand "
+    "below each other. Difference left: share of the squared difference that remains with the set.",
+)
+TABLE = Table(
+    "compatible_changes",
+    "change of each set of changes of session or model that explains the difference until the key is let go: first "
+    "the sets that explain what the trials differ by among themselves, which are findings, too; then those that "
+    "explain what all share. All of the smallest size, and those with one change more that hold none of them; the "
+    "trials do not tell the sets apart. Empty where nothing need have changed, where no cause that was tried "
+    "explains it, or where nothing was looked for",
+    COLUMNS,
+    rows,
+    (Page("causes", "Sets of changes that explain the difference", NOTES),),
+)

@@ -1,0 +1,39 @@
+"""Numbers as a reader sees them: significant digits, degrees, per cent, a dash for what does not exist."""
+
+from __future__ import annotations
+
+import math
+
+DASH = "–"
+SMALLEST = 1e-9  # in the unit shown: below it a number is rounding, and shown as 0
+
+
+def number(value: object, digits: int = 3) -> str:
+    """A number with so many significant digits, or a dash."""
+    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+        return DASH
+    if abs(value) < SMALLEST:
+        return "0"
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{value:.{min(decimals, 9)}f}".replace("-", "−")
+
+
+def with_u(value: float, u: float) -> str:
+    """A value rounded to two digits of its uncertainty, or four significant digits when none is known."""
+    if not math.isfinite(value):
+        return DASH
+    if not (math.isfinite(u) and u > 0):
+        return number(value, 4)
+    decimals = min(max(0, 1 - math.floor(math.log10(u))), 6)
+    rounded = round(value, decimals) + 0.0  # no minus before zero
+    return f"{rounded:.{decimals}f} ± {u:.{decimals}f}".replace("-", "−")
+
+
+def degrees(value: object) -> str:
+    """Radians shown in degrees with three significant digits."""
+    return number(math.degrees(value), 3) if isinstance(value, float) else DASH
+
+
+def between(low: str, high: str) -> str:
+    """Two ends of an interval."""
+    return DASH if DASH in (low, high) else f"{low} to {high}"
