@@ -93,10 +93,10 @@ COLUMNS = (
     ),
     Column("detectable_high", "SI", "Least positive one"),
     Column("u", "SI", "Standard uncertainty of the difference, robust", head="u", text=_size("u")),
-    Column("u_force", "SI", "Part of the force: gain, level, delay", head="force", text=_size("u_force")),
-    Column("u_sensors", "SI", "Part of encoders, film and levels of rest", head="sensors", text=_size("u_sensors")),
-    Column("u_parameters", "SI", "Part of the parameters as declared", head="parameters", text=_size("u_parameters")),
-    Column("u_repeat", "SI", "Part of the scatter of the trials", head="scatter", text=_size("u_repeat")),
+    Column("u_force", "SI", "Part of the force: gain, level, delay"),
+    Column("u_sensors", "SI", "Part of encoders, film and levels of rest"),
+    Column("u_parameters", "SI", "Part of the parameters as declared"),
+    Column("u_repeat", "SI", "Part of the scatter of the trials"),
     Column("main_input", "", "Input that makes most of u; empty where it is not known", str, head="mostly from"),
     Column("state", "", "Why there is no interval; empty when there is one", str),
 )
@@ -111,8 +111,8 @@ NOTES = (
     "Model − trial after ASME V&V 20. Model error: interval with force, sensors, parameters as declared and the "
     "scatter of the trials; plain difference: without the parameters, what would be seen again. Angles are means "
     "over a phase. “differs”: shown by the test of all quantities of the claim together (5 %); “alone”: excluded by "
-    "its own interval only. Detectable: would be shown in 80 % of such sessions. u: standard uncertainty, and its "
-    "parts.",
+    "its own interval only. Detectable: would be shown in 80 % of such sessions. u: standard uncertainty; its "
+    "parts stand in the file.",
 )
 TABLE = Table(
     "quantities",

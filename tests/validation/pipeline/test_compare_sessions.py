@@ -90,7 +90,7 @@ def test_hostile_names_are_text_everywhere(side, page):
 
 def test_the_pairs_on_the_page_are_those_of_the_file(side_written, page):
     content = json.loads(side_written.files["results.json"].read_text(encoding="utf-8"))
-    table = re.search(r'<table id="table-model-pairs".*?</table>', page, re.S)[0]
+    table = re.search(r'<table id="table-models-model_pairs".*?</table>', page, re.S)[0]
     rmse = [row for row in content["tables"]["model_pairs"] if row["score"] == "rmse_rad"]
     for row in rmse:
         assert row["claim"].split(" ")[0] in table
