@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import model
 from benchmarks.runner import Run, Table
-from benchmarks.what_is_said import Case, cases, force_spike, frozen, make_session, only
+from benchmarks.what_is_said import FORCE, Case, frozen, in_trials, make_session, spiked
 from validation.events.session_events import find_session_events
 from validation.findings.finding import SessionFinding
 from validation.findings.force_spikes import unanswered_spikes
@@ -27,7 +26,13 @@ from validation.options import ComparisonOptions
 from validation.pipeline.compare_session import model_under_test
 from validation.prediction.predict_session import predict_session
 
-SOUND = ("clean mf", "bench mf", "effect shank", "effect balance_rail", "effect hammer_pin")
+SOUND = {
+    "printed": (),
+    "bench": (),
+    "shank": ("shank",),
+    "balance_rail": ("balance_rail",),
+    "hammer_pin": ("hammer_pin",),
+}
 SPIKES = ((6.0, 1e-3), (3.0, 1e-3), (-4.0, 1e-3), (2.0, 2e-3), (-3.0, 3e-3))
 FROZEN_S = (5e-3, 15e-3, 50e-3)
 """Spikes, N and s, and standstills of an encoder that are planted."""
@@ -35,10 +40,10 @@ FIRST_S, LAST_S = 0.26, {"spike": 0.5, "frozen": 0.33}
 """When they begin, at least and at most: a spike until the release, a standstill while the bodies move."""
 
 
-def find_reading_faults(case: Case, kind: str, seed: int) -> list[SessionFinding]:
+def find_reading_faults(case: Case, seed: int) -> list[SessionFinding]:
     """What is found of the readings of each trial alone."""
     with tempfile.TemporaryDirectory() as folder:
-        session = make_session(case, kind, seed, Path(folder))
+        session = make_session(case, seed, Path(folder))
         options = ComparisonOptions.of({"keep_predictions": False, "rivals": (), "budget": False})
         tested = model_under_test(session, model.load_action(), options)
         predicted = predict_session(measure_session(session, tested.geometry_at, options.u_rest_level_m), tested)
@@ -54,15 +59,17 @@ def find_reading_faults(case: Case, kind: str, seed: int) -> list[SessionFinding
 
 def sound(name: str, kind: str, seed: int, trials: int) -> list[str]:
     """Texts of what is found in sound trials."""
-    case = replace(cases()[name], stroke="", trials=trials, filmed=False)
-    return [found.text for found in find_reading_faults(case, kind, seed)]
+    given = {"effects": SOUND[name]}
+    case = Case("clean", "", trials * [kind], lambda n: given, specimen="bench" if name == "bench" else "printed")
+    return [found.text for found in find_reading_faults(case, seed)]
 
 
 def planted(kind: str, seed: int, what: str, size: float, length_s: float) -> list[str]:
     """Kinds of what is found where one spike (N) or one standstill (number of the encoder) is planted."""
     at_s = float(np.random.default_rng([seed, len(kind)]).uniform(FIRST_S, LAST_S[what]))
-    change = force_spike(at_s, size, length_s) if what == "spike" else frozen(int(size), at_s, length_s)
-    return [found.kind for found in find_reading_faults(Case("", misread=only([1], change), trials=1), kind, seed)]
+    change = spiked(FORCE, at_s, length_s, size) if what == "spike" else frozen(int(size), at_s, length_s)
+    case = Case("glitch", "", [kind], misread=in_trials([1], change))
+    return [found.kind for found in find_reading_faults(case, seed)]
 
 
 def main(run: Run) -> bool:

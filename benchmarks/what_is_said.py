@@ -1,10 +1,10 @@
 """Every sentence of a session's report beside what was planted in the session, to be read one by one.
 
-    python -m benchmarks what_is_said [--only WORD,…] [--seed 1] [--strokes mf,rebound] [--suspect]
+    python -m benchmarks what_is_said [--only WORD,…] [--seed 1] [--suspect] [--budget]
 
-Sessions are strokes of the virtual bench: effects that the model lacks, glitches of one channel, odd sessions, and
-clean ones. Each case names itself, what is true of it, and words that no sentence may hold; the benchmark's answer is
-right where none of them is said. The rest must be read.
+Eighty sessions of the virtual bench, twenty of each kind: effects that the model lacks, glitches of one channel, odd
+sessions, and clean ones; sizes, times, trials and strokes are drawn by the seed. Each case names itself, what is true
+of it, and words that no sentence may hold; the answer is right where none of them is said. The rest must be read.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ from benchmarks.runner import Run
 from rig.session import Session, SessionInfo, TrialData
 from rig.session.info import FileInfo
 from validation import compare as compare_session
+from validation.prediction.input_sampling import parameter_draws
 
 CAUSES = (
     "not regulated", "let-off button", "drop screw", "its scale is wrong", "scale of one of them", "lifts off",
@@ -43,6 +44,9 @@ CAUSES = (
     "zero drifts", "is wired", "its friction is not",
 )  # fmt: skip
 """Words of a cause: no finding says why."""
+FORCE = len(CHANNELS)
+"""Number of the force among the channels."""
+UNITS = {"rad": 1e3, "N": 1.0}
 
 
 def no_change(data: TrialData, _: Stroke) -> TrialData:
@@ -55,197 +59,214 @@ class Case:
 
     Attributes
     ----------
+    kind : effect, glitch, odd or clean
     truth : what was planted, for the reader
+    strokes : kind of stroke of each trial
     play : trial number → options of the stroke (`bench_strokes.StrokeOptions`)
     misread : trial number → what is wrong with its record
-    kind : trial number → kind of stroke, empty for the one that is asked for
-    trials : how many
+    named : what is added to the printed action to have the model that is compared
     never : words that no sentence may hold, beside `CAUSES`
     """
 
+    kind: str
     truth: str
+    strokes: Sequence[str]
     play: Callable[[int], dict[str, Any]] = lambda number: {}
     misread: Callable[[int], Change] = lambda number: no_change
-    kind: Callable[[int], str] = lambda number: ""
-    trials: int = 6
     filmed: bool = False
+    specimen: str = "printed"
+    named: dict[str, float] = field(default_factory=dict)
     never: tuple[str, ...] = ()
-    stroke: str = ""
-    options: dict[str, Any] = field(default_factory=dict)
 
 
-def only(numbers: Sequence[int], change: Change) -> Callable[[int], Change]:
+def in_trials(numbers: Sequence[int], change: Change) -> Callable[[int], Change]:
     return lambda number: change if number in numbers else no_change
 
 
-def since(first: int, change: Change) -> Callable[[int], Change]:
-    return lambda number: change if number >= first else no_change
-
-
-def frozen(i: int, start_s: float, length_s: float) -> Change:
-    """An encoder that holds its count."""
+def remade(i: int, made: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Change:
+    """Another reading of a channel, of that (rad or N) and the time."""
+    if i == FORCE:
+        return force(made)
 
     def change(data: TrialData, _: Stroke) -> TrialData:
-        inside = (data.time_s >= start_s) & (data.time_s < start_s + length_s)
-
-        def columns(c: np.ndarray) -> np.ndarray:
-            c[inside, i] = c[np.flatnonzero(inside)[0], i]
-            return c
-
-        return recount(data, columns)
+        unit = data.encoders[i].rad_per_count
+        other = np.arange(FORCE) != i
+        return recount(data, lambda c: np.where(other, c, np.rint(made(c[:, i] * unit, data.time_s) / unit)[:, None])
+                       .astype(np.int64))  # fmt: skip
 
     return change
 
 
-def spiked(i: int, at_s: float, length_s: float, rad: float) -> Change:
+def frozen(i: int, at_s: float, length_s: float) -> Change:
+    """A reading that stays the same."""
+    return remade(
+        i, lambda x, t: np.where((t >= at_s) & (t < at_s + length_s), x[min(np.searchsorted(t, at_s), x.size - 1)], x)
+    )
+
+
+def spiked(i: int, at_s: float, length_s: float, by: float) -> Change:
     """A reading that leaps and comes back."""
-
-    def change(data: TrialData, _: Stroke) -> TrialData:
-        inside = (data.time_s >= at_s) & (data.time_s < at_s + length_s)
-        by = round(rad / abs(data.encoders[i].rad_per_count))
-        return recount(data, lambda c: c + by * np.outer(inside, np.arange(3) == i).astype(np.int64))
-
-    return change
+    return remade(i, lambda x, t: x + by * ((t >= at_s) & (t < at_s + length_s)))
 
 
-def slipped_at(i: int, at_s: float, rad: float) -> Change:
+def slipped(i: int, at_s: float, by: float) -> Change:
     """A reading that leaps and stays."""
-    return spiked(i, at_s, 100.0, rad)
+    return spiked(i, at_s, np.inf, by)
 
 
-def drifting_encoder(i: int, rad: float) -> Change:
+def drifting(i: int, by: float) -> Change:
     """A reading that drifts linearly over the record."""
+    return remade(i, lambda x, t: x + by * t / t[-1])
+
+
+def part_of_record(start_s: float, end_s: float) -> Change:
+    """A record of a part of the stroke, times from zero."""
 
     def change(data: TrialData, _: Stroke) -> TrialData:
-        by = rad / abs(data.encoders[i].rad_per_count) * data.time_s / data.time_s[-1]
-        return recount(data, lambda c: c + np.outer(np.round(by), np.arange(3) == i).astype(np.int64))
-
-    return change
-
-
-def force_held(start_s: float, length_s: float) -> Change:
-    return force(lambda f, t: np.where((t >= start_s) & (t < start_s + length_s), f[np.searchsorted(t, start_s)], f))
-
-
-def force_spike(at_s: float, newton: float, length_s: float) -> Change:
-    return force(lambda f, t: f + newton * ((t >= at_s) & (t < at_s + length_s)))
-
-
-def key_down_from(start_s: float) -> Change:
-    """A record that begins in mid-stroke, times from zero."""
-
-    def change(data: TrialData, _: Stroke) -> TrialData:
-        keep = data.time_s >= start_s
-        count = data.encoder_count[keep]
+        keep = (data.time_s >= start_s) & (data.time_s < end_s)
         parts = {name: getattr(data, name)[keep] for name in ("force_n", "force_raw", "motor_command_v")}
-        time = data.time_s[keep]
-        return replace(data, time_s=time - time[0], encoder_count=count - count[0], blow_start_s=0.0, **parts)
+        time, count = data.time_s[keep], data.encoder_count[keep]
+        begins_s = max(data.blow_start_s - start_s, 0.0)
+        return replace(data, time_s=time - time[0], encoder_count=count - count[0], blow_start_s=begins_s, **parts)
 
     return change
 
 
-def ends_at(end_s: float) -> Change:
-    def change(data: TrialData, _: Stroke) -> TrialData:
-        keep = data.time_s < end_s
-        parts = ("time_s", "force_n", "force_raw", "motor_command_v", "encoder_count")
-        return replace(data, **{name: getattr(data, name)[keep] for name in parts})
-
-    return change
+def changed(by: dict[str, float], numbers: Sequence[int] | None = None) -> Callable[[int], dict[str, Any]]:
+    """Parameters of the specimen with what is added, in all trials or in some."""
+    return lambda number: {"changed": tuple(by.items())} if numbers is None or number in numbers else {}
 
 
-def effect(*names: str) -> Callable[[int], dict[str, Any]]:
-    return lambda number: {"effects": names}
+LET_OFF, CHECK, STRING = "contact08.second.y", "contact04.second.x", "contact12.second.y"
+MOVED_M = {LET_OFF: 1e-3, CHECK: 3e-3, "contact11.first.y": 1e-3, STRING: 3e-3, "contact02.second.y": 0.8e-3}
+SCALED = {"key.joint_friction.A": 1.0, "contact07.friction.A": 0.6, "contact10.friction.A": 0.5, "hammer.mass": 0.08,
+          "repetition_spring.stiffness": 0.2}  # fmt: skip
+"""Parameters of a specimen, and the largest change: m, or a share of the value."""
+LACKING = (
+    *("shank", "string", "balance_rail", "key_pin", "whippen_pin", "jack_pin", "repetition_pin", "hammer_pin"),
+    *("shank string", "balance_rail hammer_pin"),
+)
+LOUD = ("mf", "rebound", "ff2", "forte", "double", "staccato", "fortissimo")
+SOFT = ("piano", "slow")
 
 
-def changed(**by: float) -> Callable[[int], dict[str, Any]]:
-    return lambda number: {"changed": tuple((path.replace("__", "."), value) for path, value in by.items())}
-
-
-LET_OFF, CHECK = "contact08.second.y", "contact04.second.x"
-
-
-def lacking() -> dict[str, Case]:
+def lacking(rng: np.random.Generator) -> dict[str, Case]:
     """Effects that the model lacks, and values of the action that differ."""
     out = {}
-    for name in ("shank", "string", "balance_rail", "hammer_pin"):
-        out[f"effect {name}"] = Case(f"the specimen has {name}; all encoders and the force are sound", effect(name))
-    for path, by in ((LET_OFF, 0.9e-3), (LET_OFF, -0.6e-3), (CHECK, 1e-3), (CHECK, 3e-3)):
-        words = f"{path} {1e3 * by:+g} mm"
-        out[f"changed {words}"] = Case(words, changed(**{path.replace(".", "__"): by}))
-    for path, factor in (("key.joint_friction.A", 2.0), ("contact07.friction.A", 1.6), ("hammer.mass", 1.06)):
-        words = f"{path} × {factor}"
-        out[f"changed {words}"] = Case(words, lambda n, f=(path, factor): {"friction": f})
+    for name in LACKING:
+        truth = f"the specimen has {name}; all encoders and the force are sound"
+        given = {"effects": tuple(name.split())}
+        out[name] = Case("effect", truth, 6 * [rng.choice(LOUD)], lambda n, given=given: given)
+    printed = model.load_action()
+    for path, most in (MOVED_M | SCALED).items():
+        by = most * rng.uniform(0.3, 1.0) * (1.0 if path in SCALED else rng.choice([-1.0, 1.0]))
+        truth = f"{path} " + (f"× {1 + by:.3f}" if path in SCALED else f"{1e3 * by:+.2f} mm")
+        play = changed({path: by * (printed[path] if path in SCALED else 1.0)})
+        out[path] = Case("effect", truth, 6 * [rng.choice(LOUD)], play)
     return out
 
 
-def glitches() -> dict[str, Case]:
-    """Freezes, spikes, slips, drifts and swaps of one channel, in one trial or from one on."""
+def glitches(rng: np.random.Generator) -> dict[str, Case]:
+    """Freezes, spikes, slips, drifts and swaps of a channel, in one trial or from one on."""
     out = {}
-    for i, c in enumerate(CHANNELS):
-        for ms, at in ((5, 0.30), (15, 0.32), (50, 0.28)):
-            truth, misread = f"constant for {ms} ms from {at} s in trial 3", only([3], frozen(i, at, 1e-3 * ms))
-            never = "rail", "force comes"
-            out[f"freeze {c} {ms} ms"] = Case(f"encoder {c} {truth}", misread=misread, filmed=i == 1, never=never)
-        for name, truth, misread in (
-            ("spike {}", "leaps by 20 mrad for 6 ms at 0.30 s in trial 2", only([2], spiked(i, 0.30, 6e-3, 0.02))),
-            ("slip {} from 4", "slips by 8 mrad at 0.31 s in trials 4 to 6", since(4, slipped_at(i, 0.31, 8e-3))),
-            ("slip {} 2 mrad", "slips by 2 mrad at 0.33 s in trial 5", only([5], slipped_at(i, 0.33, 2e-3))),
-            ("drift {} from 3", "drifts by 10 mrad in trials 3 to 6", since(3, drifting_encoder(i, 10e-3))),
-        ):
-            out[name.format(c)] = Case(f"encoder {c} {truth}", misread=misread)
-    for i, j in ((0, 1), (1, 2)):
-        both = f"{CHANNELS[i]} {CHANNELS[j]}"
-        out[f"swap {both} from 4"] = Case(f"encoders {both} swapped in trials 4 to 6", misread=since(4, swapped(i, j)))
-    held, spike = only([2], force_held(0.3, 0.02)), only([4], force_spike(0.33, 6.0, 1e-3))
-    out["force held 20 ms"] = Case("force constant for 20 ms from 0.30 s in trial 2", misread=held)
-    out["force spike"] = Case("force + 6 N for 1 ms at 0.33 s in trial 4", misread=spike)
+    for name in ("freeze", "spike", "slip", "drift"):
+        for i, channel in enumerate((*CHANNELS, "force")):
+            k, at_s, length_s = int(rng.integers(1, 7)), rng.uniform(0.26, 0.5), 1e-3 * rng.uniform(5.0, 50.0)
+            numbers = range(k, 7) if rng.random() < 0.5 else [k]
+            by = rng.choice([-1.0, 1.0]) * (rng.uniform(1.0, 6.0) if i == FORCE else 1e-3 * rng.uniform(2.0, 20.0))
+            size = f"{by:+.1f} N" if i == FORCE else f"{1e3 * by:+.1f} mrad"
+            change, words = {
+                "freeze": (frozen(i, at_s, length_s), f"constant for {1e3 * length_s:.0f} ms from {at_s:.3f} s"),
+                "spike": (spiked(i, at_s, length_s, by), f"{size} for {1e3 * length_s:.0f} ms from {at_s:.3f} s"),
+                "slip": (slipped(i, at_s, by), f"{size} from {at_s:.3f} s on"),
+                "drift": (drifting(i, by), f"{size} linearly over the record"),
+            }[name]
+            truth = f"{channel} {words} in trials {list(numbers)} of 6"
+            never = ("rail",) if i < FORCE else ()
+            out[f"{name} {channel}"] = Case(
+                "glitch", truth, 6 * [rng.choice(LOUD)], misread=in_trials(numbers, change), never=never
+            )
+    for i, j in ((0, 1), (1, 2), (0, 2)):
+        k, both = int(rng.integers(2, 6)), f"{CHANNELS[i]} {CHANNELS[j]}"
+        truth, misread = f"encoders {both} swapped from trial {k} of 6 on", in_trials(range(k, 7), swapped(i, j))
+        out[f"swap {both}"] = Case("glitch", truth, 6 * [rng.choice(LOUD)], misread=misread)
+    at_s = rng.uniform(0.26, 0.33)
+    truth, misread = f"whippen constant for 30 ms from {at_s:.3f} s in the filmed trial {FILMED}", frozen(1, at_s, 0.03)
+    out["freeze whippen filmed"] = Case(
+        "glitch", truth, 6 * ["mf"], misread=in_trials([FILMED], misread), filmed=True, never=("early", "late")
+    )
     return out
 
 
-def kinds(*names: str) -> Callable[[int], str]:
-    return lambda number: names[number - 1]
-
-
-def odd() -> dict[str, Case]:
+def odd(rng: np.random.Generator) -> dict[str, Case]:
     """Odd sessions."""
-    four = ("forte", "forte", "piano", "piano", "double", "double", "staccato", "staccato")
-    return {
-        "two kinds": Case("three mf, three ff2", kind=kinds(*3 * ["mf"], *3 * ["ff2"])),
-        "one of another kind": Case("five mf, trial 4 piano", kind=kinds("mf", "mf", "mf", "piano", "mf", "mf")),
-        "four kinds": Case("forte, piano, double, staccato twice each", trials=8, kind=kinds(*four)),
-        "each its own": Case("forte, piano, double, once each", trials=3, kind=kinds(*four[::2])),
-        "two trials": Case("nothing; two trials", trials=2),
-        "one trial": Case("nothing; one trial", trials=1),
-        "one cut short": Case("trial 5 ends 0.1 s after the onset", misread=only([5], ends_at(BEFORE_S + 0.1))),
-        "key down in one": Case("trial 3 begins at 0.40 s, key down", misread=only([3], key_down_from(0.40))),
-        "weak one": Case("trial 2 × 0.7", lambda n: {"strength": 0.7} if n == 2 else {}),
-        "late one": Case("trial 6 is played 20 ms later", lambda n: {"late_s": 0.02} if n == 6 else {}),
-        "louder each time": Case("strength grows from 0.9 to 1.15", lambda n: {"strength": 0.85 + 0.05 * n}),
-        "key and hammer swapped": Case("encoders key and hammer swapped in all", misread=lambda n: swapped(0, 2)),
-        "force reversed": Case("the force's sign is wrong in all", misread=lambda n: louder(-1.0)),
-        "rate": Case("trial 2 sampled at 4 kHz", lambda n: {"rate_hz": 4000.0} if n == 2 else {}),
-    }
+    one, other = rng.choice(["mf", "ff2", "forte"], 2, replace=False)
+    k, few = int(rng.integers(2, 6)), int(rng.integers(2, 4))
+    late, mm = range(k, 7), 1e-3 * rng.uniform(0.5, 1.0)
+    in_k, six = f"in trial {k} of 6", 6 * [one]
+    down_s, end_s = rng.uniform(0.38, 0.42), BEFORE_S + rng.uniform(0.12, 0.2)
+    cases = {
+        "two kinds": Case("odd", f"three {one}, three {other}", 3 * [one] + 3 * [other]),
+        "one of another kind": Case("odd", f"piano {in_k}, else {one}", [*(k - 1) * [one], "piano", *(6 - k) * [one]]),
+        "four kinds": Case("odd", "four kinds, twice each", [*2 * ["forte"], *2 * ["piano"], *2 * ["double"],
+                                                             *2 * ["staccato"]]),
+        "each its own": Case("odd", "forte, piano, double, once each", ["forte", "piano", "double"]),
+        "one trial": Case("odd", "nothing; one trial", [one]),
+        "few trials": Case("odd", f"nothing; {few} trials", few * [one]),
+        "soft, no let-off": Case("odd", "strokes so soft that they do not let off", 5 * ["piano"],
+                                 lambda n: {"strength": 0.6}),
+        "double strikes": Case("odd", "nothing; each trial strikes twice", 5 * ["double"]),
+        "let-off from k": Case("odd", f"{LET_OFF} {1e3 * mm:+.2f} mm from trial {k} of 6 on", six,
+                               changed({LET_OFF: mm}, late)),
+        "check from k": Case("odd", f"{CHECK} +3 mm from trial {k} of 6 on", six, changed({CHECK: 3e-3}, late)),
+        "ends before release": Case("odd", f"all trials end at {end_s:.3f} s, before the release", six,
+                                    misread=lambda n: part_of_record(0.0, end_s)),
+        "ends before let-off": Case("odd", "all trials end 35 ms after the onset", six,
+                                    misread=lambda n: part_of_record(0.0, BEFORE_S + 0.035)),
+        "one cut short": Case("odd", f"ends at {end_s:.3f} s {in_k}", six,
+                              misread=in_trials([k], part_of_record(0.0, end_s))),
+        "key down in one": Case("odd", f"begins at {down_s:.3f} s, key down, {in_k}", six,
+                                misread=in_trials([k], part_of_record(down_s, np.inf))),
+        "another action named": Case("odd", "the model's string hangs 8 mm lower, its hammer weighs 1.2 of the true",
+                                     six, named={STRING: -8e-3, "hammer.mass": 2.3e-3}),
+        "weak one": Case("odd", f"strength × 0.7 {in_k}", six, lambda n: {"strength": 0.7} if n == k else {}),
+        "late one": Case("odd", f"played 20 ms later {in_k}", six, lambda n: {"late_s": 0.02} if n == k else {}),
+        "louder each time": Case("odd", "strength grows from 0.9 to 1.15", six,
+                                 lambda n: {"strength": 0.85 + 0.05 * n}),
+        "force reversed": Case("odd", "the force's sign is wrong in all", six, misread=lambda n: louder(-1.0)),
+        "another rate": Case("odd", f"sampled at 4 kHz {in_k}", six, lambda n: {"rate_hz": 4000.0} if n == k else {}),
+    }  # fmt: skip
+    return cases
 
 
-def cases() -> dict[str, Case]:
-    """All cases by name."""
-    strokes = "mf", "rebound", "ff2", "forte", "piano", "double", "staccato", "slow"
-    clean = {f"clean {kind}": Case("nothing", stroke=kind) for kind in strokes}
-    own, options = "the bench's own specimen: ten values differ", {"specimen": "bench"}
-    bench = {f"bench {kind}": Case(own, stroke=kind, options=options) for kind in ("mf", "ff2", "piano")}
-    return lacking() | glitches() | odd() | clean | bench
+def clean(rng: np.random.Generator) -> dict[str, Case]:
+    """Sessions without a fault: the printed specimen, the bench's own, and specimens drawn from their priors."""
+    strokes = rng.permutation([*LOUD, *SOFT, *LOUD, *SOFT, "mf", "piano"])
+    trials = rng.permutation([*range(1, 13), *range(3, 11)])
+    printed, out = model.load_action(), {}
+    for j, (stroke, n) in enumerate(zip(strokes, trials, strict=True)):
+        by = {p: x - printed[p] for p, x in parameter_draws(printed, 1, rng)[0].items()} if j % 2 else {}
+        specimen, words = ("bench", "the bench's own") if j % 10 == 0 else ("printed", "the printed")
+        truth = f"nothing; {'a drawn' if by else words} specimen, {n} × {stroke}"
+        out[f"clean {j + 1}"] = Case("clean", truth, n * [str(stroke)], changed(by), specimen=specimen)
+    return out
 
 
-def make_session(case: Case, kind: str, seed: int, folder: Path) -> Session:
+@cache
+def cases(seed: int) -> dict[str, Case]:
+    """The eighty cases of a seed by name."""
+    made = [make(np.random.default_rng([seed, i])) for i, make in enumerate((lacking, glitches, odd, clean))]
+    return {name: case for group in made for name, case in group.items()}
+
+
+def make_session(case: Case, seed: int, folder: Path) -> Session:
     """A session of a case."""
     rng = np.random.default_rng(seed)
     info = SessionInfo(simulated=True, name="planted", operator="bench", rig=FileInfo(name="none"),
-                       profile=FileInfo(name=kind))  # fmt: skip
+                       profile=FileInfo(name=case.strokes[0]))  # fmt: skip
     session = Session.create(folder / "session", info)
-    specimen = case.options.get("specimen", "printed")
-    for number in range(1, case.trials + 1):
-        played = tuple(sorted(case.play(number).items()))
-        stroke = stroke_of(case.kind(number) or kind, seed, number, specimen, played)
+    for number, kind in enumerate(case.strokes, 1):
+        stroke = stroke_of(str(kind), seed, number, case.specimen, tuple(sorted(case.play(number).items())))
         data, table = case.misread(number)(stroke.data, stroke), None
         if case.filmed and number == FILMED:
             camera, table = film(stroke, 0.0, rng)
@@ -256,12 +277,14 @@ def make_session(case: Case, kind: str, seed: int, folder: Path) -> Session:
     return session
 
 
-def sentences(name: str, kind: str, seed: int, suspect: bool, budget: bool) -> dict[str, list[str]]:
+def sentences(name: str, seed: int, suspect: bool, budget: bool) -> dict[str, list[str]]:
     """All that the report of a case says."""
+    case, printed = cases(seed)[name], model.load_action()
     with tempfile.TemporaryDirectory() as folder:
-        session = make_session(cases()[name], kind, seed, Path(folder))
+        session = make_session(case, seed, Path(folder))
+        action = printed.with_values({path: printed[path] + by for path, by in case.named.items()})
         result = compare_session(
-            session, model.load_action(), keep_predictions=False, budget=budget, suspect="parts" if suspect else False
+            session, action, keep_predictions=False, budget=budget, suspect="parts" if suspect else False
         )
     return {
         "finding": list(result.findings["text"]),
@@ -273,15 +296,14 @@ def sentences(name: str, kind: str, seed: int, suspect: bool, budget: bool) -> d
 
 def main(run: Run) -> bool:
     """Print every sentence beside what was planted; whether no word was said that may not be said."""
-    asked = [(name, case) for name, case in cases().items() if not run.only or any(word in name for word in run.only)]
-    keys = []
-    for (name, case), kind in product(asked, run.strokes):
-        key = (name, case.stroke or kind, run.seed, run.suspect, run.budget)
-        keys += [key] if key not in keys else []
+    asked = {
+        name: case for name, case in cases(run.seed).items()
+        if not run.only or any(word in f"{case.kind} {name}" for word in run.only)
+    }  # fmt: skip
     right = True
-    for (name, kind, seed, *_), said in run.cases(keys, sentences):
-        case = cases()[name]
-        print(f"\n=== {name} ({kind}, seed {seed})\n    planted: {case.truth}", flush=True)
+    for (name, *_), said in run.cases([(name, run.seed, run.suspect, run.budget) for name in asked], sentences):
+        case = asked[name]
+        print(f"\n=== {case.kind:6} | {name} ({case.strokes[0]}, seed {run.seed}) | planted: {case.truth}", flush=True)
         for where, lines in said.items():
             for line in lines:
                 wrong = [word for word in (*CAUSES, *case.never) if word in line]
