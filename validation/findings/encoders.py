@@ -85,6 +85,7 @@ def find_motionless_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[Sessi
 STOPS_MAY = 0.05
 SCALE_ONLY = 0.2
 MOVES_RAD = 2e-3
+FEWEST_RISING = 5  # samples
 PRESSED = 0.25  # of the key's dip, in the prediction
 ON_FELT_S = 0.01
 SHARP_M_PER_S = 0.15  # beyond what gravity turns round within SHARP_S
@@ -95,12 +96,14 @@ SHARP_S = (1e-3, 4e-3)
 class Travel:
     """Travel of key, whippen and hammer over the predicted one, (3,), NaN where the stops were not reached.
 
-    ``lever`` is that of the whippen over that of the key, ``held`` whether the predicted key rests on its felt.
+    ``lever`` is that of the whippen over that of the key, ``held`` whether the predicted key rests on its felt,
+    ``hammer_lever`` the way of the hammer for that of the whippen over the predicted one, before it flies.
     """
 
     ratio: Array
     lever: float
     held: bool
+    hammer_lever: float = float("nan")
 
 
 def travel_of(m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], geometry: ActionGeometry) -> Travel:
@@ -125,7 +128,20 @@ def travel_of(m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], 
         to_m = geometry.string_lever_m / ratio
         if _turns_sharply(m.time_s[known], to_m * np.abs(m.change_rad[known, 2]), step):
             out[2] = ratio
-    return Travel(out, lever, on_felt >= ON_FELT_S)
+    hammer_lever = _lever_before_flight(m.change_rad[known]) / _lever_before_flight(expected[known])
+    return Travel(out, lever, on_felt >= ON_FELT_S, hammer_lever)
+
+
+RISES = (0.1, 0.5)  # of the hammer's largest angle: from there to there the jack carries it
+
+
+def _lever_before_flight(change_rad: Array) -> float:
+    """Slope of the hammer's angle over the whippen's while the hammer first rises; NaN where it does not."""
+    hammer = np.abs(change_rad[:, 2])
+    first, last = (int(np.argmax(hammer > share * hammer.max(initial=0.0))) for share in RISES)
+    if last - first < FEWEST_RISING or not np.ptp(change_rad[first:last, 1]) > MOVES_RAD:
+        return float("nan")
+    return float(np.polyfit(change_rad[first:last, 1], change_rad[first:last, 2], 1)[0])
 
 
 def _turns_sharply(time: Array, way: Array, step: float) -> bool:
@@ -142,13 +158,14 @@ def _turns_sharply(time: Array, way: Array, step: float) -> bool:
 @finds({"gross travel difference": "Check decoding and lines per revolution of the encoder, and its place."},
        spoils=CHANNEL)  # fmt: skip
 @finds({"travel difference": "Measure key dip and blow distance, and check the scale of the encoder."})
-def encoder_travel(travels: Mapping[int, Travel], without: Sequence[tuple[int, str]] = ()) -> list[SessionFinding]:
+def encoder_travel(travels: Mapping[int, Travel], without: Collection[tuple[int, str]] = ()) -> list[SessionFinding]:
     """Encoders whose travel is not the model's, and in which trials.
 
     Conventions: ratios of largest angles, trial over prediction, which share stops and levers and not their timing.
     *Lever*: whippen over key, in every stroke. *Stops*: key and whippen where the predicted key meets its felt; hammer
     where both turn round sharply at the top. Stated from 5 %; without faults the ratios are within 1 %. From 20 % on a
-    channel is left out where the other encoders' travel is the model's; key and whippen alike are the motion's.
+    channel is left out where the other encoders' travel is the model's; key and whippen alike are the motion's. So is a
+    hammer that goes as far for the whippen's turn as in the model, and only ends elsewhere.
 
     Parameters
     ----------
@@ -172,7 +189,8 @@ def encoder_travel(travels: Mapping[int, Travel], without: Sequence[tuple[int, s
             levers[number] = t.lever
         elif reached and (t.held or abs(t.ratio[0] - 1) > SCALE_ONLY):
             ratios["key and whippen"][number] = float(t.ratio[0])
-    out = [f for name, found in ratios.items() for f in _travel(name, found, travels)]
+    by_scale = {n for n, t in travels.items() if abs(t.hammer_lever - t.ratio[2]) < abs(t.hammer_lever - 1)}
+    out = [f for name, found in ratios.items() for f in _travel(name, found, travels, by_scale)]
     if levers:
         text = (
             f"encoders key and whippen: {name_trials(levers, travels)} the whippen turns {_mean(levers)} times as far "
@@ -193,16 +211,21 @@ def _off(t: Travel) -> str:
     return "whippen" if abs(t.ratio[1] - 1) > abs(t.ratio[0] - 1) else "key"
 
 
-def _travel(name: str, ratios: Mapping[int, float], among: Collection[int]) -> list[SessionFinding]:
+def _travel(
+    name: str, ratios: Mapping[int, float], among: Collection[int], by_scale: Collection[int]
+) -> list[SessionFinding]:
     """What is said of the travel of one channel: gross differences apart from small ones."""
     both = " and " in name
     head, verb = (f"encoders {name}", "they travel") if both else (f"encoder {name}", "it travels")
     away = {n: r for n, r in ratios.items() if abs(r - 1) > STOPS_MAY}
     gross = {n: r for n, r in away.items() if abs(r - 1) > SCALE_ONLY and not both}
-    parts = [("gross travel difference", {n: r}, SCALE_ONLY) for n, r in gross.items()]  # each is left out
-    parts.append(("travel difference", {n: r for n, r in away.items() if n not in gross}, STOPS_MAY))
+    if name == "hammer":
+        gross = {n: r for n, r in gross.items() if n in by_scale}
     out = []
-    for kind, part, limit in parts:
+    for kind, part, limit in (
+        ("gross travel difference", gross, SCALE_ONLY),
+        ("travel difference", {n: r for n, r in away.items() if n not in gross}, STOPS_MAY),
+    ):
         if part:
             text = (
                 f"{head}: {name_trials(part, among)} {verb} {_mean(part)} times as far as in "

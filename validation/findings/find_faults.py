@@ -46,7 +46,7 @@ from validation.findings.outlying_trials import (
 )
 from validation.findings.readings import NO_REST, encoder_readings, force_stands_still, starts_at_rest
 from validation.findings.stroke_kinds import mixed_strokes, stroke_kinds, strokes_of_their_own
-from validation.findings.trial_records import short_records
+from validation.findings.trial_records import short_records, unused_trials
 from validation.findings.unusable import UnusableData, unusable_data, unusable_pairs
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -62,10 +62,11 @@ def urgent_first() -> dict[str, Kind]:
 
 @dataclass(frozen=True)
 class SessionFindings:
-    """Findings, and the trials of each kind of stroke where there are several."""
+    """Findings, the trials of each kind of stroke where there are several, and those of each stroke and condition."""
 
     faults: tuple[SessionFinding, ...]
     kinds: tuple[tuple[int, ...], ...] = ()
+    conditions: tuple[tuple[int, ...], ...] = ()  # nothing is pooled beyond one of them
 
     @property
     def unusable(self) -> tuple[UnusableData, ...]:
@@ -91,7 +92,7 @@ def find_faults(
 ) -> SessionFindings:
     """Faults of the session, wiring first."""
     trials = predicted.trials
-    found = [f for check in OF_TRIALS for f in check(trials)]
+    found = unused_trials(predicted.refused) + [f for check in OF_TRIALS for f in check(trials)]
     found += [f for m in trials for f in starts_at_rest(m, tested.geometry_at(m.force.preload_n))]
     begun = {f.trial for f in found if f.kind == NO_REST}
     if begun:  # nothing that follows holds of them
@@ -103,17 +104,26 @@ def find_faults(
     found += _single_trials(predicted, events, tested)
     travel = _travel(predicted, events, tested, found)
     found += travel + _let_off_and_check(predicted, events, tested, [*found, *travel])
-    kinds = stroke_kinds([m for m in trials if m.has_force])
-    found += mixed_strokes(trials, kinds) + strokes_of_their_own(trials, kinds)
+    wrong = {number for f in found if f.channel == "force" and KINDS[f.kind].spoils for number in f.numbers}
+    with_force = [m for m in trials if m.has_force]
+    sound_force = [m for m in with_force if m.number not in wrong] or with_force
+    kinds = stroke_kinds(sound_force)
+    found += mixed_strokes(sound_force, kinds) + strokes_of_their_own(sound_force, kinds)
     found += _capstan_gaps(events, found)
+    conditions: list[tuple[int, ...]] = []
     for numbers in kinds:
         of_kind = _only(numbers, predicted, events, scored)
         found += short_records(of_kind[0].trials)
-        odd = _odd_trials(*of_kind, tested, found)
-        found += odd + _residuals(*of_kind[:2], tested, [*found, *odd])
-    own = any(len(kind) > 1 for kind in kinds)
-    apart = tuple(kind for kind in kinds if len(kind) > 1 or not own)
-    return SessionFindings(tuple(found), apart if len(apart) > 1 else ())
+        unlike, parts = _unlike_others(*of_kind, tested, found)
+        found += unlike
+        conditions += parts
+    return SessionFindings(tuple(found), _several(kinds), _several(conditions))
+
+
+def _several(groups: Sequence[tuple[int, ...]]) -> tuple[tuple[int, ...], ...]:
+    """Groups of more than one trial, where there are several; of one trial each where all are so."""
+    of_many = tuple(group for group in groups if len(group) > 1) or tuple(groups)
+    return of_many if len(of_many) > 1 else ()
 
 
 def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest) -> list[SessionFinding]:
@@ -155,9 +165,9 @@ def _travel(
             tested.geometry_at(m.force.preload_n),
         )
         for m in predicted.trials
-        if not any(f.trial == m.number and KINDS[f.kind].spoils == PREDICTION for f in found)
+        if not any(m.number in f.numbers and KINDS[f.kind].spoils == PREDICTION for f in found)
     }
-    return encoder_travel(travels, [(int(f.trial), f.channel) for f in found if f.trial == f.trial])
+    return encoder_travel(travels, _explained(found))
 
 
 def _let_off_and_check(
@@ -187,15 +197,46 @@ def _only(
     )
 
 
-def _odd_trials(
+def _explained(found: Sequence[SessionFinding]) -> set[tuple[int, str]]:
+    """Trials and channels of which something is said that spoils them, or that is said of one trial alone."""
+    return {(n, f.channel) for f in found if KINDS[f.kind].spoils or len(f.numbers) == 1 for n in f.numbers}
+
+
+def _unlike_others(
+    predicted: PredictedSession,
+    events: SessionEvents,
+    scored: ScoredSession,
+    tested: ModelUnderTest,
+    found: Sequence[SessionFinding],
+) -> tuple[list[SessionFinding], list[tuple[int, ...]]]:
+    """Trials that stand out from those of their condition, the trials from which another one holds; all conditions.
+
+    A change is looked for before single trials are, which would else be those of the shorter part, and again without
+    the trials that stand out.
+    """
+    numbers = tuple(m.number for m in predicted.trials)
+    change, odd = _change(predicted, events, tested, found), []
+    if not change:
+        odd = _outlying(predicted, events, scored, tested, found)
+        change = _change(predicted, events, tested, [*found, *odd]) if odd else []
+    if not change:
+        return odd, [numbers]
+    first, out, parts = int(change[0].trial), list(change), []
+    for part in (tuple(n for n in numbers if n < first), tuple(n for n in numbers if n >= first)):
+        unlike, own = _unlike_others(*_only(part, predicted, events, scored), tested, found)
+        out += unlike
+        parts += own
+    return out, parts
+
+
+def _outlying(
     predicted: PredictedSession,
     events: SessionEvents,
     scored: ScoredSession,
     tested: ModelUnderTest,
     found: Sequence[SessionFinding],
 ) -> list[SessionFinding]:
-    """Trials that stand out from the others in channels nothing else explains."""
-    explained = {(int(f.trial), f.channel) for f in found if f.trial == f.trial}
+    """Trials that stand out from the others in channels nothing else explains, or that only the model finds odd."""
     by_number = {m.number: m for m in predicted.trials}
     release = [e["key_release"].value for e in events.trial.values() if e["key_release"].status != "absent"]
     until = min(release, default=events.window.end_s)
@@ -204,20 +245,22 @@ def _odd_trials(
         return force_reach(tested, by_number[number], events.window.start_s, until)
 
     traces = scored.traces
-    return find_outlying_trials(traces.base_s, traces.encoder, predicted.trials, events.trial, explained, reach, until)
+    odd = find_outlying_trials(
+        traces.base_s, traces.encoder, predicted.trials, events.trial, _explained(found), reach, until
+    )
+    sound: list[MeasuredTrial] = sound_trials(predicted.trials, [*found, *odd])
+    by_model = outlying_residuals(tested, {m.number: m for m in sound}, residuals_of(predicted, events, sound))
+    lifted = {f.trial for f in found if f.kind == "capstan gap"}  # which explains it
+    return odd + [f for f in by_model if f.trial not in lifted]
 
 
-def _residuals(
+def _change(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
-    """What only the model finds odd: one trial, or all from one on."""
-    sound: list[MeasuredTrial] = sound_trials(predicted.trials, found)
-    odd = outlying_residuals(tested, {m.number: m for m in sound}, residuals_of(predicted, events, sound))
-    lifted = {f.trial for f in found if f.kind == "capstan gap"}  # which explains it
-    odd = [f for f in odd if f.trial not in lifted]
-    rest = sound_trials(sound, odd)
-    by_number = {m.number: m for m in rest}
-    return odd + changed_condition(tested, by_number, residuals_of(predicted, events, rest))
+    """The trial from which the difference from the model is another one, if there is one."""
+    sound = sound_trials(predicted.trials, found)
+    by_number = {m.number: m for m in sound}
+    return changed_condition(tested, by_number, residuals_of(predicted, events, sound))
 
 
 def _capstan_gaps(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:
@@ -226,8 +269,9 @@ def _capstan_gaps(events: SessionEvents, found: Sequence[SessionFinding]) -> lis
     if travel or any(f.kind in ("let-off", "force lag") for f in found):
         return []
     broken = {
-        f.trial
+        number
         for f in found
+        for number in f.numbers
         if f.kind in ("encoder return", "stuck bit", "reading leaps", "reading stands still", "gap")
         or KINDS[f.kind].spoils in (CHANNEL, PREDICTION)
     }

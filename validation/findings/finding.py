@@ -154,5 +154,5 @@ def sound_trials(
     trials: Sequence[MeasuredTrial], findings: Iterable[SessionFinding], but: str = ""
 ) -> list[MeasuredTrial]:
     """Trials without a fault that spoils the comparison of one trial with the model; one kind may be let pass."""
-    broken = {f.trial for f in findings if KINDS[f.kind].spoils and f.kind != but}
+    broken = {number for f in findings if KINDS[f.kind].spoils and f.kind != but for number in f.numbers}
     return [m for m in trials if m.number not in broken]

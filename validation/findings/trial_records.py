@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from validation.findings.finding import BLOW, OF_TRIALS, SessionFinding, finds
+from validation.measurement.measure_session import NOT_PREDICTED, OTHER_CONDITION, REJECTED
 from validation.measurement.trial import MeasuredTrial
 
 RATE_RELATIVE = 1e-4
@@ -52,6 +53,16 @@ def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
         )
         for number, value in end.items()
         if value < usual - max(SHORT_S, SHORT_SHARE * usual)
+    ]
+
+
+@finds({"not used": ""}, spoils=BLOW)
+def unused_trials(refused: Mapping[int, str]) -> list[SessionFinding]:
+    """Trials that cannot be used, of the reason for each that is not (`MeasuredSession.refused`)."""
+    return [
+        SessionFinding("not used", number, "", float("nan"), float("nan"), f"trial {number} is not used: {reason}")
+        for number, reason in refused.items()
+        if not reason.startswith((REJECTED, OTHER_CONDITION, NOT_PREDICTED))
     ]
 
 

@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
 from validation.findings.finding import BLOW, KINDS, PREDICTION, SessionFinding
 from validation.measurement.trial import trials_in_words
@@ -40,12 +38,10 @@ def unusable_data(findings: Iterable[SessionFinding]) -> tuple[UnusableData, ...
     rows: dict[tuple[int, str], UnusableData] = {}
     for f in findings:
         spoils = KINDS[f.kind].spoils
-        if spoils and np.isfinite(f.trial):
-            number = int(f.trial)
-            if spoils == PREDICTION and f.channel != FORCE:
-                continue  # that the model misses a trial makes its data no worse
-            of_channel = spoils != BLOW
-            channel = f.channel if of_channel and f.channel in (*ENCODER_CHANNELS, FORCE, FILM) else WHOLE_TRIAL
+        if not spoils or (spoils == PREDICTION and f.channel != FORCE):
+            continue  # that the model misses a trial makes its data no worse
+        channel = f.channel if spoils != BLOW and f.channel in (*ENCODER_CHANNELS, FORCE, FILM) else WHOLE_TRIAL
+        for number in f.numbers:
             rows.setdefault((number, channel), UnusableData(number, channel, f.kind, f.text))
     whole = {number for number, channel in rows if channel == WHOLE_TRIAL}
     kept = [row for (number, channel), row in rows.items() if channel == WHOLE_TRIAL or number not in whole]

@@ -434,7 +434,7 @@ def _quiet(time: Array, moved: int, onset_s: float, what: str, needed: str) -> Q
     if stop < round(MINIMUM_QUIET_S / step):
         raise TrialError(
             f"{what} {1e3 * max(stop, 0) * step:.0f} ms; at least {1e3 * MINIMUM_QUIET_S:.0f} ms are "
-            f"needed {needed}; record a longer rest"
+            f"needed {needed}; record a longer rest, with readings that do not drift"
         )
     return Quiet(stop, float(time[0]), float(time[stop - 1]), onset_s)
 

@@ -22,6 +22,8 @@ from validation.measurement.trial import MeasuredTrial, measure
 
 T = TypeVar("T")
 USABLE_STATUS = ("complete", "not at rest")
+REJECTED, OTHER_CONDITION, NOT_PREDICTED = "rejected:", "recorded under the condition", "not predicted:"
+"""How the reason begins where a trial is not used though nothing is known against its data."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def usable_trials(
     found, refused = [], {}
     for trial in session.trials:
         if trial.rejected is not None:
-            refused[trial.number] = f"rejected: {trial.rejected}"
+            refused[trial.number] = f"{REJECTED} {trial.rejected}"
             continue
         try:
             data = trial.read()
@@ -108,7 +110,7 @@ def measure_session(
             )
         conditions[trial.number] = data.condition
         if condition is not None and data.condition != condition:
-            raise TrialError(f"recorded under the condition {data.condition!r}, not {condition!r}")
+            raise TrialError(f"{OTHER_CONDITION} {data.condition!r}, not {condition!r}")
         derived = session.read_derived("angles", trial.number)
         film = None if derived is None else derived[0]
         action_geometry = geometry(data.force_info.preload_n)

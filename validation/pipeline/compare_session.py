@@ -237,7 +237,8 @@ def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterato
     for m in (m for m in predicted.trials if m.number not in findings.trials_without_rest):
         notes = (*m.notes, *predicted.predictions[m.number].notes)
         yield from (f"trial {m.number}: {text}" for text in notes)
-    yield from (f"trial {number} is not used: {reason}" for number, reason in predicted.refused.items())
+    named = {number for f in findings.faults for number in f.numbers}
+    yield from (f"trial {n} is not used: {reason}" for n, reason in predicted.refused.items() if n not in named)
 
 
 def _verdict(
@@ -253,7 +254,7 @@ def _verdict(
     if not chosen.budget:
         return undecided_verdict("the uncertainties were not drawn")
     chosen.say("error of the model: draws of all inputs")
-    left_out, kinds = findings.left_out, findings.kinds
+    left_out, kinds = findings.left_out, findings.conditions
     u_level = chosen.u_rest_level_m
     return judge_model(session_errors(predicted, scored.traces, events, tested, left_out, kinds, u_level), limits)
 

@@ -164,7 +164,7 @@ def _events(events: pd.DataFrame) -> list[str]:
             doubtful.append(title)
     labels = {
         "Events in one but not in the other": differ,
-        "Absent in both": missing,
+        "Neither in the records nor in the model": missing,
         "Not counted (encoder left out)": uncounted,
         "Ambiguous": doubtful,
     }

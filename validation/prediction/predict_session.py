@@ -21,7 +21,7 @@ from model.simulation.solution import MISSED
 from validation.cache.content_hash import result_key
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import PredictionError, ValidationInputError
-from validation.measurement.measure_session import MeasuredSession
+from validation.measurement.measure_session import NOT_PREDICTED, MeasuredSession
 from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -214,7 +214,7 @@ def predict_session(
             if missed and progress is not None:
                 progress(f"trial {m.number}: {missed}")
         except ModelError as error:
-            refused[m.number] = f"not predicted: {error}"
+            refused[m.number] = f"{NOT_PREDICTED} {error}"
     if not predictions:
         raise ValidationInputError(
             f"{measured.session.path}: no usable trial ({_reasons(refused)}); record or accept at least one"

@@ -108,11 +108,7 @@ def nearer(errors: pd.DataFrame, without: Collection[tuple[int, str]] = ()) -> s
         if not found:
             continue
         other, model, closer, n, rival = min(found)
-        shown = (
-            "shown at 5 %"
-            if _is_significant(counts, rival, str(channel))
-            else f"{n} trial{'s do' if n > 1 else ' does'} not show it"
-        )
+        shown = f"{'' if _is_significant(counts, rival, str(channel)) else 'not '}shown at 5 %"
         also = [CALLED[name] for *_, name in sorted(found)[1:]]
         parts.append(
             f"{channel} {CALLED[rival]} (RMSE {other:.2g}° against {model:.2g}°, in {closer} of {n} trials; {shown})"

@@ -137,7 +137,7 @@ def summary(comparison: Comparison) -> tuple[pd.DataFrame, pd.DataFrame]:
     c = comparison
     if "spread" not in c.made:
         u_sample = c.table("uncertainty").groupby("channel")["u_rad"].mean().to_dict()
-        made = channel_tables(c.scored.traces, u_sample, c.without, c.verdict, c.findings.kinds)
+        made = channel_tables(c.scored.traces, u_sample, c.without, c.verdict, c.findings.conditions)
         c.made["channel summary"], c.made["spread"] = made
     return c.made["channel summary"], c.made["spread"]
 
@@ -219,7 +219,7 @@ def _channel(
         "trial_to_trial_rmse_rad": ceiling,
         "pairs": pairs,
         **judged,
-        "state": "two kinds of stroke: compared within each, no band" if mixed else _state(curves),
+        "state": "several kinds of stroke or conditions: compared within each, no band" if mixed else _state(curves),
     }
     return row, spread
 

@@ -37,7 +37,7 @@ COLUMNS = (
 
 def rows(comparison: Comparison) -> pd.DataFrame:
     """One row an event, of the trials that count."""
-    return event_repeatability(comparison.counting, comparison.findings.kinds)
+    return event_repeatability(comparison.counting, comparison.findings.conditions)
 
 
 TABLE = Table(

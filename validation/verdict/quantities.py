@@ -1,7 +1,8 @@
 """The quantities of a verdict: which there are, which the claim rests on, how much of each matters.
 
 Conventions: SI and rad; model − trial. A phase of a stroke ends at an event of the trial itself: *attack* at the string
-impact, *check* at the key's release, *release* at the end of the window; a phase whose event does not happen goes on.
+impact, *check* at the key's release, *release* at the end of the window. Where the event that ends a phase is not
+recorded, the phase goes on to the next one that is, and the phase that should follow has no sample.
 """
 
 from __future__ import annotations
@@ -109,16 +110,15 @@ def relevance_limits(given: Mapping[str, float]) -> dict[str, float]:
 
 
 def phase_masks(time_s: Array, events: Mapping[str, Event], window: Window) -> dict[str, NDArray[np.bool_]]:
-    """Samples of each phase of one trial inside the window, (n,) each; none where the phase did not happen."""
+    """Samples of each phase of one trial inside the window, (n,) each; none of a phase that does not begin in it."""
+    ends = {phase: events[event].value if event in events else float("nan") for phase, event in PHASES.items()}
     out: dict[str, NDArray[np.bool_]] = {}
-    begin = window.start_s
-    inside = window.mask(time_s)
-    for phase, event in PHASES.items():
-        end = events[event].value if event in events else float("inf")
-        follows = bool(np.isfinite(end) and end > begin) or phase == "release"
-        mask = inside & (time_s >= begin) & (time_s < (end if follows else begin))
-        out[phase] = mask
-        begin = end if follows else begin
+    begin, begins, inside = window.start_s, True, window.mask(time_s)
+    for k, phase in enumerate(PHASES):
+        end = next((t for t in list(ends.values())[k:] if np.isfinite(t)), float("inf"))
+        out[phase] = inside & begins & (time_s >= begin) & (time_s < end)
+        begins = bool(np.isfinite(ends[phase]))
+        begin = max(begin, ends[phase]) if begins else begin
     return out
 
 

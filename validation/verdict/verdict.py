@@ -23,7 +23,16 @@ from validation.result import AGREES, CANNOT_TELL, DIFFERS, DIFFERS_LITTLE, DIFF
 from validation.verdict.error_draws import DRAWS, INPUTS, SessionErrors
 from validation.verdict.estimate import LEVEL, Estimates, estimate_errors, strongest_inputs
 from validation.verdict.evidence import log_evidence
-from validation.verdict.quantities import ANGLES, INDEX, LET_OFF, QUANTITIES, RELEVANT, Quantity, branch_words
+from validation.verdict.quantities import (
+    ANGLES,
+    INDEX,
+    LET_OFF,
+    PHASES,
+    QUANTITIES,
+    RELEVANT,
+    Quantity,
+    branch_words,
+)
 
 FEWEST_DRAWS = 99
 SELDOM = 0.05  # share of the draws on the observed branch, below which the first line says so
@@ -144,7 +153,9 @@ def _state(q: Quantity, errors: SessionErrors, e: Estimates, i: int) -> str:
     if not np.isfinite(errors.sample.found[i]):
         measured = q.channel or np.isfinite(errors.values[i - len(ANGLES)])
         if q.channel:
-            return "this phase did not happen"
+            before = list(PHASES)[: list(PHASES).index(q.phase)][-1:]
+            begins = all(np.isfinite(errors.values[INDEX[PHASES[phase]] - len(ANGLES)]) for phase in before)
+            return "outside the window" if begins else "not recorded"
         return "not in the model" if measured else "not in the trials"
     return "" if np.isfinite(e.low[i]) else "too few draws take this branch of the motion"
 

@@ -8,11 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import model
+from rig.session import Session
+from tests.validation.bench_strokes import stroke_of
+from validation.events.session_events import find_session_events
 from validation.findings.encoders import Travel, encoder_travel
+from validation.findings.find_faults import find_faults
 from validation.findings.force import force_saturation
-from validation.findings.force_spikes import unanswered_spikes
+from validation.findings.force_spikes import candidate_spikes, unanswered_spikes
 from validation.findings.readings import encoder_readings, force_stands_still
-from validation.prediction.predict_session import predict_trial
+from validation.measurement.measure_session import measure_session
+from validation.options import ComparisonOptions
+from validation.pipeline.compare_session import model_under_test
+from validation.prediction.predict_session import predict_session, predict_trial
+from validation.scores.score_session import score_session
 
 CHANNELS = ("key", "whippen", "hammer")
 
@@ -47,6 +56,30 @@ def test_an_encoder_frozen_in_motion_stands_still(stage, column, after_onset_s):
     (found,) = encoder_readings(m, stage.predictions(1))
     assert (found.kind, found.channel) == ("reading stands still", CHANNELS[column])
     assert found.value == pytest.approx(15e-3, abs=1e-3)
+
+
+def find_all(stage, broken):
+    """All that is said of the session with one trial replaced."""
+    others = {m.number: m for m in stage.trials} | {broken.number: broken}
+    found = replace(stage.predicted.predictions[broken.number], model=predict_trial(broken, stage.tested))
+    predictions = stage.predicted.predictions | {broken.number: found}
+    predicted = replace(stage.predicted, trials=tuple(others.values()), predictions=predictions)
+    events = find_session_events(predicted, stage.tested)
+    return find_faults(predicted, events, score_session(predicted, events, stage.tested.store), stage.tested)
+
+
+def test_of_a_key_frozen_in_a_forte_nothing_else_is_said(stage):
+    (found,) = find_all(stage, frozen(stage.trials[2], 0, 0.29, 0.03)).faults
+    assert (found.kind, found.trial, found.channel) == ("reading stands still", 3, "key")
+    assert "its count does not change for 29.8 ms from 0.2900 s" in found.text
+
+
+def test_of_a_force_that_slips_it_is_not_said_that_the_stroke_is_another(stage):
+    m = stage.trials[5]
+    slipped = m.force.force_n + 2.2 * (m.force.time_s > stage.events.trial[6]["key_release"].value - 0.05)
+    found = find_all(stage, replace(m, force=replace(m.force, force_n=slipped)))
+    assert [(f.kind, f.trial) for f in found.faults] == [("force return", 6)]
+    assert [(row.trial, row.channel) for row in found.unusable] == [(6, "force")] and found.kinds == ()
 
 
 def test_an_encoder_frozen_from_rest_on_is_seen_when_it_leaps(stage):
@@ -87,6 +120,18 @@ def test_a_spike_that_key_and_whippen_answer_is_a_true_one(stage):
         [p.change_rad(name) - stage.predictions(3).change_rad(name) for name in CHANNELS]
     )
     assert unanswered_spikes(stage.tested, replace(m, change_rad=moved), p, m.time_s[-1]) == []
+
+
+def test_a_bounce_that_the_model_misses_is_no_unanswered_spike(tmp_path, make):
+    """Of two quick strikes the model misses how the key lands the second time, and so what each spike does there."""
+    session = Session.create(tmp_path / "double", make.info())
+    session.add_trial(replace(stroke_of("double", 7, 4, "printed", ()).data, number=1))
+    options = ComparisonOptions.of({"keep_predictions": False, "rivals": (), "budget": False})
+    tested = model_under_test(session, model.load_action(), options)
+    predicted = predict_session(measure_session(session, tested.geometry_at, 6e-5), tested)
+    (m,), p = predicted.trials, predicted.predictions[1].model
+    assert len(candidate_spikes(m)) > 20
+    assert unanswered_spikes(tested, m, p, m.time_s[-1]) == []
 
 
 def held(m, at, length):

@@ -51,8 +51,8 @@ def test_a_wrong_scale_is_told_by_the_stops(stage, column, name):
     assert max(abs(t.lever - 1) for t in clean) < 0.01
     for factor in (0.25, 0.5, 4.0):
         found = encoder_travel(travels(stage, factor, column))
-        assert kinds(found) == 6 * [("gross travel difference", name)]
-        assert found[0].value == pytest.approx(factor, rel=0.01)
+        assert kinds(found) == [("gross travel difference", name)] and "in all 6 trials" in found[0].text
+        assert found[0].value == pytest.approx(factor, rel=0.01) and found[0].trials == (1, 2, 3, 4, 5, 6)
     (found,) = encoder_travel(travels(stage, 1.06, column))
     assert (found.kind, found.channel, found.trials) == ("travel difference", name, (1, 2, 3, 4, 5, 6))
     assert encoder_travel(travels(stage, 1.02, column)) == []
@@ -76,7 +76,15 @@ def test_strokes_that_reach_no_stop_tell_a_lever_but_not_of_which_encoder():
     assert (found.kind, found.trials) == ("travel difference", (1, 2, 3, 4, 5, 6))
     assert "the whippen turns 0.250" in found.text
     some = dict.fromkeys(range(1, 6), travel(lever=4.0)) | {6: travel(0.25, 1.0, lever=4.0)}
-    assert kinds(encoder_travel(some)) == 6 * [("gross travel difference", "key")]  # one that did tells for all
+    (found,) = encoder_travel(some)  # one that did tells for all
+    assert kinds([found]) == [("gross travel difference", "key")] and found.trials == (1, 2, 3, 4, 5, 6)
+
+
+def test_a_hammer_that_goes_with_the_whippen_and_ends_elsewhere_is_no_gross_difference():
+    """Another blow distance, or another action than the one that is named, is no fault of the encoder."""
+    for lever, kind in ((1.02, "travel difference"), (1.28, "gross travel difference")):
+        given = Travel(np.array([1.0, 1.0, 1.3]), 1.0, True, lever)
+        assert kinds(encoder_travel({n: given for n in (1, 2, 3)})) == [(kind, "hammer")]
 
 
 def test_key_and_whippen_alike_are_no_scale():

@@ -56,6 +56,10 @@ def cut(start_s: float, end_s: float) -> Change:
     return change
 
 
+def drifting_force(data: TrialData, _: Stroke) -> TrialData:
+    return replace(data, force_n=data.force_n + 4.5 * data.time_s)
+
+
 @dataclass(frozen=True)
 class Case:
     """A session: kinds of its trials in turn, how each is played and misread, and what its findings say, or never."""
@@ -87,6 +91,15 @@ CASES = {
     "let-off 0.9 mm off from trial 4 on": Case(
         6 * ["mf"], ("encoder whippen: from trial 4 on (3 of 6 trials)", "from trial 4 on the difference"),
         ("all trials",), play=lambda n: {"changed": (("contact08.second.y", 0.9e-3),)} if n > 3 else {},
+    ),
+    "let-off 0.9 mm off from trial 3 of 5 on": Case(
+        5 * ["mf"], ("from trial 3 on the difference from the model in", "(3 of 5 trials)"),
+        ("all trials", "stands out", "Record again"),
+        play=lambda n: {"changed": (("contact08.second.y", 0.9e-3),)} if n > 2 else {},
+    ),
+    "a trial drifts before the blow": Case(
+        3 * ["mf"], ("trial 2 is not used: quiet baseline is",),
+        misread=lambda n: drifting_force if n == 2 else unchanged,
     ),
     "force later by 0.5 ms each trial": Case(
         6 * ["rebound"], ("from trial 3 on (4 of 6 trials)", "2.4 ms more in trial 6"), ("all trials",),
@@ -130,3 +143,5 @@ def test_what_is_said_of_a_session_is_so(name: str, tmp_path: Path) -> None:
     assert not [word for word in (*CAUSES, *case.never) if word in text]
     assert all(words in findings for words in case.said), findings
     assert bool(findings) == bool(case.said)
+    marked_out = [f.trial for f in result.findings.itertuples() if f.kind == "not used"]
+    assert all(f"trial {n:.0f} (not used)" in text for n in marked_out)

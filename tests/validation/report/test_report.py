@@ -180,7 +180,7 @@ def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(
     table["jack_relative_rad"] = np.nan
     session.write_derived("angles", 1, table)
     result = compare_session(session, truth.action, **QUICK)
-    assert "Absent in both: let-off, string impact, hammer speed at impact" in result.verdict
+    assert "Neither in the records nor in the model: let-off, string impact, hammer speed at impact" in result.verdict
     channels = result.channels.set_index("channel")
     assert channels.loc["jack", "state"] == "no frame tracked"
     assert np.isnan(channels.loc["jack", "rmse_rad"])

@@ -78,7 +78,7 @@ def test_two_kinds_of_stroke_are_compared_within_each_and_have_no_mean():
     row = apart.set_index("channel").loc["hammer"]
     assert row["s_r_rad"] == pytest.approx(0.0, abs=1e-12)
     assert (row["trial_to_trial_rmse_rad"], row["pairs"]) == (pytest.approx(0.0, abs=1e-12), 4)
-    assert row["state"] == "two kinds of stroke: compared within each, no band"
+    assert row["state"] == "several kinds of stroke or conditions: compared within each, no band"
     assert np.isnan(row["band_factor"]) and spread["hammer_mean_rad"].isna().all()
     together = channel_tables(session, {"key": 1e-4})[0].set_index("channel").loc["hammer"]
     assert together["s_r_rad"] > 1.0
@@ -187,9 +187,9 @@ def test_absent_and_ambiguous_events_are_in_the_verdict():
     models = {1: keystroke(**no_check)}
     channels, _, _ = tables(frames(np.arange(0, 1, 2e-4), 0.05))
     text = " ".join(lines_of(channels.reset_index(), event_summary(trials, models), 1))
-    assert "Absent in both: check begins, check height." in text
+    assert "Neither in the records nor in the model: check begins, check height." in text
     assert "Ambiguous: rest." in text
-    assert "second strike" not in text.split("Absent")[1]
+    assert "second strike" not in text.split("Neither in")[1]
 
 
 def test_events_that_no_trial_counts_are_neither_absent_nor_in_agreement():
@@ -198,7 +198,7 @@ def test_events_that_no_trial_counts_are_neither_absent_nor_in_agreement():
     summary = event_summary(counting, trials)
     channels, _, _ = tables(frames(np.arange(0, 1, 2e-4), 0.05))
     text = " ".join(lines_of(channels.reset_index(), summary, 3))
-    assert "Not counted (encoder left out): let-off, " in text and "Absent in both" not in text
+    assert "Not counted (encoder left out): let-off, " in text and "Neither in the records" not in text
     (page,) = SUMMARY.pages
     shown = {row[0]: row for row in made_table(SUMMARY, page, [("m", row) for row in summary.to_dict("records")]).rows}
     assert shown[EVENTS["let_off"].label][1] == "not counted (encoder left out)"

@@ -126,7 +126,13 @@ def test_phases_end_at_the_trial_s_own_events_and_go_on_where_one_is_missing() -
     counts = {name: int(mask.sum()) for name, mask in found.items()}
     assert counts == {"attack": 20, "check": 30, "release": 31}
     no_strike = phase_masks(time, events(key_release=0.6), window)
-    assert {name: int(mask.sum()) for name, mask in no_strike.items()} == {"attack": 0, "check": 50, "release": 31}
+    assert {name: int(mask.sum()) for name, mask in no_strike.items()} == {"attack": 50, "check": 0, "release": 31}
+    ends_held = phase_masks(time, events(string_impact=0.3), window)
+    assert {name: int(mask.sum()) for name, mask in ends_held.items()} == {"attack": 20, "check": 61, "release": 0}
+    early = phase_masks(time, events(string_impact=0.3, key_release=0.2), window)
+    assert {name: int(mask.sum()) for name, mask in early.items()} == {"attack": 20, "check": 0, "release": 61}
+    nothing = phase_masks(time, events(), window)
+    assert {name: int(mask.sum()) for name, mask in nothing.items()} == {"attack": 81, "check": 0, "release": 0}
 
 
 def test_let_off_is_the_way_to_where_the_string_turns_the_hammer() -> None:
@@ -173,3 +179,5 @@ def test_a_session_that_ends_before_let_off_has_not_tested_it_and_says_so(make, 
         assert (said in result.verdict_lines[0]) == (not is_reached)
         assert result.quantities["primary"].sum() > 6
         assert let_off.state == ("" if is_reached else "not in the trials")
+        check = result.quantities.set_index("quantity").loc["hammer_in_check"]
+        assert check.state == ("" if is_reached else "not recorded") and np.isfinite(check.low) == is_reached
