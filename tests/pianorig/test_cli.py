@@ -28,26 +28,6 @@ def test_the_list_of_commands_says_what_each_command_says_of_itself() -> None:
         assert (inspect.getdoc(function) or "").splitlines()[0] == commands.find(name).help, name
 
 
-def test_help_lists_every_command_and_an_unknown_one_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("--help") == 0
-    text = capsys.readouterr().out
-    assert all(f"\n  {name} " in text and listed.help in text for name, listed in commands.COMMANDS.items())
-    for group, table in commands.GROUPED.items():
-        assert run(group, "--help") == 0
-        text = capsys.readouterr().out
-        assert all(f"\n  {name} " in text for name in table)
-        assert run(group) == 0 and capsys.readouterr().out == text
-    assert run("simulat") == 2
-    assert "Did you mean 'simulate'?" in capsys.readouterr().err
-
-
-def test_every_command_has_an_example_and_json(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in commands.full_names():
-        assert run(*name.split(), "--help") == 0
-        text = capsys.readouterr().out
-        assert f"pianorig {name}" in text and "Example:" in text and "--json" in text, name
-
-
 def test_the_list_imports_no_command_and_help_of_a_command_nothing_heavy() -> None:
     loaded = modules_after(("--help",))
     assert not loaded & HEAVY

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import model
-from model.sensitivity import draw_local, local_table
+from model.sensitivity import local_table
 from model.sensitivity.local_table import lines
 
 NAMES = ("friction", "hammer.mass", "contact02")
@@ -67,10 +65,3 @@ def test_ranked_by_the_largest_effect_and_printed(found: model.Sensitivities) ->
     text = lines(table, {"strike_m_per_s": "speed", "not there": "x"}, 2)
     assert len(text) == 3 and text[0].split() == ["parameter", "speed"]
     assert len(table.rows()) == len(table.parameters) * len(table.quantities)
-
-
-def test_the_figure_is_written(found: model.Sensitivities, tmp_path: Path) -> None:
-    draw_local(local_table(found), tmp_path / "local.svg")
-    assert (tmp_path / "local.svg").stat().st_size > 5000
-    with pytest.raises(model.InputError, match=r"ending found '\.txt'"):
-        draw_local(local_table(found), tmp_path / "local.txt")

@@ -50,23 +50,6 @@ def test_angles_agree_with_converged_differences(
     assert error < 3e-5
 
 
-@pytest.mark.parametrize(
-    "name", ["hammer.joint_friction.A", "key.joint_friction.A", "hammer.mass", "contact07.friction.A"]
-)
-def test_a_parameter_alone_has_the_column_it_has_among_others(action: model.Action, name: str) -> None:
-    blow = cut(model.force_table("forte"), 0.06)
-    others = [
-        "contact01.normal.D",
-        "key.joint_friction.A",
-        "hammer.joint_friction.A",
-        "hammer.mass",
-        "contact07.friction.A",
-    ]
-    alone = model.sensitivities(action, blow, [name]).d_angles[:, :, 0]
-    among = model.sensitivities(action, blow, others).d_angles[:, :, others.index(name)]
-    assert np.abs(alone - among).max() <= 1e-4 * np.abs(among).max()
-
-
 def test_piano_of_another_force(action: model.Action) -> None:
     time = np.linspace(0.0, 0.22, 1101)
     force = np.interp(time, [0.0, 0.02, 0.06, 0.2], [0.0, 0.5, 4.0, 4.0])

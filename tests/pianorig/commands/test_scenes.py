@@ -33,15 +33,6 @@ def test_an_action_file_takes_its_scene_through_simulate(tmp_path: Path, force: 
     assert len(out.read_text(encoding="utf-8").splitlines()[-1].split(",")) == 11
 
 
-def test_regulate_writes_an_action_that_keeps_its_scene(tmp_path: Path, capsys) -> None:
-    out = tmp_path / "bends.toml"
-    assert run("regulate", "hirschkorn2004", "--scene", "flexible-shank", "--out", str(out)) == 0
-    found = model.load_action(out)
-    assert found.scene == {"effects": ("shank",)}
-    values = model.regulation.measure(found).value_m
-    assert values["let_off"] == pytest.approx(1e-3, abs=2e-5) and values["drop"] == pytest.approx(3e-3, abs=2e-5)
-
-
 def test_derivatives_and_variants_are_of_the_scene(force: Path, capsys) -> None:
     asked = ["--scene", "lifting-key", "--parameters", "balance_rail,hammer.mass", "--json"]
     assert run("sensitivity", str(force), *asked) == 0

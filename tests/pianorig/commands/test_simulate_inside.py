@@ -60,19 +60,6 @@ def test_inside_as_hdf5_opens_in_xarray(tmp_path: Path, capsys: pytest.CaptureFi
         assert np.all(from_s < to_s) and from_s[0] == pytest.approx(0.1093, abs=5e-4)
 
 
-def test_nothing_is_looked_at_unless_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    import model.force_driven
-
-    def refuse(*_: object) -> None:
-        raise AssertionError("looked inside")
-
-    monkeypatch.setattr(model.force_driven, "observe", refuse)
-    solution = model.simulate(model.load_action(), [0.0, 0.01], [0.0, 1.0])
-    assert solution.inside is None
-    with pytest.raises(AssertionError, match="looked inside"):
-        model.simulate(model.load_action(), [0.0, 0.01], [0.0, 1.0], inside=True)
-
-
 def test_sheet_and_animation(short_force: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     drawings = {"--figures": tmp_path / "sheet.pdf", "--animation": tmp_path / "blow.html"}
     arguments = [str(part) for pair in drawings.items() for part in pair]

@@ -66,21 +66,6 @@ def test_long_work_in_a_pipe_says_what_it_does_in_plain_lines(
     ]  # fmt: skip
 
 
-def test_interrupting_a_recording_says_what_it_did(tmp_path: Path) -> None:
-    terminal = OnTerminal("record", "--trials", "50", "--out", "s", columns=200, cwd=tmp_path)
-    text = terminal.run(interrupt=lambda seen: "trial 2/50" in seen)
-    assert terminal.process.returncode == 130, text
-    last = terminal.screen.shown()[-1]
-    found = re.fullmatch(
-        r"pianorig: stopped by Ctrl-C; outputs safe; trial (\d+) sealed as interrupted; session at s, "
-        r"(\d+) of 50 trials to go: pianorig record --resume s",
-        last,
-    )
-    assert found, terminal.screen.shown()
-    assert int(found[2]) == 50 - int(found[1]) + 1
-    assert (tmp_path / "s" / f"trial_{int(found[1]):04d}.h5").is_file()
-
-
 def test_the_largest_force_of_a_trial_stays_shown_until_the_next_trial(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[str] = []
     monkeypatch.setattr(progress.LIVE, "show", shown.append)

@@ -16,7 +16,6 @@ from rig.foreign.channel_table import number
 from rig.foreign.csv_file import parse_csv
 from rig.foreign.lvm_file import parse_lvm
 from rig.foreign.reading import joined
-from rig.foreign.sample_times import Clock
 from tests.rig.foreign import tdms_bytes
 
 TIME = np.arange(5) * 2e-4
@@ -292,20 +291,6 @@ def test_each_lvm_channel_may_have_times_of_its_own() -> None:
         table.interval(["Force", "Key"], None)
 
 
-def test_a_rate_of_the_mapping_must_be_the_files_as_far_as_its_digits_go() -> None:
-    text, binary = Clock(0.000333, resolution_s=1e-6), Clock(2e-4)
-    assert text.agrees(1 / 3000) and not text.agrees(1 / 2990) and binary.agrees(1 / 5000)
-    assert not binary.agrees(1 / 4000) and not binary.agrees(1 / 4990)
-
-
-def test_delta_x_with_few_digits_yields_to_the_times() -> None:
-    text = file_of(segment(1 / 48_000, 0.0, 1)).replace(str(1 / 48_000), "0.000021")
-    (table,) = parse_lvm(text, "a.lvm")
-    assert table.interval(["Key"], None) == pytest.approx(1 / 48_000, rel=0.01)
-    with pytest.raises(InputError, match="Delta_X says 2.4e-05"):
-        parse_lvm(text.replace("0.000021\t0.000021", "0.000024\t0.000024"), "a.lvm")
-
-
 @pytest.mark.parametrize("big", [False, True])
 @pytest.mark.parametrize("interleaved", [False, True])
 def test_tdms_of_either_byte_order_and_layout(tmp_path: Path, big: bool, interleaved: bool) -> None:
@@ -355,24 +340,3 @@ def test_tdms_channels_keep_their_own_clocks(tmp_path: Path) -> None:
     assert table.interval(["Force", "Key"], None, same_start=True) == 2e-4
     with pytest.raises(InputError, match="Force has 5 samples, Room 2"):
         table.interval(["Force", "Room"], None)
-
-
-@pytest.mark.parametrize("head", ["t;Force;Key\ns;kgf;ticks\n", "t [s];Force (kgf);Key [Counts];\n"])
-def test_csv_states_its_units(head: str) -> None:
-    tail = ";" if head.endswith(";\n") else ""
-    rows = "".join(f"{0.0002 * k:.4f};{FORCE[k]};{KEY[k]:.0f}{tail}\r\n".replace(".", ",") for k in range(5))
-    table = parse_csv(f"\ufeff# bench 2\n{head}{rows}", "a.csv", ";", ",")
-    time, force, key = list(table.channels)
-    np.testing.assert_array_equal(table.channel(force), FORCE)
-    assert [table.units[name].lower() in ("s", "kgf", "ticks", "counts") for name in (time, force, key)] == [True] * 3
-    assert table.interval([force, key], time) == pytest.approx(2e-4)
-
-
-@pytest.mark.parametrize("style", ["10:59:59.{:04d}", "2026-11-21T10:59:59.{:04d}", "2026-11-21 10:59:59.{:04d}"])
-def test_csv_with_clock_times(style: str) -> None:
-    rows = "".join(f"{style.format(2 * k)},{FORCE[k]}\n" for k in range(5))
-    table = parse_csv(f"when,f\n{rows}", "a.csv")
-    np.testing.assert_allclose(table.channel("when"), 2e-4 * np.arange(5), atol=1e-9)
-    assert table.units == {"when": "s"}
-    with pytest.raises(InputError, match="when row 6: found 'noon', allowed a time like the first"):
-        parse_csv(f"when,f\n{rows}noon,2\n", "a.csv").channel("when")

@@ -165,34 +165,6 @@ def test_force_alone_makes_a_session(tmp_path, recording, capsys) -> None:
     assert "not recorded: key, whippen, hammer" in capsys.readouterr().out
 
 
-def test_segments_become_trials_or_one(tmp_path, capsys) -> None:
-    rows = "".join(f"{t:.6f}\t{f:.6f}\t{k:.0f}\r\n" for t, f, k in zip(TIME, 0.4 - FORCE_V, KEY, strict=True))
-    half = rows.splitlines(keepends=True)
-    head = "LabVIEW Measurement\r\nSeparator\tTab\r\nMulti_Headings\tYes\r\nX_Columns\tOne\r\n***End_of_Header***\r\n"
-    segment = (
-        f"Channels\t2\r\nSamples\t{N // 2}\t{N // 2}\r\nX0\t0\t0\r\nDelta_X\t0.00025\t0.00025\r\n"
-        "***End_of_Header***\r\nX_Value\tload\tk\tComment\r\n"
-    )
-    path = tmp_path / "run.lvm"
-    path.write_text(head + segment + "".join(half[: N // 2]) + segment + "".join(half[N // 2 :]))
-    said = 'absent_encoders = ["whippen", "hammer"]\nblow_start_s = 0.05\n'
-    mapping = PARTIAL.replace('[time]\nchannel = "t"', "[time]")
-    with pytest.raises(InputError, match='2 segments; say in the mapping what they are: segments = "trials" or "join"'):
-        import_session(tmp_path / "no", [path], parse_mapping(mapping.replace("[time]", said + "[time]")))
-    assert not (tmp_path / "no").exists()
-    for how, sizes in (("trials", [N // 2, N // 2]), ("join", [N])):
-        text = mapping.replace("[time]", f'{said}segments = "{how}"\n[time]')
-        session = import_session(tmp_path / how, [path], parse_mapping(text))
-        trials = [trial.read() for trial in session.trials]
-        assert [trial.n_valid for trial in trials] == sizes
-        counts = np.concatenate([trial.encoder_count[:, 0] for trial in trials])
-        np.testing.assert_array_equal(counts, KEY)
-    (tmp_path / "m.toml").write_text(mapping.replace("[time]", f'{said}segments = "trials"\n[time]'))
-    assert run("import", path, "--mapping", tmp_path / "m.toml", "--out", tmp_path / "by_command") == 0
-    assert "trial 2: run.lvm segment 2 of 2, 600 samples at 4000 Hz" in capsys.readouterr().out
-    assert "segment 2 of 2 sha256" in Session.open(tmp_path / "trials").info.notes["trial 2"]
-
-
 def test_a_unit_the_file_states_wins_over_a_wrong_mapping(tmp_path) -> None:
     nptdms = pytest.importorskip("nptdms")
     path = tmp_path / "run.tdms"
@@ -216,9 +188,3 @@ def test_a_unit_the_file_states_wins_over_a_wrong_mapping(tmp_path) -> None:
     wrong = text.replace("[force]", "[time]\nsample_rate_hz = 5000.0\n[force]")
     with pytest.raises(InputError, match=r"0\.00025 s by the file itself"):
         import_session(tmp_path / "s2", [path], parse_mapping(wrong))
-
-
-def test_the_command_imports_and_says_what(tmp_path, recording, capsys) -> None:
-    (tmp_path / "m.toml").write_text(MAPPING)
-    assert run("import", recording, "--mapping", tmp_path / "m.toml", "--out", tmp_path / "s") == 0
-    assert "1200 samples at 4000 Hz" in capsys.readouterr().out

@@ -73,14 +73,6 @@ def forte(tmp_path_factory):
     return [(trial, trial.read(), truth) for trial, truth in zip(Session.open(folder).trials, truths, strict=True)]
 
 
-def test_forte_spikes_at_key_bottom_as_in_the_thesis_and_comes_to_rest(forte) -> None:
-    for trial, data, _ in forte:
-        assert trial.status == "complete"
-        assert 30 < data.force_n.max() < 37
-        assert data.blow_start_s >= 0.3
-        assert data.n_valid < 5000 * 3
-
-
 def test_the_encoders_tell_the_true_angles_within_one_count_and_their_budget(forte) -> None:
     sensors = load_sensors(DEFAULT_BENCH).encoders
     for _, data, truth in forte:
@@ -117,13 +109,6 @@ def test_the_force_is_the_true_one_delayed_with_the_declared_gain_offset_hum_and
         residual = data.force_n - np.column_stack(columns) @ fit
         assert residual.std() == pytest.approx(cell.noise_n, rel=0.05)
         assert data.force_info.u_noise_n == cell.noise_n  # the rig file states what the bench has
-
-
-def test_the_same_blow_is_repeated_but_not_identical(forte) -> None:
-    (_, first, _), (_, second, _) = forte
-    n = min(first.n_valid, second.n_valid)
-    difference = first.angle_rad()[:n] - second.angle_rad()[:n]
-    assert 0 < np.sqrt(np.mean(difference**2, axis=0)).max() < 0.02
 
 
 def test_the_motor_was_told_what_the_profile_says(forte) -> None:

@@ -1,4 +1,4 @@
-"""Phantom films: pixels, direction of the rows, times, and refusals; against pims and pycine where they are."""
+"""Phantom films: pixels, direction of the rows, times, and refusals."""
 
 from __future__ import annotations
 
@@ -47,17 +47,6 @@ def test_ten_bit_codes_are_read_linear(tmp_path: Path) -> None:
     np.testing.assert_allclose(64.0 + 950.0 * signal, np.arange(65, 1014), atol=0.55)
 
 
-def test_ten_bit_codes_are_those_of_the_table_in_pycine(tmp_path: Path) -> None:
-    """Compared with its table and its unpacking; its reader expects images without a note."""
-    raw = pytest.importorskip("pycine.raw", reason="pycine holds the format's table of grey values")
-    codes = np.random.default_rng(8).permutation(1024).astype(np.uint16).reshape(1, 16, 64)
-    path = tmp_path / "film.cine"
-    write_cine(path, codes, packed=10)
-    np.testing.assert_array_equal(raw.unpack_10bit(path.read_bytes()[-1280:], 64, 16), codes[0])
-    with open_film(path) as film:
-        assert np.abs(film.read(0).astype(int) - np.asarray(raw.linLUT)[codes[0]]).max() <= 2
-
-
 @pytest.mark.parametrize(("kind", "depth"), [(np.uint8, 8), (np.uint16, 12)])
 def test_a_channel_of_interpolated_colour(tmp_path: Path, kind: type, depth: int) -> None:
     colour = np.random.default_rng(9).integers(0, 2**depth, (3, 18, 24, 3)).astype(kind)
@@ -82,19 +71,6 @@ def test_times_count_from_the_trigger(tmp_path: Path, stamps: bool) -> None:
     with open_film(path) as film:
         assert film.frame_rate_hz == 7500.0 and film.exposure_s == pytest.approx(2e-5)
         np.testing.assert_allclose(film.frame_time_s, (np.arange(7) - 3) / 7500.0 + 1e-5, atol=1e-9)
-
-
-def test_the_same_as_pims(tmp_path: Path) -> None:
-    pims = pytest.importorskip("pims")
-    path = tmp_path / "film.cine"
-    for frames, packed in ((GREY8, 0), (GREY12, 0), (GREY12, 12)):
-        write_cine(path, frames, packed=packed)
-        other = pims.Cine(str(path))
-        with open_film(path) as film:
-            assert other.frame_rate == film.frame_rate_hz and len(other) == film.n_frames
-            for i in range(7):
-                np.testing.assert_array_equal(film.read(i), np.asarray(other._get_frame(i)))
-        other.close()
 
 
 @pytest.mark.parametrize(

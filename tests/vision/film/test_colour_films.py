@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.command_line import run
 from vision import FilmError
 from vision.film.mraw import write_mraw
 from vision.film.open import open_film
@@ -78,11 +77,3 @@ def test_what_has_no_such_channel_is_refused(tmp_path: Path) -> None:
         open_film(tmp_path / "film.mraw", channel="red")
     with pytest.raises(FilmError, match="'infrared' is not known; choose blue, green, red"):
         open_film(colour_film(tmp_path, "pages"), channel="infrared")
-
-
-def test_the_command_takes_a_channel(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = colour_film(tmp_path, "pages")
-    outlines = tmp_path / "bodies.toml"
-    outlines.write_text('[[body]]\nname = "all"\npolygon_px = [[4, 4], [44, 4], [44, 28], [4, 28]]\n')
-    assert run("track", str(path), "--bodies", str(outlines), "--channel", "infrared", "--frame-rate", "100") == 2
-    assert "'infrared' is not known" in capsys.readouterr().err

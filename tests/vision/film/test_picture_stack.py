@@ -14,17 +14,6 @@ from vision.film.open import open_film
 FRAMES = np.random.default_rng(3).integers(0, 4096, (12, 18, 26), dtype=np.uint16)
 
 
-def test_pages_of_a_tiff(tmp_path: Path) -> None:
-    path = tmp_path / "film.tif"
-    assert cv2.imwritemulti(str(path), list(FRAMES))
-    with open_film(path) as film:
-        assert (film.n_frames, film.height, film.width, film.bit_depth) == (12, 18, 26, 12), "no value has more bits"
-        assert film.frame_time_s is None
-        for i in (0, 11, 4):
-            np.testing.assert_array_equal(film.read(i), FRAMES[i])
-        np.testing.assert_array_equal(film.read_region(5, 2, 7, 3, 20), FRAMES[5, 2:7, 3:20])
-
-
 @pytest.mark.parametrize("ending", [".jpg", ".JPEG"])
 def test_a_folder_of_jpeg_knows_its_compression(tmp_path: Path, ending: str) -> None:
     smooth = cv2.GaussianBlur((FRAMES >> 4).astype(np.uint8), (0, 0), 2.0)

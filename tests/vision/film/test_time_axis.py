@@ -31,21 +31,6 @@ def test_a_gap_in_the_numbers_is_refused(tmp_path: Path) -> None:
         assert film.n_frames == 3
 
 
-def test_every_tenth_frame_is_no_gap(tmp_path: Path) -> None:
-    write_folder(tmp_path, [f"C001S0001_{i:06d}.png" for i in range(0, 60, 10)])
-    with open_film(tmp_path) as film:
-        assert film.n_frames == 6
-
-
-@pytest.mark.parametrize(
-    "names", [["a0.png", "a1.png", "b0.png", "b1.png"], ["cam1_0.png", "cam1_1.png", "cam2_0.png", "cam2_1.png"]]
-)
-def test_two_series_in_a_folder_are_refused(tmp_path: Path, names: list[str]) -> None:
-    write_folder(tmp_path, names)
-    with pytest.raises(FilmError, match="one film per folder"):
-        open_film(tmp_path)
-
-
 @pytest.mark.parametrize("part", [0.3, 0.5, 0.9])
 def test_a_tiff_stack_cut_short_is_refused(tmp_path: Path, part: float) -> None:
     path = tmp_path / "film.tif"

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from tests.vision.disturbances import tracked
 from tests.vision.known_films import (
     PIVOT,
     Cover,
@@ -66,8 +65,3 @@ def test_a_body_that_bends_is_named() -> None:
 def test_a_rigid_body_is_not_named(texture: str, cover: Cover | None) -> None:
     known = film_of(bar_scene(texture), bar_motion(N, PIVOT, 0.3), cover=cover)
     assert quietly_tracked(known.film, known.bodies).info["moving_parts"] == {}
-
-
-@pytest.mark.parametrize("kind", ["scale_change", "row_flicker", "dust", "defocus", "jpeg", "correlated_noise"])
-def test_disturbed_films_of_a_rigid_body(kind: str) -> None:
-    assert tracked(kind, "speckle")[0].info["moving_parts"] == {}

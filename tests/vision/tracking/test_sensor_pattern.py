@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import vision.tracking.track_film
-from tests.vision.disturbances import tracked
 from tests.vision.known_films import PIVOT, bar_motion, bar_scene, film_of, sliding_bar, smooth_step, z_of
 from vision import ArrayFilm, track
 from vision.tracking.sensor_pattern import WithoutPattern
@@ -59,13 +58,6 @@ def test_a_film_is_tracked_again_only_where_a_sample_of_rows_fits_better(
     result = track(film, known.bodies)
     assert passes == [110] * (2 if disturbed == "pattern" else 1)
     assert (result.info["pattern_grey"] > 0.0) == (disturbed == "pattern")
-
-
-@pytest.mark.parametrize("kind", ["clean", "scale_change", "jpeg", "defocus"])
-def test_what_is_no_pattern_is_left_alone(kind: str) -> None:
-    result, z = tracked(kind, "speckle")
-    assert result.info["pattern_grey"] == 0.0
-    assert np.abs(z).max() < 5.0
 
 
 def test_saturated_pixels_stay_so() -> None:

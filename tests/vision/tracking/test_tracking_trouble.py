@@ -57,6 +57,7 @@ def test_unknown_object_covers_the_body(texture: str) -> None:
     known = film_of(bar_scene(texture), pose, cover=sweep)
     result = track(known.film, known.bodies)
     assert not result.failed.any()
+    assert np.abs(error_of(result, pose)).max() < np.radians(0.05)
     assert result.inlier.min() < 0.78
     assert np.mean(np.abs(z_of(result, pose)) < 1.96) > 0.88
     assert (

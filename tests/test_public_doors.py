@@ -1,0 +1,127 @@
+"""What the packages give: every name of a stub is there, once, typed; nothing heavy is loaded before it is needed."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import subprocess
+import sys
+import typing
+from collections.abc import Callable
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+import model
+import rig
+import validation
+import vision
+from rig.recording.options import RecordingKeywords
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("model", "vision", "rig", "validation")
+DOORS = sorted(".".join(stub.parent.relative_to(ROOT).parts) for p in PACKAGES for stub in (ROOT / p).rglob("*.pyi"))
+
+
+@pytest.mark.parametrize("name", DOORS)
+def test_every_name_of_a_stub_is_listed_and_is_what_its_module_defines(name: str) -> None:
+    door, names = import_module(name), set[str]()
+    for node in ast.parse((ROOT / Path(*name.split(".")) / "__init__.pyi").read_text(encoding="utf-8")).body:
+        assert isinstance(node, ast.ImportFrom) and node.level == 1, "a stub holds relative imports only"
+        for alias in node.names:
+            public = alias.asname or alias.name
+            names.add(public)
+            home = import_module(f"{name}.{node.module}") if node.module else import_module(f"{name}.{alias.name}")
+            assert getattr(door, public) is (getattr(home, alias.name) if node.module else home)
+    assert names == set(door.__all__) <= set(dir(door))
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_a_package_knows_what_it_has_not_and_names_nothing_twice(name: str) -> None:
+    """An error of bad input is ``InputError`` of its package as well."""
+    package = import_module(name)
+    with pytest.raises(AttributeError, match="no_such_name"):
+        package.no_such_name  # noqa: B018
+    names: dict[int, list[str]] = {}
+    for public in dir(package):
+        found = getattr(package, public)
+        if (inspect.isfunction(found) or inspect.isclass(found)) and public != "InputError":
+            names.setdefault(id(found), []).append(public)
+    assert [twice for twice in names.values() if len(twice) > 1] == []
+    assert package.InputError is getattr(package, f"{name.capitalize()}InputError")
+
+
+SESSION = str(ROOT / "sessions" / "example_forte")
+IMPORTS = {
+    "model": [
+        ("dir(model); model.calibration, model.inside, model.study, model.touch, model.regulation",
+         "numpy scipy numba pandas matplotlib"),
+    ],
+    "vision": [
+        ("dir(vision)", "numpy numba cv2 pandas scipy vision.errors"),
+        ("import vision.errors", "numpy numba cv2"),
+        ("from vision import load_bodies, Body, FilmError", "numba cv2 pandas scipy"),
+        ("from vision import open_film, TrackResult, write_mraw", "numba cv2 pandas scipy"),
+        ("from vision import estimate_offset, FrameFlag, ErrorBudget", "numba cv2 pandas scipy"),
+        ("from vision import CameraModel, load_calibration", "numba cv2 pandas scipy"),
+        ("from vision import cramer_rao_bound, write_overlay", "numba pandas scipy matplotlib"),
+        ("from vision import track", "pandas scipy.optimize matplotlib"),  # the tracker needs the compiled fit
+    ],
+    "rig": [
+        ("rig", "numpy h5py pydantic nidaqmx numba scipy pandas model vision"),
+        (f"rig.Session.open({SESSION!r}).trials[0].read()",
+         "nidaqmx numba scipy pandas matplotlib model vision rig.simulated"),
+    ],
+    "validation": [("validation", "numpy pandas model rig")],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("package", IMPORTS)
+def test_nothing_heavy_is_loaded_before_it_is_needed(package: str) -> None:
+    """The lines of a package one after the other, in one new process."""
+    lines = [f"import sys, {package}"]
+    for line, absent in IMPORTS[package]:
+        lines += [line, f"print([{line!r}, *(m for m in {absent.split()!r} if m in sys.modules)])"]
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True)
+    assert [ast.literal_eval(line) for line in done.stdout.splitlines()] == [[line] for line, _ in IMPORTS[package]]
+
+
+NOWHERE = "nowhere at all"
+
+
+@pytest.mark.parametrize(
+    ("call", "keyword"),
+    [
+        (lambda: model.simulate(model.load_action(), [0.0, 1.0], [0.0, 0.0], tolerence=1e-4), "tolerence"),
+        (lambda: model.simulate_motion(model.load_action(), [0.0], [0.0], toleranse=1e-6), "toleranse"),
+        (lambda: model.simulate_many(model.load_action(), [([0.0, 1.0], [0.0, 0.0])], outputs=[1.0]), "outputs"),
+        (lambda: vision.track(NOWHERE, [], tolerence=1.0), "tolerence"),
+        (lambda: vision.retrack_frames(NOWHERE, [], [0], [{}], every=2), "every"),
+        (lambda: rig.record(NOWHERE, trails=2), "trails"),
+        (lambda: rig.resume(NOWHERE, rig.open_backend("sim://", rig.load_rig().config), profile="forte"), "profile"),
+        (lambda: validation.compare(NOWHERE, tolerence=1e-5), "tolerence"),
+        (lambda: validation.compare_many([NOWHERE], tolerence=1e-5), "tolerence"),
+        (lambda: validation.validate_session(NOWHERE, tolerence=1e-5), "tolerence"),
+        (lambda: validation.validate_sessions([NOWHERE], tolerence=1e-5), "tolerence"),
+    ],
+)
+def test_a_misspelt_keyword_is_refused_before_any_work(call: Callable[[], object], keyword: str) -> None:
+    with pytest.raises(TypeError, match=f"unexpected keyword argument '{keyword}'|unexpected.*{keyword}"):
+        call()
+    assert not Path(NOWHERE).exists()
+
+
+def test_public_functions_of_the_rig_have_types_and_no_any() -> None:
+    functions = [getattr(rig, name) for name in rig.__all__ if inspect.isfunction(getattr(rig, name))]
+    assert len(functions) > 15
+    for function in functions:
+        for name in inspect.signature(function).parameters:
+            assert name in function.__annotations__, f"{function.__name__}: {name}"
+        assert typing.Any not in function.__annotations__.values() and "return" in function.__annotations__
+    assert set(RecordingKeywords.__annotations__) == set(rig.RecordingOptions.__dataclass_fields__)
+
+
+def test_the_version_is_that_of_the_distribution() -> None:
+    assert model.__version__ == version("piano-action-rig")
