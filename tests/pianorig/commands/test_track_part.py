@@ -13,14 +13,15 @@ from tests.vision.turning_bar import OUTLINES, smooth_turn, turning_bar, write_v
 from vision import write_mraw
 
 
-@pytest.fixture
-def film(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bar at rest from frame 6 on, turning from 21; six dark frames before; frame 0 is the 30th before a trigger."""
     frames = turning_bar(smooth_turn(np.arange(60)))
     frames = np.concatenate([np.full((6, *frames.shape[1:]), 3, np.uint8), frames])
-    write_mraw(tmp_path / "film.mraw", frames, 2000.0, start_frame=-30)
-    (tmp_path / "b.toml").write_text(OUTLINES)
-    return tmp_path / "film.mraw"
+    folder = tmp_path_factory.mktemp("film")
+    write_mraw(folder / "film.mraw", frames, 2000.0, start_frame=-30)
+    (folder / "b.toml").write_text(OUTLINES)
+    return folder / "film.mraw"
 
 
 def test_a_part_of_a_film_is_tracked_as_the_part_it_is(film: Path, capsys: pytest.CaptureFixture[str]) -> None:

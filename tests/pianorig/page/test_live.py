@@ -17,6 +17,7 @@ import pytest
 
 from rig import Session
 from rig.session.info import NO_FORCE
+from tests.command_line import run
 from tests.pianorig.page.conftest import Page, heard, own_process
 from tests.pianorig.page.recordings import recording
 from tests.pianorig.page.stories import opened, until
@@ -162,47 +163,37 @@ def wait_for(folder: Path, pattern: str) -> None:
     raise AssertionError(f"no {pattern} was recorded")
 
 
-def recorded(folder: Path, name: str, during: Any = None) -> list[Any]:
-    """Arrays of the trials that a recorder of its own process records; `during()` once the first runs.
-
-    By the virtual clock, which makes the same trials each time; by a real one the bench is stepped in other pieces.
-    """
-    line = [sys.executable, "-m", "pianorig", "record", "--profile", "piano", "--trials", "6"]
-    recorder = subprocess.Popen([*line, "--backend", "sim://?seed=5", "--out", str(folder / name)])
-    try:
-        if during is not None:
-            wait_for(folder / name, "*.journal")
-            during()
-            assert recorder.poll() is None, "it was over before the page was"
-        assert recorder.wait(120) == 0
-    finally:
-        recorder.kill()
-        recorder.wait()
-    trials = [trial.read() for trial in Session.open(folder / name).trials]
-    assert [trial.status for trial in trials] == ["complete"] * 6
-    return [(one.force_n, one.force_raw, one.encoder_count, one.motor_command_v) for one in trials]
+RECORD = ("record", "--profile", "piano", "--trials", "6", "--backend", "sim://?seed=5", "--out")
+"""By the virtual clock, which makes the same trials each time; by a real one the bench is stepped in other pieces."""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_no_sample_is_lost_with_the_page_open_stalled_and_killed(browser: Any, folder: Path) -> None:
     """The virtual bench plays the same trials from a seed, so every sample can be compared."""
+    watched, alone = folder / "watched", folder / "alone"
     with own_process(folder) as (server, page):
         tab = browser.new_page()
         tab.goto(f"{page.address}#live?session=example_forte")
         tab.locator("main[data-ready]").wait_for()
-
-        def during() -> None:
-            tab.evaluate("location.hash = 'live?session=watched'")
-            until(tab, "Number(document.querySelector('.scope')?.dataset.samples) > 100")
-            server.send_signal(signal.SIGSTOP)
-            wait_for(folder / "watched", "trial_0003.*")
-            server.send_signal(signal.SIGKILL)
-
-        watched = recorded(folder, "watched", during)
+        with subprocess.Popen([sys.executable, "-m", "pianorig", *RECORD, str(watched)]) as recorder:
+            try:
+                wait_for(watched, "*.journal")
+                tab.evaluate("location.hash = 'live?session=watched'")
+                until(tab, "Number(document.querySelector('.scope')?.dataset.samples) > 100")
+                server.send_signal(signal.SIGSTOP)
+                wait_for(watched, "trial_0003.*")
+                server.send_signal(signal.SIGKILL)
+                assert recorder.poll() is None, "it was over before the page was"
+                assert recorder.wait(120) == 0
+            finally:
+                recorder.kill()
     tab.close()
-    for ours, theirs in zip(recorded(folder, "alone"), watched, strict=True):
-        for one, other in zip(ours, theirs, strict=True):
-            np.testing.assert_array_equal(one, other)
+    assert run(*RECORD, alone) == 0
+    for one, other in zip(Session.open(alone).trials, Session.open(watched).trials, strict=True):
+        ours, theirs = one.read(), other.read()
+        assert ours.status == theirs.status == "complete"
+        for name in ("force_n", "force_raw", "encoder_count", "motor_command_v"):
+            np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
 
 
 def test_a_session_without_force_is_sent_as_plain_json(folder: Path, looking: Page) -> None:
