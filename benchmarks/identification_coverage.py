@@ -32,14 +32,14 @@ from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.conventions import Array
 from validation.errors import ValidationError
 from validation.infer.blocks import INSTRUMENT, Block
+from validation.infer.budget import CONVERGED, Budget, End
 from validation.infer.causes.responses import ADDED, addable
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
-from validation.infer.fit import Fitted
+from validation.infer.fit import Fitted, fit_multistart
 from validation.infer.force_runs import ForceRuns
 from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
-from validation.infer.identify import LEAST_EFFECT_RAD
+from validation.infer.identify import FIT_SHARE, LEAST_EFFECT_RAD, default_budget_s
 from validation.infer.lacks import SIZE_U, fit_with, supported
-from validation.infer.minima import search
 from validation.infer.noise import Sizes, likeliest
 from validation.infer.observations import (
     ObservedTrial,
@@ -155,9 +155,9 @@ def observed(kind: str, session: int, data: Sequence[TrialData]) -> list[Observe
     return observe(kind, session, [measure(d, None, tested().geometry_at(d.force_info.preload_n)) for d in data])
 
 
-def problem_of(start: model.Action, free: Unknowns, trials: Sequence[ObservedTrial]) -> tuple[Problem, Columns]:
+def problem_of(start: model.Action, free: Unknowns, trials: Sequence[ObservedTrial]) -> Problem:
     """The fit of these trials."""
-    return at_start(start, free, trials, ForceRuns(start, (*free.moved, *free.held), trials, RUNS))
+    return at_start(start, free, trials, ForceRuns(start, (*free.moved, *free.held), trials, RUNS))[0]
 
 
 def acting(start: model.Action, free: Sequence[Any], kinds: Sequence[str]) -> tuple[str, ...]:
@@ -218,11 +218,12 @@ def experiment(cell: str, k: int, options: Any) -> dict[str, Any]:
             else:
                 data = played(specimen, kind, options.trials, sensors, rng)
             trials += observed(kind, i, data)
-        problem, columns = problem_of(start, free, trials)
-        fits = search(problem, 1, None, columns)
+        problem = problem_of(start, free, trials)
+        budget = Budget(default_budget_s(problem))
+        fits = fit_multistart(problem, 1, None, budget.fraction(FIT_SHARE))
         fitted = fits[0]
         fit_s = time.process_time() - began
-        found = estimate_all(problem, fitted, [profiled], lambda text: None)
+        found = estimate_all(problem, fitted, [profiled], lambda text: None, budget=budget)
     except (ModelError, RigError, ValidationError) as error:
         return {"failed": str(error)}
     rows = []
@@ -237,7 +238,8 @@ def experiment(cell: str, k: int, options: Any) -> dict[str, Any]:
             }
         )  # fmt: skip
     return {
-        "estimates": rows, "converged": fitted.converged, "steps": sum(f.steps for f in fits), "fits": len(fits),
+        "estimates": rows, "converged": fitted.converged, "end": str(fitted.end), "steps": sum(f.steps for f in fits),
+        "fits": len(fits),
         "lacking": lacking(fitted),
         "processor_s": time.process_time() - began, "fit_s": fit_s,
     }  # fmt: skip
@@ -279,10 +281,11 @@ def in_spite(cell: str, k: int, options: Any) -> dict[str, Any]:
     try:
         for i, kind in enumerate(options.kinds):
             trials += observed(kind, i, played(lack(specimen), kind, options.trials, sensors, rng))
-        problem, columns = problem_of(start, free, trials)
-        fitted = search(problem, 1, None, columns)[0]
+        problem = problem_of(start, free, trials)
+        budget = Budget(default_budget_s(problem))
+        fitted = fit_multistart(problem, 1, None, budget.fraction(FIT_SHARE))[0]
         fit_s = time.process_time() - began
-        found = supported(problem, fitted, lambda text: None)
+        found = supported(problem, fitted, lambda text: None, budget)
         assert found is not None
         took_s = time.process_time() - began - fit_s
         tried = [m for m in found.let_in if m.parameter is not None and m.parameter.name == one.name]
@@ -390,7 +393,7 @@ class Experiment:
 
     def part(self, kind: str, session: int, n: int) -> Part:
         """Trials with their linear model and residuals at z = 0 of it."""
-        problem, _ = problem_of(self.start, self.free, self.trials(kind, session, n))
+        problem = problem_of(self.start, self.free, self.trials(kind, session, n))
         (curves,) = problem.response.curves([self.z])
         if curves is None:
             raise ValidationError("the model cannot run at the true values")
@@ -401,7 +404,7 @@ class Experiment:
         """Sizes of noise learnt from some trials, from two starts as in a fit; one of them where they were before."""
         first = Sizes.start(problem.families, problem.seen) if sizes is None else sizes
         marginal = likeliest(blocks, linear, first, LEARNINGS)
-        return Fitted(self.z, [], marginal, linear, 0.0, 0, True)
+        return Fitted(self.z, [], marginal, linear, 0.0, 0, End(CONVERGED))
 
     def errors(self, trial: ObservedTrial) -> dict[str, float]:
         """True errors of the sensors, in standard uncertainties."""

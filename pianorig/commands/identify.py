@@ -16,6 +16,7 @@ import typer
 import rig
 import validation
 from pianorig import workflows
+from pianorig.console.failures import Interrupted
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scene, Settings
 from pianorig.console.output import tell
 from pianorig.console.overrides import load_model, read_settings
@@ -83,6 +84,15 @@ def command(
     cluster: Annotated[
         str | None, typer.Option("--cluster", help="Dask scheduler to run the model on, tcp://host:8786.")
     ] = None,
+    budget: Annotated[
+        float | None,
+        typer.Option(
+            "--budget",
+            help="Processor time, s; by default 4 s a trial, at least 40. At its end, or at Ctrl-C, the best so far.",
+            min=1.0,
+            metavar="SECONDS",
+        ),
+    ] = None,
     plan: Annotated[
         Path | None,
         typer.Option("--plan", help="Rank what could be recorded next; write the best as a trial plan for record."),
@@ -116,6 +126,7 @@ def command(
             condition=condition,
             motion_driven=motion_driven,
             film=film,
+            budget_s=budget,
             executor=executor,
             profiles=None if profiles else (),
             progress=None if as_json else say,
@@ -128,6 +139,7 @@ def command(
     more = {"file": out, "files": files, "next": shrinks, "no_plan": why_none or None}
     lines = [
         *(f"note: {line}." for line in found.warnings),
+        f"end: {found.end}.",
         *map(_line, found.estimates),
         *(_scores(name, scores) for name, scores in found.scores.items()),
         *reading_lines(found, ranked, refused),
@@ -135,6 +147,8 @@ def command(
         *([f"plan: none is written: {why_none}."] if why_none else []),
     ]
     tell(as_json, _as_plain(found) | more, lines)
+    if found.end.by_user:
+        raise Interrupted(f"identify stopped by Ctrl-C; the best so far is in {out}")
 
 
 def _names(text: str) -> list[str]:
@@ -177,6 +191,7 @@ def _as_plain(found: Any) -> dict[str, Any]:
         "explained": list(found.details.explained),
         "in_spite_of_the_lack": [] if supported is None else [asdict(e) for e in supported.estimates],
         "warnings": list(found.warnings),
+        "end": {"kind": found.end.kind, "detail": found.end.detail},
         "starts": list(found.starts),
         "scores": dict(found.scores),
         "provenance": dict(found.provenance),
@@ -265,7 +280,7 @@ def write_next(found: validation.Identification, ranked: list[Prospect], plan: P
     from validation.infer.scatter import lacking
 
     fitted = found.details.fitted
-    doubts = [] if fitted.converged else ["the fit it is predicted from did not settle"]
+    doubts = [] if fitted.converged else ["the fit it is predicted from ran out of its budget"]
     if lacking(fitted) > LACKING:
         doubts.append("the model seems to lack something, and these predictions take it as right")
     return write_plan(ranked, plan, doubts)[plan.name]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from validation.conventions import Array
+from validation.infer.budget import Budget
 from validation.infer.fit import Fitted
 from validation.infer.force_runs import Own
 from validation.infer.identifiability import HALF
@@ -25,7 +26,7 @@ from validation.infer.scatter import (
 
 IDENTIFIED = "identified"
 DOUBTFUL = "not identified: the model lacks more than the parameter does"
-NOT_SETTLED = "not identified: the fit did not settle"
+NOT_SETTLED = "not identified: the fit ran out of its budget"
 TOO_FEW = "not identified: fewer than three trials say nothing of their scatter"
 NOT_IDENTIFIABLE = "not identifiable from these strokes"
 AT_BOUND = "at the end of what was allowed"
@@ -76,9 +77,9 @@ class Estimate:
     u_strokes: float = math.nan
 
 
-CORRECTIONS = 6
-GAINED = 0.05  # of the objective: less ends the corrections
-REACH = (-4.0, -2.5, -1.25, 1.25, 2.5, 4.0)
+CORRECTIONS = 3  # by runs, of the others where one is held
+GAINED = 0.1  # of twice the log posterior: less ends the corrections
+REACH = (-2.0, -1.0, 1.0, 2.0)  # ends of the 95 % interval of the linear model
 
 
 @dataclass(frozen=True)
@@ -102,34 +103,40 @@ class Profile:
     interval: str
 
 
-def profiles(problem: Problem, fitted: Fitted, factors: Mapping[int, float]) -> list[Profile]:
+def profiles(
+    problem: Problem, fitted: Fitted, factors: Mapping[int, float], budget: Budget | None = None
+) -> list[Profile]:
     """Profiles of moved parameters, by their place in z; with each the Student factor of its 95 % interval.
 
     Conventions: the objective is twice the negative log posterior; at each held value the others go where the linear
     model says, and are corrected by runs of the model itself until that gains nothing. The 95 % interval is where it
     has risen by the square of the Student factor. The same without the parameter's own prior says what the strokes
-    alone allow: open where it does not rise enough within `priors.BOX`. All points of all profiles run side by side.
+    alone allow: open where it does not rise enough within `priors.BOX`. Profiles stop with the budget.
     """
-    low, high = problem.box()
-    width = np.sqrt(np.diag(fitted.covariance))
-    points: list[tuple[int, Array]] = []
-    for j, factor in factors.items():
-        at = fitted.z[j] + width[j] * factor / 2.0 * np.array(REACH)
-        held = [float(v) for v in np.unique(np.clip(at, low[j], high[j])) if abs(v - fitted.z[j]) > 1e-9]
-        points += [(j, _conditional(problem, fitted, j, v)) for v in held]
-    least, made = _least(problem, fitted, points), []
-    for j, factor in factors.items():
-        best, level = float(fitted.z[j]), factor**2
-        found = [
-            (best, 0.0),
-            *((float(z[j]), up - fitted.objective) for (i, z), up in zip(points, least, strict=True) if i == j),
-        ]
-        at, rise = np.array(sorted(pair for pair in found if np.isfinite(pair[1]))).T
-        below, above = _crossings(at, rise, best, level, float(width[j]))
-        alone = rise - (at**2 - best**2)
-        ends = max(below, float(low[j])), min(above, float(high[j]))
-        made.append(Profile(problem.unknowns.moved[j].name, at, rise, *ends, _open(at, alone, best, level)))
+    made: list[Profile] = []
+    budget = Budget(np.inf) if budget is None else budget
+    with budget.interruptible():
+        for j, factor in factors.items():
+            if budget.is_spent:
+                break
+            made.append(_profile(problem, fitted, j, factor))
     return made
+
+
+def _profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Profile:
+    low, high = (edge[j] for edge in problem.box())
+    width, best = float(np.sqrt(fitted.covariance[j, j])), float(fitted.z[j])
+    held = np.unique(np.clip(best + width * factor * np.array(REACH), low, high))
+    points = [(j, _conditional(problem, fitted, j, float(v))) for v in held if abs(v - best) > 1e-9]
+    found = [(best, 0.0)]
+    found += [
+        (float(z[j]), up - fitted.objective) for (_, z), up in zip(points, _least(problem, fitted, points), strict=True)
+    ]
+    at, rise = np.array(sorted(pair for pair in found if np.isfinite(pair[1]))).T
+    below, above = _crossings(at, rise, best, factor**2, width)
+    alone = rise - (at**2 - best**2)
+    ends = max(below, float(low)), min(above, float(high))
+    return Profile(problem.unknowns.moved[j].name, at, rise, *ends, _open(at, alone, best, factor**2))
 
 
 def _conditional(problem: Problem, fitted: Fitted, j: int, value: float) -> Array:
@@ -232,6 +239,7 @@ def estimate_all(
     wanted: Sequence[str] | None,
     say: Callable[[str], None],
     keep: Callable[[Profile], None] | None = None,
+    budget: Budget | None = None,
 ) -> list[Estimate]:
     """Estimates of all asked parameters.
 
@@ -244,14 +252,14 @@ def estimate_all(
     factor, jack, lack = factors(fitted), jackknife(fitted), of_lacking(fitted)
     strokes = jackknife_over_strokes(fitted)
     width = widened(np.sqrt(np.diag(fitted.covariance)), jack, len(problem.trials))
-    if fitted.wanted is not None:
-        width = np.hypot(width, fitted.wanted)
+    if fitted.remaining is not None:
+        width = np.hypot(width, fitted.remaining[: len(width)])
     names = [p.name for p in problem.unknowns.asked]
     chosen = {j: float(factor[j]) for j, name in enumerate(names) if wanted is None or name in wanted}
     made: dict[int, Profile] = {}
     if chosen:
         say(f"profiles of {', '.join(names[j] for j in chosen)}")
-        made = dict(zip(chosen, profiles(problem, fitted, chosen), strict=True))
+        made = dict(zip(chosen, profiles(problem, fitted, chosen, budget), strict=False))
     if keep is not None:
         for one in made.values():
             keep(one)

@@ -1,22 +1,26 @@
-"""The most probable values: Gauss–Newton in a box, everything linear taken out, sizes of noise learnt on the way.
+"""Most probable values: one damped Gauss–Newton iteration in a box, its variance components estimated on the way.
 
-Conventions: z in prior standard uncertainties, see `priors`. Each step minimises the linear model in the box; it is
-damped (Marquardt) until it lowers the objective and the model can run there. `minima` fits from several starts;
-`each_trial` goes on from the best, each trial where its own laws and force were.
+Conventions: z in prior standard uncertainties, see `unknowns`. `fit` brings the values near a minimum with all trials
+alike; `fit_conditional` goes on with each trial linearised around what it most probably had of its own (first-order
+conditional estimation: Lindstrom and Bates 1990, Biometrics 46, 673). `fit_multistart` does both from several starts.
+The work is bounded: by numbers of steps, and by a budget of processor time; each fit says how it ended.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 import numpy as np
+from scipy.stats import norm, qmc
 
 from model.errors import ModelError
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.infer.blocks import bend, residuals
-from validation.infer.force_runs import Own
+from validation.infer.blocks import Block, bend, residuals
+from validation.infer.budget import BIFURCATION, CONVERGED, OUT_OF_BUDGET, Budget, End
+from validation.infer.force_runs import Own, nothing_own, without_own
 from validation.infer.noise import (
     FLOOR,
     LEAST_DAMPING,
@@ -29,20 +33,32 @@ from validation.infer.noise import (
     learn,
     likeliest,
 )
+from validation.infer.observations import ObservedTrial
 from validation.infer.problem import Columns, Problem, curves_at, linear_residuals
 
-MOST_STEPS = 30
-MOST_TIGHT = 12
-TIGHT_STEPS, HOPELESS = 3, 20.0  # a fit as if nothing were lacking ends where it is so far off, per datum, by then
-FIRST_FLOOR = 0.1  # of the discrepancy in the first step; then what the last step showed the linear model to be worth
-MOST_LEARNINGS = 6  # of the sizes, near the minimum
-CLOSE = 0.1  # of a posterior standard uncertainty: a step below it is the last
-STALLED = 0.5  # of a posterior standard uncertainty: how far the linear model may still want to go from a kink
-LEAST_GAIN = 0.05  # of twice the log posterior: a step that gains less has come to a kink, or to the runs' error
-NEAR = 2.0
+Say = Callable[[str], None]
+
+MAX_STEPS = 10  # linearisations with all trials alike
+MAX_TIGHT_STEPS, MAX_CONDITIONAL_STEPS = 6, 10  # without discrepancy; with each trial at its own mode
+ROUNDS, LAST_ROUNDS = 4, 30  # of scoring the variance components, on the way and near a minimum
+FIRST_FLOOR, NEAR_FLOOR = 0.1, 0.01  # of the response: error of the linear model in the first step; near a minimum
+NEAR = 2.0  # posterior u: a step below it leaves the variance components as they are
+CLOSE = 0.1  # posterior u: a step below it is the last
+WITHIN = 1.0  # posterior u: a remaining step that no run confirms counts as uncertainty, if it is no longer
+LEAST_GAIN = 0.5  # of twice the log posterior: two steps in turn that gain less end a fit
 SLIGHT = 0.05  # of the response: a discrepancy that is no reason to look for another minimum
-NEAR_FLOOR = 0.01  # a linear model that is off by no more is near enough to the minimum
-ROUNDS, LAST_ROUNDS = 4, 30
+HOPELESS, HOPELESS_STEPS = 20.0, 3  # squared error a datum, in sensor noise, after so many steps without discrepancy
+FOLLOWED = 3.0  # squared error a datum of a trial: above it the model is not yet where the trial was
+NOISE_LEARNINGS = 2  # times that variance components are estimated with each trial at its own mode
+SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, for the line search
+OWN_SHARES = (1.0, 0.3, 0.1)  # of the step of one trial's deviation, where the whole step was too long
+CORRECTIONS = 3  # of each trial's mode by runs
+PROBES = ((0.3, 0.5), (0.03, 0.0))  # posterior u of a probe of nonlinearity; share of the trial that must remain
+BENT = 2.8  # of a sample's noise: twice the error of a difference; more is a bifurcation of the motion
+MOST_BENT = 1 / 3  # of the trials: more with a bifurcation in their first half are an error of the model
+START_SEED = 125
+PARTS = (0.4, 0.7, 1.0)  # of each trial, fitted in turn
+MAX_CONTINUED = 2  # starts that are continued with each trial at its own mode
 
 
 @dataclass(frozen=True)
@@ -50,45 +66,40 @@ class Fitted:
     """Where a fit ended."""
 
     z: Array  # (p,) most probable values of all moved parameters
-    curves: list[Array]  # of each trial there, (m, 3), as if it had nothing of its own
+    curves: list[Array]  # of each trial there, (m, 3), without what it has of its own
     marginal: Marginal  # the linear model there, with its covariance
     linear: list[Array]  # residuals at z = 0 of the linear model, of each trial
-    objective: float  # twice the negative log posterior, but for a constant of the sizes
+    objective: float  # twice the negative log posterior, up to a constant of the variance components
     steps: int  # how many were taken
-    converged: bool  # whether the last was small
-    tight: bool = False  # whether it took the model to lack nothing until it had settled
-    left: bool = False  # whether it was left near the minimum, to go on otherwise
-    # what each trial has of its own where the linear model was made; None: made where all trials are alike
-    own: Sequence[Own] | None = None
-    before: float | None = None  # badness of the fit that this went on from, if it is the end of one
-    # (p,) what a last step that gained nothing would still have changed z by; part of the uncertainty
-    wanted: Array | None = None
-    # trials at a fork of their motion, with the first phase that was left out
-    forks: Mapping[int, int] = field(default_factory=dict)
+    end: End
+    own: Sequence[Own] | None = None  # deviation of each trial that it is linearised around; None: all alike
+    before: float | None = None  # badness of the fit with all trials alike that this one continues
+    remaining: Array | None = None  # (p,) step that no run confirmed; part of the uncertainty
+    bifurcations: Mapping[int, int] = field(default_factory=dict)  # trial -> first phase that is left out
 
     def own_at(self, z: Array) -> list[Own] | None:
         """What each trial most probably has of its own at other values."""
         return None if self.own is None else OwnModes(self.marginal, self.linear, z).most
 
     @property
+    def converged(self) -> bool:
+        """Whether the values are those of a minimum."""
+        return self.end.is_settled
+
+    @property
     def badness(self) -> float:
-        """Twice the negative log marginal likelihood, sizes included, so that fits of the same trials compare."""
+        """Twice the negative log marginal likelihood, to compare fits of the same trials."""
         return -2.0 * self.marginal.log_evidence(self.linear)
 
     @property
     def alike(self) -> float:
-        """Badness of the fit that this went on from, in which all trials were where all are; its own if it is that."""
+        """Badness with all trials alike: of the fit that this one continues, or its own."""
         return self.badness if self.before is None else self.before
 
     @property
-    def slight(self) -> bool:
+    def is_slight(self) -> bool:
         """Whether the model lacks next to nothing."""
         return float(self.marginal.sizes.discrepancy.max()) <= SLIGHT
-
-    @property
-    def settled(self) -> bool:
-        """Whether it has converged where the model lacks next to nothing."""
-        return self.converged and self.slight
 
     @property
     def covariance(self) -> Array:
@@ -100,92 +111,106 @@ class Fitted:
 def fit(
     problem: Problem,
     start: Array | None = None,
-    say: Callable[[str], None] | None = None,
+    say: Say | None = None,
     columns: Columns | None = None,
     tight: bool = False,
     leave: bool = False,
+    until: float = 1.0,
+    budget: Budget | None = None,
 ) -> Fitted:
-    """Fit from one start.
+    """Fit from one start, all trials alike.
 
     Parameters
     ----------
     start : (p,) z to start from; by default the action's own values
     say : called with a line after each step
     columns : derivatives found already
-    tight : take the model to lack nothing until the values have settled; sizes are learnt only then
-    leave : end where the linear model is near enough, and either the values are, or the discrepancy explains more than
-        a slight part
+    tight : take the model to lack nothing until the values have settled; variance components are estimated only then
+    leave : end where the linear model is good to `NEAR_FLOOR`, and either the values are near, or the discrepancy
+        explains more than a slight part
+    until : share of each trial, from its start, that is fitted
 
     Raises
     ------
     ValidationInputError
         The model cannot run at the start.
     """
+    budget = Budget(np.inf) if budget is None else budget
     low, high = problem.box()
     z = np.clip(np.zeros(len(problem.unknowns.moved)) if start is None else start, low, high)
     curves = curves_at(problem, z)
     if curves is None:
         raise ValidationInputError("identify: the model cannot run at the start; use other values with --set")
     columns = Columns(problem) if columns is None else columns
-    first = Sizes.tight if tight else Sizes.start
-    sizes, steps, converged = first(problem.families, problem.seen), 0, False
-    floor, largest, most = (FLOOR, 0.0, MOST_TIGHT) if tight else (FIRST_FLOOR, np.inf, MOST_STEPS)
-    watched, damping, learnings, stalled = problem.watched, 0.0, 0, -1
+    sizes, steps, idle = (Sizes.tight if tight else Sizes.start)(problem.families, problem.seen), 0, 0
+    floor, damping, learnt = (FLOOR if tight else FIRST_FLOOR), 0.0, False
+    last: tuple[Array, list[Array], Marginal, list[Array], list[Array]] | None = None
     asked = np.arange(len(problem.unknowns.asked))
-    while True:
-        try:
+    end, near, largest = End(OUT_OF_BUDGET, "its steps did not become small"), False, np.inf
+    with budget.interruptible():
+        while True:
             near = floor <= NEAR_FLOOR
-            blocks = columns.blocks(z, near=near)
-        except ModelError as error:
-            raise ValidationInputError(f"identify: {error}") from None
-        linear = linear_residuals(problem, blocks, curves, z)
-        here = residuals(problem.trials, curves)
-        # near the minimum sizes are kept until the values have settled, so that there is one function to minimise
-        rounds = LAST_ROUNDS if near else ROUNDS
-        kept = near and largest < NEAR or (tight and learnings == 0)
-        marginal = Marginal(blocks, sizes) if kept else learn(blocks, linear, sizes, rounds, floor)
-        largest = largest_step(marginal, here, z, (low, high), watched)
-        lacks = not tight and float(marginal.sizes.discrepancy.max()) > SLIGHT
-        left = leave and near and (largest < NEAR or lacks)
-        if left:
-            marginal = learn(blocks, linear, marginal.sizes, rounds) if tight else marginal
-            break
-        anew = learnings == 0 and not tight  # a tight fit begins with the sizes that would be tried anew
-        if near and largest < CLOSE:
-            marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds, anew), learnings + 1
-            largest = largest_step(marginal, here, z, (low, high), watched)
-            converged = largest < (CLOSE if learnings < MOST_LEARNINGS else STALLED)
-        sizes = marginal.sizes
-        hopeless = tight and steps == TIGHT_STEPS and marginal.objective(here, z) > HOPELESS * sum(r.size for r in here)
-        if converged or hopeless or steps == most or learnings >= MOST_LEARNINGS:
-            break
-        steps += 1
-        attempt = _attempt(problem, marginal, here, z, damping)
-        taken, damping, worth = attempt.curves is not None, attempt.damping, attempt.bent
-        if say is not None:
-            said = f"step {steps}: largest change {largest:.2g} u, damped by {damping:g}; linear to {worth:.2g}"
-            say(said if taken else f"step {steps}: no step from here lowers the objective")
-        if near and largest < NEAR and attempt.gain < LEAST_GAIN:
-            marginal, learnings = likeliest(blocks, linear, sizes, rounds, anew), learnings + 1
-            converged = largest_step(marginal, here, z, (low, high), asked) < STALLED
-            if converged or learnings >= MOST_LEARNINGS or stalled == steps - 1:  # twice in turn: no way on
+            blocks = _blocks(columns, z, near)
+            if until < 1.0:
+                blocks = [b.until(int(until * b.time_s.size)) for b in blocks]
+            linear, here = linear_residuals(problem, blocks, curves, z), residuals(problem.trials, curves)
+            kept = learnt or (near and largest < NEAR) or tight  # one function to minimise
+            rounds = LAST_ROUNDS if near else ROUNDS
+            marginal = Marginal(blocks, sizes) if kept else learn(blocks, linear, sizes, rounds, floor)
+            largest = largest_step(marginal, here, z, (low, high), problem.watched)
+            lacks = not tight and float(marginal.sizes.discrepancy.max()) > SLIGHT
+            is_left = leave and near and (largest < NEAR or lacks)
+            if near and not is_left and (largest < CLOSE or idle) and not learnt:
+                marginal, learnt = likeliest(blocks, linear, marginal.sizes, LAST_ROUNDS, not tight), True
+                largest = largest_step(marginal, here, z, (low, high), problem.watched)
+            sizes, last = marginal.sizes, (z, curves, marginal, linear, here)
+            limit = MAX_TIGHT_STEPS if tight else MAX_STEPS
+            if is_left or (learnt and near and largest < CLOSE):
+                end = End(CONVERGED)
                 break
-            sizes, stalled = marginal.sizes, steps
-            continue
-        if attempt.curves is not None:
-            z, curves = z + attempt.step, attempt.curves
-        elif near:
-            break
-        floor = max(FLOOR, 0.5 * (worth if taken else min(worth, floor)))
-        damping = damping / 10.0 if damping > LEAST_DAMPING and worth > FLOOR else 0.0
-    wanted = box_step(marginal, here, z, (low, high), 0.0) if converged and largest >= CLOSE else None
-    objective = marginal.objective(here, z)
-    return Fitted(z, curves, marginal, linear, objective, steps, converged, tight, left, wanted=wanted)
+            lost = tight and steps >= HOPELESS_STEPS and _cost_per_datum(marginal, here, z) > HOPELESS
+            if lost or steps == limit or idle == 2 or budget.is_spent:
+                break
+            steps += 1
+            attempt = _search_damping(problem, marginal, here, z, damping)
+            idle = idle + 1 if near and largest < NEAR and attempt.gain < LEAST_GAIN else 0
+            if say is not None:
+                taken = "" if attempt.curves is not None else "; none lowers the objective"
+                said = f"step {steps}: largest {largest:.2g} u, damped by {attempt.damping:g}{taken}"
+                say(f"{said}; linear to {attempt.bent:.2g}, gained {attempt.gain:.2g}")
+            if attempt.curves is not None:
+                z, curves = z + attempt.step, attempt.curves
+            elif near and not idle:
+                break
+            damping, worth = attempt.damping, attempt.bent
+            floor = max(FLOOR, 0.5 * (worth if attempt.curves is not None else min(worth, floor)))
+            damping = damping / 10.0 if damping > LEAST_DAMPING and worth > FLOOR else 0.0
+    if last is None:
+        raise KeyboardInterrupt
+    z, curves, marginal, linear, here = last
+    if tight:
+        marginal = learn(marginal.blocks, linear, marginal.sizes, ROUNDS)
+    remaining = box_step(marginal, here, z, (low, high), 0.0)
+    within = bool(np.max(np.abs(remaining[asked]) / marginal.width[asked], initial=0.0) < WITHIN)
+    if end.kind == OUT_OF_BUDGET and near and within and not budget.is_spent:
+        end = End(CONVERGED, "no step gains; what is left of the last one is part of u")
+    return Fitted(z, curves, marginal, linear, marginal.objective(here, z), steps, end, remaining=remaining)
+
+
+def _blocks(columns: Columns, z: Array, near: bool) -> list[Block]:
+    try:
+        return columns.blocks(z, near=near)
+    except ModelError as error:
+        raise ValidationInputError(f"identify: {error}") from None
+
+
+def _cost_per_datum(marginal: Marginal, here: Sequence[Array], z: Array) -> float:
+    return marginal.objective(here, z) / sum(r.size for r in here)
 
 
 @dataclass(frozen=True)
 class _Attempt:
-    """A step, its curves (None: not taken), damping, how far from linear the longest tried was, and its gain."""
+    """A step, its curves (None: not taken), damping, error of the linear model over the longest one, and its gain."""
 
     step: Array
     curves: list[Array] | None
@@ -194,8 +219,8 @@ class _Attempt:
     gain: float
 
 
-def _attempt(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Array, damping: float) -> _Attempt:
-    """The least damped step that lowers the objective."""
+def _search_damping(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Array, damping: float) -> _Attempt:
+    """The least damped step that lowers the objective (Marquardt)."""
     before, bent = marginal.objective(here, z), 0.0
     for more in dampings(damping):
         step = box_step(marginal, here, z, problem.box(), more)
@@ -208,3 +233,339 @@ def _attempt(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Arr
         if after < before:
             return _Attempt(step, moved, more, bent, before - after)
     return _Attempt(np.zeros_like(z), None, damping, bent if bent > 0.0 else np.inf, 0.0)
+
+
+@dataclass(frozen=True)
+class _Iterate:
+    """Values, deviations of trials, residuals of their runs, the linear model there, and each trial's cost a datum."""
+
+    z: Array
+    own: list[Own]
+    run: list[Array]
+    linear: list[Array]
+    here: list[Array]
+    marginal: Marginal
+    costs: Array
+
+    @property
+    def is_followed(self) -> bool:
+        """Whether the model is where each trial was."""
+        return bool(np.max(self.costs) < FOLLOWED)
+
+
+def fit_conditional(problem: Problem, fitted: Fitted, say: Say | None = None, budget: Budget | None = None) -> Fitted:
+    """Continue a fit with each trial linearised around what it most probably had of its own.
+
+    A soft stroke near a bifurcation of its motion does not answer a scatter of 2 % linearly: a linear model around what
+    all trials share then calls the rest felt or friction, with too small an uncertainty. Each step moves values and
+    deviations towards the minimum of the linear model, as far as runs of the model agree better there.
+
+    Parameters
+    ----------
+    fitted : where a fit with all trials alike ended
+    say : called with a line after each step
+
+    Returns
+    -------
+    Fitted
+        As it was, out of budget, where no step could be taken.
+    """
+    budget = Budget(np.inf) if budget is None else budget
+    columns, box = Columns(problem), problem.box()
+    marginal, linear, z = fitted.marginal, fitted.linear, fitted.z
+    here = [r - b.moved @ z for r, b in zip(linear, marginal.blocks, strict=True)]
+    at = _Iterate(z, nothing_own(marginal.blocks), here, linear, here, marginal, np.full(len(linear), np.inf))
+    steps, learnt, idle = 0, 0, 0
+    bifurcations: dict[int, int] = {}
+    with budget.interruptible():
+        while steps < MAX_CONDITIONAL_STEPS and idle < 2 and not budget.is_spent:
+            found = _search_line(problem, at, SHARES[:1])
+            if found is None and np.median(at.costs) < FOLLOWED:
+                more = _find_bifurcations(problem, at, bifurcations)
+                if more != bifurcations:
+                    bifurcations, at, learnt = more, _without_bifurcations(at, more), min(learnt, NOISE_LEARNINGS - 1)
+                    if say is not None:
+                        where = (f"{problem.trials[k].label} from phase {i} on" for k, i in more.items())
+                        say(f"each trial: at a bifurcation, left out: {', '.join(where)}")
+                    continue
+            found = found or _search_line(problem, at, SHARES[1:])
+            moved = None if found is None else _linearise(columns, found, at, bifurcations, learnt < NOISE_LEARNINGS)
+            if found is None or moved is None:  # a kink: no step lowers the cost
+                break
+            steps, gained, at = steps + 1, found[2], moved
+            learnt += at.is_followed
+            largest = largest_step(at.marginal, at.here, at.z, box, problem.watched)
+            if say is not None:
+                said = f"each trial, step {steps}: gained {gained:.2g}, largest left {largest:.2g} u"
+                say(f"{said}, cost a datum up to {np.max(at.costs):.2g}")
+            if learnt <= NOISE_LEARNINGS:  # the cost was another function
+                continue
+            if at.is_followed and largest < CLOSE:
+                break
+            idle = idle + 1 if gained < LEAST_GAIN else 0
+    if steps == 0:
+        what = "stopped by Ctrl-C" if budget.is_interrupted else "no step of all trials could be taken"
+        return replace(fitted, end=End(OUT_OF_BUDGET, what, budget.is_interrupted))
+    return _conclude(problem, fitted, at, steps, bifurcations, budget)
+
+
+def _conclude(
+    problem: Problem, before: Fitted, at: _Iterate, steps: int, bifurcations: Mapping[int, int], budget: Budget
+) -> Fitted:
+    """Where the fit ended and how, with the likeliest variance components."""
+    marginal, z = likeliest(at.marginal.blocks, at.linear, at.marginal.sizes, LAST_ROUNDS), at.z
+    remaining = box_step(marginal, at.here, z, problem.box(), 0.0)
+    asked = problem.unknowns.asked
+    left = np.abs(remaining[: len(asked)]) / marginal.width[: len(asked)]
+    most = int(np.argmax(left))
+    if not at.is_followed:
+        worst = int(np.argmax(at.costs))
+        missed = f"after {steps} steps the model is not where {problem.trials[worst].label} was"
+        end = End(OUT_OF_BUDGET, f"{missed} (squared error {at.costs[worst]:.2g} of the noise's)")
+    elif left[most] >= WITHIN:
+        end = End(OUT_OF_BUDGET, f"after {steps} steps {asked[most].name} would still move by {left[most]:.1f} u")
+    elif bifurcations:
+        end = End(BIFURCATION, "; ".join(bifurcation_words(problem, bifurcations)))
+    else:
+        end = End(CONVERGED)
+    if budget.is_interrupted and not end.is_settled:
+        end = replace(end, detail=f"stopped by Ctrl-C; {end.detail}", by_user=True)
+    curves = curves_at(problem, z)
+    return replace(
+        before,
+        z=z,
+        curves=before.curves if curves is None else curves,
+        marginal=marginal,
+        linear=at.linear,
+        objective=marginal.objective(at.here, z),
+        steps=before.steps + steps,
+        end=end,
+        own=at.own,
+        before=before.badness,
+        remaining=remaining,
+        bifurcations=bifurcations,
+    )
+
+
+def bifurcation_words(problem: Problem, bifurcations: Mapping[int, int]) -> list[str]:
+    """Which trial, from when on after its first phase."""
+    times = {k: problem.trials[k].time_s for k in bifurcations}
+    return [
+        f"{problem.trials[k].label} from {1e3 * (times[k][i] - times[k][0]):.0f} ms on"
+        for k, i in sorted(bifurcations.items())
+    ]
+
+
+def _search_line(problem: Problem, at: _Iterate, shares: Sequence[float]) -> tuple[Array, _Modes, float] | None:
+    """First share of the Gauss–Newton step that lowers the cost, with the gain; None where none does."""
+    step = box_step(at.marginal, at.here, at.z, problem.box(), 0.0)
+    before = _cost(at.marginal, at.run, at.own, at.z)
+    for share in shares:
+        z = at.z + share * step
+        modes = _find_modes(problem, at, z, OWN_SHARES if share < 1.0 else OWN_SHARES[:1])
+        after = np.inf if modes is None else _cost(at.marginal, modes.run, modes.own, z)
+        if modes is not None and after < before:
+            return z, modes, before - after
+    return None
+
+
+def _cost(marginal: Marginal, run: Sequence[Array], own: Sequence[Own], z: Array) -> float:
+    """Twice the negative log density of runs, of what trials share and have of their own, and of z, up to a constant.
+
+    What trials share is at its mode for these runs, and its own density counts: else a step that needs less of it is
+    taken for none.
+    """
+    there = without_own(marginal.blocks, run, own)
+    modes = OwnModes(marginal, [r + b.moved @ z for r, b in zip(there, marginal.blocks, strict=True)], z)
+    return float(np.sum(modes.costs(run, own)) + modes.prior + z @ z)
+
+
+def _find_bifurcations(problem: Problem, at: _Iterate, known: Mapping[int, int]) -> dict[int, int]:
+    """Of each trial at a bifurcation its first phase there, those known already among them.
+
+    A probe to both sides along the Gauss–Newton step bends its motion by more than `BENT` times the sensor's noise: a
+    body just meets a stop, or misses it, and no linear model holds from there on. Where that would leave less than half
+    of a trial the probe may only be too long: a tenth of it must bend as much, and only few trials may.
+    """
+    marginal = at.marginal
+    step = box_step(marginal, at.here, at.z, problem.box(), 0.0)
+    step /= max(float(np.max(np.abs(step / marginal.width)[problem.watched])), np.finfo(float).tiny)
+    tried = [(sign * probed, least) for probed, least in PROBES for sign in (1.0, -1.0)]
+    curves = problem.response.curves([at.z + s * step for s, _ in tried], len(tried) * [at.own])
+    late, early = dict(known), dict[int, int]()
+    for (s, least), there in zip(tried, curves, strict=True):
+        found = [] if there is None else residuals(problem.trials, there)
+        for k, (new, old, b) in enumerate(zip(found, at.run, marginal.blocks, strict=False)):
+            bent = (np.abs(old - new - s * (b.moved @ step)) / np.sqrt(b.white)).reshape(-1, b.time_s.size)
+            if np.any(bent > BENT):
+                phase = int(np.argmax(np.any(bent > BENT, axis=0)))
+                if phase >= least * b.time_s.size:
+                    out = late if least else early
+                    out[k] = min(phase, out.get(k, phase))
+    half = PROBES[0][1] * marginal.blocks[0].time_s.size
+    soon = early.keys() | {k for k, phase in known.items() if phase < half}
+    return late | early if len(soon) <= MOST_BENT * len(problem.trials) else late
+
+
+def _without_bifurcations(at: _Iterate, bifurcations: Mapping[int, int]) -> _Iterate:
+    """The same without what was measured after bifurcations."""
+    blocks = [b.until(bifurcations[k]) if k in bifurcations else b for k, b in enumerate(at.marginal.blocks)]
+    marginal = Marginal(blocks, at.marginal.sizes)
+    costs = OwnModes(marginal, at.linear, at.z).costs(at.run, at.own)
+    return replace(at, marginal=marginal, costs=costs / np.array([r.size for r in at.run]))
+
+
+@dataclass(frozen=True)
+class _Modes:
+    """Of each trial what it most probably has of its own, residuals of its run there, and its cost."""
+
+    own: list[Own]
+    run: list[Array]
+    costs: Array
+
+
+def _find_modes(problem: Problem, at: _Iterate, z: Array, shares: Sequence[float]) -> _Modes | None:
+    """The mode of each trial at z, by the linear model and corrected by runs; None where one cannot run.
+
+    What a trial has of its own turns with z along a curve: without corrections all could follow z by short steps only.
+    """
+    blocks = at.marginal.blocks
+    modes = _run_towards(problem, z, OwnModes(at.marginal, at.linear, z), at.own, shares)
+    for _ in range(CORRECTIONS):
+        if modes is None:
+            break
+        there = without_own(blocks, modes.run, modes.own)
+        linear = [r + b.moved @ z for r, b in zip(there, blocks, strict=True)]
+        corrected = OwnModes(at.marginal, linear, z)
+        known = corrected.costs(modes.run, modes.own)
+        found = _run_towards(problem, z, corrected, modes.own, shares)
+        if found is None:
+            break
+        pairs = [(found if better else modes) for better in found.costs < known]
+        modes = _Modes(
+            [w.own[k] for k, w in enumerate(pairs)],
+            [w.run[k] for k, w in enumerate(pairs)],
+            np.minimum(found.costs, known),
+        )
+        if float(np.sum(known - modes.costs)) < LEAST_GAIN:
+            break
+    return modes
+
+
+def _run_towards(
+    problem: Problem, z: Array, modes: OwnModes, own: Sequence[Own], shares: Sequence[float]
+) -> _Modes | None:
+    """Of each trial the likeliest of some shares of the way to its mode; None where it cannot be run at all."""
+    tried = [[a.towards(b, s) for a, b in zip(own, modes.most, strict=True)] for s in shares]
+    found = problem.response.curves(len(tried) * [z], tried)
+    run = [(own, residuals(problem.trials, c)) for own, c in zip(tried, found, strict=True) if c is not None]
+    if not run:
+        return None
+    costs = np.array([modes.costs(r, own) for own, r in run])
+    best = [int(i) for i in np.argmin(costs, axis=0)]
+    every = [run[i][0][k] for k, i in enumerate(best)]
+    return _Modes(every, [run[i][1][k] for k, i in enumerate(best)], np.asarray(costs.min(axis=0)))
+
+
+def _linearise(
+    columns: Columns, found: tuple[Array, _Modes, float], before: _Iterate, bifurcations: Mapping[int, int], anew: bool
+) -> _Iterate | None:
+    """The linear model where a step led; None where it cannot be made.
+
+    Variance components are estimated ``anew`` once every trial is followed, and then kept, so that there is one
+    function to minimise.
+    """
+    z, modes, _ = found
+    try:
+        every = enumerate(columns.blocks(z, modes.own))
+        blocks = [b.until(bifurcations[k]) if k in bifurcations else b for k, b in every]
+    except ModelError:
+        return None
+    here = without_own(blocks, modes.run, modes.own)
+    linear = [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
+    costs, sizes = modes.costs / np.array([r.size for r in linear]), before.marginal.sizes
+    if anew and bool(np.max(costs) < FOLLOWED):
+        marginal = learn(blocks, linear, sizes, LAST_ROUNDS, FLOOR)
+    else:
+        marginal = Marginal(blocks, sizes)
+    return _Iterate(z, modes.own, modes.run, linear, here, marginal, costs)
+
+
+_badness = attrgetter("badness")
+
+
+def fit_multistart(problem: Problem, n: int = 1, say: Say | None = None, budget: Budget | None = None) -> list[Fitted]:
+    """Fits from several starts, the likeliest first.
+
+    Each start is brought near a minimum of few trials (`_fit_pilots`); the likeliest of these is continued with all
+    trials, each at its own mode, and the next one where it does not settle or the discrepancy is more than slight.
+
+    Parameters
+    ----------
+    n : how many points of `starts` to start from
+    say : called with a line after each step
+    """
+    budget = Budget(np.inf) if budget is None else budget
+    say = say or (lambda line: None)
+    pilots = [found for start in starts(problem, n) for found in _fit_pilots(problem, start, say, budget)]
+    pilots.sort(key=_badness)
+    fits: list[Fitted] = []
+    for pilot in pilots[:MAX_CONTINUED]:
+        fits.append(fit_conditional(problem, fit_alike(problem, pilot.z, pilot.marginal.sizes), say, budget))
+        if (fits[-1].converged and fits[-1].is_slight) or budget.is_spent:
+            break
+    best = max(fits, key=lambda f: (f.converged, -f.badness))
+    return [best, *(f for f in fits if f is not best)]
+
+
+def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> list[Fitted]:
+    """Fits of a few trials, one of each session: with a discrepancy, and without where it is more than slight.
+
+    Without a discrepancy a trial is fitted from its start on, the rest in parts: a soft stroke whose end is another
+    motion does not turn the values aside.
+    """
+    pilot = problem.of_trials(_typical(problem.trials))
+    say(f"pilot fit of {', '.join(t.label for t in pilot.trials)}")
+    found = fit(pilot, start, say, leave=True, budget=budget)
+    if found.is_slight or budget.is_spent:
+        return [found]
+    tight = found
+    for share in PARTS:
+        say(f"without discrepancy, {share:.0%} of each trial")
+        tight = fit(pilot, start if share == PARTS[0] else tight.z, say, None, True, True, share, budget)
+    return [found, tight]
+
+
+def _typical(trials: Sequence[ObservedTrial]) -> list[int]:
+    """Of each session the trial that is nearest to the median of all."""
+    out = []
+    for session in dict.fromkeys(t.session for t in trials):
+        those = [k for k, t in enumerate(trials) if t.session == session]
+        change = np.array([trials[k].change_rad for k in those])
+        away = np.nansum(np.abs(change - np.nanmedian(change, axis=0)), axis=(1, 2))
+        out.append(those[int(np.argmin(away))])
+    return out
+
+
+def fit_alike(problem: Problem, z: Array, sizes: Sizes | None = None) -> Fitted:
+    """The linear model at z with all trials alike, its variance components from those given; no step is taken."""
+    curves, blocks = curves_at(problem, z), _blocks(Columns(problem), z, True)
+    if curves is None:
+        raise ValidationInputError("identify: the model cannot run at the start; use other values with --set")
+    linear, here = linear_residuals(problem, blocks, curves, z), residuals(problem.trials, curves)
+    sizes = Sizes.start(problem.families, problem.seen) if sizes is None else sizes
+    marginal = learn(blocks, linear, sizes, ROUNDS)
+    return Fitted(z, curves, marginal, linear, marginal.objective(here, z), 1, End(OUT_OF_BUDGET))
+
+
+def starts(problem: Problem, n: int) -> list[Array]:
+    """Points to start from: the action's own values, then a Latin hypercube of the asked ones within the prior."""
+    p, asked = len(problem.unknowns.moved), len(problem.unknowns.asked)
+    out = [np.zeros(p)]
+    if n > 1:
+        drawn = qmc.LatinHypercube(asked, seed=START_SEED).random(n - 1)
+        for row in drawn:
+            z = np.zeros(p)
+            z[:asked] = norm.ppf(0.16 + 0.68 * row)
+            out.append(z)
+    return out

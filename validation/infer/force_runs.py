@@ -221,6 +221,9 @@ class Response(Protocol):
         parts of force noise, a film's clock. Else k is 0.
         """
 
+    def of_trials(self, which: Sequence[int]) -> Response:
+        """The response to some of the trials."""
+
 
 Member = TypeVar("Member")
 
@@ -275,6 +278,12 @@ class PlacedRuns(ABC, Generic[Member]):
     def run(self, members: Sequence[Sequence[Member]]) -> list[list[Array] | None]:
         """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
 
+    def of_trials(self, which: Sequence[int]) -> PlacedRuns[Member]:
+        """The response to some of the trials."""
+        some = copy(self)
+        some.trials = tuple(self.trials[k] for k in which)
+        return some
+
     def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
         """Curves at each point; see `Response`."""
         every = zip(points, len(points) * [None] if own is None else own, strict=True)
@@ -309,8 +318,7 @@ class PlacedRuns(ABC, Generic[Member]):
             return self.differences(at, own, columns, [*laws, *rest])
         wrong = self._wrong(at, own, columns, found)
         if wrong:
-            some = copy(self)
-            some.trials = tuple(self.trials[k] for k in wrong)
+            some = self.of_trials(wrong)
             those = None if own is None else [own[k] for k in wrong]
             again = some.differences(at[np.array(wrong)], those, columns, [*laws, *rest])
             for k, redone in zip(wrong, again, strict=True):

@@ -14,10 +14,10 @@ from rig.session import Session
 from validation.cache.content_hash import code_sha256
 from validation.conventions import Array
 from validation.errors import ValidationInputError
+from validation.infer.budget import BIFURCATION, NOT_IDENTIFIABLE, Budget, End
 from validation.infer.estimates import AT_BOUND, LACKING, Profile, estimate_all
-from validation.infer.fit import Fitted
-from validation.infer.identifiability import EXPECTED, directions, warnings_before, warnings_of
-from validation.infer.minima import search
+from validation.infer.fit import Fitted, fit_multistart
+from validation.infer.identifiability import EXPECTED, HALF, Combination, directions, warnings_before, warnings_of
 from validation.infer.motion_runs import response_to
 from validation.infer.noise import Marginal, Sizes
 from validation.infer.observations import CHANNEL_NAMES, with_errors_of_what_drives
@@ -37,6 +37,9 @@ PROVISIONAL = (
     "(docs/explanation/identification.md)"
 )
 MOST_ASKED = 25  # values at once: how often intervals of more hold the truth was not counted
+BUDGET_S_PER_TRIAL, LEAST_TRIALS, LEAST_ASKED = 4.0, 10, 12
+"""Processor time by default: ten linearisations of 0.25 s a trial, and as much for runs, profiles and the rest."""
+FIT_SHARE = 0.7  # of the budget; profiles and changes of the model have the rest
 SAME = 6.0  # of twice the log likelihood: starts that end this close have found the same minimum
 
 
@@ -98,14 +101,17 @@ def identify(
     stuck = bounds_not_run(problem)
     for line in [*stuck, *before]:
         options.say(f"before the fit: {line}")
-    fits = search(problem, options.starts, options.say, columns)
+    seconds = default_budget_s(problem) if options.budget_s is None else options.budget_s
+    budget = Budget(seconds)
+    fits = fit_multistart(problem, options.starts, options.say, budget.fraction(FIT_SHARE))
     best = fits[0]
     found = action_at(start, asked, best.z)
     profiles: list[Profile] = []
-    estimates = estimate_all(problem, best, options.profiles, options.say, profiles.append)
+    estimates = estimate_all(problem, best, options.profiles, options.say, profiles.append, budget)
     covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
     names = [p.name for p in asked.asked]
     undetermined, determined = directions(names, covariance)
+    end = _end(best, names, covariance, determined)
     both, of = {"before": start, "identified": found}, {FITTED: sources.fitted, **sources.held}
     scores = {name: score(trials, both, options.tolerance) for name, trials in of.items()}
     events = {name: score_events(some, both, EVENT_TOLERANCE) for name, some in sources.measured_held.items()}
@@ -123,14 +129,15 @@ def identify(
         correlation=covariance / np.outer(width, width),
         undetermined=tuple(undetermined),
         determined=tuple(determined),
-        warnings=(*_of_fit(best, fits, sources), *risen, *stuck, *said, *warnings_of(names, covariance)),
+        warnings=(*_of_fit(best, end, fits, sources), *risen, *stuck, *said, *warnings_of(names, covariance)),
         starts=tuple(f.alike for f in fits),
         scatter=scatter,
         scores=scores,
         events=events,
         provenance=_provenance(start, asked, sources, best, options),
         posterior=joint_posterior(problem, best, estimates, sources),
-        details=Details(problem, best, tuple(profiles), sources),
+        end=end,
+        details=Details(problem, best, tuple(profiles), sources, max(budget.left_s, 0.0)),
     )
 
 
@@ -180,6 +187,12 @@ def bounds_not_run(problem: Problem) -> list[str]:
     ]
 
 
+def default_budget_s(problem: Problem) -> float:
+    """Processor time that a problem of this size may take, s."""
+    larger = max(len(problem.unknowns.asked) / LEAST_ASKED, 1.0)
+    return BUDGET_S_PER_TRIAL * max(len(problem.trials), LEAST_TRIALS) * larger
+
+
 def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:
     """The action with all moved parameters at z."""
     values: dict[str, float] = {}
@@ -198,18 +211,23 @@ def of_many(names: Sequence[str]) -> list[str]:
     ]
 
 
-def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]:
+def _end(best: Fitted, names: Sequence[str], covariance: Array, determined: Sequence[Combination]) -> End:
+    """How the fit ended; not identifiable where it settled and no asked parameter is known by itself."""
+    if not best.converged or np.any(np.sqrt(np.diag(covariance)) < HALF):
+        return best.end
+    known = "; ".join(f"{d.words} ({100 * d.left:.0f} % of its prior u left)" for d in determined)
+    known = f"of their combinations {known}" if known else "nor any combination of them" if len(names) > 1 else ""
+    none = f"these strokes do not tell {'any of ' if len(names) > 1 else ''}{', '.join(names)}"
+    return End(NOT_IDENTIFIABLE, f"{none}{', ' if known else ''}{known}")
+
+
+def _of_fit(best: Fitted, end: End, fits: Sequence[Fitted], sources: Sources) -> list[str]:
     said = [PROVISIONAL, *sources.refused, *sources.notes]
     if not best.converged:
-        said.insert(0, "the fit did not settle: its last step was not small; treat the intervals as too narrow")
-    if best.forks:
-        where = [
-            f"{sources.fitted[k].label} from {1e3 * (t := sources.fitted[k].time_s)[i] - 1e3 * t[0]:.0f} ms on"
-            for k, i in sorted(best.forks.items())
-        ]
+        said.insert(0, f"{end}; these values are the best so far, their intervals too narrow; give a larger --budget")
+    if end.kind == BIFURCATION:
         said.append(
-            f"left out, at a fork of the motion (a third of a u turns it by more than twice the noise): "
-            f"{', '.join(where)}, counted from the first phase compared"
+            f"{end}: there a third of a u turns the motion by more than twice the noise; what follows was left out"
         )
     share = lacking(best)
     if share > LACKING:
@@ -220,7 +238,7 @@ def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]
     apart = [f.alike - best.alike for f in fits]
     if max(apart) > SAME:
         other = sum(a > SAME for a in apart)
-        better = "" if best.settled else "; more starts (--starts) may find a better one"
+        better = "" if best.is_slight else "; more starts (--starts) may find a better one"
         said.append(f"{other} of {len(fits)} fits ended in a worse minimum and are not used{better}")
     if len(sources.fitted) < 5:
         said.append(
@@ -245,7 +263,7 @@ def _provenance(
         "fixed": list(options.fixed),
         "paths": {p.name: list(p.paths) for p in asked.asked},
         "steps": best.steps,
-        "converged": best.converged,
+        "end": str(best.end),
         "driven_by_the_key": [t.label for t in sources.fitted if t.key is not None],
         "discrepancy": {
             f"session {s + 1}": {CHANNEL_NAMES[c]: float(best.marginal.sizes.discrepancy[s, c]) for c in channels}

@@ -21,16 +21,16 @@ from model.parameters.effects import RAIL
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import LOST_RAD, Block, rows
+from validation.infer.budget import Budget
 from validation.infer.causes.explain import ODDS
 from validation.infer.causes.responses import addable
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, Estimate, estimate_all
-from validation.infer.fit import Fitted
+from validation.infer.fit import Fitted, fit_alike, fit_conditional
 from validation.infer.force_runs import ForceRuns, Own
 from validation.infer.identifiability import HALF, Combination, directions
-from validation.infer.minima import search
 from validation.infer.noise import Marginal
 from validation.infer.observations import ObservedTrial
-from validation.infer.problem import Problem, at_start
+from validation.infer.problem import Problem
 from validation.infer.scatter import lacking
 from validation.infer.unknowns import Parameter, parameter_of, single_names
 
@@ -106,13 +106,16 @@ class Supported:
         return f"What the model lacks {self.where}: {what}.", f"Known {inside}are: {listed}."
 
 
-def supported(problem: Problem, fitted: Fitted, say: Callable[[str], None]) -> Supported | None:
+def supported(
+    problem: Problem, fitted: Fitted, say: Callable[[str], None], budget: Budget | None = None
+) -> Supported | None:
     """What the strokes say in spite of what the model lacks.
 
     Parameters
     ----------
     problem, fitted : a fit
     say : called with a line of text
+    budget : changes that it does not allow to try are not among those tried
 
     Returns
     -------
@@ -121,13 +124,16 @@ def supported(problem: Problem, fitted: Fitted, say: Callable[[str], None]) -> S
     """
     if not isinstance(problem.response, ForceRuns):
         return None
+    budget = Budget(math.inf) if budget is None else budget
     best, found = LetIn(None, problem, fitted), []
-    kinds = ranked(problem, fitted)
+    kinds = ranked(problem, fitted, budget)
     tried = sum(map(len, kinds))
     for gain, parameter, action in _promising(kinds, lacking(fitted)):
         say(f"let in: {parameter.name} (the linear model promises e^{gain:.0f})")
-        one = fit_with(problem, fitted, parameter, action, math.log(tried))
-        if one is not None:
+        one = None
+        with budget.interruptible():
+            one = fit_with(problem, fitted, parameter, action, math.log(tried), budget)
+        if one is not None and one.fitted.converged:
             found.append(one)
     every = sorted([best, *found], key=lambda one: -one.gain)
     kept = tuple(one for one in every if one.gain > every[0].gain - math.log(ODDS))
@@ -152,7 +158,7 @@ def _promising(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promise]
     return out + [row for row in kinds[0] if row[1].name in contacts]
 
 
-def ranked(problem: Problem, fitted: Fitted) -> list[list[Promise]]:
+def ranked(problem: Problem, fitted: Fitted, budget: Budget) -> list[list[Promise]]:
     """Values that were held, and effects, with the gain of log evidence that the linear model promises, the best first.
 
     What an effect promises is what it does as stated; a value that looks like it may promise more, and then keep less.
@@ -169,6 +175,8 @@ def ranked(problem: Problem, fitted: Fitted) -> list[list[Promise]]:
     for columns_of in (_held, _effects):
         found = []
         for parameter, action, columns in columns_of(problem, fitted, response, own):
+            if budget.is_spent:
+                break
             if any(np.any(c) for c in columns):
                 blocks = [_with(b, c) for b, c in zip(marginal.blocks, columns, strict=True)]
                 gain = Marginal(blocks, sizes).log_evidence(fitted.linear) - before
@@ -222,7 +230,12 @@ def _with(block: Block, column: Array) -> Block:
 
 
 def fit_with(
-    problem: Problem, fitted: Fitted, parameter: Parameter, action: model.Action, rarity: float
+    problem: Problem,
+    fitted: Fitted,
+    parameter: Parameter,
+    action: model.Action,
+    rarity: float,
+    budget: Budget | None = None,
 ) -> LetIn | None:
     """The fit with one thing let in, named with a price of ``rarity``; None where the model cannot run with it."""
     unknowns = problem.unknowns
@@ -232,13 +245,25 @@ def fit_with(
     assert isinstance(before, ForceRuns)
     runs = ForceRuns(action, (*unknowns.moved, *held), problem.trials, before.tolerance, before.executor)
     try:
-        there, columns = at_start(action, unknowns, problem.trials, runs)
-        found = search(there, 1, None, columns)[0]
+        there = Problem(action, unknowns, problem.trials, runs, _without(problem, parameter))
+        sizes = replace(fitted.marginal.sizes, families=there.families)
+        start = np.insert(fitted.z, unknowns.moved.index(parameter), 0.0)
+        found = fit_conditional(there, fit_alike(there, start, sizes), budget=budget)
     except (ModelError, ValidationInputError):
         return None
-    same = found.forks == fitted.forks  # else they are of other data, and compare where all trials were as they are
+    same = (
+        found.bifurcations == fitted.bifurcations
+    )  # else they are of other data, and compare where all trials were as they are
     ends = [f.badness if same else f.alike for f in (fitted, found)]
     return LetIn(parameter, there, found, 0.5 * (ends[0] - ends[1]) - rarity)
+
+
+def _without(problem: Problem, parameter: Parameter) -> tuple[Array, ...]:
+    """Columns of fixed laws without those of one that is freed."""
+    names = [p.name for p in problem.unknowns.held]
+    if parameter.name not in names or not problem.held:
+        return problem.held
+    return tuple(np.delete(columns, names.index(parameter.name), axis=2) for columns in problem.held)
 
 
 def _together(kept: Sequence[LetIn]) -> tuple[tuple[Estimate, ...], tuple[tuple[Combination, float, float], ...]]:

@@ -164,6 +164,17 @@ class MixedRuns:
         each = [response.jacobian(z, which, _those(places, own), driven) for places, response in self.parts]
         return self._joined(each)
 
+    def of_trials(self, which: Sequence[int]) -> MixedRuns:
+        """The response to some of the trials."""
+        parts = [
+            (
+                [which.index(k) for k in places if k in which],
+                response.of_trials([i for i, k in enumerate(places) if k in which]),
+            )
+            for places, response in self.parts
+        ]
+        return MixedRuns([(places, response) for places, response in parts if places])
+
     def _joined(self, parts: Sequence[list[Array] | None]) -> list[Array]:
         out: list[Array] = [np.empty(0)] * self.size
         for (places, _), curves in zip(self.parts, parts, strict=True):

@@ -130,7 +130,7 @@ def _next(ranked: Sequence[Prospect], settled: bool) -> str:
     if not ranked:
         return "What to record next was not asked for; --plan plan.toml ranks the strokes on the shelf."
     best = ranked[0]
-    doubt = "" if settled else "; but the fit it is predicted from did not settle"
+    doubt = "" if settled else "; but the fit it is predicted from ran out of its budget"
     most = min(best.shrink, key=lambda name: best.shrink[name])
     return (
         f"Next: {prospect_words(best)} would shrink u to {100 * best.mean:.0f} % on average, that of {most} to "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,13 @@ class Problem:
         places = {t.session: t.channels for t in self.trials}
         whole = range(len(CHANNEL_NAMES))
         return np.array([np.isin(whole, places.get(s, ())) for s in range(1 + max(places))], dtype=float)
+
+    def of_trials(self, which: Sequence[int]) -> Problem:
+        """The same of some of the trials."""
+        held = tuple(self.held[k] for k in which) if self.held else ()
+        return replace(
+            self, trials=tuple(self.trials[k] for k in which), held=held, response=self.response.of_trials(which)
+        )
 
     def box(self) -> tuple[Array, Array]:
         """Smallest and largest z, (p,) each."""

@@ -6,6 +6,7 @@ uncertainty of the value; intervals are 95 %. ``z`` and its uncertainty are in p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,6 +17,7 @@ import numpy as np
 import model
 from model.arrays import ArrayRecord
 from validation.conventions import Array
+from validation.infer.budget import Budget, End
 from validation.infer.causes.explain import (
     MOST_TRIALS,
     Explained,
@@ -136,17 +138,25 @@ class Details:
     fitted: Fitted  # where it ended
     profiles: tuple[Profile, ...]  # those that were made
     sources: Sources  # the trials, measured
+    left_s: float = math.inf  # processor time that may still be used
 
     @cached_property
     def explained(self) -> tuple[str, ...]:
         """Sentences on which part of the model explains the difference; found when first asked for, in seconds."""
-        lines = () if self.supported is None else self.supported.lines
-        return (*explained_lines(self.problem.action, self.sources), *lines)
+        if not self.fitted.converged:
+            return (f"{TITLE} is not asked: {self.fitted.end}.",)
+        budget, lines = Budget(self.left_s), (f"{TITLE}: stopped by Ctrl-C.",)
+        with budget.interruptible():
+            lines = explained_lines(self.problem.action, self.sources)
+            lines += () if self.supported is None else self.supported.lines
+        return lines
 
     @cached_property
     def supported(self) -> Supported | None:
-        """What is known in spite of what the model lacks; found when first asked for, in up to a minute."""
-        return supported(self.problem, self.fitted, lambda line: None)
+        """What is known in spite of what the model lacks; found when first asked for."""
+        if not self.fitted.converged:
+            return None
+        return supported(self.problem, self.fitted, lambda line: None, Budget(self.left_s))
 
 
 FITTED = "fitted trials"
@@ -168,6 +178,7 @@ class Identification(ArrayRecord):
     scores : name of a set of trials -> scores of printed and identified values and of the null model
     events : name of a set of trials that were not fitted -> how their events are met, see `held_out`
     provenance : what it was made from
+    end : how the fit ended, see `validation.infer.budget`
     posterior : joint uncertainty of everything the fit moved
     details : the fit itself, with the trials
     """
@@ -184,4 +195,5 @@ class Identification(ArrayRecord):
     events: Mapping[str, Mapping[str, Mapping[str, EventScore]]]
     provenance: Mapping[str, Any]
     posterior: Posterior
+    end: End
     details: Details = field(repr=False, compare=False)

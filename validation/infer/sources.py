@@ -40,6 +40,7 @@ class IdentifyKeywords(TypedDict, total=False):
     condition: str | None
     motion_driven: bool
     film: bool
+    budget_s: float | None
     executor: Executor | None
     progress: Callable[[str], None] | None
     now: Callable[[], datetime]
@@ -62,6 +63,7 @@ class IdentifyOptions:
     # the key's measured motion drives the model in all trials, not only in those without a force
     motion_driven: bool = False
     film: bool = False  # compare jack and repetition lever as tracked on films, too
+    budget_s: float | None = None  # processor time, s; by default from the numbers of trials and parameters
     executor: Executor | None = None  # where the model runs; by default threads of this process
     progress: Callable[[str], None] | None = None  # called with a line of text
     now: Callable[[], datetime] = utc_now  # the clock of the date in the provenance

@@ -17,6 +17,7 @@ from pianorig.commands import identify as command
 from pianorig.errors import CommandInputError
 from tests.command_line import run
 from tests.validation.infer import toy
+from validation.infer.budget import OUT_OF_BUDGET, End
 from validation.infer.estimates import NOT_IDENTIFIABLE, Estimate
 from validation.infer.fit import fit
 from validation.infer.further import Prospect
@@ -40,6 +41,7 @@ class Found:
     events: dict[str, Any]
     provenance: dict[str, Any]
     posterior: Any
+    end: Any
     details: Any
 
 
@@ -70,7 +72,18 @@ def found() -> Found:
     )
     scores = {"fitted trials": {"before": {"key": 1e-3, "whippen": 1e-3, "hammer": 1e-3}}}
     return Found(
-        model.load_action(), (estimate,), np.eye(1), (), (WARNING,), (0.0,), scores, {}, provenance, posterior, details
+        model.load_action(),
+        (estimate,),
+        np.eye(1),
+        (),
+        (WARNING,),
+        (0.0,),
+        scores,
+        {},
+        provenance,
+        posterior,
+        fitted.end,
+        details,
     )
 
 
@@ -113,6 +126,35 @@ def test_everything_that_was_asked_for_is_written_and_said(
     assert run("identify", "session", "--parameters", "friction", "--json") == 0
     told = json.loads(capsys.readouterr().out)
     assert told["files"]["page"] == "identified.html" and told["explained"] == ["which part: none"]
+
+
+def test_ctrl_c_tells_and_writes_the_best_so_far(
+    found: Found, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    end = End(OUT_OF_BUDGET, "stopped by Ctrl-C; key.joint_friction.A would still move by 2.0 u", True)
+    monkeypatch.setattr(validation, "identify", lambda *given, **more: replace(found, end=end))
+    monkeypatch.setattr("validation.infer.write.render_identification", lambda *given: "a page")
+    assert run("identify", "session", "--parameters", "friction") == 130
+    told = capsys.readouterr()
+    assert f"end: {end}." in told.out and "key.joint_friction.A: 0.014 N*m" in told.out
+    assert "the best so far is in identified.toml" in told.err
+    assert (tmp_path / "identified.toml").is_file()
+
+
+def test_the_budget_reaches_the_fit(found: Found, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("validation.infer.write.render_identification", lambda *given: "a page")
+    given: list[object] = []
+
+    def identify(*args: object, **more: object) -> Found:
+        given.append(more["budget_s"])
+        return found
+
+    monkeypatch.setattr(validation, "identify", identify)
+    assert run("identify", "session", "--parameters", "friction", "--budget", "7.5") == 0
+    assert run("identify", "session", "--parameters", "friction", "--budget", "0") == 2
+    assert given == [7.5]
 
 
 def test_nothing_can_be_ranked_without_a_stroke_that_a_force_drives(found: Found) -> None:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import cycle
-from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.validation.infer import toy
 from validation.conventions import Array
-from validation.infer import minima
+from validation.infer import fit as fitting
 from validation.infer.estimates import profiles
-from validation.infer.fit import fit
+from validation.infer.fit import fit, fit_conditional
 from validation.infer.force_runs import Own, nothing_own
-from validation.infer.minima import bends, refine
 from validation.infer.problem import Problem, curves_at, residuals_there
 
 TRUTH = np.array([0.8, -0.5, 0.3])
@@ -48,8 +45,7 @@ def played(seed: int, scatter: float = 0.3) -> tuple[Problem, list[Array]]:
 def test_scatter_that_bends_the_model_is_found_and_no_noise_is_made_of_it() -> None:
     problem, own = played(0)
     before = fit(problem)
-    assert bends(problem, before)
-    after = refine(problem, before)
+    after = fit_conditional(problem, before)
     assert after.own is not None
     assert after.converged and after.badness < before.badness - 100.0
     assert after.marginal.sizes.own[:, :3].max() < 0.5 * before.marginal.sizes.own[:, :3].max()
@@ -60,12 +56,6 @@ def test_scatter_that_bends_the_model_is_found_and_no_noise_is_made_of_it() -> N
     assert after.marginal.objective(left, after.z) == pytest.approx(after.objective, rel=1e-9)
 
 
-def test_trials_that_do_not_bend_the_model_are_left_as_they_are() -> None:
-    problem = toy.problem(toy.made(TRUTH, 4, np.random.default_rng(1)))
-    found = fit(problem)
-    assert not bends(problem, found)
-
-
 def test_a_trial_that_the_model_cannot_follow_leaves_the_fit_unsettled() -> None:
     class Lost(Bent):
         def curves(
@@ -74,32 +64,13 @@ def test_a_trial_that_the_model_cannot_follow_leaves_the_fit_unsettled() -> None
             return super().curves(points) if own is None else [None for _ in points]
 
     problem, _ = played(1)
-    found = refine(replace(problem, response=Lost(problem.trials)), fit(problem))
+    found = fit_conditional(replace(problem, response=Lost(problem.trials)), fit(problem))
     assert found.own is None and not found.converged
-
-
-def test_steps_to_and_fro_end_a_fit_whatever_each_of_them_gains(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem, _ = played(0)
-    way_on, look, sides, last = minima._way_on, minima._look, cycle((0.15, -0.15)), []
-
-    def gaining(*asked: Any) -> Any:
-        last.append(way_on(*asked) or last[-1])
-        return *last[-1][:2], 5.0
-
-    def beside(*asked: Any) -> Any:
-        place = look(*asked)
-        assert place is not None
-        return replace(place, z=last[-1][0] + next(sides) * np.sqrt(np.diag(place.marginal.covariance)[:3]))
-
-    monkeypatch.setattr(minima, "_way_on", gaining)
-    monkeypatch.setattr(minima, "_look", beside)
-    found = refine(problem, fit(problem))
-    assert found.converged and found.steps < minima.MOST_STEPS
 
 
 def test_a_profile_and_a_sampler_see_each_trial_where_it_was() -> None:
     problem, _ = played(0)
-    after = refine(problem, fit(problem))
+    after = fit_conditional(problem, fit(problem))
     width = np.sqrt(after.covariance[1, 1])
     (made,) = profiles(problem, after, {1: 1.96})
     assert made.rise.min() > -0.05 and made.interval == "two-sided"
@@ -125,8 +96,8 @@ def test_what_a_trial_does_after_a_fork_is_left_out_and_the_rest_settles_on_the_
 
     problem, own = played(0)
     met = TRUTH[0] + own[1][0] - 0.02  # it passed by the stop that the model meets
-    found = refine(replace(problem, response=Forked(problem.trials)), fit(problem))
-    assert found.forks == {1: first} and found.converged
+    found = fit_conditional(replace(problem, response=Forked(problem.trials)), fit(problem))
+    assert found.bifurcations == {1: first} and found.converged
     assert np.all(np.abs(found.z - TRUTH) < 3.0 * np.sqrt(np.diag(found.covariance)))
 
 
@@ -148,7 +119,10 @@ def test_no_more_than_a_third_of_the_trials_have_an_early_fork_found_at_once_or_
 
     here = [r - b.moved @ found.z for r, b in zip(found.linear, found.marginal.blocks, strict=True)]
     own = nothing_own(found.marginal.blocks)
-    place = minima._Place(found.z, own, here, found.linear, here, found.marginal, np.ones(6))
+    place = fitting._Iterate(found.z, own, here, found.linear, here, found.marginal, np.ones(6))
     forked = replace(problem, response=Forked(problem.trials))
-    assert minima._forks(forked, place, {0: 5}) == {0: 5, 3: 5}
-    assert minima._forks(forked, place, {0: 5, 1: 5}) == {0: 5, 1: 5}  # a third stop would be the model's fault
+    assert fitting._find_bifurcations(forked, place, {0: 5}) == {0: 5, 3: 5}
+    assert fitting._find_bifurcations(forked, place, {0: 5, 1: 5}) == {
+        0: 5,
+        1: 5,
+    }  # a third: the model

@@ -13,10 +13,9 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import residuals
 from validation.infer.estimates import IDENTIFIED, NOT_IDENTIFIABLE, estimate_all, profiles
-from validation.infer.fit import fit
+from validation.infer.fit import fit, starts
 from validation.infer.identifiability import directions, warnings_of
 from validation.infer.identify import look_before
-from validation.infer.minima import starts
 from validation.infer.problem import Columns
 from validation.infer.scatter import factors, jackknife, lacking, widened
 

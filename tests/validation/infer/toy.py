@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -58,6 +59,12 @@ class Toy:
         force = np.full((M, 3, 4 * driven), 1e-7)
         every = enumerate(self.places(z, own))
         return [np.dstack([self.slope_of(k, at)[:, :, list(which)], force]) for k, at in every]
+
+    def of_trials(self, which: Sequence[int]) -> Toy:
+        """As in `Response`."""
+        some = copy(self)
+        some.trials = [self.trials[k] for k in which]
+        return some
 
     def slope_of(self, k: int, z: Array) -> Array:
         """Derivatives (m, 3, p) of one trial."""
