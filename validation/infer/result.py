@@ -145,7 +145,8 @@ class Details:
         """Sentences on which part of the model explains the difference; found when first asked for, in seconds."""
         if not self.fitted.converged:
             return (f"{TITLE} is not asked: {self.fitted.end}.",)
-        budget, lines = Budget(self.left_s), (f"{TITLE}: stopped by Ctrl-C.",)
+        budget = Budget(self.left_s)
+        lines: tuple[str, ...] = (f"{TITLE}: stopped by Ctrl-C.",)
         with budget.interruptible():
             lines = explained_lines(self.problem.action, self.sources)
             lines += () if self.supported is None else self.supported.lines
