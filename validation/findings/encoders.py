@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from validation.conventions import ENCODER_CHANNELS, Array
+from validation.conventions import ENCODER_CHANNELS, Array, rms
 from validation.events.definitions import Event
 from validation.events.key_lift import EXCESS_M, KeyLift
 from validation.events.miswired_encoders import WRONG_WIRED, miswired_channels
@@ -97,13 +97,15 @@ class Travel:
     """Travel of key, whippen and hammer over the predicted one, (3,), NaN where the stops were not reached.
 
     ``lever`` is that of the whippen over that of the key, ``held`` whether the predicted key rests on its felt,
-    ``hammer_lever`` the way of the hammer for that of the whippen over the predicted one, before it flies.
+    ``hammer_lever`` the way of the hammer for that of the whippen over the predicted one, before it flies, ``apart``
+    the share of the key's turn that does not go with the whippen's.
     """
 
     ratio: Array
     lever: float
     held: bool
     hammer_lever: float = float("nan")
+    apart: float = 0.0
 
 
 def travel_of(m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], geometry: ActionGeometry) -> Travel:
@@ -129,7 +131,9 @@ def travel_of(m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], 
         if _turns_sharply(m.time_s[known], to_m * np.abs(m.change_rad[known, 2]), step):
             out[2] = ratio
     hammer_lever = _lever_before_flight(m.change_rad[known]) / _lever_before_flight(expected[known])
-    return Travel(out, lever, on_felt >= ON_FELT_S, hammer_lever)
+    key, whippen = m.change_rad[known, 0], m.change_rad[known, 1]
+    share = float(key @ whippen) / max(float(whippen @ whippen), 1e-300)
+    return Travel(out, lever, on_felt >= ON_FELT_S, hammer_lever, rms(key - share * whippen) / max(rms(key), 1e-300))
 
 
 RISES = (0.1, 0.5)  # of the hammer's largest angle: from there to there the jack carries it
@@ -164,8 +168,8 @@ def encoder_travel(travels: Mapping[int, Travel], without: Collection[tuple[int,
     Conventions: ratios of largest angles, trial over prediction, which share stops and levers and not their timing.
     *Lever*: whippen over key, in every stroke. *Stops*: key and whippen where the predicted key meets its felt; hammer
     where both turn round sharply at the top. Stated from 5 %; without faults the ratios are within 1 %. From 20 % on a
-    channel is left out where the other encoders' travel is the model's; key and whippen alike are the motion's. So is a
-    hammer that goes as far for the whippen's turn as in the model, and only ends elsewhere.
+    channel is left out where the other encoders' travel is the model's and it goes with the whippen all the way, as by
+    a scale; key and whippen alike are the motion's. So is a hammer that only ends elsewhere.
 
     Parameters
     ----------
@@ -189,8 +193,11 @@ def encoder_travel(travels: Mapping[int, Travel], without: Collection[tuple[int,
             levers[number] = t.lever
         elif reached and (t.held or abs(t.ratio[0] - 1) > SCALE_ONLY):
             ratios["key and whippen"][number] = float(t.ratio[0])
-    by_scale = {n for n, t in travels.items() if abs(t.hammer_lever - t.ratio[2]) < abs(t.hammer_lever - 1)}
-    out = [f for name, found in ratios.items() for f in _travel(name, found, travels, by_scale)]
+    hammer_goes = {n for n, t in travels.items() if abs(t.hammer_lever - t.ratio[2]) < abs(t.hammer_lever - 1)}
+    key_goes = {n for n, t in travels.items() if t.apart < SCALE_ONLY}
+    out = []
+    for name, found in ratios.items():
+        out += _travel(name, found, travels, hammer_goes if name == "hammer" else key_goes)
     if levers:
         text = (
             f"encoders key and whippen: {name_trials(levers, travels)} the whippen turns {_mean(levers)} times as far "
@@ -218,9 +225,7 @@ def _travel(
     both = " and " in name
     head, verb = (f"encoders {name}", "they travel") if both else (f"encoder {name}", "it travels")
     away = {n: r for n, r in ratios.items() if abs(r - 1) > STOPS_MAY}
-    gross = {n: r for n, r in away.items() if abs(r - 1) > SCALE_ONLY and not both}
-    if name == "hammer":
-        gross = {n: r for n, r in gross.items() if n in by_scale}
+    gross = {n: r for n, r in away.items() if abs(r - 1) > SCALE_ONLY and not both and n in by_scale}
     out = []
     for kind, part, limit in (
         ("gross travel difference", gross, SCALE_ONLY),

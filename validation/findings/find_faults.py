@@ -35,7 +35,7 @@ from validation.findings.finding import (
     sound_trials,
 )
 from validation.findings.force import force_delay, force_drift, force_lag, force_sign_and_unit
-from validation.findings.force_spikes import unanswered_spikes
+from validation.findings.force_spikes import like_trials, unanswered_spikes
 from validation.findings.let_off_and_check import check_difference_m, let_off_and_check, let_off_way_m
 from validation.findings.outlying_trials import (
     changed_condition,
@@ -130,6 +130,8 @@ def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: M
     """Checks of one trial alone; a wrong force makes the prediction useless for the others."""
     found: list[SessionFinding] = []
     lags = {}
+    bottom_s = {number: named["key_bottom"].value for number, named in events.trial.items()}
+    kinds = stroke_kinds([m for m in predicted.trials if m.has_force])
     for m in predicted.trials:
         p = predicted.predictions[m.number].model
         release = events.trial[m.number]["key_release"]
@@ -146,7 +148,9 @@ def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: M
         films = film_wiring(m, p, whippen_sound=sound)
         films += camera_clock(m) if sound and not films else []
         if not forces and not any(f.channel in ("key", "whippen", "") for f in encoders):
-            forces = unanswered_spikes(tested, m, p, until)
+            kind = next((kind for kind in kinds if m.number in kind), ())
+            same = [(o, predicted.predictions[o.number].model) for o in predicted.trials if o.number in kind]
+            forces = unanswered_spikes(tested, m, p, until, like_trials(m, same, bottom_s))
         if not forces and not any(f.channel in ("key", "") for f in encoders):
             lags[m.number] = force_lag(m, p)
         found += [f for check in OF_TRIAL for f in check(m)] + forces + encoders + films

@@ -1,12 +1,14 @@
-"""Short spikes of the force that key and whippen do not answer.
+"""Spikes of the force that key and whippen do not answer.
 
 A force of a stroke is full of true spikes, where arm and key, and key and bed, part and meet. So a spike is judged by a
 second reading of the same event: the model is run on with the force and with the spike taken out, and what key and
-whippen read after it is compared with both.
+whippen read after it is compared with both. Where the model misses the motion, as of a key that rings on its bed, other
+trials of the same stroke tell what it misses and what the force is like there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +24,9 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedAngles
 
 MEDIAN_S = 6e-3
-LONGEST_S = 3e-3
-"""Of a spike: half of the running median's window, which does not follow anything shorter."""
+LONGEST_S, LONGEST_UNLIKE_S = 3e-3, 0.06
+"""Of a spike: half of the running median's window, which does not follow anything shorter; of one that no other trial
+of the stroke has, far less than a stroke."""
 SIGMAS, LEAST_N = 8.0, 0.3
 """A spike leaves the running median by so many standard deviations of the channel's noise, and by so much."""
 AFTER_S = 8e-3
@@ -34,8 +37,11 @@ MISSED_S = BEFORE_S + AFTER_S
 """Time before a spike in which is seen by how much the model misses key and whippen anyway."""
 ROUNDING = 0.5
 """Counts, the least that the model can be said to miss."""
-FEWEST_MISSES = 5.0
-"""Size of a lacking answer over what the model misses without it: sound trials reach 2.3, planted spikes 7 to 50."""
+FEWEST_MISSES, FEWEST_SCATTERS = 5.0, 3.0
+"""Size of a lacking answer over what the model misses without it: sound trials reach 2.3, planted spikes 7 to 50; and
+over what other trials scatter by, where also the force must be unlike theirs by so many times of what they scatter."""
+FEWEST_LIKE = 3
+"""Other trials of the same stroke that tell what is usual: their median stands against one that is wrong."""
 LACKING = (0.6, 1.6)
 """Share of the answer that is lacking: 1 but for the estimated size of the spike; of a true one it is 0."""
 MOST_RUN = 4
@@ -69,18 +75,11 @@ def candidate_spikes(m: MeasuredTrial) -> list[Spike]:
     A jump is a step outside of the two steps before and the two after it, as of an encoder. What a spike changes is
     taken against the median, and between two jumps against the straight line over them.
     """
-    force, step_s = m.force.force_n, float(np.median(np.diff(m.force.time_s)))
+    force, step_s = m.force.force_n, _step_s(m)
     most = max(round(LONGEST_S / step_s), 1)
     excess = np.asarray(force - median_filter(force, 2 * max(round(0.5 * MEDIAN_S / step_s), 1) + 1, mode="nearest"))
     least = max(SIGMAS * m.force.noise_n, LEAST_N)
-    found = []
-    for sign in (1.0, -1.0):
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], sign * excess > least, [False]]).astype(np.int8)))
-        found += [
-            Spike(int(first), excess[first:end])
-            for first, end in zip(edges[::2], edges[1::2], strict=True)
-            if end - first <= most
-        ]
+    found = _stretches(excess, least, most)
     jump, _ = step_excess(force, m.force.time_s, 0.0, m.quiet.stop)
     at = np.flatnonzero(np.abs(jump) > least)
     for before, after in zip(at, at[1:], strict=False):
@@ -91,59 +90,136 @@ def candidate_spikes(m: MeasuredTrial) -> list[Spike]:
     return found
 
 
+def _stretches(excess: Array, least: Array | float, most: int) -> list[Spike]:
+    """Stretches of at most so many samples in which a force exceeds what is usual."""
+    found = []
+    for sign in (1.0, -1.0):
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], sign * excess > least, [False]]).astype(np.int8)))
+        pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        found += [Spike(first, excess[first:end]) for first, end in pairs if end - first <= most]
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class LikeTrials:
+    """Other trials of a stroke on the times of one, counted from when the key reaches its bed.
+
+    ``force_n`` (k, n) on the times of the force, ``off`` (k, m, 2) counts by which key and whippen miss the model.
+    """
+
+    force_n: Array
+    off: Array
+
+
+def difference_from_model(m: MeasuredTrial, p: PredictedAngles) -> Array:
+    """Key and whippen less the model's, counts, (n, 2)."""
+    return np.column_stack([(m.change_rad[:, i] - p.change_rad(name)) / m.resolution_rad[i]
+                            for i, name in enumerate(BOTH)])  # fmt: skip
+
+
+def like_trials(
+    m: MeasuredTrial, others: Sequence[tuple[MeasuredTrial, PredictedAngles]], bottom_s: Mapping[int, float]
+) -> LikeTrials | None:
+    """Other trials on the times of one; None where they are fewer than `FEWEST_LIKE`, or a key reaches no bed."""
+    there = [one for one in others if one[0].number != m.number and np.isfinite(bottom_s[one[0].number])]
+    if len(there) < FEWEST_LIKE or not np.isfinite(bottom_s[m.number]):
+        return None
+    force, off = [], []
+    for other, p in there:
+        later = bottom_s[other.number] - bottom_s[m.number]
+        force.append(np.interp(m.force.time_s + later, other.force.time_s, other.force.force_n))
+        columns = difference_from_model(other, p).T
+        off.append([np.interp(m.time_s + later, other.time_s, c, left=np.nan, right=np.nan) for c in columns])
+    return LikeTrials(np.array(force), np.swapaxes(np.array(off), 1, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class _Suspect:
+    """A spike, the samples it is judged by, and there the difference from the model and what it is without a spike."""
+
+    spike: Spike
+    part: NDArray[np.intp]
+    off: Array
+    missed: float
+    limit: float
+    by: str  # what ``missed`` is, in words
+
+
+def _suspects(m: MeasuredTrial, off: Array, like: LikeTrials | None) -> Iterator[_Suspect]:
+    """Spikes by the trial alone, then by other trials of the stroke."""
+    for spike in candidate_spikes(m):
+        before = _window(m, spike, -MISSED_S, 0.0)
+        missed = rms(_about_line(m.time_s[before], off[before])) if before.size > 2 else 0.0
+        part = _window(m, spike, -BEFORE_S, AFTER_S)
+        yield _Suspect(spike, part, off[part], max(missed, ROUNDING), FEWEST_MISSES, "else miss the model by")
+    if like is None:
+        return
+    usual_n, usual = np.median(like.force_n, axis=0), np.median(like.off, axis=0)
+    scatter_n = np.abs(like.force_n - usual_n).max(axis=0)
+    least = np.maximum(FEWEST_SCATTERS * scatter_n, max(SIGMAS * m.force.noise_n, LEAST_N))
+    for spike in _stretches(m.force.force_n - usual_n, least, round(LONGEST_UNLIKE_S / _step_s(m))):
+        part = _window(m, spike, -BEFORE_S, AFTER_S)
+        if part.size >= FEWEST:
+            scatter = rms([_about_line(m.time_s[part], one) for one in (like.off - usual)[:, part]])
+            missed = max(scatter * float(np.sqrt(len(like.off) / (len(like.off) - 1))), ROUNDING)
+            yield _Suspect(
+                spike, part, (off - usual)[part], missed, FEWEST_SCATTERS, "else differ from other trials by"
+            )
+
+
 @finds(
     {"unanswered force spike": "Check cable and amplifier of the load cell, and record the trial again."},
     spoils=PREDICTION,
 )
 def unanswered_spikes(
-    tested: ModelUnderTest, m: MeasuredTrial, p: PredictedAngles, until_s: float
+    tested: ModelUnderTest, m: MeasuredTrial, p: PredictedAngles, until_s: float, like: LikeTrials | None = None
 ) -> list[SessionFinding]:
     """The worst spike of the force that neither key nor whippen answers, until the release.
 
     Conventions: counts of key and whippen, from 4 ms before a spike to 8 ms after it, about a straight line. The answer
     is what the model's motion with the spike and without it differ by; its share that is lacking is that of the
     difference from the model, by least squares. Named where all of the answer lacks and its root mean square is five
-    times what is left, and five times what the model missed in the 12 ms before. Silent about smaller answers, where
-    the model misses the motion anyway, as of a key that rings on its bed, and after the release.
+    times what is left, and five times what the model missed in the 12 ms before; or three times what is left of the
+    difference from other trials of the stroke and what these scatter by, where the force is unlike theirs. Silent about
+    smaller answers, and after the release.
     """
-    step_s = float(np.median(np.diff(m.force.time_s)))
     key_per_impulse = 0.5 * AFTER_S * tested.action["drive.point.x"] / tested.action["key.inertia"]
     predicted = np.column_stack([p.change_rad(name) for name in BOTH]) / m.resolution_rad[: len(BOTH)]
-    off = np.column_stack([m.change_rad[:, i] / m.resolution_rad[i] for i in range(len(BOTH))]) - predicted
     asked = []
-    for spike in candidate_spikes(m):
-        part = _window(m, spike, -BEFORE_S, AFTER_S)
-        if part.size < FEWEST or m.time_s[part[-1]] > until_s or not np.isfinite(off[part]).all():
+    for one in _suspects(m, difference_from_model(m, p), like):
+        if one.part.size < FEWEST or m.time_s[one.part[-1]] > until_s or not np.isfinite(one.off).all():
             continue
-        before = _window(m, spike, -MISSED_S, 0.0)
-        missed = max(rms(_about_line(m.time_s[before], off[before])), ROUNDING) if before.size > 2 else ROUNDING
-        answer = key_per_impulse * step_s * abs(float(spike.change_n.sum())) / float(m.resolution_rad[0])
-        if min(rms(_about_line(m.time_s[part], off[part])), LACKING[1] * answer) >= FEWEST_MISSES * missed:
-            asked.append((answer / missed, _isolation(m.force.force_n, spike), missed, spike))
-    by_answer = sorted(asked, key=lambda one: one[0], reverse=True)[:MOST_RUN]
-    by_isolation = sorted(asked, key=lambda one: one[1], reverse=True)[:MOST_RUN]
+        answer = key_per_impulse * _step_s(m) * abs(float(one.spike.change_n.sum())) / float(m.resolution_rad[0])
+        size = min(rms(_about_line(m.time_s[one.part], one.off)), LACKING[1] * answer)
+        if size >= one.limit * one.missed:
+            asked.append((answer / one.missed, _isolation(m.force.force_n, one.spike), one))
+    by_answer = sorted(asked, key=lambda row: row[0], reverse=True)[:MOST_RUN]
+    by_isolation = sorted(asked, key=lambda row: row[1], reverse=True)[:MOST_RUN]
     found = []
-    for _, _, missed, spike in {id(one[3]): one for one in (*by_answer, *by_isolation)}.values():
-        part = _window(m, spike, -BEFORE_S, AFTER_S)
-        without = _motion_without(tested, m, spike, part)
+    for *_, one in {id(row[2]): row for row in (*by_answer, *by_isolation)}.values():
+        without = _motion_without(tested, m, one.spike, one.part)
         if without is None:
             continue
-        of_model, lacks = (_about_line(m.time_s[part], x) for x in (predicted[part] - without, -off[part]))
-        share = float((lacks * of_model).sum() / max((of_model**2).sum(), 1e-12))
-        size, missed = share * rms(of_model), max(missed, rms(lacks - share * of_model))
-        if LACKING[0] <= share <= LACKING[1] and size >= FEWEST_MISSES * missed:
-            found.append((size / missed, size, missed, spike))
+        answers, lacks = (_about_line(m.time_s[one.part], x) for x in (predicted[one.part] - without, -one.off))
+        share = float((lacks * answers).sum() / max((answers**2).sum(), 1e-12))
+        size, missed = share * rms(answers), max(one.missed, rms(lacks - share * answers))
+        if LACKING[0] <= share <= LACKING[1] and size >= one.limit * missed:
+            found.append((size / missed, size, missed, one))
     if not found:
         return []
-    _, size, missed, spike = max(found, key=lambda one: one[0])
-    start_s, lasts_ms = float(m.time_s[spike.first]), 1e3 * step_s * spike.change_n.size
+    _, size, missed, one = max(found, key=lambda row: row[0])
+    start_s, lasts_ms = float(m.time_s[one.spike.first]), 1e3 * _step_s(m) * one.spike.change_n.size
     text = (
         f"trial {m.number}: force: key and whippen do not answer a spike that lasts {lasts_ms:.1f} ms and leaves the "
-        f"readings beside it by {spike.size_n:+.2g} N, at {start_s:.4f} s: until {1e3 * AFTER_S:g} ms after it they "
-        f"lack the {size:.1f} counts (root mean square) by which the model moves for it, and else miss the model by "
-        f"{missed:.1f} (limit {FEWEST_MISSES:g} times that)"
+        f"readings beside it by {one.spike.size_n:+.2g} N, at {start_s:.4f} s: until {1e3 * AFTER_S:g} ms after it "
+        f"they lack the {size:.1f} counts (root mean square) by which the model moves for it, and {one.by} "
+        f"{missed:.1f} (limit {one.limit:g} times that)"
     )
-    return [SessionFinding("unanswered force spike", m.number, "force", spike.size_n, FEWEST_MISSES, text)]
+    return [SessionFinding("unanswered force spike", m.number, "force", one.spike.size_n, one.limit, text)]
+
+
+def _step_s(m: MeasuredTrial) -> float:
+    return float(np.median(np.diff(m.force.time_s)))
 
 
 def _window(m: MeasuredTrial, spike: Spike, after_s: float, until_s: float) -> NDArray[np.intp]:

@@ -15,7 +15,7 @@ from validation.events.session_events import find_session_events
 from validation.findings.encoders import Travel, encoder_travel
 from validation.findings.find_faults import find_faults
 from validation.findings.force import force_saturation
-from validation.findings.force_spikes import candidate_spikes, unanswered_spikes
+from validation.findings.force_spikes import candidate_spikes, like_trials, unanswered_spikes
 from validation.findings.readings import encoder_readings, force_stands_still
 from validation.measurement.measure_session import measure_session
 from validation.options import ComparisonOptions
@@ -46,7 +46,10 @@ def test_sound_trials_have_neither(stage):
     for m in stage.trials:
         p = stage.predictions(m.number)
         assert encoder_readings(m, p) == []
-        assert unanswered_spikes(stage.tested, m, p, stage.events.trial[m.number]["key_release"].value) == []
+        until_s = stage.events.trial[m.number]["key_release"].value
+        every = [(one, stage.predictions(one.number)) for one in stage.trials]
+        bottom_s = {number: events["key_bottom"].value for number, events in stage.events.trial.items()}
+        assert unanswered_spikes(stage.tested, m, p, until_s, like_trials(m, every, bottom_s)) == []
 
 
 @pytest.mark.parametrize("column", range(3))
@@ -120,6 +123,21 @@ def test_a_spike_that_key_and_whippen_answer_is_a_true_one(stage):
         [p.change_rad(name) - stage.predictions(3).change_rad(name) for name in CHANNELS]
     )
     assert unanswered_spikes(stage.tested, replace(m, change_rad=moved), p, m.time_s[-1]) == []
+
+
+def test_a_spike_while_the_key_rings_is_told_by_other_trials(stage):
+    bottom_s = {number: events["key_bottom"].value for number, events in stage.events.trial.items()}
+    until_s = stage.events.trial[3]["key_release"].value
+    for after_s, newton, length_s in ((0.01, 4.0, 2e-3), (0.02, -3.0, 15e-3)):
+        m, p = spiked(stage, 3, bottom_s[3] + after_s, newton, length_s)
+        others = [(one, stage.predictions(one.number)) for one in stage.trials if one.number != 3]
+        like = like_trials(m, others, bottom_s)
+        (found,) = unanswered_spikes(stage.tested, m, p, until_s, like)
+        assert found.value == pytest.approx(newton, abs=1.0) and "differ from other trials by" in found.text
+        turned = [p.change_rad(name) - stage.predictions(3).change_rad(name) for name in CHANNELS]
+        answered = replace(m, change_rad=stage.trials[2].change_rad + np.column_stack(turned))
+        assert unanswered_spikes(stage.tested, answered, p, until_s, like) == []
+    assert like_trials(m, others[:2], bottom_s) is None
 
 
 def test_a_bounce_that_the_model_misses_is_no_unanswered_spike(tmp_path, make):

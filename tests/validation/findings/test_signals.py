@@ -87,6 +87,13 @@ def test_a_hammer_that_goes_with_the_whippen_and_ends_elsewhere_is_no_gross_diff
         assert kinds(encoder_travel({n: given for n in (1, 2, 3)})) == [(kind, "hammer")]
 
 
+def test_a_key_that_does_not_go_with_the_whippen_is_no_gross_difference():
+    """As of a hammer that is wedged: by another scale the key would go with the whippen all the way."""
+    for apart, kind in ((0.3, "travel difference"), (0.05, "gross travel difference")):
+        given = Travel(np.array([0.42, 1.0, np.nan]), 1 / 0.42, True, apart=apart)
+        assert kinds(encoder_travel({n: given for n in (1, 2, 3)})) == [(kind, "key")]
+
+
 def test_key_and_whippen_alike_are_no_scale():
     blocked = dict.fromkeys((1, 2, 3), travel(0.06, 0.06))
     assert kinds(encoder_travel(blocked)) == [("travel difference", "key")]
