@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -140,6 +140,25 @@ def write_table(path: Path, table: pd.DataFrame) -> None:
     check_writable(path)
     with replace_when_complete(path) as part:
         table.to_csv(part, index=False)
+
+
+def read_table(path: Path, advice: str, columns: Iterable[str] = ()) -> pd.DataFrame:
+    """Read a table that `write_table` wrote.
+
+    Raises
+    ------
+    CommandInputError : it cannot be read, or lacks one of ``columns``; with the advice
+    """
+    import pandas as pd  # start-up: 0.3 s that only a table needs
+
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as problem:
+        raise CommandInputError(f"{path}: cannot be read ({problem}); {advice}") from None
+    missing = [name for name in columns if name not in table]
+    if missing:
+        raise CommandInputError(f"{path}: column {missing[0]!r} is missing; {advice}")
+    return table
 
 
 def write_rows(path: Path, rows: list[dict[str, Any]]) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 import vision
+from pianorig.console.column_file import read_table
 from pianorig.errors import CommandInputError
 from pianorig.page.catalogue import Catalogue, UnknownName, open_session, readable_trial
 from pianorig.page.review import outlined_film
@@ -68,7 +69,7 @@ class FilmSubject:
             return session.read_derived(STEP, trial.number)
         if not self.table.is_file():
             return None
-        return pd.read_csv(self.table), {}
+        return read_table(self.table, "track the film again"), {}
 
     def view(self) -> dict[str, Any]:
         """The film for the page (`pianorig.page.review`)."""
@@ -120,12 +121,7 @@ def _found_marks(subject: FilmSubject) -> dict[str, Any]:
     """Of each followed mark: frames, values and uncertainties (px), and where it was lost."""
     if not subject.marks_table.is_file():
         return {}
-    try:
-        table = pd.read_csv(subject.marks_table)
-    except (OSError, ValueError) as error:
-        raise CommandInputError(
-            f"{subject.marks_table.name}: cannot be read ({error}); follow the marks again"
-        ) from None
+    table = read_table(subject.marks_table, "follow the marks again")
     found = {}
     for column in table.columns:
         name = column.removesuffix("_flag")

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 import vision
-from pianorig.console.column_file import write_table
+from pianorig.console.column_file import read_table, write_table
 from pianorig.console.failures import Interrupted, how_stopped
 from pianorig.errors import CommandInputError
 from pianorig.workflows.session_film import STEP, SessionFilm
@@ -358,7 +358,8 @@ def retrack(
     from scipy.interpolate import make_interp_spline  # start-up: only a frame that is fitted again needs it
 
     bodies = vision.load_bodies(film.outlines)
-    table = _read_table(table_file, bodies)
+    needed = (f"{body.name}{tail}" for body in bodies for tail in ("_rad", "_x_px", "_y_px", "_flag"))
+    table = read_table(table_file, "track the film first", ("time_s", "frame", *needed))
     unknown = sorted(set(places) - {body.name for body in bodies})
     if unknown:
         raise CommandInputError(f"--place {unknown[0]}: is not a body of {film.outlines}")
@@ -426,18 +427,6 @@ def _tracked_field(film: SessionFilm, source: vision.Film, attributes: dict[str,
 
 def _number_or_none(value: Any) -> int | None:
     return None if value is None else int(value)
-
-
-def _read_table(path: Path, bodies: Sequence[vision.Body]) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as problem:
-        raise CommandInputError(f"{path}: cannot be read ({problem}); track the film first") from None
-    needed = ["time_s", "frame", *(f"{b.name}{tail}" for b in bodies for tail in ("_rad", "_x_px", "_y_px", "_flag"))]
-    missing = [name for name in needed if name not in table]
-    if missing:
-        raise CommandInputError(f"{path}: column {missing[0]!r} is missing; track the film first")
-    return table
 
 
 def _between_neighbours(table: pd.DataFrame, row: int, bodies: Sequence[vision.Body]) -> dict[str, Place]:

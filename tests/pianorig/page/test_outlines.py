@@ -92,6 +92,9 @@ def test_a_film_on_its_own_has_its_files_beside_it(filmed: Path, writing: Page) 
     assert refused.status == 400 and "save them first" in refused.json["error"]
     assert writing.ask("/api/outlines/foreign.mraw/0", "POST", {"bodies": [body()]}).status == 200
     assert (filmed / "foreign.bodies.toml").is_file()
+    (filmed / "foreign.angles.csv").write_text("")
+    refused = writing.ask("/api/outlines/foreign.mraw/0")
+    assert refused.status == 400 and "cannot be read" in refused.json["error"] and "track" in refused.json["error"]
     for rate in (0, -1, "x", True, 1e10):
         answer = writing.ask("/api/outlines/foreign.mraw/0/track", "POST", {"frame_rate_hz": rate})
         assert answer.status == 400 and "frame rate" in answer.json["error"], rate
