@@ -107,6 +107,7 @@ def test_a_place_that_is_none_is_refused(filmed: Path, writing: Page) -> None:
         ({"frame": "1", "places": {}}, "frame number"),
         ({"frame": 1, "places": {"jack": [1, 2]}}, "place of jack"),
         ({"frame": 1, "places": {"jack": [1, 2, None]}}, "place of jack"),
+        ({"frame": 1, "places": {"j" * 90: []}}, f"place of {'j' * 60}: allowed"),
         ({"frame": 1, "places": {"jack": [0.0, 1.0, 2.0]}}, "track the film first"),
     ):
         answer = writing.ask(f"{HERE}/frame", "POST", content)
