@@ -23,7 +23,7 @@ from validation.infer.force_runs import Own
 from validation.infer.identify import bounds_not_run, identify, look_before
 from validation.infer.observations import observe, observe_driven
 from validation.infer.problem import Columns, Problem
-from validation.infer.sources import IdentifyOptions, _names, collect
+from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import expand, unknowns
 from validation.pipeline.compare_session import compare as compare_session
 from validation.prediction.positions import of_null
@@ -200,10 +200,20 @@ def test_a_copy_of_a_session_is_the_same_strokes_to_fit_or_to_hold_out(tmp_path:
     refused(error)
 
 
-def test_sessions_of_one_name_keep_their_hashes_apart() -> None:
-    def session(place: str) -> SimpleNamespace:
-        return SimpleNamespace(path=Path(place), info=SimpleNamespace(name="try"))
+def test_sessions_of_one_name_keep_their_hashes_apart(tmp_path: Path) -> None:
+    """Named by their folder where two have one name, by the whole path where their folders have one name too."""
+    for place, numbers in (("one/try", (1,)), ("two/try", (2,)), ("two/again", (3,))):
+        copy = shutil.copytree(SESSIONS / "example_forte", tmp_path / place)
+        for path in copy.glob("trial_*"):
+            if int(path.name[6:10]) not in numbers:
+                path.unlink()
 
-    assert _names([session("a/one"), session("a/two")]) == ["try (one)", "try (two)"]  # type: ignore[list-item]
-    assert len(set(_names([session("a/one"), session("b/one")]))) == 2  # type: ignore[list-item]
-    assert _names([session("a/one")]) == ["try"]  # type: ignore[list-item]
+    def labels(*places: str) -> list[str]:
+        return list(collect([tmp_path / place for place in places], ACTION, IdentifyOptions()).seals)
+
+    (name,) = labels("one/try")
+    assert labels("one/try", "two/again") == [
+        name.replace(",", f" ({x}),").replace("trial 1", f"trial {n}") for x, n in (("try", 1), ("again", 3))
+    ]
+    first, second = labels("one/try", "two/try")
+    assert str(tmp_path / "one" / "try") in first and str(tmp_path / "two" / "try") in second
