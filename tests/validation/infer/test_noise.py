@@ -144,6 +144,17 @@ def test_no_size_is_below_its_floor() -> None:
     np.testing.assert_allclose(tiny.discrepancy, FLOOR)
 
 
+def test_what_a_trial_has_of_its_own_is_in_each_channel_as_large_as_stated() -> None:
+    blocks = made_blocks(np.random.default_rng(7), 1, 1, 4)
+    sizes = planted(blocks, 0.1, 0.03, 0.2)
+    (plain, _), (wide, _) = (
+        Marginal(blocks, replace(sizes, own=np.array([own]))).white[0] for own in ((3e-3,) * 3, (3e-3, 3e-2, 3e-3))
+    )
+    change = np.diag(wide @ wide.T - plain @ plain.T).reshape(3, SMALL)
+    np.testing.assert_allclose(change[1], (3e-2**2 - 3e-3**2) * blocks[0].size[1] ** 2, rtol=1e-5)
+    np.testing.assert_allclose(change[[0, 2]], 0.0, atol=1e-12 * change.max())
+
+
 def test_two_laws_of_an_action_are_of_the_family_their_names_say() -> None:
     p = toy.problem(toy.made(np.zeros(3), 2, np.random.default_rng(1)))
     assert list(p.families[:3]) == [1, 1, 0]  # key's and hammer's joint, friction of a contact
