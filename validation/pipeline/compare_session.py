@@ -24,6 +24,7 @@ from validation.events.session_events import SessionEvents, Window, find_session
 from validation.findings.find_faults import SessionFindings, find_faults
 from validation.findings.finding import SessionFinding, sound_trials
 from validation.infer.causes.explain import Explained, explain_difference
+from validation.infer.causes.responses import STEP
 from validation.measurement.measure_session import measure_session, open_session, representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import CompareOptions, ComparisonOptions
@@ -37,7 +38,7 @@ from validation.statistics.repeatability import few_trials_warning
 from validation.statistics.rivals import beside_rivals
 from validation.tables.channels import summary
 from validation.tables.comparison import Comparison
-from validation.verdict.error_draws import session_errors
+from validation.verdict.error_draws import separate_conditions, session_errors
 from validation.verdict.quantities import relevance_limits
 from validation.verdict.verdict import Verdict, judge_model, undecided_verdict
 
@@ -185,7 +186,11 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         explained = explain_difference(tested, of_one_kind(predicted.trials, findings, but=ODD), effects, between=odd)
         if odd and not explained.findings:
             explained = explain_difference(tested, of_one_kind(predicted.trials, findings), effects)
+    firsts = first_of_changed(findings, explained)
+    if chosen.suspect:
         findings = replace(findings, faults=(*unexplained(findings, explained), *explained.findings))
+    numbers = [m.number for m in predicted.trials if m.number not in findings.trials_without_rest]
+    findings = replace(findings, kinds=separate_conditions(numbers, findings.kinds, firsts))
     changes = [asdict(change) for change in explained.changes]
     rivals = beside_rivals(predicted, scored, tested, findings.left_out)
     verdict = _verdict(predicted, events, scored, findings, tested, chosen)
@@ -276,6 +281,13 @@ def unexplained(findings: SessionFindings, explained: Explained) -> list[Session
     """Findings without what the search for causes says more of: a trial that only the model finds odd, and a change."""
     named = {f.trial for f in explained.findings}
     return [f for f in findings.faults if not named or not (f.kind == CHANGED or (f.kind == ODD and f.trial in named))]
+
+
+def first_of_changed(findings: SessionFindings, explained: Explained) -> set[int]:
+    """Numbers of the first trials of what changed within the session: as seen, else as the only causes named say."""
+    seen = {int(f.trial) for f in findings.faults if f.kind == CHANGED}
+    named = {change.first for change in explained.changes if change.profile == STEP}
+    return seen or (named if len(named) == 1 else set())
 
 
 def of_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings, but: str = "") -> list[MeasuredTrial]:

@@ -10,7 +10,7 @@ from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
 from validation.tables.numbers import DASH, number
 from validation.verdict.quantities import PHASES, QUANTITIES
-from validation.verdict.verdict import format_interval, reading_of, shown_interval
+from validation.verdict.verdict import format_interval, reading_of, shown_interval, title_of
 
 WIDTH, HEIGHT, EDGE = 240.0, 22.0, 8.0
 
@@ -45,7 +45,7 @@ def forest(side: SideBySide) -> list[dict[str, Any]]:
         q, most = QUANTITY[row.quantity], reach[row.quantity]
         out.append(
             {
-                "quantity": f"{q.title} ({q.unit_shown})",
+                "quantity": f"{title_of(row)} ({q.unit_shown})",
                 "session": result.session_name,
                 "model": result.action_name,
                 "difference": format_interval(*shown_interval(row), ""),
@@ -77,9 +77,10 @@ def heat_map(side: SideBySide) -> list[dict[str, Any]]:
     for result in side.results:
         rows = []
         angles = result.quantities[result.quantities["channel"] != ""]
-        for channel, part in angles.groupby("channel", sort=False):
+        for (channel, trials), part in angles.groupby(["channel", "trials"], sort=False):
             by_phase = {str(row.phase): row for row in part.itertuples()}
-            rows.append((TITLE[str(channel)], [_cell(by_phase[phase]) for phase in PHASES]))
+            title = f"{TITLE[str(channel)]}, {trials}" if trials else TITLE[str(channel)]
+            rows.append((title, [_cell(by_phase[phase]) for phase in PHASES]))
         judged = bool(result.judgement.get("judged", False))
         groups.append({"session": result.session_name, "model": result.action_name, "judged": judged, "rows": rows})
     return groups

@@ -12,11 +12,11 @@ from validation.tables.comparison import Comparison
 from validation.tables.numbers import DASH, number
 from validation.tables.table import UNIT, Column, Page, Row, Table
 from validation.verdict.quantities import INDEX, QUANTITIES
-from validation.verdict.verdict import detectable_words, format_interval, reading_of, shown_interval
+from validation.verdict.verdict import detectable_words, format_interval, reading_of, shown_interval, title_of
 
 
 def _title(row: Row) -> str:
-    return f"{row['title']} ({QUANTITIES[INDEX[row['quantity']]].unit_shown})"
+    return f"{title_of(SimpleNamespace(**row))} ({QUANTITIES[INDEX[row['quantity']]].unit_shown})"
 
 
 def _interval(low: str, high: str) -> Callable[[Row], str]:
@@ -40,6 +40,7 @@ def _size(column: str) -> Callable[[Row], str]:
 COLUMNS = (
     Column("quantity", "", "Name of the quantity", str),
     Column("title", "", "The same in words", str, head="quantity", text=_title),
+    Column("trials", "", "Trials that it is of, where the session holds several conditions; else empty", str),
     Column("channel", "", "Body whose angle it is; empty for an event", str),
     Column(
         "phase",

@@ -1,7 +1,7 @@
 """Comparison errors of a session, found and drawn: what enters the verdict's estimate.
 
 What is common to all trials (parameters, gain, level and delay of the force, scales of the encoders, levels of rest) is
-drawn on one representative trial of each kind of stroke. What each trial has for itself as declared (offset and noise
+drawn on one representative trial of each condition. What each trial has for itself as declared (offset and noise
 of its force, quantisation) is drawn apart, so that it is counted once: with the scatter of all trials it makes the one
 variance component of `validation.verdict.estimate.draw_trial_scatter`.
 """
@@ -12,6 +12,7 @@ import base64
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,6 @@ from validation.scores.traces import SessionTraces, scored
 from validation.verdict.estimate import ErrorSample
 from validation.verdict.quantities import (
     ANGLES,
-    BRANCH,
     IS_PRIMARY,
     QUANTITIES,
     branch_mask,
@@ -72,21 +72,56 @@ class TrialErrors:
 
 
 @dataclass(frozen=True)
+class Condition:
+    """Trials of one condition, on the branch that most of them take, and what was measured in them."""
+
+    trials: tuple[int, ...]
+    branch: int
+    travel: Mapping[str, float]  # range of each channel in the window, rad, mean over trials
+    values: Array  # (Q,) events, mean over trials, NaN for angles
+    representative: int  # number of the trial drawn
+
+
+@dataclass(frozen=True)
 class SessionErrors:
-    """Comparison errors of a session."""
+    """Comparison errors of a session: of each of its conditions `QUANTITIES`, one condition after the other."""
 
     sample: ErrorSample
-    travel: Mapping[str, float]  # measured range of each channel in the window, rad, mean over trials
-    values: Array  # (V,) measured events, mean over trials, NaN for angles
-    trials: tuple[int, ...]  # numbers of the trials on the branch that most of them take
-    other_branch: Mapping[int, int]  # numbers of the others, with their branch
-    branch: int  # that branch
+    conditions: tuple[Condition, ...]
+    other_branch: Mapping[int, int]  # numbers of the trials on another branch than their condition's, with their branch
     failed: int  # draws that could not be run
-    # time_s, curves: (n,) and (N, n, 5) errors of the representative trial over time, rad; of those that could be run
+    # time_s, curves: (n,) and (N, n, 5) errors of the first representative over time, rad; of those that could be run
     time_s: Array
     curves: NDArray[np.float32]
     changed: Sequence[Mapping[str, float]]  # parameters of the action in each draw
-    representatives: tuple[int, ...]  # number of the trials drawn
+
+    @property
+    def trials(self) -> tuple[int, ...]:
+        """Numbers of all trials that the errors are of."""
+        return tuple(sorted(number for condition in self.conditions for number in condition.trials))
+
+
+def separate_conditions(
+    numbers: Sequence[int], kinds: Sequence[Collection[int]], firsts: Collection[int]
+) -> tuple[tuple[int, ...], ...]:
+    """Trials of each condition, where there are several: kinds of stroke, cut where something changes within one.
+
+    Parameters
+    ----------
+    numbers : of all trials
+    kinds : trials of each kind of stroke, where there are several
+    firsts : first trials of what changed
+
+    Examples
+    --------
+    >>> separate_conditions([1, 2, 3, 4], [], [3])
+    ((1, 2), (3, 4))
+    """
+    out = []
+    for kind in kinds or [numbers]:
+        cuts = [0, *sorted(first for first in firsts if first in kind and first > min(kind)), float("inf")]
+        out += [tuple(sorted(n for n in kind if low <= n < high)) for low, high in pairwise(cuts)]
+    return tuple(out) if len(out) > 1 else ()
 
 
 def trial_errors(
@@ -131,25 +166,24 @@ def session_errors(
     events: SessionEvents,
     tested: ModelUnderTest,
     without: Collection[tuple[int, str]] = (),
-    kinds: Sequence[Collection[int]] = (),
+    conditions: Sequence[Collection[int]] = (),
     u_rest_level_m: float = 0.0,
 ) -> SessionErrors | None:
-    """Errors found in all usable trials, and draws on one representative trial of each kind of stroke.
+    """Errors found in all usable trials, and draws on one representative trial of each condition.
 
     Returns None where no trial is usable.
 
     Parameters
     ----------
     without : collection of (trial, channel), what is unusable
-    kinds : sequence of collections of trial numbers, where the session holds several kinds of stroke
+    conditions : sequence of collections of trial numbers, where the session holds several
     u_rest_level_m : standard uncertainty of hammer height and key dip at rest, m
     """
     usable = [m for m in predicted.trials if not all((m.number, name) in without for name in ENCODER_CHANNELS)]
     if not usable:
         return None
     found = {m.number: trial_errors(m, traces, events, tested, without) for m in usable}
-    groups, other = _majorities(usable, found, kinds)
-    numbers = [m.number for group in groups for m in group]
+    groups, other = _majorities(usable, found, conditions)
     seed = session_seed(predicted.trials)
     draws = joint_draws(tested.action, seed, DRAWS, parameters=True)
     of_group = []
@@ -160,49 +194,57 @@ def session_errors(
         drawing = _TrialDrawing(tested, m, found[m.number].masks, draws, own_draws(seed, OWN_DRAWS), u_rest_level_m)
         of_group.append((m, drawing.load_or_run()))
     ran = np.all([np.isfinite(one.common).any(axis=1) for _, one in of_group], axis=0)
-    mean, count, residuals = _means([np.array([found[m.number].errors for m in group]) for group in groups])
-    branch, observed = np.zeros(len(draws), dtype=np.int64), 0
-    for k, (m, one) in enumerate(of_group):
-        branch += (one.branch & found[m.number].known) << len(BRANCH) * k
-        observed += found[m.number].branch << len(BRANCH) * k
-    weights = [len(group) / len(numbers) for group in groups]
+    means = [_means(np.array([found[m.number].errors for m in group])) for group in groups]
     sample = ErrorSample(
-        found=mean,
-        n_trials=count,
-        residuals=residuals,
-        common=_weighted_mean([one.common[ran] for _, one in of_group], weights),
-        own=_weighted_mean([one.own for _, one in of_group], weights),
-        branch=branch[ran],
-        branch_found=observed,
+        found=np.concatenate([mean for mean, _, _ in means]),
+        n_trials=np.concatenate([count for _, count, _ in means]),
+        residuals=_block_diagonal([residuals for _, _, residuals in means]),
+        common=np.concatenate([one.common[ran] for _, one in of_group], axis=1),
+        own=_block_diagonal([one.own for _, one in of_group]),
+        condition=np.repeat(np.arange(len(groups)), len(QUANTITIES)),
+        branch=np.column_stack([(one.branch & found[m.number].known)[ran] for m, one in of_group]),
+        branch_found=np.array([found[m.number].branch for m, _ in of_group]),
         inputs=np.array([_inputs(d) for d in draws])[ran],
-        floor=_floors(usable),
-        primary=IS_PRIMARY,
+        floor=np.tile(_floors(usable), len(groups)),
+        primary=np.tile(IS_PRIMARY, len(groups)),
     )
     first, of_first = of_group[0]
-    travels = {name: [t for n in numbers if (t := found[n].travel.get(name)) is not None] for name in CHANNELS}
     return SessionErrors(
         sample=sample,
-        travel={name: float(np.mean(t)) for name, t in travels.items() if t},
-        values=_means([np.array([found[n].values for n in numbers])])[0],
-        trials=tuple(sorted(numbers)),
+        conditions=tuple(_condition(group, m, found) for group, (m, _) in zip(groups, of_group, strict=True)),
         other_branch=other,
-        branch=found[first.number].branch,
         failed=int(len(draws) - ran.sum()),
         time_s=first.time_s[_sparse(first.time_s.size)],
         curves=of_first.curves[ran],
         changed=[d.changed for d, one in zip(draws, ran, strict=True) if one],
-        representatives=tuple(m.number for m, _ in of_group),
     )
 
 
+def _condition(group: Sequence[MeasuredTrial], drawn: MeasuredTrial, found: Mapping[int, TrialErrors]) -> Condition:
+    numbers = tuple(sorted(m.number for m in group))
+    travels = {name: [t for n in numbers if (t := found[n].travel.get(name)) is not None] for name in CHANNELS}
+    travel = {name: float(np.mean(t)) for name, t in travels.items() if t}
+    values = _means(np.array([found[n].values for n in numbers]))[0]
+    return Condition(numbers, found[drawn.number].branch, travel, values, drawn.number)
+
+
+def _block_diagonal(blocks: Sequence[Array]) -> Array:
+    """Blocks along the diagonal, NaN elsewhere: trials of one condition say nothing of the scatter of another."""
+    rows, columns = (np.cumsum([0, *(block.shape[axis] for block in blocks)]) for axis in (0, 1))
+    out = np.full((rows[-1], columns[-1]), np.nan)
+    for k, block in enumerate(blocks):
+        out[rows[k] : rows[k + 1], columns[k] : columns[k + 1]] = block
+    return out
+
+
 def _majorities(
-    usable: Sequence[MeasuredTrial], found: Mapping[int, TrialErrors], kinds: Sequence[Collection[int]]
+    usable: Sequence[MeasuredTrial], found: Mapping[int, TrialErrors], conditions: Sequence[Collection[int]]
 ) -> tuple[list[list[MeasuredTrial]], dict[int, int]]:
-    """Trials of each kind on the branch that most of them take, and the branch of the others by number."""
+    """Trials of each condition on the branch that most of them take, and the branch of the others by number."""
     groups: list[list[MeasuredTrial]] = []
     other: dict[int, int] = {}
-    for kind in kinds or [[m.number for m in usable]]:
-        members = [m for m in usable if m.number in kind]
+    for numbers in conditions or [[m.number for m in usable]]:
+        members = [m for m in usable if m.number in numbers]
         if not members:
             continue
         whole = max(found[m.number].known for m in members)
@@ -214,22 +256,12 @@ def _majorities(
     return groups, other
 
 
-def _means(groups: Sequence[Array]) -> tuple[Array, NDArray[np.int64], Array]:
-    """Mean over all trials, trials counted, and residuals from the mean of each kind, of (n, V) each; NaN not known."""
-    every = np.concatenate(groups)
-    known = np.isfinite(every)
+def _means(errors: Array) -> tuple[Array, NDArray[np.int64], Array]:
+    """Mean over trials, trials counted, and residuals from the mean, of (n, V); NaN not known."""
+    known = np.isfinite(errors)
     count = known.sum(axis=0)
-    mean = np.where(known, every, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan)
-    residuals = []
-    for errors in groups:
-        there = np.isfinite(errors)
-        own = np.where(there, errors, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
-        residuals.append(np.where(there, errors - own, np.nan))
-    return mean, count, np.concatenate(residuals)
-
-
-def _weighted_mean(parts: Sequence[Array], weights: Sequence[float]) -> Array:
-    return np.asarray(sum(weight * part for weight, part in zip(weights, parts, strict=True)))
+    mean = np.where(known, errors, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan)
+    return mean, count, errors - mean
 
 
 @dataclass(frozen=True)

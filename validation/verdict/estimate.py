@@ -44,8 +44,9 @@ class ErrorSample:
     residuals: Array  # (n, V), of each trial from that mean, NaN where not known
     common: Array  # (N, V), errors as drawn, of what is common to all trials
     own: Array  # (K, V), errors as drawn, of what each trial has for itself as declared
-    branch: NDArray[np.int64]  # (N,), branch of the motion of each draw, as a number
-    branch_found: int  # that of the trials; need not occur in ``branch``
+    condition: NDArray[np.int64]  # (V,), place of the condition that each quantity is of
+    branch: NDArray[np.int64]  # (N, P), branch of the motion of each draw in each condition, as a number
+    branch_found: NDArray[np.int64]  # (P,), that of the trials; need not occur in ``branch``
     inputs: Array  # (N, q), drawn values of the inputs, standard normal
     floor: Array  # (V,), smallest scale
     primary: NDArray[np.bool_]  # (V,), quantities of the claim
@@ -72,10 +73,9 @@ class Estimates:
     detectable_low: Array
     detectable_high: Array
     p: float  # of the simultaneous test
-    n_draws: int  # draws on the branch that was observed
-    share: float  # of the draws on that branch
+    n_draws: NDArray[np.int64]  # (P,), draws on the branch that was observed in each condition
+    share: Array  # (P,), of the draws on that branch
     is_branch_resolved: bool  # whether the branch itself is what a right model hardly ever does
-    noise: Array  # (N, V) errors drawn, with what differs between trials; NaN off the branch
 
     @property
     def alone(self) -> NDArray[np.bool_]:
@@ -92,20 +92,21 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
     >>> common, nothing = rng.standard_normal((199, 2)), np.zeros((1, 2))
     >>> sample = ErrorSample(
     ...     found=np.array([0.3, 9.0]), n_trials=np.ones(2, int), residuals=nothing, common=common,
-    ...     own=np.zeros((2, 2)), branch=np.zeros(199, int), branch_found=0, inputs=common, floor=np.full(2, 1e-9),
-    ...     primary=np.ones(2, bool))
+    ...     own=np.zeros((2, 2)), condition=np.zeros(2, int), branch=np.zeros((199, 1), int),
+    ...     branch_found=np.zeros(1, int), inputs=common, floor=np.full(2, 1e-9), primary=np.ones(2, bool))
     >>> estimate_errors(sample).resolved.tolist()
     [False, True]
     """
     n_all = len(sample.common)
     rng = np.random.default_rng([SEED, n_all, len(sample.found)])
     noise, u_repeat = draw_trial_scatter(sample.residuals, sample.own, sample.n_trials, n_all, rng)
-    drawn = sample.common + noise
-    here = sample.branch == sample.branch_found
-    inside = drawn[here]
+    on_branch = sample.branch == sample.branch_found
+    common = np.where(on_branch[:, sample.condition], sample.common, np.nan)
+    drawn = common + noise
+    middle, lower, upper = pooled_scale(drawn, sample.found, sample.floor)
+    _, below, above = pooled_scale(drawn, sample.found, sample.floor, TAIL)
+    inside = drawn[on_branch.all(axis=1)]  # every condition as observed
     n = len(inside)
-    middle, lower, upper = pooled_scale(inside, sample.found, sample.floor)
-    _, below, above = pooled_scale(inside, sample.found, sample.floor, TAIL)
     reached = side_ratio(sample.found, middle, below, above)
     rare, p_branch = rare_branches(sample.branch, sample.branch_found)
     largest = _largest(side_ratio(inside, middle, below, above)[:, sample.primary])
@@ -115,12 +116,12 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
     is_branch_resolved = p_branch <= RARE_BRANCH
     at_least = n_all if is_branch_resolved else int((ranked >= found_largest).sum())
     p = p_branch if is_branch_resolved or n < FEWEST_FOR_BRANCH else (1 + at_least) / (ranked.size + 1)
-    shares, other = divide_variance(inside - noise[here], sample.inputs[here], middle, lower, upper)
+    shares, other = divide_variance(common, sample.inputs, middle, lower, upper)
     with np.errstate(invalid="ignore"):
         resolved = sample.primary & (reached > limit)
-    detectable = detectable_errors(inside, middle, below, above, float(limit))
-    low, high = interval_by_rank(sample.found, inside, INTERVAL)
-    low_90, high_90 = interval_by_rank(sample.found, inside, EQUIVALENCE)
+    detectable = detectable_errors(drawn, middle, below, above, float(limit))
+    low, high = interval_by_rank(sample.found, drawn, INTERVAL)
+    low_90, high_90 = interval_by_rank(sample.found, drawn, EQUIVALENCE)
     return Estimates(
         low=low,
         high=high,
@@ -136,10 +137,9 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
         detectable_low=detectable[0],
         detectable_high=detectable[1],
         p=float(p),
-        n_draws=n,
-        share=n / n_all if n_all else float("nan"),
+        n_draws=on_branch.sum(axis=0),
+        share=on_branch.sum(axis=0) / n_all if n_all else np.full(on_branch.shape[1], np.nan),
         is_branch_resolved=bool(is_branch_resolved),
-        noise=np.where(here[:, None], drawn, np.nan),
     )
 
 
@@ -215,12 +215,15 @@ def interval_by_rank(found: Array, drawn: Array, share: float) -> tuple[Array, A
     return low, high
 
 
-def rare_branches(branch: NDArray[np.int64], found: int) -> tuple[NDArray[np.bool_], float]:
-    """Draws whose branch is rare, and p of the branch found: the share of draws and trials on one as rare as it."""
-    every = np.append(branch, found)
-    kinds, place, counts = np.unique(every, return_inverse=True, return_counts=True)
-    as_rare = np.array([counts[counts <= own].sum() for own in counts]) / every.size
-    p = as_rare[place]
+def rare_branches(branch: NDArray[np.int64], found: NDArray[np.int64]) -> tuple[NDArray[np.bool_], float]:
+    """Draws whose branches are rare, and p of those found: the share of draws and trials on some as rare as they.
+
+    ``branch`` (N, P), ``found`` (P,): those of all conditions together are one outcome.
+    """
+    every = np.vstack([branch, found])
+    _, place, counts = np.unique(every, axis=0, return_inverse=True, return_counts=True)
+    as_rare = np.array([counts[counts <= own].sum() for own in counts]) / len(every)
+    p = as_rare[place.ravel()]
     return np.asarray(p[:-1] <= RARE_BRANCH), float(p[-1])
 
 

@@ -20,8 +20,8 @@ from validation.conventions import Array
 from validation.curves.display_signs import SIGN
 from validation.measurement.trial import trials_in_words
 from validation.result import AGREES, CANNOT_TELL, DIFFERS, DIFFERS_LITTLE, DIFFERS_PERHAPS
-from validation.verdict.error_draws import DRAWS, INPUTS, SessionErrors
-from validation.verdict.estimate import LEVEL, Estimates, estimate_errors, strongest_inputs
+from validation.verdict.error_draws import DRAWS, INPUTS, Condition, SessionErrors
+from validation.verdict.estimate import LEVEL, RARE_BRANCH, ErrorSample, Estimates, estimate_errors, strongest_inputs
 from validation.verdict.evidence import log_evidence
 from validation.verdict.quantities import (
     ANGLES,
@@ -39,9 +39,10 @@ SELDOM = 0.05  # share of the draws on the observed branch, below which the firs
 MOST_FAILED = 0.2  # of the draws: beyond, those that could be run are a selection
 MOST_NAMED = 3
 COLUMNS = [
-    "quantity", "title", "channel", "phase", "unit", "primary", "travel", "n_trials", "difference", "plain_low",
-    "plain_high", "low", "high", "low_90", "high_90", "limit", "ratio", "ratio_limit", "resolved", "alone",
-    "detectable_low", "detectable_high", "u", "u_force", "u_sensors", "u_parameters", "u_repeat", "main_input", "state",
+    "quantity", "title", "trials", "channel", "phase", "unit", "primary", "travel", "n_trials", "difference",
+    "plain_low", "plain_high", "low", "high", "low_90", "high_90", "limit", "ratio", "ratio_limit", "resolved",
+    "alone", "detectable_low", "detectable_high", "u", "u_force", "u_sensors", "u_parameters", "u_repeat",
+    "main_input", "state",
 ]  # fmt: skip
 FORCE_INPUTS = 3
 PARAMETERS, SCATTER = "parameters of the model as declared", "scatter of the trials"
@@ -88,9 +89,10 @@ def judge_model(errors: SessionErrors | None, limits: Mapping[str, float]) -> Ve
 
 def _facts(errors: SessionErrors, e: Estimates) -> dict[str, Any]:
     sample = errors.sample
-    angles = [i for i, q in enumerate(ANGLES) if q.is_primary and np.isfinite(sample.found[i])]
-    known = np.isfinite(sample.common[:, angles]).all(axis=1)
-    evidence, u_evidence = log_evidence(sample.found[angles], sample.common[known][:, angles], sample.floor[angles])
+    found, common = _mean_of_conditions(sample)
+    angles = [i for i, q in enumerate(ANGLES) if q.is_primary and np.isfinite(found[i])]
+    known = np.isfinite(common[:, angles]).all(axis=1)
+    evidence, u_evidence = log_evidence(found[angles], common[known][:, angles], sample.floor[angles])
     return {
         "judged": True,
         "level": LEVEL,
@@ -99,19 +101,30 @@ def _facts(errors: SessionErrors, e: Estimates) -> dict[str, Any]:
         "factor": e.ratio_limit,
         "draws": int(len(sample.common)),
         "failed_draws": errors.failed,
-        "draws_on_branch": e.n_draws,
-        "branch": branch_words(errors.branch),
-        "branch_share": e.share,
+        "draws_on_branch": int(e.n_draws.min()),
+        "branch": "; ".join(dict.fromkeys(branch_words(one.branch) for one in errors.conditions)),
+        "branch_share": float(e.share.min()),
         "trials": list(errors.trials),
         "trials_on_other_branch": sorted(errors.other_branch),
-        "drawn_trials": list(errors.representatives),
+        "drawn_trials": [one.representative for one in errors.conditions],
         "log_evidence": evidence,
         "u_log_evidence": u_evidence,
     }
 
 
+def _mean_of_conditions(sample: ErrorSample) -> tuple[Array, Array]:
+    """Errors found, (Q,), and drawn, (N, Q), mean over the conditions by their trials: evidence is one number."""
+    shape = len(sample.branch_found), len(QUANTITIES)
+    weight = np.where(np.isfinite(sample.found), sample.n_trials, 0).reshape(shape)
+    with np.errstate(invalid="ignore"):
+        weight = weight / weight.sum(axis=0)
+    found, common = sample.found.reshape(shape), sample.common.reshape(-1, *shape)
+    of_found, of_common = (np.where(weight == 0, 0.0, weight * part).sum(axis=-2) for part in (found, common))
+    return of_found, of_common
+
+
 def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, float]) -> pd.DataFrame:
-    """One row a quantity of the channels that were recorded; NaN, and ``state`` why, where it is not estimated."""
+    """One row a condition and quantity of the channels recorded; NaN, and ``state`` why, where it is not estimated."""
     sample = errors.sample
     names = sorted({name for changed in errors.changed for name in changed})
     parameters = np.array([[changed.get(name, 0.0) for name in names] for changed in errors.changed]).reshape(
@@ -122,42 +135,46 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
     plain = 1.96 * np.sqrt(of_force**2 + of_sensors**2 + e.u_repeat**2)
     on_branch = sample.branch == sample.branch_found
     rows = []
-    for i, q in enumerate(QUANTITIES):
+    for i, (k, one, q) in enumerate((k, one, q) for k, one in enumerate(errors.conditions) for q in QUANTITIES):
         found = float(sample.found[i])
-        if q.channel and q.channel not in errors.travel:
+        if q.channel and q.channel not in one.travel:
             continue
         limit = limits[q.relevant] if q.is_primary else math.nan
         if q.is_primary and RELEVANT[q.relevant].of_value:
-            limit *= errors.travel[q.channel] if q.channel else float(errors.values[i - len(ANGLES)])
+            limit *= one.travel[q.channel] if q.channel else float(one.values[INDEX[q.name] - len(ANGLES)])
         main = ""
         if np.isfinite(e.low[i]):
             parts = {name: u for name, u in zip(INPUTS, e.u_inputs[:, i], strict=True)}
             parts |= {SCATTER: e.u_repeat[i], PARAMETERS: e.u_other[i]}
             main = max(parts, key=lambda name: parts[name] if np.isfinite(parts[name]) else -1.0)
             if main == PARAMETERS:
-                most = strongest_inputs(sample.common[on_branch, i], parameters[on_branch], names)
+                most = strongest_inputs(sample.common[on_branch[:, k], i], parameters[on_branch[:, k]], names)
                 main += f", mostly {most}" if most else ""
         values = (
-            q.name, q.title, q.channel, q.phase, q.unit, q.is_primary, errors.travel.get(q.channel, math.nan),
-            int(sample.n_trials[i]), found,
+            q.name, q.title, _of_condition(errors, one), q.channel, q.phase, q.unit, q.is_primary,
+            one.travel.get(q.channel, math.nan), int(sample.n_trials[i]), found,
             found - plain[i], found + plain[i], e.low[i], e.high[i], e.low_90[i], e.high_90[i], limit, e.ratio[i],
             e.ratio_limit, bool(e.resolved[i]), bool(e.alone[i]), e.detectable_low[i], e.detectable_high[i], e.u[i],
-            of_force[i], of_sensors[i], e.u_other[i], e.u_repeat[i], main, _state(q, errors, e, i),
+            of_force[i], of_sensors[i], e.u_other[i], e.u_repeat[i], main, _state(q, one, found, float(e.low[i])),
         )  # fmt: skip
         rows.append(dict(zip(COLUMNS, values, strict=True)))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _state(q: Quantity, errors: SessionErrors, e: Estimates, i: int) -> str:
+def _of_condition(errors: SessionErrors, one: Condition) -> str:
+    """Trials of a condition in words; empty where the session holds one condition only."""
+    return trials_in_words(one.trials) if len(errors.conditions) > 1 else ""
+
+
+def _state(q: Quantity, one: Condition, found: float, low: float) -> str:
     """Why a quantity has no estimate; empty where it has one."""
-    if not np.isfinite(errors.sample.found[i]):
-        measured = q.channel or np.isfinite(errors.values[i - len(ANGLES)])
+    if not math.isfinite(found):
         if q.channel:
             before = list(PHASES)[: list(PHASES).index(q.phase)][-1:]
-            begins = all(np.isfinite(errors.values[INDEX[PHASES[phase]] - len(ANGLES)]) for phase in before)
+            begins = all(np.isfinite(one.values[INDEX[PHASES[phase]] - len(ANGLES)]) for phase in before)
             return "outside the window" if begins else "not recorded"
-        return "not in the model" if measured else "not in the trials"
-    return "" if np.isfinite(e.low[i]) else "too few draws take this branch of the motion"
+        return "not in the model" if np.isfinite(one.values[INDEX[q.name] - len(ANGLES)]) else "not in the trials"
+    return "" if math.isfinite(low) else "too few draws take this branch of the motion"
 
 
 def decide(table: pd.DataFrame, *, is_branch_resolved: bool = False) -> str:
@@ -203,11 +220,16 @@ def format_interval(middle: float, half: float, unit: str, *, is_signed: bool = 
     return f"{number} ± {half:.{places}f}{joined}{unit}".replace("-", "−")
 
 
+def title_of(row: Any) -> str:
+    """Title of a quantity, with its trials where the session holds several conditions."""
+    return f"{row.title} of {row.trials}" if row.trials else str(row.title)
+
+
 def quantity_words(row: Any, names: tuple[str, str] = ("low", "high")) -> str:
     """A quantity with an interval, by default that of its error; of an angle also in percent of the travel."""
     q = QUANTITIES[INDEX[str(row.quantity)]]
     middle, half = shown_interval(row, names)
-    text = f"{q.title} {format_interval(middle, half, q.unit_shown)}"
+    text = f"{title_of(row)} {format_interval(middle, half, q.unit_shown)}"
     if q.channel and row.travel > 0:
         share = 100.0 / (q.factor * row.travel)
         text += f" ({format_interval(share * middle, share * half, '%', is_signed=False)} of its travel)"
@@ -239,9 +261,11 @@ def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Est
     elif outcome == CANNOT_TELL:
         parts.append(f"cannot tell{_why_not(ordered)}")
     elif e.is_branch_resolved:
+        k = int(np.argmin(e.share))
+        one, n = errors.conditions[k], len(errors.sample.common)
         parts.append(
-            f"differs: in the trials {branch_words(errors.branch)}, which a right model does in {_percent(e.share)} of "
-            f"{len(errors.sample.common)} draws of the declared uncertainties"
+            f"differs: in {_of_condition(errors, one) or 'the trials'} {branch_words(one.branch)}, which a right model "
+            f"does in {_percent(e.share[k])} of {n} draws of the declared uncertainties"
         )
     else:
         parts.append(outcome)
@@ -262,9 +286,9 @@ def _largest_ends(ordered: pd.DataFrame) -> str:
         row = max(own, key=lambda r: max(abs(r.low_90), abs(r.high_90)) / r.limit)
         q, end = QUANTITIES[INDEX[str(row.quantity)]], max(abs(row.low_90), abs(row.high_90))
         if name == "travel":
-            words.append(f"{q.factor * end:.2g}° ({100.0 * end / row.travel:.2g} % of travel, {q.title})")
+            words.append(f"{q.factor * end:.2g}° ({100.0 * end / row.travel:.2g} % of travel, {title_of(row)})")
         else:
-            words.append(f"{q.factor * end:.2g} {q.unit_shown} ({q.title})")
+            words.append(f"{q.factor * end:.2g} {q.unit_shown} ({title_of(row)})")
     return ", ".join(words)
 
 
@@ -278,7 +302,7 @@ def _why_not(ordered: pd.DataFrame) -> str:
     q = QUANTITIES[INDEX[str(row.quantity)]]
     unit = q.unit_shown if q.unit_shown == "°" else f" {q.unit_shown}"
     text = (
-        f": in {q.title} an error of {detectable_words(row)}{unit} would be shown in 80 % of sessions "
+        f": in {title_of(row)} an error of {detectable_words(row)}{unit} would be shown in 80 % of sessions "
         f"(limit {q.factor * row.limit:.2g}{unit}); most of it comes from {row.main_input}, and {halving(row)}"
     )
     if inside.any():
@@ -324,22 +348,35 @@ def halving(row: Any) -> str:
 def _reservations(table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> list[str]:
     """What the first line must say beside the outcome."""
     said = []
-    let_off = table[table["quantity"] == LET_OFF.name]
-    if len(let_off) and let_off["difference"].isna().all():
-        where = (
-            "no trial reaches it" if (let_off["state"] == "not in the trials").all() else "the model does not reach it"
-        )
-        said.append(f"Let-off is not tested: {where}")
+    if len(errors.conditions) > 1:
+        names = "; ".join(trials_in_words(one.trials) for one in errors.conditions)
+        said.append(f"{len(errors.conditions)} conditions, each estimated by itself: {names}")
+        resolved = set(table.loc[table["resolved"].astype(bool), "trials"])
+        quiet = [
+            name
+            for k, one in enumerate(errors.conditions)
+            if (name := _of_condition(errors, one)) not in resolved and e.share[k] > RARE_BRANCH
+        ]
+        if resolved and quiet:
+            said.append(f"Nothing is resolved in {'; '.join(quiet)}")
+    n = len(errors.sample.common)
+    for k, one in enumerate(errors.conditions):
+        name = _of_condition(errors, one)
+        let_off = table[(table["quantity"] == LET_OFF.name) & (table["trials"] == name)]
+        if let_off["difference"].isna().all():
+            is_reached = bool((let_off["state"] != "not in the trials").any())
+            where = "the model does not reach it" if is_reached else "no trial reaches it"
+            said.append(f"Let-off{f' in {name}' if name else ''} is not tested: {where}")
+        if e.n_draws[k] < FEWEST_DRAWS or (e.share[k] < SELDOM and not e.is_branch_resolved):
+            what = f"what {name or 'the trials'} do ({branch_words(one.branch)})"
+            said.append(f"Only {e.n_draws[k]} of {n} draws do {what}")
+        if len(one.trials) == 2:
+            which = f"{name[0].upper()}{name[1:]}" if name else "Two trials"
+            said.append(f"{which}: their scatter is hardly known, which makes the intervals wide")
     if errors.other_branch:
         numbers = trials_in_words(sorted(errors.other_branch))
         words = branch_words(next(iter(errors.other_branch.values())))
         said.append(f"Not in these figures: {numbers}, in which {words}")
-    few, seldom = e.n_draws < FEWEST_DRAWS, e.share < SELDOM and not e.is_branch_resolved
-    if few or seldom:
-        of = f"{e.n_draws} of {len(errors.sample.common)}"
-        said.append(f"Only {of} draws do what the trials do ({branch_words(errors.branch)})")
-    if len(errors.trials) == 2:
-        said.append("Two trials: their scatter is hardly known, which makes the intervals wide")
     return said
 
 
@@ -352,7 +389,7 @@ def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
     errors = verdict.errors
     if errors is None:
         return np.empty(0), np.empty(0)
-    here = errors.sample.branch == errors.sample.branch_found
+    here = errors.sample.branch[:, 0] == errors.sample.branch_found[0]
     curves = errors.curves[here, :, channel].astype(float)
     known = np.isfinite(curves).any(axis=0) if len(curves) else np.zeros(errors.time_s.size, dtype=bool)
     u = np.full(errors.time_s.size, np.nan)
@@ -368,7 +405,7 @@ def right_rmse(verdict: Verdict, channel: int, ends_s: Array) -> Array:
     errors = verdict.errors
     if errors is None:
         return np.empty(0)
-    here = errors.sample.branch == errors.sample.branch_found
+    here = errors.sample.branch[:, 0] == errors.sample.branch_found[0]
     inside = (errors.time_s >= ends_s[0]) & (errors.time_s <= ends_s[1])
     curves = errors.curves[here][:, inside, channel].astype(float)
     known = np.isfinite(curves).any(axis=1)

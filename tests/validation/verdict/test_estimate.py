@@ -40,7 +40,8 @@ def session(
     found[0] += error
     return ErrorSample(
         found=found, n_trials=np.full(QUANTITIES, n), residuals=trials - trials.mean(axis=0), common=everything[:-1],
-        own=own, branch=np.zeros(N, dtype=np.int64), branch_found=0, inputs=rng.standard_normal((N, 2)),
+        own=own, condition=np.zeros(QUANTITIES, dtype=int), branch=np.zeros((N, 1), dtype=np.int64),
+        branch_found=np.zeros(1, dtype=np.int64), inputs=rng.standard_normal((N, 2)),
         floor=np.full(QUANTITIES, 1e-9), primary=np.ones(QUANTITIES, dtype=bool),
     )  # fmt: skip
 
@@ -109,7 +110,7 @@ def test_one_draw_far_away_changes_neither_scale_nor_interval() -> None:
 def test_draws_on_another_branch_are_a_share_and_no_part_of_u() -> None:
     rng = np.random.default_rng(6)
     sample = session(rng)
-    branch = np.zeros(N, dtype=np.int64)
+    branch = np.zeros((N, 1), dtype=np.int64)
     branch[:60] = 1
     common = sample.common.copy()
     common[:60] += 50.0
@@ -117,19 +118,59 @@ def test_draws_on_another_branch_are_a_share_and_no_part_of_u() -> None:
     assert found.n_draws == N - 60
     assert found.share == pytest.approx((N - 60) / N)
     assert np.all(found.u < 3.0)
-    assert np.isnan(found.noise[:60]).all()
 
 
 def test_a_branch_that_no_draw_takes_is_resolved_and_one_that_many_take_is_not() -> None:
     rng = np.random.default_rng(7)
     sample = session(rng)
-    alone = estimate_errors(replace(sample, branch_found=9))
+    alone = estimate_errors(replace(sample, branch_found=np.array([9])))
     assert alone.is_branch_resolved
     assert not alone.resolved.any()
     assert np.isnan(alone.low).all()
-    half = np.arange(N) % 2
+    half = np.arange(N)[:, None] % 2
     assert not estimate_errors(replace(sample, branch=half)).is_branch_resolved
-    assert rare_branches(half, 1)[1] == pytest.approx(1.0)
+    assert rare_branches(half, np.array([1]))[1] == pytest.approx(1.0)
+
+
+def two_conditions(one: ErrorSample, other: ErrorSample) -> ErrorSample:
+    """A session of both."""
+
+    def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.block([[a, np.full((len(a), QUANTITIES), np.nan)], [np.full((len(b), QUANTITIES), np.nan), b]])
+
+    joined = {
+        name: np.concatenate([getattr(one, name), getattr(other, name)])
+        for name in ("found", "n_trials", "floor", "primary")
+    }
+    return replace(
+        one, **joined, residuals=apart(one.residuals, other.residuals), own=apart(one.own, other.own),
+        common=np.hstack([one.common, other.common]), condition=np.repeat([0, 1], QUANTITIES),
+        branch=np.hstack([one.branch, other.branch]), branch_found=np.append(one.branch_found, other.branch_found),
+    )  # fmt: skip
+
+
+def test_two_conditions_are_estimated_each_by_itself_and_tested_together() -> None:
+    rng = np.random.default_rng(11)
+    hits, held = 0, []
+    for _ in range(SESSIONS // 2):
+        both = two_conditions(session(rng), session(rng, 2))
+        found = estimate_errors(both)
+        hits += bool(found.resolved.any())
+        held.append([found.low[0] <= 0.0 <= found.high[0], found.low[-1] <= 0.0 <= found.high[-1]])
+    assert 0.02 < hits / (SESSIONS // 2) < 0.09
+    assert 0.92 < np.mean(held) < 0.98
+    wrong = estimate_errors(two_conditions(session(rng), session(rng, error=40.0)))
+    assert wrong.resolved.nonzero()[0].tolist() == [QUANTITIES]
+
+
+def test_a_branch_that_one_condition_never_takes_leaves_the_other_its_intervals() -> None:
+    rng = np.random.default_rng(12)
+    other = replace(session(rng), branch_found=np.array([5]))
+    found = estimate_errors(two_conditions(session(rng), other))
+    assert found.is_branch_resolved
+    assert found.n_draws.tolist() == [N, 0]
+    assert np.isfinite(found.low[:QUANTITIES]).all()
+    assert np.isnan(found.low[QUANTITIES:]).all()
 
 
 def test_interval_of_ranks_is_that_of_the_order_statistics() -> None:

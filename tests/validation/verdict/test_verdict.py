@@ -9,12 +9,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import model
 import validation
+from rig.session import Session
 from validation.errors import ValidationInputError
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import absent
 from validation.events.session_events import Window
 from validation.result import AGREES, CANNOT_TELL, DIFFERS, DIFFERS_LITTLE, DIFFERS_PERHAPS
+from validation.verdict.error_draws import separate_conditions
 from validation.verdict.quantities import (
     INDEX,
     QUANTITIES,
@@ -156,16 +159,63 @@ def test_a_back_check_wire_1_mm_off_differs(recorded) -> None:  # type: ignore[n
     session, truth = recorded[0], recorded[1].action
     path = "contact04.second.x"
     wrong = truth.with_values({path: truth[path] + 1e-3})
-    options: dict[str, Any] = {"keep_predictions": False, "rivals": (), "suspect": False}
-    result = validation.compare(session, wrong, **options)
+    result = validation.compare(session, wrong, **OPTIONS)
     assert result.outcome == DIFFERS
     height = result.quantities.set_index("quantity").loc["check_height"]
     assert height.resolved
     assert height.high < -2e-3
     assert "check height −" in result.sentence
     assert result.verdict_lines[0].endswith(result.sentence)
-    lenient = validation.compare(session, wrong, relevant={"check_height": 0.02, "travel": 0.5}, **options)
+    lenient = validation.compare(session, wrong, relevant={"check_height": 0.02, "travel": 0.5}, **OPTIONS)
     assert lenient.outcome == DIFFERS_LITTLE
+
+
+def test_conditions_are_kinds_of_stroke_cut_where_something_changes() -> None:
+    assert separate_conditions([1, 2, 3, 4], [], []) == ()
+    assert separate_conditions([1, 2, 3, 4], [], [3]) == ((1, 2), (3, 4))
+    assert separate_conditions([1, 2, 3, 4, 5, 6], [(1, 3, 5), (2, 4, 6)], [5]) == ((1, 3), (5,), (2, 4, 6))
+    assert separate_conditions([2, 3], [], [2]) == ()  # from the first on
+
+
+def play(make, folder, specimens, late_s=0.0) -> Session:  # type: ignore[no-untyped-def]
+    """A session of one forte a specimen, its encoders late by ``late_s``."""
+    time = np.arange(int(1.2 * make.rate_hz)) / make.rate_hz
+    session = Session.create(folder, make.info())
+    for number, specimen in enumerate(specimens, start=1):
+        rest = model.rest_state(specimen, force_n=make.preload_n)
+        force = make.preload_n + make.force(time, 1.0 + 0.01 * (number % 3))
+        moved = model.simulate(specimen, time, force, initial=rest).angle_rad - rest.angle_rad
+        late = np.vstack([np.zeros((round(late_s * make.rate_hz), 5)), moved])[: time.size]
+        session.add_trial(make.trial(number, time, force, late[:, [0, 1, 4]]))
+    return session
+
+
+OPTIONS: dict[str, Any] = {"keep_predictions": False, "rivals": (), "suspect": False}
+
+
+def test_trials_before_and_after_a_change_are_not_pooled(make, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    printed, let_off = model.load_action(), "contact08.second.y"
+    changed = printed.with_values({let_off: printed[let_off] + 0.9e-3})
+    result = validation.compare(play(make, tmp_path / "s", 3 * [printed] + 3 * [changed]), printed, **OPTIONS)
+    assert "from trial 4 on" in " ".join(result.findings.set_index("kind").loc[["changed condition"], "text"])
+    rows = result.quantities.set_index(["quantity", "trials"])
+    before, after = (rows.loc[("let_off_distance", f"trials {numbers}")] for numbers in ("1, 2, 3", "4, 5, 6"))
+    assert before.low < 0.0 < before.high and not before.resolved
+    assert after.resolved and before.n_trials == after.n_trials == 3
+    assert "let-off of trials 4, 5, 6" in result.sentence
+    assert "2 conditions, each estimated by itself: trials 1, 2, 3; trials 4, 5, 6" in result.sentence
+    assert "Nothing is resolved in trials 1, 2, 3" in result.sentence
+
+
+def test_sessions_delayed_by_a_little_more_or_less_get_the_same_outcome(make, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    printed = model.load_action()
+    delays = 0.8e-3, 1.0e-3, 1.2e-3
+    sessions = [play(make, tmp_path / f"{late}", 3 * [printed], late) for late in delays]
+    found = [validation.compare(session, printed, **OPTIONS) for session in sessions]
+    assert len({result.outcome for result in found}) == 1
+    impact = [result.quantities.set_index("quantity").loc["string_impact"] for result in found]
+    assert [row.difference for row in impact] == pytest.approx([-late for late in delays], abs=2e-4)
+    assert all(row.resolved for row in impact)
 
 
 def test_a_session_that_ends_before_let_off_has_not_tested_it_and_says_so(make, tmp_path) -> None:  # type: ignore[no-untyped-def]
@@ -173,7 +223,7 @@ def test_a_session_that_ends_before_let_off_has_not_tested_it_and_says_so(make, 
     for strength, is_reached in ((0.05, False), (0.11, True)):
         strokes = (strength, 1.02 * strength)
         session, truth = make.session(tmp_path / f"press {strength}", n_trials=2, filmed=(), strength=strokes)
-        result = validation.compare(session, truth.action, keep_predictions=False, rivals=(), suspect=False)
+        result = validation.compare(session, truth.action, **OPTIONS)
         let_off = result.quantities.set_index("quantity").loc["let_off_distance"]
         assert np.isfinite(let_off.difference) == is_reached
         assert (said in result.verdict_lines[0]) == (not is_reached)
