@@ -119,10 +119,10 @@ def test_draws_give_the_difference_its_uncertainty_at_each_instant():
     time = np.arange(0, 1, 1e-2)
     curves = np.full((199, time.size, 5), np.nan)
     curves[..., :3] = 0.01 * np.array([1.0, 2.0, 3.0]) * rng.standard_normal((199, 1, 1))
-    far = np.zeros(199, dtype=int)
+    far = np.zeros((199, 1), dtype=int)
     far[:20] = 1
     curves[:20] *= 1000.0  # on another branch: no part of u
-    sample = SimpleNamespace(branch=far, branch_found=0)
+    sample = SimpleNamespace(branch=far, branch_found=np.zeros(1, dtype=int))
     errors = SimpleNamespace(sample=sample, time_s=time, curves=curves)
     channels, spread = channel_tables(session, {}, (), replace(NOT_DRAWN, errors=errors))
     row = channels.set_index("channel").loc["hammer"]
