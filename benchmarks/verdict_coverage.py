@@ -4,13 +4,14 @@ Of every session the specimen's parameters, the gain, level and delay of the for
 drawn from their declared uncertainties; its trials differ in strength and pace. In half of the sessions an effect is
 planted: its error is what it changes in the same session, noise and all. Prints the share of right models that are
 resolved, by kind of stroke and number of trials, the share of intervals that hold the error by quantity, and for each
-stroke and effect the share of every outcome, and Y of the quantity that it moves most in units of its limit.
+stroke and effect the share of every outcome, and Y of the quantity that it moves most in units of u.
 ``--exact``: the specimen is the model, only force and sensors are drawn.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -132,7 +133,7 @@ def judged(kind: str, n: int, k: int, seed: int, effect: str, exact: bool) -> di
     for row in verdict.quantities.itertuples():
         true = float(error[next(i for i, q in enumerate(QUANTITIES) if q.name == row.quantity)])
         if np.isfinite(row.low) and np.isfinite(true):
-            numbers = max(-row.detectable_low, row.detectable_high), float(true), float(row.limit)
+            numbers = max(-row.detectable_low, row.detectable_high), float(true), float(row.limit), float(row.u)
             rows[row.quantity] = [bool(row.low <= true <= row.high), bool(row.resolved), *numbers]
     return {
         "outcome": verdict.outcome, "p": float(verdict.facts.get("p", np.nan)), "rows": rows,
@@ -181,12 +182,11 @@ def main(run: Run) -> bool:
             )
     heads = [f"{o.split(',')[-1].strip()[:24]}:.2f" for o in OUTCOMES]
     outcomes = Table("effect:<22s", "stroke:<10s", "n:3d", *heads, "Y:s")
-    for effect in run.effects:
-        for kind in run.kinds:
-            members = [row for key, row in found if (key[0], key[4]) == (kind, effect)]
-            if members:
-                shares = [sum(row["outcome"] == o for row in members) / len(members) for o in OUTCOMES]
-                outcomes.row(effect, kind, len(members), *shares, _detectable(members))
+    for effect, kind in product(run.effects, (*run.kinds, "all")):
+        members = [row for key, row in found if key[4] == effect and kind in (key[0], "all")]
+        if members:
+            shares = [sum(row["outcome"] == o for row in members) / len(members) for o in OUTCOMES]
+            outcomes.row(effect, kind, len(members), *shares, _detectable(members))
     hits = sum(_is_resolved(row) for _, row in right)
     low, high = interval(hits, len(right))
     run.figure(
@@ -204,10 +204,10 @@ def _is_resolved(row: dict[str, Any]) -> bool:
 
 
 def _detectable(members: list[dict[str, Any]]) -> str:
-    """Median Y of the quantity that the effect moves most, in its unit, with the median error."""
+    """Median Y of the quantity that the effect moves most in units of u, with the median error."""
     moved = {
         q.name: np.median(
-            [abs(row["rows"][q.name][3]) / row["rows"][q.name][4] for row in members if q.name in row["rows"]]
+            [abs(row["rows"][q.name][3]) / row["rows"][q.name][5] for row in members if q.name in row["rows"]]
         )
         for q in QUANTITIES
         if q.is_primary and any(q.name in row["rows"] for row in members)
@@ -216,5 +216,5 @@ def _detectable(members: list[dict[str, Any]]) -> str:
         return "branch"
     most = next(q for q in QUANTITIES if q.name == max(moved, key=lambda name: moved[name]))
     rows = [row["rows"][most.name] for row in members if most.name in row["rows"]]
-    y, error = (most.factor * float(np.median([abs(r[i]) for r in rows])) for i in (2, 3))
-    return f"{most.title}: Y {y:.2g} {most.unit_shown}, error {error:.2g}"
+    y, error, u = (most.factor * float(np.median([abs(r[i]) for r in rows])) for i in (2, 3, 5))
+    return f"{most.title}: Y {y:.2g} {most.unit_shown}, error {error:.2g} = {error / u:.1f} u"

@@ -186,11 +186,10 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         explained = explain_difference(tested, of_one_kind(predicted.trials, findings, but=ODD), effects, between=odd)
         if odd and not explained.findings:
             explained = explain_difference(tested, of_one_kind(predicted.trials, findings), effects)
-    firsts = first_of_changed(findings, explained)
-    if chosen.suspect:
         findings = replace(findings, faults=(*unexplained(findings, explained), *explained.findings))
     numbers = [m.number for m in predicted.trials if m.number not in findings.trials_without_rest]
-    findings = replace(findings, kinds=separate_conditions(numbers, findings.kinds, firsts))
+    conditions = separate_conditions(numbers, findings.conditions, first_of_steps(explained))
+    findings = replace(findings, conditions=conditions)
     changes = [asdict(change) for change in explained.changes]
     rivals = beside_rivals(predicted, scored, tested, findings.left_out)
     verdict = _verdict(predicted, events, scored, findings, tested, chosen)
@@ -283,11 +282,10 @@ def unexplained(findings: SessionFindings, explained: Explained) -> list[Session
     return [f for f in findings.faults if not named or not (f.kind == CHANGED or (f.kind == ODD and f.trial in named))]
 
 
-def first_of_changed(findings: SessionFindings, explained: Explained) -> set[int]:
-    """Numbers of the first trials of what changed within the session: as seen, else as the only causes named say."""
-    seen = {int(f.trial) for f in findings.faults if f.kind == CHANGED}
-    named = {change.first for change in explained.changes if change.profile == STEP}
-    return seen or (named if len(named) == 1 else set())
+def first_of_steps(explained: Explained) -> set[int]:
+    """Number of the first trial of a step that every set of causes has there; none where they differ."""
+    first = {change.first for change in explained.changes if change.profile == STEP}
+    return first if len(first) == 1 else set()
 
 
 def of_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings, but: str = "") -> list[MeasuredTrial]:

@@ -102,15 +102,15 @@ class SessionErrors:
 
 
 def separate_conditions(
-    numbers: Sequence[int], kinds: Sequence[Collection[int]], firsts: Collection[int]
+    numbers: Sequence[int], conditions: Sequence[Collection[int]], firsts: Collection[int]
 ) -> tuple[tuple[int, ...], ...]:
-    """Trials of each condition, where there are several: kinds of stroke, cut where something changes within one.
+    """Trials of each condition, where there are several: those seen, cut where a cause begins within one.
 
     Parameters
     ----------
     numbers : of all trials
-    kinds : trials of each kind of stroke, where there are several
-    firsts : first trials of what changed
+    conditions : trials of each that was seen, where there are several
+    firsts : first trials of what changed as the search for causes says
 
     Examples
     --------
@@ -118,9 +118,9 @@ def separate_conditions(
     ((1, 2), (3, 4))
     """
     out = []
-    for kind in kinds or [numbers]:
-        cuts = [0, *sorted(first for first in firsts if first in kind and first > min(kind)), float("inf")]
-        out += [tuple(sorted(n for n in kind if low <= n < high)) for low, high in pairwise(cuts)]
+    for members in conditions or [numbers]:
+        cuts = [0, *sorted(first for first in firsts if first in members and first > min(members)), float("inf")]
+        out += [tuple(sorted(n for n in members if low <= n < high)) for low, high in pairwise(cuts)]
     return tuple(out) if len(out) > 1 else ()
 
 

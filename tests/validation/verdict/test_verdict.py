@@ -170,7 +170,7 @@ def test_a_back_check_wire_1_mm_off_differs(recorded) -> None:  # type: ignore[n
     assert lenient.outcome == DIFFERS_LITTLE
 
 
-def test_conditions_are_kinds_of_stroke_cut_where_something_changes() -> None:
+def test_conditions_are_cut_where_a_cause_begins() -> None:
     assert separate_conditions([1, 2, 3, 4], [], []) == ()
     assert separate_conditions([1, 2, 3, 4], [], [3]) == ((1, 2), (3, 4))
     assert separate_conditions([1, 2, 3, 4, 5, 6], [(1, 3, 5), (2, 4, 6)], [5]) == ((1, 3), (5,), (2, 4, 6))
