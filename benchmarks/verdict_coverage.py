@@ -30,7 +30,7 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, PredictedTrial, predict_trial
 from validation.result import OUTCOMES
 from validation.scores.traces import SessionTraces, trace_table
-from validation.verdict.error_draws import SessionErrors, session_errors, trial_errors
+from validation.verdict.error_draws import SessionErrors, session_errors, trial_errors, usable_errors
 from validation.verdict.quantities import QUANTITIES, relevance_limits
 from validation.verdict.verdict import judge_model
 
@@ -125,7 +125,7 @@ def judged(kind: str, n: int, k: int, seed: int, effect: str, exact: bool) -> di
     except ModelError:
         return {}
     predicted, traces, events = session
-    errors = session_errors(predicted, traces, events, tested, (), (), U_REST_LEVEL_M)
+    errors = session_errors(predicted, tested, usable_errors(predicted, traces, events, tested), (), U_REST_LEVEL_M)
     assert errors is not None
     verdict = judge_model(errors, relevance_limits({}))
     error = errors.sample.found - true_errors(clean, tested, errors)

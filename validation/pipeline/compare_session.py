@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import datetime
 from importlib import metadata
@@ -20,7 +20,7 @@ import model
 from rig.session import Session
 from validation.cache.result_store import ResultStore
 from validation.events.definitions import EVENTS
-from validation.events.session_events import SessionEvents, Window, find_session_events
+from validation.events.session_events import Window, find_session_events
 from validation.findings.find_faults import SessionFindings, find_faults
 from validation.findings.finding import SessionFinding, sound_trials
 from validation.infer.causes.explain import Explained, explain_difference
@@ -33,12 +33,13 @@ from validation.pipeline.verdict import fitted_trials, identified_warnings, pred
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, predict_session
 from validation.result import AGREES, CANNOT_TELL, ValidationResult
-from validation.scores.score_session import ScoredSession, score_session
+from validation.scores.score_session import score_session
 from validation.statistics.repeatability import few_trials_warning
 from validation.statistics.rivals import beside_rivals
 from validation.tables.channels import summary
 from validation.tables.comparison import Comparison
-from validation.verdict.error_draws import separate_conditions, session_errors
+from validation.verdict.conditions import Change, find_changes, separate_conditions
+from validation.verdict.error_draws import TrialErrors, session_errors, usable_errors
 from validation.verdict.quantities import relevance_limits
 from validation.verdict.verdict import Verdict, judge_model, undecided_verdict
 
@@ -187,12 +188,11 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         if odd and not explained.findings:
             explained = explain_difference(tested, of_one_kind(predicted.trials, findings), effects)
         findings = replace(findings, faults=(*unexplained(findings, explained), *explained.findings))
-    numbers = [m.number for m in predicted.trials if m.number not in findings.trials_without_rest]
-    conditions = separate_conditions(numbers, findings.conditions, first_of_steps(explained))
-    findings = replace(findings, conditions=conditions)
+    found = usable_errors(predicted, scored.traces, events, tested, findings.left_out)
+    findings = with_conditions(findings, found, explained, relevance_limits(chosen.relevant))
     changes = [asdict(change) for change in explained.changes]
     rivals = beside_rivals(predicted, scored, tested, findings.left_out)
-    verdict = _verdict(predicted, events, scored, findings, tested, chosen)
+    verdict = _verdict(predicted, found, findings, tested, chosen)
     made = Comparison(predicted, events, scored, findings, verdict, rivals, tested, chosen, changes)
     tables = made.tables
     warnings = [*_warnings(predicted, findings), *scored.notes, *made.motion[2], *tested.store.save()]
@@ -247,8 +247,7 @@ def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterato
 
 def _verdict(
     predicted: PredictedSession,
-    events: SessionEvents,
-    scored: ScoredSession,
+    found: Mapping[int, TrialErrors],
     findings: SessionFindings,
     tested: ModelUnderTest,
     chosen: ComparisonOptions,
@@ -258,9 +257,7 @@ def _verdict(
     if not chosen.budget:
         return undecided_verdict("the uncertainties were not drawn")
     chosen.say("error of the model: draws of all inputs")
-    left_out, kinds = findings.left_out, findings.conditions
-    u_level = chosen.u_rest_level_m
-    return judge_model(session_errors(predicted, scored.traces, events, tested, left_out, kinds, u_level), limits)
+    return judge_model(session_errors(predicted, tested, found, findings.conditions, chosen.u_rest_level_m), limits)
 
 
 def cost_of(predicted: PredictedSession) -> dict[str, float]:
@@ -282,10 +279,28 @@ def unexplained(findings: SessionFindings, explained: Explained) -> list[Session
     return [f for f in findings.faults if not named or not (f.kind == CHANGED or (f.kind == ODD and f.trial in named))]
 
 
-def first_of_steps(explained: Explained) -> set[int]:
-    """Number of the first trial of a step that every set of causes has there; none where they differ."""
-    first = {change.first for change in explained.changes if change.profile == STEP}
-    return first if len(first) == 1 else set()
+def with_conditions(
+    findings: SessionFindings, found: Mapping[int, TrialErrors], explained: Explained, limits: Mapping[str, float]
+) -> SessionFindings:
+    """Findings with the conditions that nothing is pooled beyond, and the changes that only single quantities show."""
+    steps = {change.first for change in explained.changes if change.profile == STEP}
+    named = steps if len(steps) == 1 else set()
+    conditions = separate_conditions(sorted(found), findings.conditions, named)
+    changes = find_changes(found, conditions or [sorted(found)], limits)
+    faults = *findings.faults, *map(_finding_of_change, changes)
+    conditions = separate_conditions(sorted(found), conditions, {change.first for change in changes})
+    return replace(findings, faults=faults, conditions=conditions)
+
+
+def _finding_of_change(change: Change) -> SessionFinding:
+    q = change.quantity
+    size = f"{abs(q.factor * change.size):.2g}{'' if q.unit_shown == '°' else ' '}{q.unit_shown}"
+    text = (
+        f"from trial {change.first} on the difference from the model in {q.title} is another one than up to trial "
+        f"{change.last}, by {size}, {change.deviations:.0f} standard deviations of the trials' scatter (limit "
+        f"{change.limit:.0f})"
+    )
+    return SessionFinding(CHANGED, float(change.first), q.channel, change.deviations, change.limit, text)
 
 
 def of_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings, but: str = "") -> list[MeasuredTrial]:

@@ -12,7 +12,6 @@ import base64
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -101,27 +100,16 @@ class SessionErrors:
         return tuple(sorted(number for condition in self.conditions for number in condition.trials))
 
 
-def separate_conditions(
-    numbers: Sequence[int], conditions: Sequence[Collection[int]], firsts: Collection[int]
-) -> tuple[tuple[int, ...], ...]:
-    """Trials of each condition, where there are several: those seen, cut where a cause begins within one.
-
-    Parameters
-    ----------
-    numbers : of all trials
-    conditions : trials of each that was seen, where there are several
-    firsts : first trials of what changed as the search for causes says
-
-    Examples
-    --------
-    >>> separate_conditions([1, 2, 3, 4], [], [3])
-    ((1, 2), (3, 4))
-    """
-    out = []
-    for members in conditions or [numbers]:
-        cuts = [0, *sorted(first for first in firsts if first in members and first > min(members)), float("inf")]
-        out += [tuple(sorted(n for n in members if low <= n < high)) for low, high in pairwise(cuts)]
-    return tuple(out) if len(out) > 1 else ()
+def usable_errors(
+    predicted: PredictedSession,
+    traces: SessionTraces,
+    events: SessionEvents,
+    tested: ModelUnderTest,
+    without: Collection[tuple[int, str]] = (),
+) -> dict[int, TrialErrors]:
+    """Errors of every trial that has an encoder not in ``without``, unusable pairs of trial and channel; by number."""
+    usable = [m for m in predicted.trials if not all((m.number, name) in without for name in ENCODER_CHANNELS)]
+    return {m.number: trial_errors(m, traces, events, tested, without) for m in usable}
 
 
 def trial_errors(
@@ -162,10 +150,8 @@ def trial_errors(
 
 def session_errors(
     predicted: PredictedSession,
-    traces: SessionTraces,
-    events: SessionEvents,
     tested: ModelUnderTest,
-    without: Collection[tuple[int, str]] = (),
+    found: Mapping[int, TrialErrors],
     conditions: Sequence[Collection[int]] = (),
     u_rest_level_m: float = 0.0,
 ) -> SessionErrors | None:
@@ -175,14 +161,13 @@ def session_errors(
 
     Parameters
     ----------
-    without : collection of (trial, channel), what is unusable
+    found : errors of the usable trials, as of `usable_errors`
     conditions : sequence of collections of trial numbers, where the session holds several
     u_rest_level_m : standard uncertainty of hammer height and key dip at rest, m
     """
-    usable = [m for m in predicted.trials if not all((m.number, name) in without for name in ENCODER_CHANNELS)]
+    usable = [m for m in predicted.trials if m.number in found]
     if not usable:
         return None
-    found = {m.number: trial_errors(m, traces, events, tested, without) for m in usable}
     groups, other = _majorities(usable, found, conditions)
     seed = session_seed(predicted.trials)
     draws = joint_draws(tested.action, seed, DRAWS, parameters=True)

@@ -109,6 +109,23 @@ def relevance_limits(given: Mapping[str, float]) -> dict[str, float]:
     return {name: float(given.get(name, kind.default)) for name, kind in RELEVANT.items()}
 
 
+def quantity_limits(limits: Mapping[str, float], travel: Mapping[str, float], values: Array) -> Array:
+    """Limit of relevance of each of `QUANTITIES` in its unit; NaN where it is not in the claim or not measured.
+
+    Parameters
+    ----------
+    limits : as of `relevance_limits`
+    travel : measured range of each channel, rad
+    values : measured events, of `QUANTITIES` after `ANGLES`
+    """
+    out = np.full(len(QUANTITIES), np.nan)
+    for i, q in enumerate(QUANTITIES):
+        if q.is_primary:
+            measured = travel.get(q.channel, np.nan) if q.channel else values[i - len(ANGLES)]
+            out[i] = limits[q.relevant] * (measured if RELEVANT[q.relevant].of_value else 1.0)
+    return out
+
+
 def phase_masks(time_s: Array, events: Mapping[str, Event], window: Window) -> dict[str, NDArray[np.bool_]]:
     """Samples of each phase of one trial inside the window, (n,) each; none of a phase that does not begin in it."""
     ends = {phase: events[event].value if event in events else float("nan") for phase, event in PHASES.items()}

@@ -32,6 +32,7 @@ from validation.verdict.quantities import (
     RELEVANT,
     Quantity,
     branch_words,
+    quantity_limits,
 )
 
 FEWEST_DRAWS = 99
@@ -134,14 +135,12 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
     of_force, of_sensors = (np.sqrt((part**2).sum(axis=0)) for part in (e.u_inputs[:FORCE_INPUTS], sensors))
     plain = 1.96 * np.sqrt(of_force**2 + of_sensors**2 + e.u_repeat**2)
     on_branch = sample.branch == sample.branch_found
+    limit = np.concatenate([quantity_limits(limits, one.travel, one.values) for one in errors.conditions])
     rows = []
     for i, (k, one, q) in enumerate((k, one, q) for k, one in enumerate(errors.conditions) for q in QUANTITIES):
         found = float(sample.found[i])
         if q.channel and q.channel not in one.travel:
             continue
-        limit = limits[q.relevant] if q.is_primary else math.nan
-        if q.is_primary and RELEVANT[q.relevant].of_value:
-            limit *= one.travel[q.channel] if q.channel else float(one.values[INDEX[q.name] - len(ANGLES)])
         main = ""
         if np.isfinite(e.low[i]):
             parts = {name: u for name, u in zip(INPUTS, e.u_inputs[:, i], strict=True)}
@@ -153,7 +152,7 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
         values = (
             q.name, q.title, _of_condition(errors, one), q.channel, q.phase, q.unit, q.is_primary,
             one.travel.get(q.channel, math.nan), int(sample.n_trials[i]), found,
-            found - plain[i], found + plain[i], e.low[i], e.high[i], e.low_90[i], e.high_90[i], limit, e.ratio[i],
+            found - plain[i], found + plain[i], e.low[i], e.high[i], e.low_90[i], e.high_90[i], limit[i], e.ratio[i],
             e.ratio_limit, bool(e.resolved[i]), bool(e.alone[i]), e.detectable_low[i], e.detectable_high[i], e.u[i],
             of_force[i], of_sensors[i], e.u_other[i], e.u_repeat[i], main, _state(q, one, found, float(e.low[i])),
         )  # fmt: skip

@@ -17,7 +17,6 @@ from validation.events.definitions import EVENTS, Event
 from validation.events.detect import absent
 from validation.events.session_events import Window
 from validation.result import AGREES, CANNOT_TELL, DIFFERS, DIFFERS_LITTLE, DIFFERS_PERHAPS
-from validation.verdict.error_draws import separate_conditions
 from validation.verdict.quantities import (
     INDEX,
     QUANTITIES,
@@ -168,13 +167,6 @@ def test_a_back_check_wire_1_mm_off_differs(recorded) -> None:  # type: ignore[n
     assert result.verdict_lines[0].endswith(result.sentence)
     lenient = validation.compare(session, wrong, relevant={"check_height": 0.02, "travel": 0.5}, **OPTIONS)
     assert lenient.outcome == DIFFERS_LITTLE
-
-
-def test_conditions_are_cut_where_a_cause_begins() -> None:
-    assert separate_conditions([1, 2, 3, 4], [], []) == ()
-    assert separate_conditions([1, 2, 3, 4], [], [3]) == ((1, 2), (3, 4))
-    assert separate_conditions([1, 2, 3, 4, 5, 6], [(1, 3, 5), (2, 4, 6)], [5]) == ((1, 3), (5,), (2, 4, 6))
-    assert separate_conditions([2, 3], [], [2]) == ()  # from the first on
 
 
 def play(make, folder, specimens, late_s=0.0) -> Session:  # type: ignore[no-untyped-def]
